@@ -1,0 +1,59 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "constraint_sim/id.h"
+
+namespace constraint_sim {
+
+/// How an island is carried through a step. Methods not listed do not exist yet.
+enum class Method {
+  kAuto,                ///< the world chooses
+  kSequentialImpulses,  ///< the tutorial's six stages
+};
+
+/// As in scene files and reports: `auto`, `sequential_impulses`.
+const char* name(Method method);
+
+/// The stages of a step, in order.
+enum class Stage {
+  kBroadphase,
+  kNarrowphase,
+  kRows,
+  kVelocities,
+  kSolve,
+  kPositions,
+};
+inline constexpr std::size_t kStageCount = 6;
+
+const char* name(Stage stage);
+
+/// What a step did, how wrong it is, and what it cost.
+struct StepReport {
+  std::uint64_t step = 0;  ///< steps since the start, this one included
+  double time = 0.0;       ///< simulated time after the step [s]
+
+  // how wrong
+  double max_constraint_error = 0.0;   ///< largest |error| of the joints, springs left out [m]
+  std::optional<JointId> worst_joint;  ///< whose it is
+  double max_penetration = 0.0;        ///< deepest contact that the step met [m]
+  double energy = 0.0;        ///< kinetic + potential of gravity and springs [J]; 0 height is z = 0
+  double energy_drift = 0.0;  ///< change of energy since the last edit over the largest kinetic
+                              ///< energy since then [1]; motors, friction and impacts count as well
+  double local_error = 0.0;   ///< estimate for this step [m]; 0 where the method has none
+  bool failed = false;        ///< the result was not finite: the state before the step was kept
+
+  // what it cost
+  Method method = Method::kSequentialImpulses;    ///< that was used
+  std::uint32_t iterations = 0;                   ///< sweeps over the rows
+  std::uint32_t rows = 0;                         ///< scalar equations solved
+  std::uint32_t contacts = 0;                     ///< contact points
+  std::uint64_t broadphase_tests = 0;             ///< box against box
+  std::uint32_t candidate_pairs = 0;              ///< that the broadphase let through
+  std::array<double, kStageCount> stage_times{};  ///< [s]; zero unless a clock was given
+};
+
+}  // namespace constraint_sim

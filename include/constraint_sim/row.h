@@ -1,0 +1,35 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+
+namespace constraint_sim {
+
+/// How one scalar constraint value changes with the velocities of its two bodies:
+/// Ċ = J V = j1·v_A + j2·ω_A + j3·v_B + j4·ω_B.
+struct Jacobian {
+  Eigen::Vector3d j1, j2, j3, j4;
+
+  double times(const Eigen::Vector3d& v_A, const Eigen::Vector3d& w_A, const Eigen::Vector3d& v_B,
+               const Eigen::Vector3d& w_B) const {
+    return j1.dot(v_A) + j2.dot(w_A) + j3.dot(v_B) + j4.dot(w_B);
+  }
+};
+
+/// One scalar equation between the velocities of two bodies. Every joint, motor, limit, spring and
+/// contact becomes rows; whoever solves them needs to know nothing else. The generalised force is
+/// +Jᵀλ; the solver finds impulses p = hλ with
+///   J V = target − softness·p,   lower ≤ p ≤ upper.
+struct Row {
+  int body_a = 0;  ///< index into the world's bodies; 0 is the world
+  int body_b = 0;
+  Jacobian J;
+  double C = 0.0;         ///< value, zero where the constraint is met [m]
+  double target = 0.0;    ///< what J V is driven to [m/s]: ζ − (β/h) C
+  double softness = 0.0;  ///< of a spring [m/(s N s)], 0 for a rigid row
+  double lower = -std::numeric_limits<double>::infinity();  ///< of the impulse [N s]
+  double upper = std::numeric_limits<double>::infinity();
+  double impulse = 0.0;  ///< [N s]; before solving: the guess to start from
+};
+
+}  // namespace constraint_sim

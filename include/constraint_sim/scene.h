@@ -1,0 +1,27 @@
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+#include "constraint_sim/world.h"
+
+namespace constraint_sim {
+
+/// A scene that cannot be. what() is `file:line: path.of.key: what is wrong, with the value`.
+class SceneError : public std::invalid_argument {
+ public:
+  using std::invalid_argument::invalid_argument;
+};
+
+/// Makes a world from a scene in YAML (docs/scenes.md). `source` names it in errors.
+/// Throws SceneError.
+World load_scene(const std::string& text, const std::string& source = "scene");
+
+/// The same from a file. Throws SceneError, also when the file cannot be read.
+World load_scene_file(const std::string& path);
+
+/// The world as it is now, as a scene in long form: loading it gives the same bodies, joints and
+/// motion, every number to 4 ulp, and saving that again gives the same text.
+std::string save_scene(const World& world);
+
+}  // namespace constraint_sim

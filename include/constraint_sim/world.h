@@ -1,0 +1,108 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <vector>
+
+#include "constraint_sim/body.h"
+#include "constraint_sim/contact.h"
+#include "constraint_sim/id.h"
+#include "constraint_sim/joint.h"
+#include "constraint_sim/report.h"
+#include "constraint_sim/row.h"
+
+namespace constraint_sim {
+
+/// Options of a world. These defaults are the only ones; config/parameters.yaml documents them.
+struct WorldOptions {
+  Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< world [m/s²]
+  double time_step = 0.01;                   ///< one tick [s] > 0
+  Method method = Method::kAuto;
+
+  // sequential_impulses
+  int iterations = 10;        ///< sweeps over all rows, ≥ 1
+  bool warm_starting = true;  ///< start from the impulses of the step before
+  double baumgarte = 0.1;     ///< β, share of each error removed per step, in [0, 1]
+};
+
+/// Throws std::invalid_argument naming the option and value that cannot be.
+void validate(const WorldOptions& options);
+
+/// Mass as the solver wants it. Immovable bodies have zeros.
+struct MassProperties {
+  double inverse_mass = 0.0;                                  ///< [1/kg]
+  Eigen::Vector3d inertia = Eigen::Vector3d::Zero();          ///< principal [kg m²]
+  Eigen::Vector3d inverse_inertia = Eigen::Vector3d::Zero();  ///< principal [1/(kg m²)]
+};
+
+/// Time in seconds from any origin.
+using Clock = double (*)();
+
+/// Bodies, joints and their motion. A value: a copy goes on bit-identically. Bad input to any
+/// function throws std::invalid_argument naming field and value, and changes nothing; step() never
+/// throws for physics, it reports.
+class World {
+ public:
+  explicit World(const WorldOptions& options = {});
+
+  const WorldOptions& options() const { return options_; }
+  void set_options(const WorldOptions& options);
+
+  // ---- bodies
+  BodyId add_body(const Body& body);
+  /// Removes the body and every joint on it; returns the names of those joints.
+  std::vector<std::string> remove_body(BodyId id);
+  bool has_body(std::string_view name) const;
+  BodyId find_body(std::string_view name) const;
+  /// In the order of adding, without the world.
+  std::vector<BodyId> body_ids() const;
+  std::size_t body_count() const { return bodies_.size() - 1; }
+  const Body& body(BodyId id) const { return bodies_[index(id)]; }
+  const BodyState& state(BodyId id) const { return states_[index(id)]; }
+  void set_state(BodyId id, const BodyState& state);
+
+  // ---- joints
+  /// A distance joint of length zero, asked for or found, becomes a ball joint.
+  JointId add_joint(const Joint& joint);
+  void remove_joint(JointId id);
+  bool has_joint(std::string_view name) const;
+  JointId find_joint(std::string_view name) const;
+  const std::vector<JointId>& joint_ids() const { return joint_ids_; }
+  /// As added, lengths and spring constants filled in.
+  const Joint& joint(JointId id) const { return joints_[index(id)]; }
+  const JointState& joint_state(JointId id) const { return joint_states_[index(id)]; }
+  /// Both anchors in world coordinates [m].
+  struct Anchors {
+    Eigen::Vector3d p_a, p_b;
+  };
+  Anchors anchors(JointId id) const;
+  /// Replaces the motor; its timeout counts from now.
+  void set_motor(JointId id, const Motor& motor);
+  /// Marks the joint as torn, or whole again.
+  void set_broken(JointId id, bool broken);
+
+  // ---- motion
+  /// Carries the world on by one tick. The report stays valid until the next call.
+  const StepReport& step();
+  const StepReport& report() const { return report_; }
+  /// Contact points that the last step met, in a stable order.
+  const std::vector<Contact>& contacts() const { return contacts_; }
+  double time() const;                                    ///< simulated [s]
+  std::uint64_t step_count() const { return step_count_; }  ///< since the start
+  /// Kinetic energy plus that of gravity and springs [J], now.
+  double energy() const;
+  /// Goes on from this simulated time and step, as when a new scene takes over from another.
+  void set_time(double time, std::uint64_t step_count);
+  /// 64-bit FNV-1a over step, time, and by name all bodies and joints with their state; no caches.
+  std::uint64_t state_hash() const;
+  /// Times the stages of each step from now on; nullptr: no longer.
+  void set_clock(Clock clock) { clock_ = clock; }
+
+ private:
+  // ... filled in by world implementation
+};
+
+}  // namespace constraint_sim

@@ -6,7 +6,7 @@
 
 #include "constraint_sim/shape.h"
 
-namespace constraint_sim {
+namespace constraint_sim::engine {
 
 enum class BodyType {
   kDynamic,    ///< moved by forces and constraints
@@ -17,9 +17,10 @@ enum class BodyType {
 /// Where a body is and how it moves. The body frame sits in the centre of mass, along the
 /// principal axes of inertia.
 struct BodyState {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();                    ///< centre of mass, world [m]
-  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();       ///< body to world, unit
-  Eigen::Vector3d linear_velocity = Eigen::Vector3d::Zero();   ///< of the centre of mass, world [m/s]
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();               ///< centre of mass, world [m]
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< body to world, unit
+  Eigen::Vector3d linear_velocity =
+      Eigen::Vector3d::Zero();  ///< of the centre of mass, world [m/s]
   Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();  ///< world axes [rad/s]
 };
 
@@ -43,4 +44,4 @@ void validate(const Body& body);
 /// to 1 %.
 void validate(const BodyState& state);
 
-}  // namespace constraint_sim
+}  // namespace constraint_sim::engine

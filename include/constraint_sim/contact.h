@@ -6,7 +6,7 @@
 
 #include "constraint_sim/id.h"
 
-namespace constraint_sim {
+namespace constraint_sim::engine {
 
 /// One point in which two bodies press on each other.
 struct Contact {
@@ -21,8 +21,8 @@ struct Contact {
 /// What the narrowphase finds for one pair of shapes: a common normal and up to eight points.
 struct Manifold {
   struct Point {
-    Eigen::Vector3d position;   ///< on B's surface, world [m]
-    double depth = 0.0;         ///< penetration [m] > 0
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< on B's surface, world [m]
+    double depth = 0.0;                                  ///< penetration [m] > 0
     std::uint32_t feature = 0;  ///< which vertex, edge or face made it: the same from step to step
   };
 
@@ -31,4 +31,4 @@ struct Manifold {
   std::array<Point, 8> points;
 };
 
-}  // namespace constraint_sim
+}  // namespace constraint_sim::engine

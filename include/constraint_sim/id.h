@@ -2,7 +2,7 @@
 
 #include <cstdint>
 
-namespace constraint_sim {
+namespace constraint_sim::engine {
 
 /// Names one body or joint of a World for as long as that World lives. Values are handed out in
 /// order and never again, so an id outlives edits of everything else and never means a newcomer.
@@ -22,4 +22,4 @@ using JointId = Id<struct JointTag>;
 /// in world coordinates.
 inline constexpr BodyId kWorldBody{0};
 
-}  // namespace constraint_sim
+}  // namespace constraint_sim::engine

@@ -8,7 +8,7 @@
 
 #include "constraint_sim/id.h"
 
-namespace constraint_sim {
+namespace constraint_sim::engine {
 
 /// Holds the distance of the two anchors: as a rod, or between limits (rope, strut), or as a
 /// spring about `length`. C = ‖d‖ − length in metres, d from anchor A to anchor B.
@@ -36,8 +36,9 @@ struct BallJoint {};
 
 using JointType = std::variant<DistanceJoint, BallJoint>;
 
-/// The bias ζ of a joint: its rate is driven to ζ(t) = bias + amplitude·sin(2π·frequency·t + phase),
-/// t simulated time. Positive lengthens; with ζ = 0 the joint holds the value it has reached.
+/// The bias ζ of a joint: its rate is driven to ζ(t) = bias + amplitude·sin(2π·frequency·t +
+/// phase), t simulated time. Positive lengthens; with ζ = 0 the joint holds the value it has
+/// reached.
 struct Motor {
   double bias = 0.0;       ///< [m/s]
   double amplitude = 0.0;  ///< [m/s]
@@ -63,26 +64,28 @@ struct Joint {
 
 /// What a joint does now; brought up to date by each step.
 struct JointState {
-  double error = 0.0;         ///< ‖d‖ − length, or beyond a limit, or ‖d‖ of a ball joint [m]
+  double error = 0.0;  ///< ‖d‖ − length, or beyond a limit, or ‖d‖ of a ball joint [m]
   double error_rate = 0.0;    ///< rate of `error`, motion asked for by the motor taken out [m/s]
   double force = 0.0;         ///< along d, mean over the step [N]; > 0 pushes apart, < 0 is tension
   double bias = 0.0;          ///< ζ asked for, mean over the step [m/s]
   double reached_rate = 0.0;  ///< rate of the distance that was reached [m/s]
   bool saturated = false;     ///< the motor is at its force limit, or at the end of its travel
   bool broken = false;        ///< torn by more than `break_force`; no longer acts
-  bool closing = false;       ///< added with an error above 1e-6 m that is not yet closed
+  bool closing = false;       ///< an edit left an error above 1e-6 m that is not yet closed
 
-  double travel = 0.0;      ///< ∫ζ dt since the joint was added: what the motor has added to the length [m]
+  double travel =
+      0.0;  ///< ∫ζ dt since the joint was added: what the motor has added to the length [m]
   double expires_at = std::numeric_limits<double>::infinity();  ///< end of the bias, simulated [s]
-  double initial_error = 0.0;                                   ///< when it was added [m]
-  Eigen::Vector3d impulse = Eigen::Vector3d::Zero();            ///< of its rows, to warm start [N s]
+  double initial_error = 0.0;  ///< after the last edit of it or of its bodies' states [m]
+  Eigen::Vector3d impulse = Eigen::Vector3d::Zero();  ///< of its rows, to warm start [N s]
 };
 
 /// `distance` or `ball`, as in scene files.
 const char* type_name(const JointType& type);
 
-/// Throws std::invalid_argument naming the field and value that cannot be. Bodies are not looked up.
+/// Throws std::invalid_argument naming the field and value that cannot be. Bodies are not looked
+/// up.
 void validate(const Joint& joint);
 void validate(const Motor& motor);
 
-}  // namespace constraint_sim
+}  // namespace constraint_sim::engine

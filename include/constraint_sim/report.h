@@ -7,7 +7,7 @@
 
 #include "constraint_sim/id.h"
 
-namespace constraint_sim {
+namespace constraint_sim::engine {
 
 /// How an island is carried through a step. Methods not listed do not exist yet.
 enum class Method {
@@ -56,4 +56,4 @@ struct StepReport {
   std::array<double, kStageCount> stage_times{};  ///< [s]; zero unless a clock was given
 };
 
-}  // namespace constraint_sim
+}  // namespace constraint_sim::engine

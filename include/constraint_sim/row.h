@@ -3,12 +3,15 @@
 #include <Eigen/Core>
 #include <limits>
 
-namespace constraint_sim {
+namespace constraint_sim::engine {
 
 /// How one scalar constraint value changes with the velocities of its two bodies:
 /// Ċ = J V = j1·v_A + j2·ω_A + j3·v_B + j4·ω_B.
 struct Jacobian {
-  Eigen::Vector3d j1, j2, j3, j4;
+  Eigen::Vector3d j1 = Eigen::Vector3d::Zero();
+  Eigen::Vector3d j2 = Eigen::Vector3d::Zero();
+  Eigen::Vector3d j3 = Eigen::Vector3d::Zero();
+  Eigen::Vector3d j4 = Eigen::Vector3d::Zero();
 
   double times(const Eigen::Vector3d& v_A, const Eigen::Vector3d& w_A, const Eigen::Vector3d& v_B,
                const Eigen::Vector3d& w_B) const {
@@ -30,6 +33,11 @@ struct Row {
   double lower = -std::numeric_limits<double>::infinity();  ///< of the impulse [N s]
   double upper = std::numeric_limits<double>::infinity();
   double impulse = 0.0;  ///< [N s]; before solving: the guess to start from
+
+  /// Of friction, which always is this row and the next one: the row of the normal, and μ. The two
+  /// impulses together are no longer than μ times that of the normal. -1: not friction.
+  int normal_row = -1;
+  double friction = 0.0;
 };
 
-}  // namespace constraint_sim
+}  // namespace constraint_sim::engine

@@ -5,7 +5,7 @@
 
 #include "constraint_sim/world.h"
 
-namespace constraint_sim {
+namespace constraint_sim::engine {
 
 /// A scene that cannot be. what() is `file:line: path.of.key: what is wrong, with the value`.
 class SceneError : public std::invalid_argument {
@@ -14,14 +14,15 @@ class SceneError : public std::invalid_argument {
 };
 
 /// Makes a world from a scene in YAML (docs/scenes.md). `source` names it in errors.
-/// Throws SceneError.
-World load_scene(const std::string& text, const std::string& source = "scene");
+/// `defaults` are the options of a scene that does not set them itself. Throws SceneError.
+World load_scene(const std::string& text, const std::string& source = "scene",
+                 const WorldOptions& defaults = {});
 
 /// The same from a file. Throws SceneError, also when the file cannot be read.
-World load_scene_file(const std::string& path);
+World load_scene_file(const std::string& path, const WorldOptions& defaults = {});
 
 /// The world as it is now, as a scene in long form: loading it gives the same bodies, joints and
 /// motion, every number to 4 ulp, and saving that again gives the same text.
 std::string save_scene(const World& world);
 
-}  // namespace constraint_sim
+}  // namespace constraint_sim::engine

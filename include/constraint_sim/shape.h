@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <variant>
 
-namespace constraint_sim {
+namespace constraint_sim::engine {
 
 /// Collides with nothing and does not rotate unless it is given an inertia.
 struct Point {};
@@ -30,4 +30,4 @@ Eigen::Vector3d unit_inertia(const Shape& shape);
 /// Throws std::invalid_argument naming the dimension that is not a finite number > 0.
 void validate(const Shape& shape);
 
-}  // namespace constraint_sim
+}  // namespace constraint_sim::engine

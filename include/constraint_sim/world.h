@@ -2,9 +2,9 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <string_view>
-#include <unordered_map>
 #include <vector>
 
 #include "constraint_sim/body.h"
@@ -12,11 +12,10 @@
 #include "constraint_sim/id.h"
 #include "constraint_sim/joint.h"
 #include "constraint_sim/report.h"
-#include "constraint_sim/row.h"
 
-namespace constraint_sim {
+namespace constraint_sim::engine {
 
-/// Options of a world. These defaults are the only ones; config/parameters.yaml documents them.
+/// Options of a world. These defaults are the only ones; docs/scenes.md documents them.
 struct WorldOptions {
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< world [m/s²]
   double time_step = 0.01;                   ///< one tick [s] > 0
@@ -31,13 +30,6 @@ struct WorldOptions {
 /// Throws std::invalid_argument naming the option and value that cannot be.
 void validate(const WorldOptions& options);
 
-/// Mass as the solver wants it. Immovable bodies have zeros.
-struct MassProperties {
-  double inverse_mass = 0.0;                                  ///< [1/kg]
-  Eigen::Vector3d inertia = Eigen::Vector3d::Zero();          ///< principal [kg m²]
-  Eigen::Vector3d inverse_inertia = Eigen::Vector3d::Zero();  ///< principal [1/(kg m²)]
-};
-
 /// Time in seconds from any origin.
 using Clock = double (*)();
 
@@ -47,8 +39,13 @@ using Clock = double (*)();
 class World {
  public:
   explicit World(const WorldOptions& options = {});
+  World(const World& other);
+  World(World&& other) noexcept;
+  World& operator=(const World& other);
+  World& operator=(World&& other) noexcept;
+  ~World();
 
-  const WorldOptions& options() const { return options_; }
+  const WorldOptions& options() const;
   void set_options(const WorldOptions& options);
 
   // ---- bodies
@@ -59,9 +56,8 @@ class World {
   BodyId find_body(std::string_view name) const;
   /// In the order of adding, without the world.
   std::vector<BodyId> body_ids() const;
-  std::size_t body_count() const { return bodies_.size() - 1; }
-  const Body& body(BodyId id) const { return bodies_[index(id)]; }
-  const BodyState& state(BodyId id) const { return states_[index(id)]; }
+  const Body& body(BodyId id) const;
+  const BodyState& state(BodyId id) const;
   void set_state(BodyId id, const BodyState& state);
 
   // ---- joints
@@ -70,10 +66,11 @@ class World {
   void remove_joint(JointId id);
   bool has_joint(std::string_view name) const;
   JointId find_joint(std::string_view name) const;
-  const std::vector<JointId>& joint_ids() const { return joint_ids_; }
-  /// As added, lengths and spring constants filled in.
-  const Joint& joint(JointId id) const { return joints_[index(id)]; }
-  const JointState& joint_state(JointId id) const { return joint_states_[index(id)]; }
+  /// In the order of adding.
+  const std::vector<JointId>& joint_ids() const;
+  /// As added, with the length filled in and springs turned into stiffness and damping.
+  const Joint& joint(JointId id) const;
+  const JointState& joint_state(JointId id) const;
   /// Both anchors in world coordinates [m].
   struct Anchors {
     Eigen::Vector3d p_a, p_b;
@@ -87,22 +84,26 @@ class World {
   // ---- motion
   /// Carries the world on by one tick. The report stays valid until the next call.
   const StepReport& step();
-  const StepReport& report() const { return report_; }
+  const StepReport& report() const;
   /// Contact points that the last step met, in a stable order.
-  const std::vector<Contact>& contacts() const { return contacts_; }
-  double time() const;                                    ///< simulated [s]
-  std::uint64_t step_count() const { return step_count_; }  ///< since the start
+  const std::vector<Contact>& contacts() const;
+  double time() const;               ///< simulated [s]
+  std::uint64_t step_count() const;  ///< since the start
   /// Kinetic energy plus that of gravity and springs [J], now.
   double energy() const;
-  /// Goes on from this simulated time and step, as when a new scene takes over from another.
+  /// Goes on from this simulated time [s] and step.
   void set_time(double time, std::uint64_t step_count);
+  /// Takes over from another world: its time goes on, and its ids are not used again. All ids of
+  /// this world change.
+  void continue_from(const World& other);
   /// 64-bit FNV-1a over step, time, and by name all bodies and joints with their state; no caches.
   std::uint64_t state_hash() const;
   /// Times the stages of each step from now on; nullptr: no longer.
-  void set_clock(Clock clock) { clock_ = clock; }
+  void set_clock(Clock clock);
 
  private:
-  // ... filled in by world implementation
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace constraint_sim
+}  // namespace constraint_sim::engine

@@ -7,7 +7,7 @@
 
 #include "constraint_sim/body.h"
 
-namespace constraint_sim {
+namespace constraint_sim::engine {
 
 /// Axis-aligned bounding box in world coordinates [m]. Of a plane it is infinite.
 struct Aabb {
@@ -28,20 +28,55 @@ struct Proxy {
   bool movable = false;  ///< two immovable ones make no pair
 };
 
-/// Stage 1 of a step: which bodies may touch.
+/// Stage 1 of a step: which bodies may touch. A balanced tree of boxes, built anew in each call by
+/// splitting at the median, is tested against itself; unbounded boxes would spoil it and are tested
+/// one by one. A call allocates only where it needs more room than all before it.
 class Broadphase {
  public:
   using Pair = std::pair<int, int>;  ///< body indices, first < second
 
-  /// All pairs with at least one movable body whose boxes overlap, sorted. Valid until the next call.
+  /// All pairs with at least one movable body whose boxes overlap, sorted. Valid until the next
+  /// call.
   const std::vector<Pair>& find_pairs(const std::vector<Proxy>& proxies);
 
-  /// Box against box tests of the last call.
+  /// What the last call found.
+  const std::vector<Pair>& pairs() const { return pairs_; }
+
+  /// Box against box tests of the last call, those of the tree's inner boxes included.
   std::uint64_t tests() const { return tests_; }
 
  private:
+  /// A leaf of the tree to be.
+  struct Item {
+    Eigen::Vector3d centre;  ///< twice the centre of its box [m]
+    int proxy = 0;           ///< index
+  };
+
+  /// A box around `leaves` proxies. Nodes lie in preorder: the left child, which has the smaller
+  /// half of the leaves, follows its parent, and the right child follows the left one's subtree.
+  struct Node {
+    Aabb box;
+    int leaves = 0;
+    int body = 0;          ///< of a leaf
+    bool movable = false;  ///< whether any of its proxies is
+  };
+
+  static int left_child(int node) { return node + 1; }
+  int right_child(int node) const { return node + 2 * (nodes_[node].leaves / 2); }
+
+  void sort_out_unbounded(const std::vector<Proxy>& proxies);
+  void build(const std::vector<Proxy>& proxies, int node, int first_item, int leaves);
+  void pair_within(int node);
+  void pair_between(int node_a, int node_b);
+  void pair_proxies(const Proxy& a, const Proxy& b);
+  bool test(const Aabb& a, const Aabb& b);
+  void add_pair(int body_a, int body_b);
+
+  std::vector<Item> items_;     ///< the bounded proxies
+  std::vector<int> unbounded_;  ///< indices of the other proxies
+  std::vector<Node> nodes_;
   std::vector<Pair> pairs_;
   std::uint64_t tests_ = 0;
 };
 
-}  // namespace constraint_sim
+}  // namespace constraint_sim::engine

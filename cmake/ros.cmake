@@ -1,0 +1,42 @@
+# The ROS shell: messages, node, and where catkin wants things installed.
+
+find_package(catkin REQUIRED COMPONENTS
+  geometry_msgs message_generation roscpp roslib std_msgs std_srvs tf2_msgs visualization_msgs
+)
+
+add_message_files(DIRECTORY msg)
+add_service_files(DIRECTORY srv)
+generate_messages(DEPENDENCIES geometry_msgs std_msgs)
+
+catkin_package(
+  INCLUDE_DIRS include
+  LIBRARIES constraint_sim_engine
+  CATKIN_DEPENDS geometry_msgs message_runtime std_msgs
+  DEPENDS EIGEN3
+)
+
+add_library(constraint_sim_ros STATIC
+  src/ros/conversions.cpp
+  src/ros/markers.cpp
+  src/ros/parameters.cpp
+  src/ros/publishers.cpp
+  src/ros/services.cpp
+  src/ros/simulator_node.cpp
+)
+constraint_sim_own_code(constraint_sim_ros)
+set_target_properties(constraint_sim_ros PROPERTIES POSITION_INDEPENDENT_CODE ON)
+add_dependencies(constraint_sim_ros ${PROJECT_NAME}_generate_messages_cpp)
+# SYSTEM also takes the generated headers out of our own warnings
+target_include_directories(constraint_sim_ros SYSTEM PUBLIC
+  ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
+target_link_libraries(constraint_sim_ros PUBLIC constraint_sim_stepper ${catkin_LIBRARIES})
+
+add_executable(constraint_sim_node src/ros/node_main.cpp)
+constraint_sim_own_code(constraint_sim_node)
+target_link_libraries(constraint_sim_node PRIVATE constraint_sim_ros)
+
+install(TARGETS constraint_sim_engine ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+install(TARGETS constraint_sim_node constraint_sim_run ${bench_programs}
+  RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+install(DIRECTORY include/constraint_sim/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
+install(DIRECTORY launch config DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})

@@ -1,0 +1,58 @@
+# With ROS `make run_tests` runs all tests, without it ctest does; scripts/test reads
+# registered_tests.txt, one `kind<tab>name<tab>path` a line.
+
+enable_testing()
+set(registered_tests)
+
+# A gtest program that is run as a test.
+function(constraint_sim_add_gtest name)
+  if(CONSTRAINT_SIM_ROS)
+    catkin_add_gtest(${name} test/gtest_main.cpp ${ARGN})
+  else()
+    add_executable(${name} test/gtest_main.cpp ${ARGN})
+    target_link_libraries(${name} ${GTEST_LIBRARIES} Threads::Threads)
+    add_test(NAME ${name} COMMAND ${name})
+  endif()
+  constraint_sim_own_code(${name})
+  target_compile_definitions(${name} PRIVATE
+    CONSTRAINT_SIM_SCENE_DIR="${CMAKE_CURRENT_SOURCE_DIR}/config/scenes")
+  set(registered_tests ${registered_tests} "gtest\t${name}\t$<TARGET_FILE:${name}>" PARENT_SCOPE)
+endfunction()
+
+if(CONSTRAINT_SIM_ROS)
+  find_package(rostest REQUIRED)
+else()
+  find_package(GTest REQUIRED)
+endif()
+file(GLOB engine_tests CONFIGURE_DEPENDS test/engine/*.cpp)
+file(GLOB sim_tests CONFIGURE_DEPENDS test/sim/*.cpp)
+
+constraint_sim_add_gtest(engine_tests ${engine_tests})
+target_link_libraries(engine_tests constraint_sim_engine nlohmann_json::nlohmann_json)
+target_compile_definitions(engine_tests PRIVATE
+  CONSTRAINT_SIM_RUN="$<TARGET_FILE:constraint_sim_run>")
+add_dependencies(engine_tests constraint_sim_run)
+
+constraint_sim_add_gtest(sim_tests ${sim_tests})
+target_link_libraries(sim_tests constraint_sim_stepper)
+
+if(CONSTRAINT_SIM_ROS)
+  constraint_sim_add_gtest(conversions_test test/ros/test_conversions.cpp)
+  target_link_libraries(conversions_test constraint_sim_ros)
+
+  file(GLOB ros_tests CONFIGURE_DEPENDS test/ros/*.test)
+  foreach(ros_test IN LISTS ros_tests)
+    get_filename_component(name ${ros_test} NAME_WE)
+    add_rostest(test/ros/${name}.test DEPENDENCIES constraint_sim_node)
+    list(APPEND registered_tests "rostest\t${name}\t${ros_test}")
+  endforeach()
+endif()
+
+string(REPLACE ";" "\n" registered_tests "${registered_tests}")
+file(GENERATE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/registered_tests.txt
+  CONTENT "${registered_tests}\n")
+
+# Fails on purpose and is no test: scripts/test shows with it that a failure would be seen.
+add_executable(failing_test EXCLUDE_FROM_ALL test/gtest_main.cpp test/selfcheck/failing_test.cpp)
+target_link_libraries(failing_test ${GTEST_LIBRARIES} Threads::Threads)
+constraint_sim_own_code(failing_test)

@@ -1,0 +1,153 @@
+#include "engine/broadphase.h"
+
+#include <algorithm>
+#include <limits>
+#include <variant>
+
+namespace constraint_sim::engine {
+namespace {
+
+/// Half the extent of a shape along the world's axes [m].
+struct HalfExtent {
+  const BodyState& state;
+
+  Eigen::Vector3d operator()(const Point&) const { return Eigen::Vector3d::Zero(); }
+  Eigen::Vector3d operator()(const Sphere& sphere) const {
+    return Eigen::Vector3d::Constant(sphere.radius);
+  }
+  Eigen::Vector3d operator()(const Box& box) const {
+    return state.orientation.toRotationMatrix().cwiseAbs() * (0.5 * box.size);
+  }
+  Eigen::Vector3d operator()(const Plane&) const {
+    return Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+  }
+};
+
+bool is_bounded(const Aabb& box) { return box.min.allFinite() && box.max.allFinite(); }
+
+Aabb merged(const Aabb& a, const Aabb& b) { return {a.min.cwiseMin(b.min), a.max.cwiseMax(b.max)}; }
+
+double girth(const Aabb& box) { return (box.max - box.min).sum(); }
+
+}  // namespace
+
+bool overlap(const Aabb& a, const Aabb& b) {
+  for (int axis = 0; axis < 3; ++axis) {
+    if (a.max[axis] < b.min[axis] || b.max[axis] < a.min[axis]) return false;
+  }
+  return true;
+}
+
+Aabb bounds(const Shape& shape, const BodyState& state) {
+  const Eigen::Vector3d half = std::visit(HalfExtent{state}, shape);
+  return {state.position - half, state.position + half};
+}
+
+const std::vector<Broadphase::Pair>& Broadphase::find_pairs(const std::vector<Proxy>& proxies) {
+  tests_ = 0;
+  pairs_.clear();
+  sort_out_unbounded(proxies);
+
+  if (!items_.empty()) {
+    nodes_.resize(2 * items_.size() - 1);
+    build(proxies, 0, 0, static_cast<int>(items_.size()));
+    pair_within(0);
+  }
+  for (std::size_t i = 0; i < unbounded_.size(); ++i) {
+    const Proxy& unbounded = proxies[unbounded_[i]];
+    for (const Item& item : items_) pair_proxies(unbounded, proxies[item.proxy]);
+    for (std::size_t j = 0; j < i; ++j) pair_proxies(unbounded, proxies[unbounded_[j]]);
+  }
+
+  std::sort(pairs_.begin(), pairs_.end());
+  return pairs_;
+}
+
+void Broadphase::sort_out_unbounded(const std::vector<Proxy>& proxies) {
+  items_.clear();
+  unbounded_.clear();
+  for (std::size_t i = 0; i < proxies.size(); ++i) {
+    const Aabb& box = proxies[i].box;
+    if (is_bounded(box)) {
+      items_.push_back({box.min + box.max, static_cast<int>(i)});
+    } else {
+      unbounded_.push_back(static_cast<int>(i));
+    }
+  }
+}
+
+void Broadphase::build(const std::vector<Proxy>& proxies, int node, int first_item, int leaves) {
+  nodes_[node].leaves = leaves;
+  const auto first = items_.begin() + first_item;
+  if (leaves == 1) {
+    const Proxy& proxy = proxies[first->proxy];
+    nodes_[node] = {proxy.box, 1, proxy.body, proxy.movable};
+    return;
+  }
+
+  // the axis along which the centres spread most
+  Eigen::Vector3d lowest = first->centre;
+  Eigen::Vector3d highest = first->centre;
+  for (auto item = first; item != first + leaves; ++item) {
+    lowest = lowest.cwiseMin(item->centre);
+    highest = highest.cwiseMax(item->centre);
+  }
+  int axis = 0;
+  (highest - lowest).maxCoeff(&axis);
+
+  // the index decides ties, so that the two halves do not depend on the library's nth_element
+  const auto before = [axis](const Item& a, const Item& b) {
+    if (a.centre[axis] != b.centre[axis]) return a.centre[axis] < b.centre[axis];
+    return a.proxy < b.proxy;
+  };
+  const int half = leaves / 2;
+  std::nth_element(first, first + half, first + leaves, before);
+
+  build(proxies, left_child(node), first_item, half);
+  build(proxies, right_child(node), first_item + half, leaves - half);
+  const Node& left = nodes_[left_child(node)];
+  const Node& right = nodes_[right_child(node)];
+  nodes_[node].box = merged(left.box, right.box);
+  nodes_[node].movable = left.movable || right.movable;
+}
+
+void Broadphase::pair_within(int node) {
+  if (nodes_[node].leaves == 1 || !nodes_[node].movable) return;
+  pair_within(left_child(node));
+  pair_within(right_child(node));
+  pair_between(left_child(node), right_child(node));
+}
+
+void Broadphase::pair_between(int node_a, int node_b) {
+  const Node& a = nodes_[node_a];
+  const Node& b = nodes_[node_b];
+  if (!a.movable && !b.movable) return;
+  if (!test(a.box, b.box)) return;
+
+  // splitting the larger box keeps a big body from being compared with everything at every level
+  if (a.leaves == 1 && b.leaves == 1) {
+    add_pair(a.body, b.body);
+  } else if (b.leaves == 1 || (a.leaves > 1 && girth(a.box) > girth(b.box))) {
+    pair_between(left_child(node_a), node_b);
+    pair_between(right_child(node_a), node_b);
+  } else {
+    pair_between(node_a, left_child(node_b));
+    pair_between(node_a, right_child(node_b));
+  }
+}
+
+void Broadphase::pair_proxies(const Proxy& a, const Proxy& b) {
+  if (!a.movable && !b.movable) return;
+  if (test(a.box, b.box)) add_pair(a.body, b.body);
+}
+
+bool Broadphase::test(const Aabb& a, const Aabb& b) {
+  ++tests_;
+  return overlap(a, b);
+}
+
+void Broadphase::add_pair(int body_a, int body_b) {
+  pairs_.emplace_back(std::min(body_a, body_b), std::max(body_a, body_b));
+}
+
+}  // namespace constraint_sim::engine

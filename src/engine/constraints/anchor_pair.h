@@ -1,0 +1,32 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "constraint_sim/body.h"
+#include "constraint_sim/joint.h"
+#include "constraint_sim/row.h"
+
+namespace constraint_sim::engine {
+
+/// What every joint between two anchors starts from. r: arm from a body's centre to its anchor;
+/// d: from anchor A to anchor B; all in world axes [m].
+struct AnchorPair {
+  Eigen::Vector3d r_A, r_B, p_A, d;
+
+  AnchorPair(const Joint& joint, const BodyState& a, const BodyState& b)
+      : r_A(a.orientation * joint.anchor_a),
+        r_B(b.orientation * joint.anchor_b),
+        p_A(a.position + r_A),
+        d(b.position + r_B - p_A) {}
+
+  /// ḋ = v_B + ω_B × r_B − v_A − ω_A × r_A.
+  Eigen::Vector3d d_dot(const BodyState& a, const BodyState& b) const {
+    return b.linear_velocity + b.angular_velocity.cross(r_B) - a.linear_velocity -
+           a.angular_velocity.cross(r_A);
+  }
+
+  /// Of the scalar n·d with n held fixed: J = (−n, −r_A × n, n, r_B × n).
+  Jacobian along(const Eigen::Vector3d& n) const { return {-n, -r_A.cross(n), n, r_B.cross(n)}; }
+};
+
+}  // namespace constraint_sim::engine

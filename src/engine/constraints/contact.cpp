@@ -1,0 +1,63 @@
+#include "engine/constraints/contact.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+// of the velocity of A against B in p along n
+Jacobian jacobian(const BodyState& a, const BodyState& b, const Vector3d& p, const Vector3d& n) {
+  return {n, (p - a.position).cross(n), -n, -(p - b.position).cross(n)};
+}
+
+// at right angles to n, the same for the same n
+Vector3d tangent_to(const Vector3d& n) {
+  Eigen::Index least = 0;
+  n.cwiseAbs().minCoeff(&least);
+  return n.cross(Vector3d::Unit(least)).normalized();
+}
+
+// Pushes the depth out by Baumgarte, but for the fall of one step, or contacts at rest would open
+// and close; or bounces, if it arrives faster than rest does.
+double normal_target(double approach, double depth, const ContactSurface& surface,
+                     const ContactStep& step) {
+  const double slop = step.gravity * step.h * step.h;
+  const double rest_speed = 2.0 * step.gravity * step.h;
+  const double push_out = step.beta / step.h * std::max(depth - slop, 0.0);
+  const double bounce = approach > rest_speed ? surface.restitution * approach : 0.0;
+  return std::max(push_out, bounce);
+}
+
+}  // namespace
+
+ContactSurface::ContactSurface(const Body& a, const Body& b)
+    : friction(std::sqrt(a.friction * b.friction)),
+      restitution(std::max(a.restitution, b.restitution)) {}
+
+int write_contact_rows(const BodyState& a, const BodyState& b, const Vector3d& normal,
+                       const Manifold::Point& point, const ContactSurface& surface,
+                       const ContactStep& step, const Vector3d& impulse, Row* rows) {
+  Row& row = rows[0];
+  row.J = jacobian(a, b, point.position, normal);
+  row.C = -point.depth;
+  const double approach =
+      -row.J.times(a.linear_velocity, a.angular_velocity, b.linear_velocity, b.angular_velocity);
+  row.target = normal_target(approach, point.depth, surface, step);
+  row.lower = 0.0;
+  row.impulse = std::max(impulse.dot(normal), 0.0);
+  if (surface.friction == 0.0) return 1;
+
+  Vector3d tangent = tangent_to(normal);
+  for (int k = 1; k <= 2; ++k) {
+    rows[k].J = jacobian(a, b, point.position, tangent);
+    rows[k].friction = surface.friction;
+    rows[k].impulse = impulse.dot(tangent);
+    tangent = normal.cross(tangent);
+  }
+  return 3;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,67 @@
+#include "engine/constraints/distance.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kShortestShare = 0.01;  // of the length as added: what a motor cannot wind in
+
+// where the two ends are now; without a lower limit 0, without an upper one infinity
+struct Limits {
+  double min, max;
+
+  Limits(const DistanceJoint& joint, double travel)
+      : min(joint.min_length > 0.0 ? joint.min_length + travel : 0.0),
+        max(joint.max_length + travel) {}
+};
+
+}  // namespace
+
+Eigen::Vector3d direction(const AnchorPair& anchors) {
+  const double distance = anchors.d.norm();
+  return distance > 0.0 ? Eigen::Vector3d(anchors.d / distance) : Eigen::Vector3d::UnitX();
+}
+
+double distance_error(const DistanceJoint& joint, double distance, double travel) {
+  if (!is_between_limits(joint)) return distance - *joint.length - travel;
+  const Limits limits(joint, travel);
+  return std::max(distance - limits.max, 0.0) + std::min(distance - limits.min, 0.0);
+}
+
+int write_distance_rows(const DistanceJoint& joint, const AnchorPair& anchors, double travel,
+                        Row* rows) {
+  const Jacobian J = anchors.along(direction(anchors));
+  const double distance = anchors.d.norm();
+  int count = 0;
+  if (!is_between_limits(joint)) {
+    Row& row = rows[count++];
+    row.J = J;
+    row.C = distance - *joint.length - travel;
+  }
+  const Limits limits(joint, travel);
+  if (limits.max < kInfinity) {
+    Row& row = rows[count++];
+    row.J = J;
+    row.C = distance - limits.max;
+    row.upper = 0.0;
+  }
+  if (limits.min > 0.0) {
+    Row& row = rows[count++];
+    row.J = J;
+    row.C = distance - limits.min;
+    row.lower = 0.0;
+  }
+  return count;
+}
+
+double least_travel(const DistanceJoint& joint) {
+  double length = joint.length.value_or(kInfinity);
+  if (joint.min_length > 0.0) length = std::min(length, joint.min_length);
+  length = std::min(length, joint.max_length);
+  return (kShortestShare - 1.0) * length;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,171 @@
+#include "engine/constraints/joint.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/constraints/ball.h"
+#include "engine/constraints/distance.h"
+#include "engine/constraints/target.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kFits = 1e-6;         // [m] an error no larger than this is none
+constexpr double kClosedShare = 0.01;  // of the initial error: what is left counts as closed
+
+// how far the motor moves the length in this step, and so the mean bias
+void drive(const DistanceJoint& distance, const JointStep& step, Motor motor, JointState& state) {
+  state.saturated = false;
+  // acts for what is left of its time, so that the travel does not hang on the tick
+  motor.bias *= std::clamp((state.expires_at - step.t) / step.h, 0.0, 1.0);
+  if (motor.bias == 0.0 && motor.amplitude == 0.0) {
+    state.bias = 0.0;
+    return;
+  }
+  double travel = motor_travel(motor, step.t, step.h);
+  const double lowest = least_travel(distance);
+  if (state.travel + travel < lowest) {
+    travel = std::min(lowest - state.travel, 0.0);
+    state.saturated = true;
+  }
+  state.bias = travel / step.h;
+}
+
+int prepare_rows(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
+                 const JointStep& step, JointState& state, Row* rows) {
+  drive(distance, step, joint.motor, state);
+  const double beta = joint.baumgarte.value_or(step.beta);
+  const int count = write_distance_rows(distance, anchors, state.travel, rows);
+  for (Row* row = rows; row != rows + count; ++row) {
+    const bool is_limit = row->lower == 0.0 || row->upper == 0.0;
+    if (is_limit)
+      aim_limit(*row, state.bias, beta, step.h);
+    else if (distance.is_soft())
+      aim_soft(*row, state.bias, distance.stiffness, distance.damping, step.h);
+    else
+      aim_rigid(*row, state.bias, beta, step.h);
+    if (joint.motor.max_force > 0.0) limit_force(*row, joint.motor.max_force, step.h);
+  }
+  return count;
+}
+
+int prepare_rows(const BallJoint&, const Joint& joint, const AnchorPair& anchors,
+                 const JointStep& step, JointState&, Row* rows) {
+  const int count = write_ball_rows(anchors, rows);
+  for (Row* row = rows; row != rows + count; ++row)
+    aim_rigid(*row, 0.0, joint.baumgarte.value_or(step.beta), step.h);
+  return count;
+}
+
+void measure(const DistanceJoint& distance, const AnchorPair& anchors, const Eigen::Vector3d& d_dot,
+             JointState& state) {
+  state.error = distance_error(distance, anchors.d.norm(), state.travel);
+  state.reached_rate = direction(anchors).dot(d_dot);
+  const bool is_slack = is_between_limits(distance) && state.error == 0.0;
+  state.error_rate = is_slack ? 0.0 : state.reached_rate - state.bias;
+}
+
+void measure(const BallJoint&, const AnchorPair& anchors, const Eigen::Vector3d& d_dot,
+             JointState& state) {
+  state.error = anchors.d.norm();
+  state.reached_rate = direction(anchors).dot(d_dot);
+  state.error_rate = state.reached_rate;
+}
+
+// what the step added to the motor's travel; a motor at its force limit gives way, and holds from
+// then on what it has reached
+void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
+            const JointStep& step, const Row* rows, int count, JointState& state) {
+  const double max_force = joint.motor.max_force;
+  bool yields = false;
+  state.force = 0.0;
+  for (int k = 0; k < count; ++k) {
+    state.impulse[k] = rows[k].impulse;
+    state.force += rows[k].impulse / step.h;
+    yields = yields || (max_force > 0.0 && std::abs(rows[k].impulse) >= max_force * step.h);
+  }
+  if (!yields) {
+    state.travel += state.bias * step.h;
+    return;
+  }
+  state.saturated = true;
+  if (!distance.is_soft()) {
+    state.travel += distance_error(distance, anchors.d.norm(), state.travel);
+    state.travel = std::max(state.travel, least_travel(distance));
+  }
+}
+
+void settle(const BallJoint&, const Joint&, const AnchorPair&, const JointStep& step,
+            const Row* rows, int count, JointState& state) {
+  for (int k = 0; k < count; ++k) state.impulse[k] = rows[k].impulse;
+  state.force = state.impulse.norm() / step.h;
+}
+
+}  // namespace
+
+int prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+                  JointState& state, Row* rows) {
+  const AnchorPair anchors(joint, a, b);
+  const int count = std::visit(
+      [&](const auto& type) { return prepare_rows(type, joint, anchors, step, state, rows); },
+      joint.type);
+  for (int k = 0; k < count; ++k)
+    rows[k].impulse = std::clamp(state.impulse[k], rows[k].lower, rows[k].upper);
+  return count;
+}
+
+void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+                const Row* rows, int count, JointState& state) {
+  const AnchorPair anchors(joint, a, b);
+  std::visit([&](const auto& type) { settle(type, joint, anchors, step, rows, count, state); },
+             joint.type);
+  measure_joint(joint, a, b, state);
+  if (state.closing)
+    state.closing =
+        std::abs(state.error) > std::max(kFits, kClosedShare * std::abs(state.initial_error));
+  if (joint.break_force > 0.0 && std::abs(state.force) > joint.break_force) {
+    state.broken = true;
+    state.impulse.setZero();
+  }
+}
+
+void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, JointState& state) {
+  const AnchorPair anchors(joint, a, b);
+  const Eigen::Vector3d d_dot = anchors.d_dot(a, b);
+  std::visit([&](const auto& type) { measure(type, anchors, d_dot, state); }, joint.type);
+}
+
+void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, JointState& state) {
+  measure_joint(joint, a, b, state);
+  state.initial_error = state.error;
+  state.closing = !state.broken && is_rigid(joint) && std::abs(state.error) > kFits;
+}
+
+double elastic_energy(const Joint& joint, const JointState& state) {
+  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+  if (distance == nullptr || state.broken) return 0.0;
+  return 0.5 * distance->stiffness * state.error * state.error;
+}
+
+double motor_travel(const Motor& motor, double t, double h) {
+  double travel = motor.bias * h;
+  if (motor.amplitude == 0.0) return travel;
+  // ∫ sin(ωt + φ) dt = h sin(ω(t + h/2) + φ) sin(x)/x with x = ωh/2
+  const double omega = 2.0 * kPi * motor.frequency;
+  const double x = 0.5 * omega * h;
+  const double sinc = std::abs(x) > 1e-4 ? std::sin(x) / x : 1.0 - x * x / 6.0;
+  travel += motor.amplitude * h * std::sin(omega * (t + 0.5 * h) + motor.phase) * sinc;
+  return travel;
+}
+
+bool is_rigid(const Joint& joint) {
+  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+  return distance == nullptr || !distance->is_soft();
+}
+
+const char* type_name(const JointType& type) {
+  return std::holds_alternative<BallJoint>(type) ? "ball" : "distance";
+}
+
+}  // namespace constraint_sim::engine

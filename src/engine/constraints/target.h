@@ -1,0 +1,37 @@
+#pragma once
+
+#include <algorithm>
+
+#include "constraint_sim/row.h"
+
+namespace constraint_sim::engine {
+
+// What a row asks of the velocities, from its value C: J V = ζ − (β/h) C and its relatives.
+
+/// An equation: a share β of the error goes in this step (Baumgarte).
+inline void aim_rigid(Row& row, double zeta, double beta, double h) {
+  row.target = zeta - beta / h * row.C;
+}
+
+/// A limit with C ≤ 0 (upper = 0) or C ≥ 0 (lower = 0): while it is open the gap may close in this
+/// step but not more.
+inline void aim_limit(Row& row, double zeta, double beta, double h) {
+  const bool open = row.upper == 0.0 ? row.C < 0.0 : row.C > 0.0;
+  aim_rigid(row, zeta, open ? 1.0 : beta, h);
+}
+
+/// A spring of stiffness k [N/m] and damping c [N s/m] about C = 0, by implicit Euler: the force
+/// −k (C + h Ċ) − c Ċ at the end of the step, stable at any stiffness. Catto, "Soft constraints",
+/// GDC 2011.
+inline void aim_soft(Row& row, double zeta, double k, double c, double h) {
+  row.softness = 1.0 / (h * (c + h * k));
+  row.target = zeta - h * k * row.softness * row.C;
+}
+
+/// No more force than this either way [N].
+inline void limit_force(Row& row, double max_force, double h) {
+  row.lower = std::max(row.lower, -max_force * h);
+  row.upper = std::min(row.upper, max_force * h);
+}
+
+}  // namespace constraint_sim::engine

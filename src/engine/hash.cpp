@@ -1,0 +1,94 @@
+#include <algorithm>
+#include <cstring>
+
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+/// 64-bit FNV-1a (Fowler, Noll & Vo) over the bytes of what it is fed.
+class Fnv1a {
+ public:
+  void add(const void* data, std::size_t size) {
+    const auto* bytes = static_cast<const unsigned char*>(data);
+    for (std::size_t i = 0; i < size; ++i) hash_ = (hash_ ^ bytes[i]) * 0x100000001b3ULL;
+  }
+  void add(double value) { add(&value, sizeof value); }
+  void add(std::uint64_t value) { add(&value, sizeof value); }
+  void add(const std::string& text) {
+    add(std::uint64_t{text.size()});
+    add(text.data(), text.size());
+  }
+  void add(const Eigen::Vector3d& v) { add(v.data(), 3 * sizeof(double)); }
+
+  std::uint64_t value() const { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0xcbf29ce484222325ULL;
+};
+
+// indices of a list in the order of its names
+template <class List>
+std::vector<std::size_t> by_name(const List& list, std::size_t first) {
+  std::vector<std::size_t> order;
+  for (std::size_t i = first; i < list.size(); ++i) order.push_back(i);
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t l, std::size_t r) { return list[l].name < list[r].name; });
+  return order;
+}
+
+void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodyState& state) {
+  hash.add(body.name);
+  hash.add(static_cast<std::uint64_t>(body.type));
+  hash.add(body.mass);
+  hash.add(mass.inertia);
+  hash.add(state.position);
+  hash.add(Eigen::Vector3d(state.orientation.vec()));
+  hash.add(state.orientation.w());
+  hash.add(state.linear_velocity);
+  hash.add(state.angular_velocity);
+}
+
+void add(Fnv1a& hash, const DistanceJoint& joint) {
+  hash.add(joint.length.value_or(-1.0));
+  for (const double value : {joint.min_length, joint.max_length, joint.stiffness, joint.damping})
+    hash.add(value);
+}
+
+void add(Fnv1a&, const BallJoint&) {}
+
+void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::string& body_b,
+         const JointState& state) {
+  hash.add(joint.name);
+  hash.add(std::string(type_name(joint.type)));
+  hash.add(body_a);
+  hash.add(joint.anchor_a);
+  hash.add(body_b);
+  hash.add(joint.anchor_b);
+  std::visit([&](const auto& type) { add(hash, type); }, joint.type);
+  const Motor& motor = joint.motor;
+  for (const double value : {motor.bias, motor.amplitude, motor.frequency, motor.phase,
+                             motor.max_force, state.expires_at, state.travel})
+    hash.add(value);
+  hash.add(joint.baumgarte.value_or(-1.0));
+  hash.add(joint.break_force);
+  hash.add(std::uint64_t{joint.collide_connected});
+  hash.add(std::uint64_t{state.broken});
+}
+
+}  // namespace
+
+std::uint64_t World::state_hash() const {
+  const Impl& world = *impl_;
+  Fnv1a hash;
+  hash.add(world.step_count);
+  hash.add(world.time());
+  for (const std::size_t i : by_name(world.bodies, 1))
+    add(hash, world.bodies[i], world.masses[i], world.states[i]);
+  for (const std::size_t j : by_name(world.joints, 0))
+    add(hash, world.joints[j], world.bodies[world.index(world.joints[j].body_a)].name,
+        world.bodies[world.index(world.joints[j].body_b)].name, world.joint_states[j]);
+  return hash.value();
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,176 @@
+#include "engine/validate.h"
+
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+
+#include "constraint_sim/world.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+bool is_name_start(char c) {
+  return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+}
+
+bool is_name_character(char c) { return is_name_start(c) || c == '.' || c == '/' || c == '-'; }
+
+}  // namespace
+
+void refuse(const std::string& field, const std::string& why) {
+  throw std::invalid_argument(field + ": " + why);
+}
+
+std::string shortest(double value) {
+  char text[32];
+  for (int digits = 15; digits <= 17; ++digits) {
+    std::snprintf(text, sizeof text, "%.*g", digits, value);
+    if (std::strtod(text, nullptr) == value) break;
+  }
+  return text;
+}
+
+std::string shown(const Eigen::Vector3d& v) {
+  return "(" + shortest(v.x()) + ", " + shortest(v.y()) + ", " + shortest(v.z()) + ")";
+}
+
+void check_finite(const std::string& field, double value) {
+  if (!std::isfinite(value)) refuse(field, "must be a finite number, got " + shortest(value));
+}
+
+void check_finite(const std::string& field, const Eigen::Vector3d& value) {
+  if (!value.allFinite()) refuse(field, "must be finite numbers, got " + shown(value));
+}
+
+void check_positive(const std::string& field, double value) {
+  if (!std::isfinite(value) || value <= 0.0)
+    refuse(field, "must be a finite number > 0, got " + shortest(value));
+}
+
+void check_not_negative(const std::string& field, double value) {
+  if (!std::isfinite(value) || value < 0.0)
+    refuse(field, "must be a finite number >= 0, got " + shortest(value));
+}
+
+void check_share(const std::string& field, double value) {
+  if (!(value >= 0.0 && value <= 1.0))
+    refuse(field, "must be between 0 and 1, got " + shortest(value));
+}
+
+void check_name(const std::string& field, const std::string& name) {
+  if (name.empty()) refuse(field, "must not be empty, got ''");
+  if (name == "world") refuse(field, "'world' is the world itself, choose another name");
+  bool legal = is_name_start(name.front());
+  for (const char c : name) legal = legal && is_name_character(c);
+  if (!legal) refuse(field, "must match [A-Za-z0-9_][A-Za-z0-9_./-]*, got '" + name + "'");
+}
+
+void validate(const BodyState& state) {
+  check_finite("position", state.position);
+  const double norm = state.orientation.norm();
+  if (!(std::abs(norm - 1.0) <= 0.01)) {
+    const auto& q = state.orientation;
+    refuse("orientation", "must be a unit quaternion (x, y, z, w), got (" + shortest(q.x()) + ", " +
+                              shortest(q.y()) + ", " + shortest(q.z()) + ", " + shortest(q.w()) +
+                              ")");
+  }
+  check_finite("linear_velocity", state.linear_velocity);
+  check_finite("angular_velocity", state.angular_velocity);
+}
+
+void validate(const Body& body) {
+  check_name("name", body.name);
+  validate(body.shape);
+  validate(body.state);
+  if (body.type == BodyType::kDynamic) {
+    check_positive("mass", body.mass);
+    if (std::holds_alternative<Plane>(body.shape))
+      refuse("type", "a plane is unbounded and must be static or kinematic, got dynamic");
+  } else {
+    check_not_negative("mass", body.mass);
+  }
+  check_finite("inertia", body.inertia);
+  if (!body.inertia.isZero(0.0) && !(body.inertia.minCoeff() > 0.0))
+    refuse("inertia", "must be three numbers > 0, or all 0 to follow from the shape, got " +
+                          shown(body.inertia));
+  const bool turns = body.type != BodyType::kDynamic || !body.inertia.isZero(0.0) ||
+                     !unit_inertia(body.shape).isZero(0.0);
+  if (!turns && !body.state.angular_velocity.isZero(0.0))
+    refuse("angular_velocity",
+           "a point mass without inertia cannot turn, got " + shown(body.state.angular_velocity));
+  if (body.type == BodyType::kStatic) {
+    if (!body.state.linear_velocity.isZero(0.0))
+      refuse("linear_velocity",
+             "a static body does not move, got " + shown(body.state.linear_velocity));
+    if (!body.state.angular_velocity.isZero(0.0))
+      refuse("angular_velocity",
+             "a static body does not turn, got " + shown(body.state.angular_velocity));
+  }
+  check_not_negative("friction", body.friction);
+  check_share("restitution", body.restitution);
+}
+
+void validate(const Motor& motor) {
+  check_finite("bias", motor.bias);
+  check_finite("amplitude", motor.amplitude);
+  check_not_negative("frequency", motor.frequency);
+  check_finite("phase", motor.phase);
+  check_not_negative("max_force", motor.max_force);
+  check_not_negative("timeout", motor.timeout);
+}
+
+namespace {
+
+void validate_type(const DistanceJoint& joint) {
+  if (joint.length) check_not_negative("length", *joint.length);
+  check_not_negative("min_length", joint.min_length);
+  if (!(joint.max_length > 0.0))
+    refuse("max_length", "must be a number > 0, got " + shortest(joint.max_length));
+  if (joint.max_length < joint.min_length)
+    refuse("max_length", "must not be below min_length " + shortest(joint.min_length) + ", got " +
+                             shortest(joint.max_length));
+  check_not_negative("frequency", joint.frequency);
+  check_not_negative("damping_ratio", joint.damping_ratio);
+  check_not_negative("stiffness", joint.stiffness);
+  check_not_negative("damping", joint.damping);
+  if (joint.damping_ratio > 0.0 && !(joint.frequency > 0.0))
+    refuse("damping_ratio", "needs a frequency > 0, got " + shortest(joint.damping_ratio));
+  if (joint.frequency > 0.0 && (joint.stiffness > 0.0 || joint.damping > 0.0))
+    refuse("frequency", "a spring has frequency and damping_ratio, or stiffness and damping, got " +
+                            shortest(joint.frequency) + " beside these");
+  if (joint.is_limited() && !joint.is_soft() && joint.length)
+    refuse("length",
+           "a joint with min_length or max_length is free between them and has no "
+           "length of its own, got " +
+               shortest(*joint.length));
+}
+
+void validate_type(const BallJoint&) {}
+
+}  // namespace
+
+void validate(const Joint& joint) {
+  check_name("name", joint.name);
+  check_finite("anchor_a", joint.anchor_a);
+  check_finite("anchor_b", joint.anchor_b);
+  std::visit([](const auto& type) { validate_type(type); }, joint.type);
+  validate(joint.motor);
+  const Motor& m = joint.motor;
+  if (std::holds_alternative<BallJoint>(joint.type) &&
+      (m.bias != 0.0 || m.amplitude != 0.0 || m.max_force != 0.0))
+    refuse("motor", "a ball joint has none, got bias " + shortest(m.bias) + ", amplitude " +
+                        shortest(m.amplitude) + ", max_force " + shortest(m.max_force));
+  if (joint.baumgarte) check_share("baumgarte", *joint.baumgarte);
+  check_not_negative("break_force", joint.break_force);
+}
+
+void validate(const WorldOptions& options) {
+  check_finite("gravity", options.gravity);
+  check_positive("time_step", options.time_step);
+  if (options.iterations < 1)
+    refuse("iterations", "must be >= 1, got " + std::to_string(options.iterations));
+  check_share("baumgarte", options.baumgarte);
+}
+
+}  // namespace constraint_sim::engine

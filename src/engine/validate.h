@@ -1,0 +1,27 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+
+namespace constraint_sim::engine {
+
+// Checks of public input. Each throws std::invalid_argument("FIELD: must be ..., got VALUE").
+
+[[noreturn]] void refuse(const std::string& field, const std::string& why);
+
+/// The fewest digits that read back to the same double.
+std::string shortest(double value);
+
+/// `(x, y, z)`.
+std::string shown(const Eigen::Vector3d& v);
+
+void check_finite(const std::string& field, double value);
+void check_finite(const std::string& field, const Eigen::Vector3d& value);
+void check_positive(const std::string& field, double value);
+void check_not_negative(const std::string& field, double value);
+void check_share(const std::string& field, double value);  ///< in [0, 1]
+
+/// `[A-Za-z0-9_][A-Za-z0-9_./-]*` and not `world`.
+void check_name(const std::string& field, const std::string& name);
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,294 @@
+#include "constraint_sim/world.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/constraints/contact.h"
+#include "engine/constraints/joint.h"
+#include "engine/narrowphase.h"
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+
+using Eigen::Vector3d;
+
+// a whole physics engine in six steps, as the tutorial has it
+const StepReport& World::step() {
+  Impl& world = *impl_;
+  world.begin_step();
+  world.find_pairs();         // 1. broadphase: fast and approximate
+  world.find_contacts();      // 2. narrowphase: accurate but slow
+  world.prepare_rows();       // 3. what joints and contacts ask of the velocities
+  world.update_velocities();  // 4. by gravity, and by the impulses of the step before
+  world.solve_rows();         // 5. to what the rows allow
+  world.update_positions();   // 6. with the final velocities
+  world.finish_step();
+  return world.report;
+}
+
+/// Times one stage, from construction to destruction, where there is a clock.
+class World::Impl::StageTimer {
+ public:
+  StageTimer(Impl& world, Stage stage)
+      : world_(world), stage_(stage), start_(world.clock ? world.clock() : 0.0) {}
+  ~StageTimer() {
+    if (world_.clock)
+      world_.report.stage_times[static_cast<std::size_t>(stage_)] = world_.clock() - start_;
+  }
+  StageTimer(const StageTimer&) = delete;
+  StageTimer& operator=(const StageTimer&) = delete;
+
+ private:
+  Impl& world_;
+  Stage stage_;
+  double start_;
+};
+
+void World::Impl::begin_step() {
+  if (edited) recompile();
+  states_before = states;
+  joint_states_before = joint_states;
+  report = StepReport{};
+}
+
+// what follows from bodies, joints and options: once after an edit
+void World::Impl::recompile() {
+  edited = false;
+
+  collidable.clear();
+  bool any_movable = false;
+  for (std::size_t i = 1; i < bodies.size(); ++i) {
+    if (bodies[i].no_collision || std::holds_alternative<Point>(bodies[i].shape)) continue;
+    collidable.push_back(static_cast<int>(i));
+    any_movable = any_movable || is_movable(i);
+  }
+  if (!any_movable || collidable.size() < 2) collidable.clear();
+
+  joint_ends.clear();
+  unpaired.clear();
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const std::size_t a = index(joints[j].body_a);
+    const std::size_t b = index(joints[j].body_b);
+    joint_ends.emplace_back(a, b);
+    if (!joints[j].collide_connected && !joint_states[j].broken)
+      unpaired.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
+  }
+  std::sort(unpaired.begin(), unpaired.end());
+
+  for (TouchingPair& pair : touching) {
+    pair.a = body_index[pair.id_a.value];
+    pair.b = body_index[pair.id_b.value];
+  }
+
+  largest_kinetic_energy = kinetic_energy();
+  reference_energy = largest_kinetic_energy + potential_energy();
+}
+
+void World::Impl::find_pairs() {
+  if (collidable.empty()) return;
+  const StageTimer timer(*this, Stage::kBroadphase);
+  proxies.clear();
+  for (const int i : collidable) {
+    const auto body = static_cast<std::size_t>(i);
+    proxies.push_back({bounds(bodies[body].shape, states[body]), i, is_movable(body)});
+  }
+  report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
+  report.broadphase_tests = broadphase.tests();
+}
+
+void World::Impl::find_contacts() {
+  std::swap(touching, touching_before);
+  touching.clear();
+  if (collidable.empty()) return;
+  const StageTimer timer(*this, Stage::kNarrowphase);
+  auto before = touching_before.begin();  // both lists are sorted, so one pass matches them
+  for (const Broadphase::Pair& ends : broadphase.pairs()) {
+    if (std::binary_search(unpaired.begin(), unpaired.end(), ends)) continue;
+    const auto a = static_cast<std::size_t>(ends.first);
+    const auto b = static_cast<std::size_t>(ends.second);
+    const Manifold manifold = collide(bodies[a].shape, states[a], bodies[b].shape, states[b]);
+    if (manifold.count == 0) continue;
+
+    TouchingPair& pair = touching.emplace_back();
+    pair.a = ends.first;
+    pair.b = ends.second;
+    pair.id_a = body_ids[a];
+    pair.id_b = body_ids[b];
+    pair.manifold = manifold;
+    while (before != touching_before.end() && before->ends() < ends) ++before;
+    const bool known =
+        options.warm_starting && before != touching_before.end() && before->ends() == ends;
+    for (std::size_t k = 0; k < static_cast<std::size_t>(manifold.count); ++k)
+      pair.impulses[k] =
+          known ? before->impulse_of(manifold.points[k].feature) : Vector3d(Vector3d::Zero());
+  }
+}
+
+Vector3d TouchingPair::impulse_of(std::uint32_t feature) const {
+  for (std::size_t k = 0; k < static_cast<std::size_t>(manifold.count); ++k)
+    if (manifold.points[k].feature == feature) return impulses[k];
+  return Vector3d::Zero();
+}
+
+void World::Impl::prepare_rows() {
+  const StageTimer timer(*this, Stage::kRows);
+  const JointStep step{time(), options.time_step, options.baumgarte};
+  rows.clear();
+  joint_rows.clear();
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    joint_rows.push_back(rows.size());
+    if (joint_states[j].broken) continue;
+    if (!options.warm_starting) joint_states[j].impulse.setZero();
+    std::array<Row, kMaxJointRows> written;
+    const int count =
+        prepare_joint(joints[j], state_a(j), state_b(j), step, joint_states[j], written.data());
+    for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
+      written[k].body_a = static_cast<int>(joint_ends[j].first);
+      written[k].body_b = static_cast<int>(joint_ends[j].second);
+      rows.push_back(written[k]);
+    }
+  }
+  joint_rows.push_back(rows.size());
+
+  contact_rows.clear();
+  for (const TouchingPair& pair : touching)
+    for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k)
+      prepare_contact(pair, k);
+  report.rows = static_cast<std::uint32_t>(rows.size());
+  report.contacts = static_cast<std::uint32_t>(contact_rows.size());
+}
+
+void World::Impl::prepare_contact(const TouchingPair& pair, std::size_t point) {
+  const auto a = static_cast<std::size_t>(pair.a);
+  const auto b = static_cast<std::size_t>(pair.b);
+  const ContactSurface surface(bodies[a], bodies[b]);
+  const ContactStep step{options.time_step, options.baumgarte, options.gravity.norm()};
+  std::array<Row, kMaxContactRows> written;
+  const int count =
+      write_contact_rows(states[a], states[b], pair.manifold.normal, pair.manifold.points[point],
+                         surface, step, pair.impulses[point], written.data());
+  contact_rows.push_back(rows.size());
+  report.max_penetration = std::max(report.max_penetration, pair.manifold.points[point].depth);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
+    written[k].body_a = pair.a;
+    written[k].body_b = pair.b;
+    if (k > 0) written[k].normal_row = static_cast<int>(contact_rows.back());
+    rows.push_back(written[k]);
+  }
+}
+
+void World::Impl::update_velocities() {
+  const StageTimer timer(*this, Stage::kVelocities);
+  solver.update_velocities(states, masses, options.gravity, options.time_step, rows);
+}
+
+void World::Impl::solve_rows() {
+  if (rows.empty()) return;
+  const StageTimer timer(*this, Stage::kSolve);
+  solver.solve(states, rows, options.iterations);
+  report.iterations = static_cast<std::uint32_t>(options.iterations);
+}
+
+void World::Impl::update_positions() {
+  const StageTimer timer(*this, Stage::kPositions);
+  SequentialImpulses::update_positions(states, masses, options.time_step);
+}
+
+void World::Impl::finish_step() {
+  if (!is_finite()) {
+    states = states_before;
+    joint_states = joint_states_before;
+    touching.clear();
+    contacts.clear();
+    report.failed = true;
+  } else {
+    read_joints({time(), options.time_step, options.baumgarte});
+    read_contacts();
+    ++step_count;
+  }
+  report.step = step_count;
+  report.time = time();
+  measure();
+}
+
+// a sum that a single NaN or infinity spoils
+bool World::Impl::is_finite() const {
+  double sum = 0.0;
+  for (const BodyState& body : states)
+    sum += body.position.sum() + body.orientation.coeffs().sum() + body.linear_velocity.sum() +
+           body.angular_velocity.sum();
+  return std::isfinite(sum);
+}
+
+void World::Impl::read_joints(const JointStep& step) {
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    if (joint_states[j].broken) {
+      joint_states[j].force = joint_states[j].bias = 0.0;
+      continue;
+    }
+    const int count = static_cast<int>(joint_rows[j + 1] - joint_rows[j]);
+    read_joint(joints[j], state_a(j), state_b(j), step, rows.data() + joint_rows[j], count,
+               joint_states[j]);
+    if (joint_states[j].broken) edited = true;
+  }
+}
+
+void World::Impl::read_contacts() {
+  contacts.clear();
+  std::size_t i = 0;
+  for (TouchingPair& pair : touching) {
+    for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k, ++i) {
+      const std::size_t first = contact_rows[i];
+      const std::size_t end = i + 1 < contact_rows.size() ? contact_rows[i + 1] : rows.size();
+      pair.impulses[k].setZero();
+      for (std::size_t r = first; r < end; ++r) pair.impulses[k] += rows[r].impulse * rows[r].J.j1;
+      const Manifold::Point& point = pair.manifold.points[k];
+      contacts.push_back({pair.id_a, pair.id_b, point.position, pair.manifold.normal, point.depth,
+                          rows[first].impulse / options.time_step});
+    }
+  }
+}
+
+void World::Impl::measure() {
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const double error = std::abs(joint_states[j].error);
+    if (joint_states[j].broken || !is_rigid(joints[j])) continue;
+    if (report.worst_joint && error <= report.max_constraint_error) continue;
+    report.max_constraint_error = error;
+    report.worst_joint = joint_ids[j];
+  }
+  const double kinetic = kinetic_energy();
+  largest_kinetic_energy = std::max(largest_kinetic_energy, kinetic);
+  report.energy = kinetic + potential_energy();
+  if (largest_kinetic_energy > 0.0)
+    report.energy_drift = (report.energy - reference_energy) / largest_kinetic_energy;
+}
+
+double World::Impl::kinetic_energy() const {
+  double energy = 0.0;
+  for (std::size_t i = 1; i < states.size(); ++i) {
+    if (!is_movable(i)) continue;
+    energy += 0.5 / masses[i].inverse_mass * states[i].linear_velocity.squaredNorm();
+    const Vector3d w = states[i].orientation.conjugate() * states[i].angular_velocity;
+    energy += 0.5 * w.dot(masses[i].inertia.cwiseProduct(w));
+  }
+  return energy;
+}
+
+double World::Impl::potential_energy() const {
+  double energy = 0.0;
+  for (std::size_t i = 1; i < states.size(); ++i)
+    if (is_movable(i)) energy -= options.gravity.dot(states[i].position) / masses[i].inverse_mass;
+  for (std::size_t j = 0; j < joints.size(); ++j)
+    energy += elastic_energy(joints[j], joint_states[j]);
+  return energy;
+}
+
+double World::Impl::time() const {
+  return base_time + static_cast<double>(step_count - base_step) * options.time_step;
+}
+
+const BodyState& World::Impl::state_a(std::size_t j) const { return states[joint_ends[j].first]; }
+const BodyState& World::Impl::state_b(std::size_t j) const { return states[joint_ends[j].second]; }
+
+}  // namespace constraint_sim::engine

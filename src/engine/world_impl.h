@@ -1,0 +1,111 @@
+#pragma once
+
+#include <array>
+#include <limits>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "constraint_sim/world.h"
+#include "engine/broadphase.h"
+#include "engine/constraints/joint.h"
+#include "engine/methods/sequential_impulses.h"
+
+namespace constraint_sim::engine {
+
+/// Two bodies in contact, with the impulses that held their points apart in the last step.
+struct TouchingPair {
+  int a = 0, b = 0;
+  BodyId id_a, id_b;  ///< survive the removal of other bodies, which moves the indices
+  Manifold manifold;
+  std::array<Eigen::Vector3d, 8> impulses{};  ///< of each point on A, world [N s]
+
+  Broadphase::Pair ends() const { return {a, b}; }
+  /// What held the same point before; zero for a new one.
+  Eigen::Vector3d impulse_of(std::uint32_t feature) const;
+};
+
+/// What stands behind a World. Lists of one kind run in parallel: entry i of each is the same body,
+/// or the same joint. Body 0 is the world.
+struct World::Impl {
+  // ---- what was added
+  WorldOptions options;
+  std::vector<Body> bodies;
+  std::vector<BodyState> states;
+  std::vector<MassProperties> masses;
+  std::vector<BodyId> body_ids;
+  std::vector<Joint> joints;
+  std::vector<JointState> joint_states;
+  std::vector<JointId> joint_ids;
+  std::vector<int> body_index;   // by id; -1 once removed
+  std::vector<int> joint_index;  // by id; -1 once removed
+  std::unordered_map<std::string, BodyId> body_by_name;
+  std::unordered_map<std::string, JointId> joint_by_name;
+
+  // ---- time: that of the last change of the tick, and steps
+  double base_time = 0.0;
+  std::uint64_t base_step = 0;
+  std::uint64_t step_count = 0;
+
+  // ---- follows from the above; made anew by the first step after an edit
+  bool edited = true;
+  std::vector<int> collidable;             // bodies; empty where none can touch
+  std::vector<Broadphase::Pair> unpaired;  // joined bodies that may overlap, sorted
+  std::vector<std::pair<std::size_t, std::size_t>> joint_ends;  // the two bodies of each joint
+  double reference_energy = 0.0;                                // [J] at the last edit
+  double largest_kinetic_energy = 0.0;                          // [J] since the last edit
+
+  // ---- what one stage hands to the next, and one step to the following
+  Broadphase broadphase;
+  std::vector<Proxy> proxies;
+  std::vector<TouchingPair> touching;         // sorted by bodies
+  std::vector<TouchingPair> touching_before;  // in the step before
+  std::vector<Row> rows;
+  std::vector<std::size_t> joint_rows;    // first row of each joint, and one past the last
+  std::vector<std::size_t> contact_rows;  // row of the normal of each contact point
+  SequentialImpulses solver;
+  std::vector<BodyState> states_before;
+  std::vector<JointState> joint_states_before;
+
+  // ---- what a step tells
+  std::vector<Contact> contacts;
+  StepReport report;
+  Clock clock = nullptr;
+
+  // ---- editing (edits.cpp)
+  std::size_t index(BodyId id) const;
+  std::size_t index(JointId id) const;
+  void check_ends(const Joint& joint) const;
+  void fill_in(Joint& joint) const;
+  double inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const;
+  void erase_joint(std::size_t j);
+
+  // ---- stepping (world.cpp), in the order of a step
+  void begin_step();
+  void recompile();
+  void find_pairs();
+  void find_contacts();
+  void prepare_rows();
+  void prepare_contact(const TouchingPair& pair, std::size_t point);
+  void update_velocities();
+  void solve_rows();
+  void update_positions();
+  void finish_step();
+  void read_joints(const JointStep& step);
+  void read_contacts();
+  void measure();
+  bool is_finite() const;
+
+  class StageTimer;
+
+  // ---- asking
+  double time() const;
+  bool is_movable(std::size_t body) const { return masses[body].inverse_mass > 0.0; }
+  const BodyState& state_a(std::size_t j) const;
+  const BodyState& state_b(std::size_t j) const;
+  double kinetic_energy() const;
+  double potential_energy() const;
+};
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,193 @@
+#include "ros/publishers.h"
+
+#include <constraint_sim/BodyStates.h>
+#include <constraint_sim/ConstraintStates.h>
+#include <tf2_msgs/TFMessage.h>
+#include <visualization_msgs/MarkerArray.h>
+
+#include <algorithm>
+
+#include "ros/conversions.h"
+
+namespace constraint_sim {
+namespace {
+
+constexpr double kStatisticsPeriod = 0.1;  // [s]
+constexpr double kRepeatPeriod = 1.0;      // [s] between repetitions while nothing changes
+
+double steady_now() { return ros::SteadyTime::now().toSec(); }
+
+}  // namespace
+
+Publishers::Publishers(const Parameters& parameters, ros::NodeHandle& handle,
+                       ros::NodeHandle& private_handle)
+    : parameters_(parameters),
+      stamps_(parameters.real_time_factor),
+      last_statistics_(steady_now()),
+      markers_(parameters.world_frame) {
+  const auto welcome = [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; };
+  transforms_topic_ = handle.advertise<tf2_msgs::TFMessage>("/tf", 100, welcome);
+  markers_topic_ =
+      private_handle.advertise<visualization_msgs::MarkerArray>("markers", 10, welcome);
+  body_states_topic_ = private_handle.advertise<BodyStates>("body_states", 100, welcome);
+  constraint_states_topic_ =
+      private_handle.advertise<ConstraintStates>("constraint_states", 100, welcome);
+  statistics_topic_ = private_handle.advertise<Statistics>("statistics", 100, welcome);
+  thread_ = std::thread(&Publishers::run, this);
+}
+
+Publishers::~Publishers() {
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stopping_ = true;
+  }
+  wake_up_.notify_one();
+  thread_.join();
+}
+
+// ---- on the stepping thread
+
+void Publishers::stepped(const World& world, double seconds) {
+  ticks_.add(world, seconds);
+  stepped_ = true;
+}
+
+void Publishers::edited() { edited_ = true; }
+
+void Publishers::passed(const World& world, const Stepper& stepper) {
+  const double now = steady_now();
+  if (!is_due(now) || !anybody_listens()) return;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (fresh_) return;  // the last one is still to be sent: skip, never queue
+    take_snapshot(world, stepper, now);
+    fresh_ = true;
+  }
+  wake_up_.notify_one();
+}
+
+bool Publishers::is_due(double now) const {
+  if (edited_ || newcomer_) return true;
+  if (stepped_) return now >= next_publication_;
+  return now >= last_publication_ + kRepeatPeriod;
+}
+
+bool Publishers::anybody_listens() const {
+  for (const ros::Publisher* topic : {&transforms_topic_, &markers_topic_, &body_states_topic_,
+                                      &constraint_states_topic_, &statistics_topic_})
+    if (topic->getNumSubscribers() > 0) return true;
+  return false;
+}
+
+void Publishers::take_snapshot(const World& world, const Stepper& stepper, double now) {
+  if (dropped_ticks_ != stepper.dropped_ticks()) stamps_.let_go();
+  dropped_ticks_ = stepper.dropped_ticks();
+  const bool running = stepped_ && !stepper.is_paused();
+  const std::int64_t wall = static_cast<std::int64_t>(ros::WallTime::now().toNSec());
+  const std::int64_t stamp = stamps_.next(wall, world.time(), running);
+
+  incoming_.world = world;
+  incoming_.stamp.fromNSec(static_cast<std::uint64_t>(stamp));
+  incoming_.has_statistics = !stepped_ || now >= last_statistics_ + kStatisticsPeriod;
+  if (incoming_.has_statistics) take_statistics(world, stepper, now, incoming_.statistics);
+
+  const double period = 1.0 / parameters_.publish_rate;
+  next_publication_ = std::max(next_publication_ + period, now);
+  last_publication_ = now;
+  stepped_ = edited_ = newcomer_ = false;
+}
+
+void Publishers::take_statistics(const World& world, const Stepper& stepper, double now,
+                                 Statistics& message) {
+  const engine::StepReport& report = world.report();
+  const double ticks = std::max(ticks_.ticks, 1u);
+  message.sim_time = ros::Time(world.time());
+  message.step = world.step_count();
+  message.ticks = ticks_.ticks;
+  message.max_constraint_error = ticks_.max_constraint_error;
+  message.worst_constraint = ticks_.worst_constraint;
+  message.energy = world.energy();
+  message.energy_drift = report.energy_drift;
+  message.local_error = ticks_.local_error;
+  message.accumulated_local_error = ticks_.accumulated_local_error;
+  message.wall_mean = ticks_.wall_sum / ticks;
+  message.wall_max = ticks_.wall_max;
+  message.real_time_factor =
+      std::max(world.time() - last_statistics_time_, 0.0) / (now - last_statistics_);
+  message.dropped_ticks = stepper.dropped_ticks();
+  message.iterations = report.iterations;
+  message.failed = stepper.has_failed();
+  message.stages.clear();
+  message.stage_times.clear();
+  for (std::size_t i = 0; i < engine::kStageCount; ++i) {
+    message.stages.emplace_back(engine::name(static_cast<engine::Stage>(i)));
+    message.stage_times.push_back(ticks_.stage_sums[i] / ticks);
+  }
+  message.methods = {engine::name(report.method)};
+  ticks_.clear();
+  last_statistics_ = now;
+  last_statistics_time_ = world.time();
+}
+
+// ---- on the publishing thread
+
+void Publishers::run() {
+  for (;;) {
+    {
+      std::unique_lock<std::mutex> lock(mutex_);
+      wake_up_.wait(lock, [this] { return fresh_ || stopping_; });
+      if (stopping_) return;
+      std::swap(incoming_, current_);
+      fresh_ = false;
+    }
+    publish(current_);
+  }
+}
+
+void Publishers::publish(const Snapshot& snapshot) {
+  if (transforms_topic_.getNumSubscribers() > 0) publish_transforms(snapshot);
+  if (body_states_topic_.getNumSubscribers() > 0) publish_body_states(snapshot);
+  if (constraint_states_topic_.getNumSubscribers() > 0) publish_constraint_states(snapshot);
+  if (markers_topic_.getNumSubscribers() > 0)
+    markers_topic_.publish(markers_.update(snapshot.world, snapshot.stamp));
+  else
+    markers_.forget();
+  if (snapshot.has_statistics && statistics_topic_.getNumSubscribers() > 0) {
+    Statistics message = snapshot.statistics;
+    message.header.stamp = snapshot.stamp;
+    message.header.frame_id = parameters_.world_frame;
+    statistics_topic_.publish(message);
+  }
+}
+
+void Publishers::publish_transforms(const Snapshot& snapshot) {
+  tf2_msgs::TFMessage message;
+  for (const engine::BodyId id : snapshot.world.body_ids()) {
+    geometry_msgs::TransformStamped& transform = message.transforms.emplace_back();
+    transform.header.stamp = snapshot.stamp;
+    transform.header.frame_id = parameters_.world_frame;
+    transform.child_frame_id = parameters_.frame_prefix + snapshot.world.body(id).name;
+    transform.transform = to_transform(snapshot.world.state(id));
+  }
+  transforms_topic_.publish(message);
+}
+
+void Publishers::publish_body_states(const Snapshot& snapshot) {
+  BodyStates message;
+  message.header.stamp = snapshot.stamp;
+  message.header.frame_id = parameters_.world_frame;
+  for (const engine::BodyId id : snapshot.world.body_ids())
+    message.bodies.push_back(to_msg(snapshot.world.body(id).name, snapshot.world.state(id)));
+  body_states_topic_.publish(message);
+}
+
+void Publishers::publish_constraint_states(const Snapshot& snapshot) {
+  ConstraintStates message;
+  message.header.stamp = snapshot.stamp;
+  message.header.frame_id = parameters_.world_frame;
+  for (const engine::JointId id : snapshot.world.joint_ids())
+    message.constraints.push_back(to_msg(snapshot.world.joint(id), snapshot.world.joint_state(id)));
+  constraint_states_topic_.publish(message);
+}
+
+}  // namespace constraint_sim

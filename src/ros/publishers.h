@@ -1,0 +1,89 @@
+#pragma once
+
+#include <constraint_sim/Statistics.h>
+#include <ros/node_handle.h>
+#include <ros/publisher.h>
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <thread>
+
+#include "ros/markers.h"
+#include "ros/parameters.h"
+#include "sim/stamps.h"
+#include "sim/statistics.h"
+#include "sim/stepper.h"
+
+namespace constraint_sim {
+
+/// The node's topics. The stepping thread only copies the world, when something is due and somebody
+/// listens; messages are built and sent on a thread of its own.
+class Publishers {
+ public:
+  Publishers(const Parameters& parameters, ros::NodeHandle& handle,
+             ros::NodeHandle& private_handle);
+  ~Publishers();
+  Publishers(const Publishers&) = delete;
+  Publishers& operator=(const Publishers&) = delete;
+
+  // ---- on the stepping thread
+  void stepped(const World& world, double seconds);
+  void edited();
+  void passed(const World& world, const Stepper& stepper);
+  bool wants_stage_times() const { return statistics_topic_.getNumSubscribers() > 0; }
+
+ private:
+  /// What one round of messages is made of.
+  struct Snapshot {
+    World world;
+    ros::Time stamp;
+    bool has_statistics = false;
+    Statistics statistics;
+  };
+
+  bool is_due(double now) const;
+  bool anybody_listens() const;
+  void take_snapshot(const World& world, const Stepper& stepper, double now);
+  void take_statistics(const World& world, const Stepper& stepper, double now, Statistics& message);
+
+  void run();
+  void publish(const Snapshot& snapshot);
+  void publish_transforms(const Snapshot& snapshot);
+  void publish_body_states(const Snapshot& snapshot);
+  void publish_constraint_states(const Snapshot& snapshot);
+
+  Parameters parameters_;
+  ros::Publisher transforms_topic_;
+  ros::Publisher markers_topic_;
+  ros::Publisher body_states_topic_;
+  ros::Publisher constraint_states_topic_;
+  ros::Publisher statistics_topic_;
+
+  // of the stepping thread; times are of the steady clock [s]
+  Stamps stamps_;
+  TickStatistics ticks_;
+  std::uint64_t dropped_ticks_ = 0;
+  bool stepped_ = false;
+  bool edited_ = true;
+  double next_publication_ = 0.0;
+  double last_publication_ = 0.0;
+  double last_statistics_;
+  double last_statistics_time_ = 0.0;  // simulated [s]
+
+  // between the two threads
+  std::atomic<bool> newcomer_{false};  // somebody has just subscribed
+  std::mutex mutex_;
+  std::condition_variable wake_up_;
+  bool fresh_ = false;
+  bool stopping_ = false;
+  Snapshot incoming_;
+
+  // of the publishing thread
+  Snapshot current_;
+  Markers markers_;
+  std::thread thread_;
+};
+
+}  // namespace constraint_sim

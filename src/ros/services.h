@@ -1,0 +1,46 @@
+#pragma once
+
+#include <constraint_sim/AddBody.h>
+#include <constraint_sim/AddDistanceConstraint.h>
+#include <constraint_sim/GetWorldProperties.h>
+#include <constraint_sim/LoadScene.h>
+#include <constraint_sim/RemoveBody.h>
+#include <constraint_sim/RemoveConstraint.h>
+#include <constraint_sim/SetMotorBias.h>
+#include <constraint_sim/Step.h>
+#include <ros/node_handle.h>
+#include <std_srvs/Empty.h>
+
+#include <vector>
+
+#include "ros/parameters.h"
+#include "sim/stepper.h"
+
+namespace constraint_sim {
+
+/// The node's services: each translates a request into an edit of the stepper's world and waits
+/// until it has taken effect. Handlers run on the queue of the handle they are advertised with.
+class Services {
+ public:
+  Services(Stepper& stepper, const Parameters& parameters, ros::NodeHandle& private_handle);
+
+ private:
+  bool add_body(AddBodyRequest& request, AddBodyResponse& response);
+  bool remove_body(RemoveBodyRequest& request, RemoveBodyResponse& response);
+  bool add_distance_constraint(AddDistanceConstraintRequest& request,
+                               AddDistanceConstraintResponse& response);
+  bool remove_constraint(RemoveConstraintRequest& request, RemoveConstraintResponse& response);
+  bool set_motor_bias(SetMotorBiasRequest& request, SetMotorBiasResponse& response);
+  bool load_scene(LoadSceneRequest& request, LoadSceneResponse& response);
+  bool pause_physics(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse& response);
+  bool unpause_physics(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse& response);
+  bool step(StepRequest& request, StepResponse& response);
+  bool get_world_properties(GetWorldPropertiesRequest& request,
+                            GetWorldPropertiesResponse& response);
+
+  Stepper& stepper_;
+  double default_time_step_;
+  std::vector<ros::ServiceServer> servers_;
+};
+
+}  // namespace constraint_sim

@@ -1,0 +1,369 @@
+// Runs a scene without ROS: docs/scenes.md tells how to use it.
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/program_options.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "constraint_sim/scene.h"
+#include "engine/method_names.h"
+#include "engine/validate.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr int kBadInput = 2;
+constexpr int kPhysicsFailed = 3;
+
+struct Arguments {
+  std::string scene;
+  double duration = 0.0;  ///< [s]
+  std::optional<double> time_step;
+  std::optional<std::string> method;
+  std::string csv, report, save;  ///< paths; empty: not wanted
+  bool explain = false;
+};
+
+/// Nothing when only help was asked for.
+std::optional<Arguments> parse(int argc, char** argv) {
+  namespace po = boost::program_options;
+  Arguments arguments;
+  po::options_description visible("Options");
+  auto add = visible.add_options();
+  add("help,h", "print this");
+  add("duration", po::value(&arguments.duration)->required()->value_name("SECONDS"),
+      "simulated time to run, to the nearest tick");
+  add("time-step", po::value<double>()->value_name("SECONDS"), "tick, instead of the scene's");
+  add("method", po::value<std::string>()->value_name("NAME"), "instead of the scene's");
+  add("csv", po::value(&arguments.csv)->value_name("FILE"),
+      "write the state of each body, at the start and after every step");
+  add("report", po::value(&arguments.report)->value_name("FILE"), "write the outcome as JSON");
+  add("save", po::value(&arguments.save)->value_name("FILE"), "write the final state as a scene");
+  add("explain", po::bool_switch(&arguments.explain),
+      "print what the scene uses and what is left out, as YAML");
+  po::options_description all;
+  all.add(visible).add_options()("scene", po::value(&arguments.scene)->required());
+  po::positional_options_description positions;
+  positions.add("scene", 1);
+
+  po::variables_map values;
+  const int style = po::command_line_style::unix_style & ~po::command_line_style::allow_guessing;
+  po::store(
+      po::command_line_parser(argc, argv).options(all).positional(positions).style(style).run(),
+      values);
+  if (values.count("help") > 0) {
+    std::cout << "Usage: constraint_sim_run SCENE.yaml --duration SECONDS [options]\n\n"
+              << visible << "\nExit status: 0, 2 for bad input, 3 when the physics failed.\n";
+    return std::nullopt;
+  }
+  po::notify(values);
+  if (values.count("time-step") > 0) arguments.time_step = values["time-step"].as<double>();
+  if (values.count("method") > 0) arguments.method = values["method"].as<std::string>();
+  return arguments;
+}
+
+World load(const Arguments& arguments) {
+  World world = load_scene_file(arguments.scene);
+  WorldOptions options = world.options();
+  if (arguments.time_step) options.time_step = *arguments.time_step;
+  if (arguments.method) options.method = method_named(*arguments.method);
+  world.set_options(options);
+  return world;
+}
+
+std::uint64_t steps_in(double duration, double time_step) {
+  check_not_negative("duration", duration);
+  const double steps = std::round(duration / time_step);
+  constexpr double kMost = 9007199254740992.0;  // 2^53: beyond it a double cannot count
+  if (!(steps <= kMost)) refuse("duration", "is too many steps, got " + shortest(duration));
+  return static_cast<std::uint64_t>(steps);
+}
+
+// ---- files
+
+/// Opened before the run, so that a path that cannot be written costs no run. Not open for an empty
+/// path.
+class OutputFile {
+ public:
+  explicit OutputFile(const std::string& path) : path_(path) {
+    if (path_.empty()) return;
+    stream_.open(path_);
+    check();
+  }
+
+  bool is_wanted() const { return !path_.empty(); }
+  std::ostream& stream() { return stream_; }
+
+  void close() {
+    if (path_.empty()) return;
+    stream_.close();
+    check();
+  }
+
+ private:
+  void check() const {
+    if (!stream_) throw std::runtime_error("cannot write '" + path_ + "'");
+  }
+
+  std::string path_;
+  std::ofstream stream_;
+};
+
+void write_csv_header(std::ostream& out) {
+  out << "time,body,px,py,pz,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz\n";
+}
+
+void write_csv_rows(const World& world, std::ostream& out) {
+  const std::string time = shortest(world.time());
+  for (const BodyId id : world.body_ids()) {
+    const BodyState& state = world.state(id);
+    Eigen::Matrix<double, 13, 1> numbers;
+    numbers << state.position, state.orientation.coeffs(), state.linear_velocity,
+        state.angular_velocity;
+    out << time << ',' << world.body(id).name;
+    for (Eigen::Index i = 0; i < numbers.size(); ++i) out << ',' << shortest(numbers[i]);
+    out << '\n';
+  }
+}
+
+// ---- what a scene uses
+
+struct Plan {
+  int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
+  int points = 0, spheres = 0, boxes = 0, planes = 0;
+  int rods = 0, limits = 0, springs = 0, balls = 0, motors = 0;
+  bool collides = false;
+  std::string method;
+  std::vector<std::string> left_out;  ///< what, and why
+};
+
+void count_body(const Body& body, Plan* plan) {
+  plan->dynamic_bodies += body.type == BodyType::kDynamic;
+  plan->static_bodies += body.type == BodyType::kStatic;
+  plan->kinematic_bodies += body.type == BodyType::kKinematic;
+  plan->points += std::holds_alternative<Point>(body.shape);
+  plan->spheres += std::holds_alternative<Sphere>(body.shape);
+  plan->boxes += std::holds_alternative<Box>(body.shape);
+  plan->planes += std::holds_alternative<Plane>(body.shape);
+}
+
+void count_joint(const Joint& joint, Plan* plan) {
+  plan->motors += joint.motor.bias != 0.0 || joint.motor.amplitude != 0.0;
+  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+  if (distance == nullptr)
+    ++plan->balls;
+  else if (distance->is_soft())
+    ++plan->springs;
+  else if (distance->is_limited())
+    ++plan->limits;
+  else
+    ++plan->rods;
+}
+
+Plan plan_of(const World& world) {
+  Plan plan;
+  int colliding = 0, colliding_dynamic = 0, turning = 0;
+  for (const BodyId id : world.body_ids()) {
+    const Body& body = world.body(id);
+    count_body(body, &plan);
+    const bool is_dynamic = body.type == BodyType::kDynamic;
+    turning += is_dynamic && !(body.inertia.isZero(0.0) && unit_inertia(body.shape).isZero(0.0));
+    if (body.no_collision || std::holds_alternative<Point>(body.shape)) continue;
+    ++colliding;
+    colliding_dynamic += is_dynamic;
+  }
+  for (const JointId id : world.joint_ids()) count_joint(world.joint(id), &plan);
+
+  plan.collides = colliding >= 2 && colliding_dynamic >= 1;
+  if (!plan.collides)
+    plan.left_out.push_back(
+        "broadphase, narrowphase and contacts: no dynamic body has a shape that another could "
+        "touch");
+  if (world.joint_ids().empty()) plan.left_out.push_back("constraint rows: no constraints");
+  if (turning == 0) plan.left_out.push_back("rotation: no dynamic body has an inertia");
+
+  World probe = world;
+  plan.method = name(probe.step().method);
+  return plan;
+}
+
+void print(const Plan& plan, Method asked_for) {
+  std::printf("method: {asked_for: %s, used: %s}\n", name(asked_for), plan.method.c_str());
+  std::printf("bodies: {dynamic: %d, static: %d, kinematic: %d}\n", plan.dynamic_bodies,
+              plan.static_bodies, plan.kinematic_bodies);
+  std::printf("shapes: {point: %d, sphere: %d, box: %d, plane: %d}\n", plan.points, plan.spheres,
+              plan.boxes, plan.planes);
+  std::printf("constraints: {rod: %d, limited: %d, spring: %d, ball: %d, motor: %d}\n", plan.rods,
+              plan.limits, plan.springs, plan.balls, plan.motors);
+  std::printf("collision: %s\n", plan.collides ? "true" : "false");
+  std::printf("left_out:%s\n", plan.left_out.empty() ? " []" : "");
+  for (const std::string& line : plan.left_out) std::printf("  - \"%s\"\n", line.c_str());
+}
+
+// ---- the run
+
+using SteadyClock = std::chrono::steady_clock;
+
+double seconds_since(SteadyClock::time_point start) {
+  return std::chrono::duration<double>(SteadyClock::now() - start).count();
+}
+
+/// A bar with the time left, ten times a second, where somebody is looking.
+class ProgressBar {
+ public:
+  explicit ProgressBar(std::uint64_t steps) : steps_(steps), shown_(isatty(STDERR_FILENO) == 1) {}
+  ~ProgressBar() {
+    if (last_update_ > 0.0) std::fprintf(stderr, "\r\033[K");
+  }
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+
+  void update(std::uint64_t step) {
+    if (!shown_) return;
+    const double elapsed = seconds_since(start_);
+    if (elapsed < last_update_ + 0.1) return;
+    last_update_ = elapsed;
+    const double share = static_cast<double>(step) / static_cast<double>(steps_);
+    const auto filled = static_cast<std::size_t>(kWidth * share);
+    std::fprintf(stderr, "\r[%s%s] %3.0f %%  %.0f s left\033[K", std::string(filled, '#').c_str(),
+                 std::string(kWidth - filled, ' ').c_str(), 100.0 * share,
+                 elapsed * (1.0 - share) / share);
+  }
+
+ private:
+  static constexpr std::size_t kWidth = 40;
+
+  std::uint64_t steps_;
+  bool shown_;
+  SteadyClock::time_point start_ = SteadyClock::now();
+  double last_update_ = 0.0;
+};
+
+struct Outcome {
+  double wall_time = 0.0;                           ///< in World::step alone [s]
+  double max_constraint_error = 0.0;                ///< over all steps [m]
+  double energy_initial = 0.0, energy_final = 0.0;  ///< [J]
+  double energy_drift = 0.0;                        ///< after the last step [1]
+  std::set<std::string> methods;
+  bool failed = false;
+};
+
+Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
+  Outcome outcome;
+  outcome.energy_initial = world->energy();
+  if (csv->is_wanted()) {
+    write_csv_header(csv->stream());
+    write_csv_rows(*world, csv->stream());
+  }
+  ProgressBar progress(steps);
+  for (std::uint64_t step = 1; step <= steps && !outcome.failed; ++step) {
+    const auto start = SteadyClock::now();
+    const StepReport& report = world->step();
+    outcome.wall_time += seconds_since(start);
+    outcome.max_constraint_error =
+        std::max(outcome.max_constraint_error, report.max_constraint_error);
+    outcome.energy_drift = report.energy_drift;
+    outcome.methods.insert(name(report.method));
+    outcome.failed = report.failed;
+    if (csv->is_wanted()) write_csv_rows(*world, csv->stream());
+    progress.update(step);
+  }
+  outcome.energy_final = world->energy();
+  return outcome;
+}
+
+// ---- what came of it
+
+std::string hash_text(const World& world) {
+  char text[19];
+  std::snprintf(text, sizeof text, "0x%016llx",
+                static_cast<unsigned long long>(world.state_hash()));
+  return text;
+}
+
+template <class Vector>
+std::vector<double> list(const Vector& vector) {
+  return std::vector<double>(vector.data(), vector.data() + vector.size());
+}
+
+nlohmann::json report_of(const World& world, const Outcome& outcome, const Plan& plan) {
+  nlohmann::json bodies = nlohmann::json::object();
+  for (const BodyId id : world.body_ids()) {
+    const BodyState& state = world.state(id);
+    bodies[world.body(id).name] = {
+        {"position", list(state.position)},
+        {"orientation", list(state.orientation.coeffs())},
+        {"linear_velocity", list(state.linear_velocity)},
+        {"angular_velocity", list(state.angular_velocity)},
+    };
+  }
+  return {
+      {"steps", world.step_count()},
+      {"sim_time", world.time()},
+      {"wall_time", outcome.wall_time},
+      {"state_hash", hash_text(world)},
+      {"bodies", bodies},
+      {"energy_initial", outcome.energy_initial},
+      {"energy_final", outcome.energy_final},
+      {"max_constraint_error", outcome.max_constraint_error},
+      {"methods", outcome.methods},
+      {"left_out", plan.left_out},
+  };
+}
+
+void print_summary(const World& world, const Outcome& outcome) {
+  std::string methods;
+  for (const std::string& method : outcome.methods)
+    methods += (methods.empty() ? "" : ", ") + method;
+  const auto steps = static_cast<unsigned long long>(world.step_count());
+  std::printf("steps                  %llu\n", steps);
+  std::printf("simulated time         %g s\n", world.time());
+  std::printf("wall time              %.3g s\n", outcome.wall_time);
+  std::printf("worst constraint error %.3g m\n", outcome.max_constraint_error);
+  std::printf("energy drift           %.3g of the largest kinetic energy\n", outcome.energy_drift);
+  std::printf("method                 %s\n", methods.empty() ? "none" : methods.c_str());
+  std::printf("state hash             %s\n", hash_text(world).c_str());
+}
+
+/// Returns the exit status. Throws what its input deserves.
+int run(const Arguments& arguments) {
+  World world = load(arguments);
+  const std::uint64_t steps = steps_in(arguments.duration, world.options().time_step);
+  const Plan plan = plan_of(world);
+  if (arguments.explain) print(plan, world.options().method);
+
+  OutputFile csv(arguments.csv), report(arguments.report), save(arguments.save);
+  const Outcome outcome = run(steps, &world, &csv);
+
+  if (report.is_wanted()) report.stream() << report_of(world, outcome, plan).dump(2) << '\n';
+  if (save.is_wanted()) save.stream() << save_scene(world);
+  for (OutputFile* file : {&csv, &report, &save}) file->close();
+  print_summary(world, outcome);
+  if (!outcome.failed) return 0;
+  std::fprintf(stderr, "constraint_sim_run: the physics failed after %g s\n", world.time());
+  return kPhysicsFailed;
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine
+
+int main(int argc, char** argv) {
+  try {
+    const auto arguments = constraint_sim::engine::parse(argc, argv);
+    return arguments ? constraint_sim::engine::run(*arguments) : 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "constraint_sim_run: %s\n", error.what());
+    return constraint_sim::engine::kBadInput;
+  }
+}

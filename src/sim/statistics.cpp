@@ -1,0 +1,28 @@
+#include "sim/statistics.h"
+
+#include <algorithm>
+
+namespace constraint_sim {
+
+void TickStatistics::add(const engine::World& world, double seconds) {
+  const engine::StepReport& report = world.report();
+  ++ticks;
+  if (report.worst_joint &&
+      (worst_constraint.empty() || report.max_constraint_error > max_constraint_error)) {
+    max_constraint_error = report.max_constraint_error;
+    worst_constraint = world.joint(*report.worst_joint).name;
+  }
+  wall_sum += seconds;
+  wall_max = std::max(wall_max, seconds);
+  for (std::size_t i = 0; i < stage_sums.size(); ++i) stage_sums[i] += report.stage_times[i];
+  local_error = std::max(local_error, report.local_error);
+  accumulated_local_error += report.local_error;
+}
+
+void TickStatistics::clear() {
+  const double accumulated = accumulated_local_error;
+  *this = TickStatistics{};
+  accumulated_local_error = accumulated;
+}
+
+}  // namespace constraint_sim

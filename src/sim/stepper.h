@@ -1,0 +1,139 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <future>
+#include <mutex>
+#include <stdexcept>
+
+#include "constraint_sim/world.h"
+
+namespace constraint_sim {
+
+using engine::World;
+
+/// An edit or query that was given up because the stepper stops.
+class Cancelled : public std::runtime_error {
+ public:
+  Cancelled() : std::runtime_error("cancelled: the simulator is shutting down") {}
+};
+
+/// What the stepper was asked for that it cannot do now.
+class NotNow : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+struct StepperOptions {
+  double real_time_factor = 1.0;  ///< simulated per clock seconds, ≥ 0; 0: as fast as it can
+  bool paused = false;
+  double max_catch_up = 0.1;  ///< [clock s] that it may lag; ticks beyond are dropped and counted
+};
+
+/// When an edit took effect.
+struct Boundary {
+  double time = 0.0;       ///< simulated [s]
+  std::uint64_t step = 0;  ///< steps since the start
+};
+
+/// What the stepper tells its owner, on the stepping thread, between steps.
+struct StepperEvents {
+  std::function<void(const World&, double seconds)> stepped;  ///< run time of the step [s]
+  std::function<void(const World&)> edited;                   ///< at least one edit took effect
+  std::function<void(const World&)> passed;  ///< at the end of every pass, and once a second
+};
+
+/// Owns a World and the thread's worth of work that carries it on: what is due by the clock, what
+/// is asked for by step(), and the edits that come from other threads. Edits wait in a queue and
+/// take effect together at a boundary, any moment when no step is running. Nothing else touches the
+/// world.
+class Stepper {
+ public:
+  using Clock = std::function<double()>;  ///< [s] from any origin
+
+  Stepper(World world, const StepperOptions& options, Clock clock, StepperEvents events);
+  /// The stepping thread, and all who wait, must have ended: stop() sees to that.
+  ~Stepper();
+  Stepper(const Stepper&) = delete;
+  Stepper& operator=(const Stepper&) = delete;
+
+  // ---- the stepping thread
+  /// Steps until stop().
+  void run();
+  /// One pass: the edits that wait, then the steps that are due; with much to do, a share of it.
+  /// Returns the clock seconds after which the next pass has work, unless wake() comes before.
+  double advance();
+
+  // ---- any thread
+  /// Runs `change` at a boundary and returns when it has taken effect. What it throws is thrown
+  /// here, and then it must have changed nothing. Throws Cancelled.
+  Boundary edit(std::function<void(World&)> change);
+  /// The same for looking only.
+  Boundary inspect(std::function<void(const World&)> look);
+  Boundary pause();
+  Boundary unpause();
+  /// Carries a paused world on by `steps`; `look` sees it right after the last one. Edits go on in
+  /// between. Throws NotNow unless paused, or when the physics fails on the way.
+  Boundary step(std::uint64_t steps, std::function<void(const World&)> look);
+  /// Makes run() do a pass at once.
+  void wake();
+  /// Ends run() after the step that is running, and throws Cancelled to all who wait. For good.
+  void stop();
+
+  bool is_paused() const { return paused_; }
+  bool has_failed() const { return failed_; }
+  std::uint64_t dropped_ticks() const { return dropped_ticks_; }
+  double real_time_factor() const { return options_.real_time_factor; }
+  /// Whether to time the stages of each step, from the next one on.
+  void time_stages(bool on) { time_stages_ = on; }
+
+ private:
+  struct Task {
+    std::function<void()> run;
+    std::promise<Boundary> done;
+  };
+  struct StepRequest {
+    std::uint64_t remaining;
+    std::function<void(const World&)> look;
+    std::promise<Boundary> done;
+  };
+
+  Boundary enqueue(std::function<void()> run);
+  bool is_wanted() const;
+  void cancel_all();
+  void run_tasks();
+  void take_requested_steps();
+  void take_due_steps();
+  template <class Due, class Done>
+  void step_while(Due is_due, Done done);
+  void drop_beyond(double most_owed);
+  void step_once();
+  double wait() const;
+  Boundary now() const { return {world_.time(), world_.step_count()}; }
+
+  // of the stepping thread
+  World world_;
+  StepperOptions options_;
+  Clock clock_;
+  StepperEvents events_;
+  std::deque<StepRequest> step_requests_;
+  double last_clock_ = 0.0;
+  double owed_ = 0.0;  // simulated seconds that the clock has passed and the world has not
+  bool edited_ = false;
+
+  // shared
+  mutable std::mutex mutex_;
+  std::condition_variable wake_up_;
+  std::deque<Task> tasks_;
+  bool woken_ = false;
+  bool stopping_ = false;
+  std::atomic<bool> paused_;
+  std::atomic<bool> failed_{false};
+  std::atomic<bool> time_stages_{false};
+  std::atomic<std::uint64_t> dropped_ticks_{0};
+};
+
+}  // namespace constraint_sim

@@ -1,0 +1,176 @@
+#pragma once
+
+// What the tests of the engine's physics share.
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "constraint_sim/world.h"
+
+namespace constraint_sim::engine {
+
+inline constexpr double kPi = 3.14159265358979323846;
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+inline constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+inline constexpr double kGravity = 9.81;
+
+/// Uniform in [-1, 1), the same with every standard library.
+class Random {
+ public:
+  double operator()() { return static_cast<double>(generator_()) / 2147483648.0 - 1.0; }
+  Eigen::Vector3d vector() {
+    const double x = (*this)();
+    const double y = (*this)();
+    return {x, y, (*this)()};
+  }
+  Eigen::Quaterniond orientation() {
+    Eigen::Quaterniond q;
+    q.w() = (*this)();
+    q.vec() = vector();
+    return q.normalized();
+  }
+  BodyState state() {
+    const Eigen::Vector3d position = 2.0 * vector();
+    const Eigen::Quaterniond q = orientation();
+    const Eigen::Vector3d v = vector();
+    return {position, q, v, vector()};
+  }
+
+ private:
+  std::mt19937 generator_{2024};
+};
+
+// ---- worlds
+
+inline WorldOptions options(double time_step, double gravity = kGravity) {
+  WorldOptions options;
+  options.time_step = time_step;
+  options.gravity = {0.0, 0.0, -gravity};
+  return options;
+}
+
+inline WorldOptions weightless(double time_step) { return options(time_step, 0.0); }
+
+inline Body make_body(const std::string& name, const Shape& shape, double mass,
+                      const Eigen::Vector3d& position) {
+  Body body;
+  body.name = name;
+  body.shape = shape;
+  body.mass = mass;
+  body.state.position = position;
+  return body;
+}
+
+/// A plane through the origin, turned about y by `slope` [rad]: its downhill direction is
+/// (cos slope, 0, −sin slope).
+inline Body make_floor(double friction, double slope = 0.0) {
+  Body floor = make_body("floor", Plane{}, 0.0, Eigen::Vector3d::Zero());
+  floor.type = BodyType::kStatic;
+  floor.friction = friction;
+  floor.state.orientation = Eigen::AngleAxisd(slope, Eigen::Vector3d::UnitY());
+  return floor;
+}
+
+inline Joint make_joint(const std::string& name, BodyId a, const Eigen::Vector3d& anchor_a,
+                        BodyId b, const Eigen::Vector3d& anchor_b,
+                        const JointType& type = DistanceJoint{}) {
+  Joint joint;
+  joint.name = name;
+  joint.body_a = a;
+  joint.anchor_a = anchor_a;
+  joint.body_b = b;
+  joint.anchor_b = anchor_b;
+  joint.type = type;
+  return joint;
+}
+
+/// From the world's origin to the centre of a body.
+inline Joint hang(const std::string& name, BodyId body, const JointType& type = DistanceJoint{}) {
+  return make_joint(name, kWorldBody, Eigen::Vector3d::Zero(), body, Eigen::Vector3d::Zero(), type);
+}
+
+inline DistanceJoint rod(double length) {
+  DistanceJoint joint;
+  joint.length = length;
+  return joint;
+}
+
+inline DistanceJoint between(double min_length, double max_length) {
+  DistanceJoint joint;
+  joint.min_length = min_length;
+  joint.max_length = max_length;
+  return joint;
+}
+
+inline DistanceJoint rope(double max_length) { return between(0.0, max_length); }
+
+inline DistanceJoint spring(double length, double stiffness, double damping) {
+  DistanceJoint joint = rod(length);
+  joint.stiffness = stiffness;
+  joint.damping = damping;
+  return joint;
+}
+
+inline double distance(const World& world, JointId id) {
+  const World::Anchors anchors = world.anchors(id);
+  return (anchors.p_b - anchors.p_a).norm();
+}
+
+inline void run(World& world, int steps) {
+  for (int i = 0; i < steps; ++i) ASSERT_FALSE(world.step().failed) << "at t = " << world.time();
+}
+
+// ---- figures
+
+inline Eigen::Vector3d inertia_of(const Body& body) {
+  return body.inertia.isZero(0.0) ? Eigen::Vector3d(body.mass * unit_inertia(body.shape))
+                                  : body.inertia;
+}
+
+/// Of all dynamic bodies [kg m/s].
+inline Eigen::Vector3d momentum(const World& world) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const BodyId id : world.body_ids())
+    if (world.body(id).type == BodyType::kDynamic)
+      sum += world.body(id).mass * world.state(id).linear_velocity;
+  return sum;
+}
+
+/// Of all dynamic bodies about the world's origin [kg m²/s].
+inline Eigen::Vector3d angular_momentum(const World& world) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const BodyId id : world.body_ids()) {
+    const Body& body = world.body(id);
+    if (body.type != BodyType::kDynamic) continue;
+    const BodyState& state = world.state(id);
+    const Eigen::Quaterniond& q = state.orientation;
+    const Eigen::Vector3d w_B = q.conjugate() * state.angular_velocity;
+    sum += body.mass * state.position.cross(state.linear_velocity) +
+           q * inertia_of(body).cwiseProduct(w_B);
+  }
+  return sum;
+}
+
+/// The order p of errors that fall as step^p, by least squares over all of them.
+inline double order(const std::vector<double>& steps, const std::vector<double>& errors) {
+  const auto n = static_cast<double>(steps.size());
+  double x = 0.0, y = 0.0, xx = 0.0, xy = 0.0;
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    const double log_step = std::log(steps[i]);
+    const double log_error = std::log(errors[i]);
+    x += log_step;
+    y += log_error;
+    xx += log_step * log_step;
+    xy += log_step * log_error;
+  }
+  return (n * xy - x * y) / (n * xx - x * x);
+}
+
+}  // namespace constraint_sim::engine

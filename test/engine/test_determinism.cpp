@@ -1,0 +1,246 @@
+// The same steps give the same bits, and the hash sees every one of them.
+
+#include <functional>
+#include <map>
+
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Contacts with friction, warm starting, motors, springs, a rope and a ball joint.
+World busy_world() {
+  World world(options(0.01));
+  Body floor = make_floor(0.5);
+  floor.restitution = 0.3;
+  world.add_body(floor);
+  Random random;
+  std::vector<BodyId> boxes;
+  for (int i = 0; i < 8; ++i) {
+    Body body = make_body("box_" + std::to_string(i), Box{{0.4, 0.3, 0.5}}, 1.0 + 0.1 * i,
+                          {0.3 * i, 0.1 * random(), 0.5 + 0.4 * (i % 3)});
+    body.state.orientation = random.orientation();
+    body.state.angular_velocity = random.vector();
+    body.friction = 0.5;
+    boxes.push_back(world.add_body(body));
+    Body ball = make_body("ball_" + std::to_string(i), Sphere{0.15}, 0.5,
+                          {0.3 * i, 1.0 + 0.1 * random(), 1.0});
+    ball.friction = 0.3;
+    boxes.push_back(world.add_body(ball));
+  }
+  const Vector3d corner(0.2, 0.15, 0.25);
+  Joint driven = make_joint("driven", boxes[0], corner, boxes[2], -corner);
+  driven.motor.bias = 0.01;
+  driven.motor.amplitude = 0.2;
+  driven.motor.frequency = 1.3;
+  driven.motor.max_force = 50.0;
+  world.add_joint(driven);
+  world.add_joint(make_joint("ball", boxes[4], corner, boxes[6], -corner, BallJoint{}));
+  world.add_joint(make_joint("rope", kWorldBody, {0.0, 0.0, 3.0}, boxes[8], corner, rope(2.6)));
+  world.add_joint(
+      make_joint("spring", boxes[10], corner, boxes[12], corner, spring(0.5, 50.0, 1.0)));
+  return world;
+}
+
+TEST(Determinism, TwoRunsGiveTheSameHash) {
+  World first = busy_world();
+  World second = busy_world();
+  std::uint32_t contacts = 0;
+  for (int step = 0; step < 500; ++step) {
+    contacts += first.step().contacts;
+    second.step();
+    ASSERT_EQ(first.state_hash(), second.state_hash()) << step;
+  }
+  EXPECT_GT(contacts, 1000u);  // or there was little to tell apart
+}
+
+TEST(Determinism, CopiesGoOnBitIdentically) {
+  World original = busy_world();
+  run(original, 100);
+  World copy(original);
+  World assigned;
+  assigned = original;
+  World moved = World(original);
+  run(original, 200);
+  run(copy, 200);
+  run(assigned, 200);
+  run(moved, 200);
+  EXPECT_EQ(copy.state_hash(), original.state_hash());
+  EXPECT_EQ(assigned.state_hash(), original.state_hash());
+  EXPECT_EQ(moved.state_hash(), original.state_hash());
+}
+
+TEST(Determinism, CopiesAreIndependent) {
+  World original = busy_world();
+  World copy = original;
+  const std::uint64_t before = original.state_hash();
+  run(copy, 10);
+  copy.remove_body(copy.find_body("box_0"));
+  EXPECT_EQ(original.state_hash(), before);
+  EXPECT_TRUE(original.has_joint("driven"));
+}
+
+TEST(Determinism, WatchingChangesNothing) {
+  World watched = busy_world();
+  World alone = busy_world();
+  for (int step = 0; step < 100; ++step) {
+    watched.step();
+    watched.state_hash();
+    watched.energy();
+    watched.contacts();
+    alone.step();
+  }
+  EXPECT_EQ(watched.state_hash(), alone.state_hash());
+}
+
+TEST(Determinism, GlobalStateIsNone) {
+  World alone = busy_world();
+  run(alone, 100);
+  World first = busy_world();
+  World other = busy_world();
+  for (int step = 0; step < 100; ++step) {
+    first.step();
+    other.step();
+    other.step();
+  }
+  EXPECT_EQ(first.state_hash(), alone.state_hash());
+}
+
+// ---- the hash
+
+TEST(Hash, DoesNotHangOnTheOrderOfAdding) {
+  const auto a = [](World& world) {
+    return world.add_body(make_body("a", Sphere{1.0}, 1.0, {0.0, 0.0, 0.0}));
+  };
+  const auto b = [](World& world) {
+    return world.add_body(make_body("b", Sphere{1.0}, 2.0, {3.0, 0.0, 0.0}));
+  };
+  World first;
+  World second;
+  const BodyId a_1 = a(first);
+  const BodyId b_1 = b(first);
+  const BodyId b_2 = b(second);
+  const BodyId a_2 = a(second);
+  first.add_joint(make_joint("rod", a_1, Vector3d::Zero(), b_1, Vector3d::Zero()));
+  first.add_joint(hang("rope", b_1, rope(9.0)));
+  second.add_joint(hang("rope", b_2, rope(9.0)));
+  second.add_joint(make_joint("rod", a_2, Vector3d::Zero(), b_2, Vector3d::Zero()));
+  EXPECT_EQ(first.state_hash(), second.state_hash());
+}
+
+/// All that goes into a world with one body on one joint, and what it is turned into.
+struct Parts {
+  Body body = make_body("body", Box{{1.0, 2.0, 3.0}}, 2.0, {1.1, 1.2, 1.3});
+  Body fixture = make_body("fixture", Sphere{1.0}, 2.0, {9.0, 0.0, 0.0});
+  Joint joint = make_joint("joint", kWorldBody, {0.1, 0.2, 0.3}, kWorldBody, {0.4, 0.5, 0.6});
+  double time = 2.5;
+  std::uint64_t step = 10;
+  bool broken = false;
+
+  Parts() {
+    fixture.type = BodyType::kStatic;
+    body.inertia = {1.0, 1.5, 2.0};
+    body.state.orientation = Eigen::Quaterniond(0.5, 0.5, 0.5, 0.5);
+    body.state.linear_velocity = {0.1, 0.2, 0.3};
+    body.state.angular_velocity = {0.4, 0.5, 0.6};
+    DistanceJoint distance = spring(1.7, 3.0, 0.2);
+    distance.min_length = 0.5;
+    distance.max_length = 2.5;
+    joint.type = distance;
+    joint.motor = {0.1, 0.2, 0.3, 0.4, 5.0, 6.0};
+    joint.baumgarte = 0.3;
+    joint.break_force = 1000.0;
+  }
+
+  DistanceJoint& distance() { return std::get<DistanceJoint>(joint.type); }
+
+  std::uint64_t hash() const {
+    World world;
+    Joint filled = joint;
+    filled.body_b = world.add_body(body);
+    world.add_body(fixture);
+    const JointId id = world.add_joint(filled);
+    world.set_broken(id, broken);
+    world.set_time(time, step);
+    return world.state_hash();
+  }
+};
+
+double up(double value) { return std::nextafter(value, kInfinity); }
+
+TEST(Hash, SeesOneUlpInEveryField) {
+  std::map<std::string, std::function<void(Parts&)>> changes{
+      {"body name", [](Parts& p) { p.body.name = "bodz"; }},
+      {"body type", [](Parts& p) { p.fixture.type = BodyType::kKinematic; }},
+      {"mass", [](Parts& p) { p.body.mass = up(p.body.mass); }},
+      {"joint name", [](Parts& p) { p.joint.name = "joinu"; }},
+      {"joint type",
+       [](Parts& p) {
+         p.joint.type = BallJoint{};
+         p.joint.motor = {};
+       }},
+      {"length", [](Parts& p) { p.distance().length = up(*p.distance().length); }},
+      {"min_length", [](Parts& p) { p.distance().min_length = up(p.distance().min_length); }},
+      {"max_length", [](Parts& p) { p.distance().max_length = up(p.distance().max_length); }},
+      {"stiffness", [](Parts& p) { p.distance().stiffness = up(p.distance().stiffness); }},
+      {"damping", [](Parts& p) { p.distance().damping = up(p.distance().damping); }},
+      {"bias", [](Parts& p) { p.joint.motor.bias = up(p.joint.motor.bias); }},
+      {"amplitude", [](Parts& p) { p.joint.motor.amplitude = up(p.joint.motor.amplitude); }},
+      {"motor frequency", [](Parts& p) { p.joint.motor.frequency = up(p.joint.motor.frequency); }},
+      {"phase", [](Parts& p) { p.joint.motor.phase = up(p.joint.motor.phase); }},
+      {"max_force", [](Parts& p) { p.joint.motor.max_force = up(p.joint.motor.max_force); }},
+      {"timeout", [](Parts& p) { p.joint.motor.timeout += 2e-15; }},  // an ulp of its end, at 8.5 s
+      {"baumgarte", [](Parts& p) { p.joint.baumgarte = up(*p.joint.baumgarte); }},
+      {"no baumgarte", [](Parts& p) { p.joint.baumgarte.reset(); }},
+      {"break_force", [](Parts& p) { p.joint.break_force = up(p.joint.break_force); }},
+      {"collide_connected", [](Parts& p) { p.joint.collide_connected = true; }},
+      {"broken", [](Parts& p) { p.broken = true; }},
+      {"time", [](Parts& p) { p.time = up(p.time); }},
+      {"step", [](Parts& p) { ++p.step; }},
+  };
+  for (int i = 0; i < 3; ++i) {
+    const std::string axis(1, "xyz"[i]);
+    const auto raise = [i](Vector3d& v) { v[i] = up(v[i]); };
+    changes["inertia." + axis] = [raise](Parts& p) { raise(p.body.inertia); };
+    changes["position." + axis] = [raise](Parts& p) { raise(p.body.state.position); };
+    changes["linear_velocity." + axis] = [raise](Parts& p) { raise(p.body.state.linear_velocity); };
+    changes["angular_velocity." + axis] = [raise](Parts& p) {
+      raise(p.body.state.angular_velocity);
+    };
+    changes["anchor_a." + axis] = [raise](Parts& p) { raise(p.joint.anchor_a); };
+    changes["anchor_b." + axis] = [raise](Parts& p) { raise(p.joint.anchor_b); };
+  }
+  for (int i = 0; i < 4; ++i)
+    changes["orientation[" + std::to_string(i)] = [i](Parts& p) {
+      double& q_i = p.body.state.orientation.coeffs()[i];
+      q_i = up(q_i);
+    };
+
+  std::map<std::uint64_t, std::string> seen{{Parts().hash(), "unchanged"}};
+  EXPECT_EQ(Parts().hash(), seen.begin()->first);
+  for (const auto& [what, change] : changes) {
+    Parts parts;
+    change(parts);
+    const auto [found, is_new] = seen.emplace(parts.hash(), what);
+    EXPECT_TRUE(is_new) << what << " hashes as " << found->second;
+  }
+}
+
+TEST(Hash, SeesTheMotorsTravel) {
+  World world(weightless(0.01));
+  const BodyId id = world.add_body(make_body("body", Point{}, 1.0, {1.0, 0.0, 0.0}));
+  Joint joint = hang("joint", id, rope(5.0));
+  joint.motor.bias = 1e-9;  // slack: nothing moves but the travel
+  world.add_joint(joint);
+  World still = world;
+  still.set_motor(still.find_joint("joint"), {});
+  world.step();
+  world.set_motor(world.find_joint("joint"), {});
+  still.step();
+  EXPECT_NE(world.state_hash(), still.state_hash());
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -1,0 +1,227 @@
+// Each row's Jacobian against central differences of its C under the generalised velocities.
+
+#include <functional>
+
+#include "engine/constraints/ball.h"
+#include "engine/constraints/contact.h"
+#include "engine/constraints/distance.h"
+#include "engine/narrowphase.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr int kTrials = 200;
+
+// Central differences leave kStep² C''' (below 1e-9 for distances above 0.3 m) and the round-off of
+// C over the step (1e-15 / 1e-5).
+constexpr double kStep = 1e-5;
+constexpr double kTolerance = 2e-9;
+
+struct Pair {
+  BodyState a, b;
+};
+
+/// A body after moving for `step` with velocity v and turning rate w.
+BodyState moved(BodyState body, const Vector3d& v, const Vector3d& w, double step) {
+  body.position += step * v;
+  if (w.norm() > 0.0)
+    body.orientation = Eigen::AngleAxisd(step * w.norm(), w.normalized()) * body.orientation;
+  return body;
+}
+
+void expect_gradient(const std::function<double(const Pair&)>& C, const Pair& pose,
+                     const Jacobian& J) {
+  const Vector3d zero = Vector3d::Zero();
+  const auto slope = [&](const Vector3d& v_A, const Vector3d& w_A, const Vector3d& v_B,
+                         const Vector3d& w_B) {
+    const auto at = [&](double step) {
+      return C({moved(pose.a, v_A, w_A, step), moved(pose.b, v_B, w_B, step)});
+    };
+    return (at(kStep) - at(-kStep)) / (2.0 * kStep);
+  };
+  for (int i = 0; i < 3; ++i) {
+    const Vector3d e = Vector3d::Unit(i);
+    EXPECT_NEAR(J.j1[i], slope(e, zero, zero, zero), kTolerance);
+    EXPECT_NEAR(J.j2[i], slope(zero, e, zero, zero), kTolerance);
+    EXPECT_NEAR(J.j3[i], slope(zero, zero, e, zero), kTolerance);
+    EXPECT_NEAR(J.j4[i], slope(zero, zero, zero, e), kTolerance);
+  }
+}
+
+Vector3d point_of(const BodyState& body, const Vector3d& anchor) {
+  return body.position + body.orientation * anchor;
+}
+
+/// Where the point of the body that is at p now is in another pose.
+Vector3d carried(const BodyState& now, const Vector3d& p, const BodyState& then) {
+  return point_of(then, now.orientation.conjugate() * (p - now.position));
+}
+
+struct Joined {
+  Joint joint;
+  Pair pose;
+
+  Vector3d d(const Pair& at) const {
+    return point_of(at.b, joint.anchor_b) - point_of(at.a, joint.anchor_a);
+  }
+};
+
+Joined random_joint(Random* random) {
+  Joined joined;
+  do {
+    joined.joint.anchor_a = random->vector();
+    joined.joint.anchor_b = random->vector();
+    joined.pose.a = random->state();
+    joined.pose.b = random->state();
+  } while (joined.d(joined.pose).norm() < 0.3);
+  return joined;
+}
+
+TEST(Jacobians, DistanceRow) {
+  Random random;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const Joined joined = random_joint(&random);
+    const double travel = 0.1 * random();
+    const auto C = [&](const Pair& at) { return joined.d(at).norm() - 0.8 - travel; };
+    Row rows[3];
+    ASSERT_EQ(
+        write_distance_rows(rod(0.8), {joined.joint, joined.pose.a, joined.pose.b}, travel, rows),
+        1);
+    EXPECT_NEAR(rows[0].C, C(joined.pose), 8 * kEpsilon);
+    expect_gradient(C, joined.pose, rows[0].J);
+  }
+}
+
+TEST(Jacobians, RowsOfLimits) {
+  Random random;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const Joined joined = random_joint(&random);
+    const double travel = 0.1 * random();
+    const auto C_max = [&](const Pair& at) { return joined.d(at).norm() - 1.5 - travel; };
+    const auto C_min = [&](const Pair& at) { return joined.d(at).norm() - 0.8 - travel; };
+    Row rows[3];
+    ASSERT_EQ(write_distance_rows(between(0.8, 1.5), {joined.joint, joined.pose.a, joined.pose.b},
+                                  travel, rows),
+              2);
+    EXPECT_NEAR(rows[0].C, C_max(joined.pose), 8 * kEpsilon);
+    EXPECT_EQ(rows[0].upper, 0.0);
+    EXPECT_EQ(rows[0].lower, -kInfinity);
+    expect_gradient(C_max, joined.pose, rows[0].J);
+    EXPECT_NEAR(rows[1].C, C_min(joined.pose), 8 * kEpsilon);
+    EXPECT_EQ(rows[1].lower, 0.0);
+    EXPECT_EQ(rows[1].upper, kInfinity);
+    expect_gradient(C_min, joined.pose, rows[1].J);
+  }
+}
+
+TEST(Jacobians, RowsOfABall) {
+  Random random;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const Joined joined = random_joint(&random);
+    Row rows[3];
+    ASSERT_EQ(write_ball_rows({joined.joint, joined.pose.a, joined.pose.b}, rows), 3);
+    for (int i = 0; i < 3; ++i) {
+      const auto C = [&](const Pair& at) { return joined.d(at)[i]; };
+      EXPECT_NEAR(rows[i].C, C(joined.pose), 8 * kEpsilon);
+      expect_gradient(C, joined.pose, rows[i].J);
+    }
+  }
+}
+
+// J V is the rate of the anchors' distance that the velocities make: the tutorial's C-dot.
+TEST(Jacobians, TimesVelocitiesIsTheRateOfTheDistance) {
+  Random random;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const Joined joined = random_joint(&random);
+    const BodyState& a = joined.pose.a;
+    const BodyState& b = joined.pose.b;
+    Row row[3];
+    write_distance_rows(rod(1.0), {joined.joint, a, b}, 0.0, row);
+    const auto C = [&](double t) {
+      return joined
+          .d({moved(a, a.linear_velocity, a.angular_velocity, t),
+              moved(b, b.linear_velocity, b.angular_velocity, t)})
+          .norm();
+    };
+    EXPECT_NEAR(row[0].J.times(a.linear_velocity, a.angular_velocity, b.linear_velocity,
+                               b.angular_velocity),
+                (C(kStep) - C(-kStep)) / (2.0 * kStep), 10.0 * kTolerance);
+  }
+}
+
+struct RandomContact {
+  Pair pose;
+  Vector3d normal;
+  Manifold::Point point;
+
+  explicit RandomContact(Random* random) {
+    pose = {random->state(), random->state()};
+    normal = random->vector().normalized();
+    point.position = random->vector();
+    point.depth = 0.01;
+  }
+
+  /// The rows, with friction: normal and two tangents.
+  std::vector<Row> rows() const {
+    Body a, b;
+    a.friction = b.friction = 0.5;
+    std::vector<Row> rows(kMaxContactRows);
+    const int count = write_contact_rows(pose.a, pose.b, normal, point, ContactSurface(a, b),
+                                         {0.01, 0.1, kGravity}, Vector3d::Zero(), rows.data());
+    EXPECT_EQ(count, 3);
+    return rows;
+  }
+};
+
+// C of a contact row is how far A's point has moved against B's along a fixed direction.
+TEST(Jacobians, RowsOfAContact) {
+  Random random;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const RandomContact contact(&random);
+    for (const Row& row : contact.rows()) {
+      const Vector3d along = row.J.j1;
+      const auto C = [&](const Pair& at) {
+        return along.dot(carried(contact.pose.a, contact.point.position, at.a) -
+                         carried(contact.pose.b, contact.point.position, at.b));
+      };
+      expect_gradient(C, contact.pose, row.J);
+    }
+  }
+}
+
+TEST(Jacobians, ContactDirectionsAreOrthonormal) {
+  Random random;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    const RandomContact contact(&random);
+    const std::vector<Row> rows = contact.rows();
+    EXPECT_EQ(rows[0].J.j1, contact.normal);
+    for (int i = 0; i < 3; ++i) {
+      for (int k = 0; k < 3; ++k)
+        EXPECT_NEAR(rows[i].J.j1.dot(rows[k].J.j1), i == k ? 1.0 : 0.0, 8 * kEpsilon);
+    }
+  }
+}
+
+// The normal row is the gradient of the true gap, not only of material points.
+TEST(Jacobians, NormalRowOfSpheresIsTheGradientOfTheirGap) {
+  Random random;
+  for (int trial = 0; trial < kTrials; ++trial) {
+    Pair pose{random.state(), random.state()};
+    pose.b.position = pose.a.position + (0.6 + 0.3 * random()) * random.vector().normalized();
+    const Manifold manifold = collide_sphere_sphere(pose.a.position, 0.4, pose.b.position, 0.7);
+    ASSERT_EQ(manifold.count, 1);
+    const auto gap = [](const Pair& at) { return (at.a.position - at.b.position).norm() - 1.1; };
+    Row row;
+    const Body body;
+    write_contact_rows(pose.a, pose.b, manifold.normal, manifold.points[0],
+                       ContactSurface(body, body), {0.01, 0.1, kGravity}, Vector3d::Zero(), &row);
+    EXPECT_NEAR(row.C, gap(pose), 8 * kEpsilon);
+    expect_gradient(gap, pose, row.J);
+  }
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

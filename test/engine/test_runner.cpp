@@ -1,0 +1,189 @@
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "constraint_sim/scene.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+std::string read(const std::string& path) {
+  std::ifstream file(path);
+  std::ostringstream text;
+  text << file.rdbuf();
+  return text.str();
+}
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::istringstream stream(text);
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(stream, line);) lines.push_back(line);
+  return lines;
+}
+
+/// Runs the real program in a folder of its own.
+class Runner : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = testing::TempDir() + "constraint_sim_run_XXXXXX";
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+    std::ofstream(in_folder("scene.yaml")) << "world: {time_step: 0.01}\n"
+                                              "bodies:\n"
+                                              "  - {name: bob, mass: 1, position: [1, 0, 0]}\n"
+                                              "  - {name: hook, type: static}\n"
+                                              "constraints:\n"
+                                              "  - {name: rod, body_a: hook, body_b: bob}\n";
+  }
+  void TearDown() override { ASSERT_EQ(std::system(("rm -r '" + folder_ + "'").c_str()), 0); }
+
+  std::string in_folder(const std::string& name) const { return folder_ + "/" + name; }
+
+  /// The exit status.
+  int run(const std::string& arguments) const {
+    const std::string command = "cd '" + folder_ + "' && '" CONSTRAINT_SIM_RUN "' " + arguments +
+                                " >stdout.txt 2>stderr.txt";
+    const int status = std::system(command.c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string out() const { return read(in_folder("stdout.txt")); }
+  std::string err() const { return read(in_folder("stderr.txt")); }
+  nlohmann::json report(const std::string& name = "report.json") const {
+    return nlohmann::json::parse(read(in_folder(name)));
+  }
+
+ private:
+  std::string folder_;
+};
+
+TEST_F(Runner, PrintsASummary) {
+  ASSERT_EQ(run("scene.yaml --duration 1"), 0) << err();
+  EXPECT_EQ(err(), "");  // no progress bar where nobody looks
+  for (const char* line : {"steps                  100\n", "simulated time         1 s\n",
+                           "method                 sequential_impulses\n"})
+    EXPECT_NE(out().find(line), std::string::npos) << line << "is not in\n" << out();
+}
+
+TEST_F(Runner, ExplainsItselfWithoutAScene) {
+  ASSERT_EQ(run("--help"), 0);
+  for (const char* option :
+       {"--duration", "--time-step", "--method", "--csv", "--report", "--save", "--explain"})
+    EXPECT_NE(out().find(option), std::string::npos) << option;
+}
+
+TEST_F(Runner, WritesAStateABodyAndTick) {
+  ASSERT_EQ(run("scene.yaml --duration 0.05 --csv states.csv"), 0) << err();
+  const auto lines = lines_of(read(in_folder("states.csv")));
+  ASSERT_EQ(lines.size(), 1u + 2u * 6u);  // header; two bodies at the start and after five ticks
+  EXPECT_EQ(lines[0], "time,body,px,py,pz,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz");
+  EXPECT_EQ(lines[1], "0,bob,1,0,0,0,0,0,1,0,0,0,0,0,0");
+  EXPECT_EQ(lines[2], "0,hook,0,0,0,0,0,0,1,0,0,0,0,0,0");
+  EXPECT_EQ(lines[3].substr(0, 9), "0.01,bob,");
+}
+
+TEST_F(Runner, ReportsWhatTheEngineGivesInTheSameRun) {
+  ASSERT_EQ(run("scene.yaml --duration 0.5 --report report.json --save end.yaml"), 0) << err();
+  World world = load_scene_file(in_folder("scene.yaml"));
+  const double energy_initial = world.energy();
+  double largest_error = 0.0;
+  for (int i = 0; i < 50; ++i)
+    largest_error = std::max(largest_error, world.step().max_constraint_error);
+
+  const auto json = report();
+  EXPECT_EQ(json.at("steps"), 50);
+  EXPECT_EQ(json.at("sim_time"), world.time());
+  EXPECT_GT(json.at("wall_time"), 0.0);
+  EXPECT_EQ(std::stoull(json.at("state_hash").get<std::string>(), nullptr, 16), world.state_hash());
+  EXPECT_EQ(json.at("energy_initial"), energy_initial);
+  EXPECT_EQ(json.at("energy_final"), world.energy());
+  EXPECT_EQ(json.at("max_constraint_error"), largest_error);
+  EXPECT_EQ(json.at("methods"), nlohmann::json({"sequential_impulses"}));
+  EXPECT_EQ(json.at("bodies").size(), 2u);
+  const auto& bob = json.at("bodies").at("bob");
+  const BodyState& state = world.state(world.find_body("bob"));
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_EQ(bob.at("position").at(static_cast<std::size_t>(i)), state.position[i]);
+    EXPECT_EQ(bob.at("linear_velocity").at(static_cast<std::size_t>(i)), state.linear_velocity[i]);
+  }
+  EXPECT_EQ(bob.at("orientation"), nlohmann::json({0.0, 0.0, 0.0, 1.0}));
+  EXPECT_EQ(bob.at("angular_velocity"), nlohmann::json({0.0, 0.0, 0.0}));
+  EXPECT_EQ(read(in_folder("end.yaml")), save_scene(world));
+}
+
+TEST_F(Runner, SaysWhatWasLeftOut) {
+  ASSERT_EQ(run("scene.yaml --duration 0.1 --explain --report report.json"), 0) << err();
+  EXPECT_NE(out().find("collision: false\n"), std::string::npos) << out();
+  const auto left_out = report().at("left_out");
+  ASSERT_EQ(left_out.size(), 2u);
+  for (const auto& line : left_out)
+    EXPECT_NE(out().find("  - \"" + line.get<std::string>() + "\"\n"), std::string::npos) << out();
+
+  const std::string balls = CONSTRAINT_SIM_SCENE_DIR "/falling_balls.yaml";
+  ASSERT_EQ(run("'" + balls + "' --duration 0 --explain --report report.json"), 0) << err();
+  EXPECT_NE(out().find("collision: true\n"), std::string::npos) << out();
+  EXPECT_EQ(report().at("left_out"), nlohmann::json({"constraint rows: no constraints"}));
+}
+
+TEST_F(Runner, GivesTheSameTwice) {
+  const std::string scene = "'" CONSTRAINT_SIM_SCENE_DIR "/bridge.yaml' --duration 1 --report ";
+  ASSERT_EQ(run(scene + "a.json"), 0) << err();
+  ASSERT_EQ(run(scene + "b.json"), 0) << err();
+  EXPECT_EQ(report("a.json").at("state_hash"), report("b.json").at("state_hash"));
+}
+
+TEST_F(Runner, TakesTickAndMethodFromTheCommandLine) {
+  ASSERT_EQ(run("scene.yaml --duration 1 --report a.json"), 0) << err();
+  ASSERT_EQ(run("scene.yaml --duration 1 --report b.json --time-step 0.004"), 0) << err();
+  EXPECT_EQ(report("b.json").at("steps"), 250);
+  EXPECT_NE(report("a.json").at("state_hash"), report("b.json").at("state_hash"));
+
+  ASSERT_EQ(run("scene.yaml --duration 0 --save end.yaml --method sequential_impulses"), 0);
+  EXPECT_NE(read(in_folder("end.yaml")).find("method: sequential_impulses"), std::string::npos);
+}
+
+TEST_F(Runner, RunsToTheNearestTick) {
+  ASSERT_EQ(run("scene.yaml --duration 0.026 --report report.json"), 0) << err();
+  EXPECT_EQ(report().at("steps"), 3);
+  ASSERT_EQ(run("scene.yaml --duration 0 --csv states.csv --report report.json"), 0) << err();
+  EXPECT_EQ(report().at("steps"), 0);
+  EXPECT_EQ(lines_of(read(in_folder("states.csv"))).size(), 3u);
+}
+
+TEST_F(Runner, RefusesBadInputInOneLine) {
+  std::ofstream(in_folder("bad.yaml")) << "world: {}\nbodies:\n  - name: a\n    mass: -1\n";
+  ASSERT_EQ(run("bad.yaml --duration 1"), 2);
+  EXPECT_EQ(
+      err(),
+      "constraint_sim_run: bad.yaml:4: bodies[0].mass: must be a finite number > 0, got -1\n");
+  for (const char* arguments :
+       {"", "scene.yaml", "--duration 1", "none.yaml --duration 1", "scene.yaml --duration -1",
+        "scene.yaml --duration nan", "scene.yaml --duration inf", "scene.yaml --duration 1e300",
+        "scene.yaml --duration 1s", "scene.yaml --duration 1 --time-step 0",
+        "scene.yaml --duration 1 --method runge_kutta", "scene.yaml --duration 1 --order 8",
+        "scene.yaml --duration 1 --time 0.1", "scene.yaml other.yaml --duration 1",
+        "scene.yaml --duration 1 --csv no/such/folder.csv"}) {
+    EXPECT_EQ(run(arguments), 2) << arguments;
+    EXPECT_EQ(lines_of(err()).size(), 1u) << arguments << "\n" << err();
+  }
+}
+
+// after one more tick the body would be past the largest number
+TEST_F(Runner, ReportsFailedPhysics) {
+  std::ofstream(in_folder("far.yaml"))
+      << "world: {time_step: 1}\n"
+         "bodies:\n  - {name: a, mass: 1, position: [1.5e308, 0, 0],"
+         " linear_velocity: [1.5e308, 0, 0]}\n";
+  ASSERT_EQ(run("far.yaml --duration 5 --report report.json"), 3) << out() << err();
+  EXPECT_EQ(lines_of(err()).size(), 1u) << err();
+  EXPECT_EQ(report().at("bodies").at("a").at("position").at(0), 1.5e308);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

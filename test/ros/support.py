@@ -1,0 +1,62 @@
+"""What the node's tests share: waiting on conditions, and calls with fields by name."""
+import time
+
+import rospy
+import rosservice
+from constraint_sim.msg import Body, Shape
+from constraint_sim.srv import GetWorldPropertiesRequest  # noqa: F401  (the package must be built)
+
+NODE = "/constraint_sim"
+TIMEOUT = 20.0  # [s] far beyond what anything here takes, so that a slow machine is no failure
+
+
+def wait_until(condition, what, timeout=TIMEOUT):
+    """Returns the first true value of condition(); fails after the timeout."""
+    end = time.monotonic() + timeout
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.01)
+    raise AssertionError("waited %g s in vain for %s" % (timeout, what))
+
+
+def call(name, **fields):
+    """Calls a service of the node."""
+    service = NODE + "/" + name
+    rospy.wait_for_service(service, timeout=TIMEOUT)
+    return rospy.ServiceProxy(service, rosservice.get_service_class_by_name(service))(**fields)
+
+
+def sphere(name, x=0.0, y=0.0, z=0.0, **fields):
+    """A dynamic ball of 1 kg and 0.1 m at a place."""
+    body = Body(name=name, mass=1.0, shape=Shape(type=Shape.SPHERE, dimensions=[0.1]))
+    body.pose.position.x, body.pose.position.y, body.pose.position.z = x, y, z
+    for field, value in fields.items():
+        setattr(body, field, value)
+    return body
+
+
+def properties():
+    return call("get_world_properties")
+
+
+def empty_world():
+    """A paused world without bodies."""
+    call("pause_physics")
+    assert call("load_scene", text="bodies: []").success
+    return properties()
+
+
+class Listener:
+    """Keeps all messages of a topic."""
+
+    def __init__(self, topic, message_type):
+        self.messages = []
+        self._subscriber = rospy.Subscriber(topic, message_type, self.messages.append)
+
+    def wait(self, condition=lambda message: True, what="a message"):
+        """The first message that meets the condition and comes after this call."""
+        start = len(self.messages)
+        return wait_until(
+            lambda: next((m for m in self.messages[start:] if condition(m)), None), what)

@@ -1,0 +1,198 @@
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+
+#include "ros/conversions.h"
+
+namespace constraint_sim {
+namespace {
+
+// what a call throws, or nothing
+template <class Call>
+std::string error_of(Call call) {
+  try {
+    call();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+class Random {
+ public:
+  double number() { return 2.0 * std::ldexp(static_cast<double>(engine_()), -32) - 1.0; }
+  Eigen::Vector3d vector() { return {number(), number(), number()}; }
+  engine::BodyState state() {
+    engine::BodyState state;
+    state.position = vector();
+    state.orientation = Eigen::Quaterniond(number(), number(), number(), number()).normalized();
+    state.linear_velocity = vector();
+    state.angular_velocity = vector();
+    return state;
+  }
+
+ private:
+  std::mt19937 engine_{1};
+};
+
+TEST(Conversions, StatesGoRoundWithoutLosingABit) {
+  Random random;
+  for (int i = 0; i < 100; ++i) {
+    const engine::BodyState state = random.state();
+    const BodyState msg = to_msg("name", state);
+    const engine::BodyState back = from_msg(msg.pose, msg.twist);
+    EXPECT_EQ(msg.name, "name");
+    EXPECT_EQ(back.position, state.position);
+    EXPECT_EQ(back.orientation.coeffs(), state.orientation.coeffs());
+    EXPECT_EQ(back.linear_velocity, state.linear_velocity);
+    EXPECT_EQ(back.angular_velocity, state.angular_velocity);
+  }
+}
+
+TEST(Conversions, ATransformIsThePose) {
+  const engine::BodyState state = Random().state();
+  const geometry_msgs::Transform transform = to_transform(state);
+  const geometry_msgs::Pose pose = to_pose(state);
+  EXPECT_EQ(transform.translation.x, pose.position.x);
+  EXPECT_EQ(transform.translation.y, pose.position.y);
+  EXPECT_EQ(transform.translation.z, pose.position.z);
+  EXPECT_EQ(transform.rotation, pose.orientation);
+}
+
+TEST(Conversions, AQuaternionLeftOutIsTheIdentity) {
+  EXPECT_EQ(from_msg(geometry_msgs::Quaternion()).coeffs(),
+            Eigen::Quaterniond::Identity().coeffs());
+}
+
+TEST(Conversions, EachBodyFieldArrivesWhereItBelongs) {
+  Body msg;
+  msg.name = "crate";
+  msg.type = Body::KINEMATIC;
+  msg.shape.type = Shape::BOX;
+  msg.shape.dimensions = {1.0, 2.0, 3.0};
+  msg.mass = 4.0;
+  msg.inertia.x = 5.0;
+  msg.inertia.y = 6.0;
+  msg.inertia.z = 7.0;
+  msg.pose.position.y = 8.0;
+  msg.twist.angular.z = 9.0;
+  msg.friction = 0.1;
+  msg.restitution = 0.2;
+  msg.no_collision = true;
+  const engine::Body body = from_msg(msg);
+  EXPECT_EQ(body.name, "crate");
+  EXPECT_EQ(body.type, engine::BodyType::kKinematic);
+  EXPECT_EQ(std::get<engine::Box>(body.shape).size, Eigen::Vector3d(1.0, 2.0, 3.0));
+  EXPECT_EQ(body.mass, 4.0);
+  EXPECT_EQ(body.inertia, Eigen::Vector3d(5.0, 6.0, 7.0));
+  EXPECT_EQ(body.state.position, Eigen::Vector3d(0.0, 8.0, 0.0));
+  EXPECT_EQ(body.state.angular_velocity, Eigen::Vector3d(0.0, 0.0, 9.0));
+  EXPECT_EQ(body.friction, 0.1);
+  EXPECT_EQ(body.restitution, 0.2);
+  EXPECT_TRUE(body.no_collision);
+}
+
+TEST(Conversions, EachShapeNeedsItsOwnDimensions) {
+  Shape shape;
+  for (const auto& [type, count] : {std::pair<int, std::size_t>{Shape::POINT, 0},
+                                    {Shape::SPHERE, 1},
+                                    {Shape::BOX, 3},
+                                    {Shape::PLANE, 0}}) {
+    shape.type = static_cast<std::uint8_t>(type);
+    for (std::size_t n = 0; n < 5; ++n) {
+      shape.dimensions.assign(n, 1.0);
+      const std::string error = error_of([&] { from_msg(shape); });
+      EXPECT_EQ(error.empty(), n == count) << type << " " << n;
+      if (n != count) {
+        EXPECT_EQ(error.rfind("shape.dimensions: ", 0), 0u) << error;
+      }
+    }
+  }
+}
+
+TEST(Conversions, UnknownTypesAreNamed) {
+  Body body;
+  body.type = 3;
+  EXPECT_EQ(error_of([&] { from_msg(body); }).rfind("type: ", 0), 0u);
+  Shape shape;
+  for (const std::uint8_t type : {std::uint8_t{Shape::CAPSULE}, std::uint8_t{5}}) {
+    shape.type = type;
+    EXPECT_EQ(error_of([&] { from_msg(shape); }).rfind("shape.type: ", 0), 0u);
+  }
+}
+
+engine::World world_of_two() {
+  engine::World world;
+  engine::Body body;
+  body.mass = 1.0;
+  body.name = "a";
+  world.add_body(body);
+  body.name = "b";
+  world.add_body(body);
+  return world;
+}
+
+TEST(Conversions, AConstraintFindsItsBodies) {
+  const engine::World world = world_of_two();
+  AddDistanceConstraintRequest request;
+  request.name = "rod";
+  request.body_b = "b";
+  request.anchor_a.x = 1.0;
+  request.anchor_b.z = 2.0;
+  for (const char* name : {"", "world"}) {
+    request.body_a = name;
+    const engine::Joint joint = from_msg(request, world);
+    EXPECT_EQ(joint.body_a, engine::kWorldBody);
+    EXPECT_EQ(joint.body_b, world.find_body("b"));
+    EXPECT_EQ(joint.anchor_a, Eigen::Vector3d(1.0, 0.0, 0.0));
+    EXPECT_EQ(joint.anchor_b, Eigen::Vector3d(0.0, 0.0, 2.0));
+  }
+  request.body_a = "nobody";
+  EXPECT_EQ(error_of([&] { from_msg(request, world); }), "body_a: there is no body named 'nobody'");
+}
+
+TEST(Conversions, ALengthOfZeroOrLessIsThePresentDistance) {
+  const engine::World world = world_of_two();
+  AddDistanceConstraintRequest request;
+  request.body_a = "a";
+  request.body_b = "b";
+  const auto length = [&](double value) {
+    request.length = value;
+    return std::get<engine::DistanceJoint>(from_msg(request, world).type).length;
+  };
+  EXPECT_EQ(length(2.0), 2.0);
+  EXPECT_FALSE(length(0.0));
+  EXPECT_FALSE(length(-1.0));
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  for (const double value : {kInfinity, -kInfinity, std::nan("")})
+    EXPECT_EQ(error_of([&] { length(value); }).rfind("length: ", 0), 0u);
+}
+
+TEST(Conversions, EachFieldOfAConstraintStateArrives) {
+  engine::Joint joint;
+  joint.name = "rod";
+  engine::JointState state;
+  state.error = 1.0;
+  state.error_rate = 2.0;
+  state.force = 3.0;
+  state.bias = 4.0;
+  state.reached_rate = 5.0;
+  state.broken = true;
+  const ConstraintState msg = to_msg(joint, state);
+  EXPECT_EQ(msg.name, "rod");
+  EXPECT_EQ(msg.type, "distance");
+  EXPECT_EQ(msg.error, 1.0);
+  EXPECT_EQ(msg.error_rate, 2.0);
+  EXPECT_EQ(msg.force, 3.0);
+  EXPECT_EQ(msg.bias, 4.0);
+  EXPECT_EQ(msg.reached_rate, 5.0);
+  EXPECT_FALSE(msg.saturated);
+  EXPECT_TRUE(msg.broken);
+  EXPECT_FALSE(msg.closing);
+}
+
+}  // namespace
+}  // namespace constraint_sim

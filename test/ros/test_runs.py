@@ -1,0 +1,135 @@
+#!/usr/bin/env python3
+"""Whole runs of the node: determinism against the runner, a bag, and parameters that cannot be."""
+import contextlib
+import glob
+import json
+import os
+import signal
+import subprocess
+import tempfile
+import unittest
+
+import rosbag
+import rospkg
+import rospy
+import rostest
+
+import support
+from support import call, properties
+
+SCENES = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "config", "scenes")
+
+
+def node_command(**parameters):
+    """The node with these parameters and no others: private ones outlive the node they were for."""
+    if rospy.has_param(support.NODE):
+        rospy.delete_param(support.NODE)
+    return (["rosrun", "constraint_sim", "constraint_sim_node", "__name:=constraint_sim"] +
+            ["_%s:=%s" % item for item in parameters.items()])
+
+
+@contextlib.contextmanager
+def running(command):
+    """Runs a command until the block ends, then interrupts it and waits."""
+    process = subprocess.Popen(command, start_new_session=True)
+    try:
+        yield process
+    finally:
+        os.killpg(process.pid, signal.SIGINT)
+        process.wait(timeout=support.TIMEOUT)
+
+
+class Runs(unittest.TestCase):
+    def test_the_node_and_the_runner_give_the_same_bits_for_every_shipped_scene(self):
+        with running(node_command(paused="true")):
+            for path in sorted(glob.glob(SCENES + "/*.yaml")):
+                with self.subTest(scene=path), tempfile.TemporaryDirectory() as folder:
+                    report = folder + "/report.json"
+                    subprocess.check_call(
+                        ["rosrun", "constraint_sim", "constraint_sim_run", path,
+                         "--duration", "2", "--report", report], stdout=subprocess.DEVNULL)
+                    with open(report) as file:
+                        expected = json.load(file)
+                    # bodies alone: the hash has the time as well, and in the node that goes on
+                    self.assertTrue(call("load_scene", path=path).success)
+                    self.assertTrue(call("pause_physics") is not None)
+                    bodies = call("step", steps=expected["steps"]).bodies
+                    self.assertEqual(len(bodies), len(expected["bodies"]))
+                    for body in bodies:
+                        place = body.pose.position
+                        self.assertEqual([place.x, place.y, place.z],
+                                         expected["bodies"][body.name]["position"])
+
+    def test_the_node_and_the_runner_give_the_same_hash(self):
+        scene = SCENES + "/bridge.yaml"
+        with tempfile.TemporaryDirectory() as folder:
+            report = folder + "/report.json"
+            subprocess.check_call(["rosrun", "constraint_sim", "constraint_sim_run", scene,
+                                   "--duration", "3", "--report", report],
+                                  stdout=subprocess.DEVNULL)
+            with open(report) as file:
+                expected = json.load(file)
+        hashes = []
+        for _ in range(2):
+            with running(node_command(scene=scene, paused="true")):
+                hashes.append(call("step", steps=expected["steps"]).state_hash)
+                self.assertEqual(properties().state_hash, hashes[-1])
+        self.assertEqual(hashes, [int(expected["state_hash"], 16)] * 2)
+
+    def test_a_recorded_bag_reads_back(self):
+        topics = ["/tf"] + [support.NODE + "/" + name for name in
+                            ("markers", "body_states", "constraint_states", "statistics")]
+        with tempfile.TemporaryDirectory() as folder:
+            bag_path = folder + "/run.bag"
+            with running(node_command(scene="double_pendulum")):
+                call("pause_physics")
+                with running(["rosbag", "record", "-O", bag_path] + topics):
+                    support.wait_until(lambda: os.path.exists(bag_path + ".active"), "the bag")
+                    call("unpause_physics")
+                    first = properties().step
+                    support.wait_until(lambda: properties().step > first + 100, "100 steps")
+                support.wait_until(lambda: os.path.exists(bag_path), "the closed bag")
+            with rosbag.Bag(bag_path) as bag:
+                found = bag.get_type_and_topic_info().topics
+                self.assertEqual(sorted(found), sorted(topics))
+                places = [m.transforms[-1].transform.translation.x
+                          for _, m, _ in bag.read_messages("/tf")]
+                steps = [m.step for _, m, _ in
+                         bag.read_messages(support.NODE + "/statistics")]
+            self.assertGreater(max(places) - min(places), 0.01)
+            self.assertEqual(steps, sorted(steps))
+
+    def check_refused(self, words, **parameters):
+        done = subprocess.run(node_command(**parameters), stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, universal_newlines=True,
+                              timeout=support.TIMEOUT)
+        self.assertEqual(done.returncode, 2, done.stdout)
+        for word in words:
+            self.assertIn(word, done.stdout)
+
+    def test_parameters_that_cannot_be_end_the_node_with_status_2(self):
+        self.check_refused(["~time_step", "-1"], time_step=-1)
+        self.check_refused(["~time_step", "fast"], time_step="fast")
+        self.check_refused(["~real_time_factor", "-0.5"], real_time_factor=-0.5)
+        self.check_refused(["~publish_rate", "0"], publish_rate=0)
+        self.check_refused(["~world_frame", "/map"], world_frame="/map")
+        self.check_refused(["~frame_prefix", "/a"], frame_prefix="/a")
+        self.check_refused(["~paused", "7"], paused=7)
+        self.check_refused(["no_such_scene"], scene="no_such_scene")
+
+    def test_a_scene_that_cannot_be_ends_the_node_with_status_2(self):
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml") as scene:
+            scene.write("bodies:\n- name: a\n  mass: 0\n  shape: {point: {}}\n")
+            scene.flush()
+            self.check_refused([scene.name + ":3", "mass", "0"], scene=scene.name)
+
+    def test_time_step_and_rate_are_taken_from_the_parameters(self):
+        with running(node_command(time_step=0.002, paused="true", world_frame="map")):
+            self.assertEqual(properties().time_step, 0.002)
+            self.assertTrue(call("load_scene", text="world: {time_step: 0.004}").success)
+            self.assertEqual(properties().time_step, 0.004)  # a scene's own wins
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_runs")
+    rostest.rosrun("constraint_sim", "runs", Runs)

@@ -1,0 +1,280 @@
+#!/usr/bin/env python3
+"""Every service with good input, and every field of it with bad input."""
+import math
+import threading
+import unittest
+
+import rospy
+import rostest
+from constraint_sim.msg import Body, Shape
+from geometry_msgs.msg import Point, Quaternion, Vector3
+
+import support
+from support import call, properties, sphere
+
+NOT_FINITE = [math.nan, math.inf, -math.inf]
+
+
+class Services(unittest.TestCase):
+    def setUp(self):
+        support.empty_world()
+
+    def good(self, name, **fields):
+        answer = call(name, **fields)
+        self.assertTrue(answer.success, answer.status_message)
+        self.assertEqual(answer.status_message, "")
+        return answer
+
+    def bad(self, named, name, **fields):
+        """The answer names what `named` lists, and the world stays what it was."""
+        before = properties()
+        answer = call(name, **fields)
+        self.assertFalse(answer.success, "%s accepted %s" % (name, fields))
+        for word in named:
+            self.assertIn(word, answer.status_message)
+        after = properties()
+        self.assertEqual(after.state_hash, before.state_hash)
+        self.assertEqual((after.bodies, after.constraints), (before.bodies, before.constraints))
+
+    # ---- add_body, remove_body
+
+    def test_add_body_and_remove_body(self):
+        self.good("add_body", body=sphere("ball", 1, 2, 3))
+        self.assertEqual(properties().bodies, ["ball"])
+        self.good("add_body", body=sphere("anchor", type=Body.STATIC, mass=0.0))
+        self.good("add_distance_constraint", name="rod", body_a="anchor", body_b="ball")
+        answer = self.good("remove_body", name="ball")
+        self.assertEqual(answer.removed_constraints, ["rod"])
+        self.assertEqual(properties().bodies, ["anchor"])
+        self.assertEqual(properties().constraints, [])
+
+    def test_add_body_of_each_shape_and_type(self):
+        shapes = [Shape(Shape.POINT, []), Shape(Shape.SPHERE, [0.1]),
+                  Shape(Shape.BOX, [0.1, 0.2, 0.3]), Shape(Shape.PLANE, [])]
+        for shape in shapes:
+            for kind in (Body.DYNAMIC, Body.STATIC, Body.KINEMATIC):
+                body = sphere("b%d_%d" % (shape.type, kind), shape=shape, type=kind)
+                if shape.type == Shape.PLANE and kind == Body.DYNAMIC:
+                    self.bad(["type", "dynamic"], "add_body", body=body)
+                else:
+                    self.good("add_body", body=body)
+
+    def test_add_body_refuses_each_bad_number(self):
+        for value in NOT_FINITE + [0.0, -1.0]:
+            shown = "%g" % value
+            self.bad(["mass", shown], "add_body", body=sphere("b", mass=value))
+            self.bad(["radius", shown], "add_body",
+                     body=sphere("b", shape=Shape(Shape.SPHERE, [value])))
+            for axis, size in (("x", [value, 1, 1]), ("y", [1, value, 1]), ("z", [1, 1, value])):
+                self.bad(["size." + axis, shown], "add_body",
+                         body=sphere("b", shape=Shape(Shape.BOX, size)))
+        for value in NOT_FINITE + [-1.0]:
+            shown = "%g" % value
+            self.bad(["friction", shown], "add_body", body=sphere("b", friction=value))
+            self.bad(["restitution", shown], "add_body", body=sphere("b", restitution=value))
+            self.bad(["inertia", shown], "add_body",
+                     body=sphere("b", inertia=Vector3(1, value, 1)))
+        self.bad(["restitution", "1.5"], "add_body", body=sphere("b", restitution=1.5))
+        self.bad(["inertia", "0"], "add_body", body=sphere("b", inertia=Vector3(1, 0, 1)))
+        for value in NOT_FINITE:
+            shown = "%g" % value
+            self.bad(["position", shown], "add_body", body=sphere("b", x=value))
+            body = sphere("b")
+            body.twist.linear.y = value
+            self.bad(["linear_velocity", shown], "add_body", body=body)
+            body = sphere("b")
+            body.twist.angular.z = value
+            self.bad(["angular_velocity", shown], "add_body", body=body)
+            body = sphere("b")
+            body.pose.orientation.w = value
+            self.bad(["orientation", shown], "add_body", body=body)
+        body = sphere("b")
+        body.pose.orientation = Quaternion(0, 0, 0, 2)
+        self.bad(["orientation", "2"], "add_body", body=body)
+
+    def test_add_body_refuses_bad_names_shapes_and_types(self):
+        self.good("add_body", body=sphere("ball"))
+        self.bad(["name", "ball"], "add_body", body=sphere("ball"))
+        for name in ("", "world", "/ball", "two words", "-x", "ä"):
+            self.bad(["name", name], "add_body", body=sphere(name))
+        self.bad(["shape.dimensions", "2"], "add_body",
+                 body=sphere("b", shape=Shape(Shape.SPHERE, [1, 2])))
+        self.bad(["shape.dimensions", "0"], "add_body",
+                 body=sphere("b", shape=Shape(Shape.BOX, [])))
+        self.bad(["shape.type", "9"], "add_body", body=sphere("b", shape=Shape(9, [])))
+        self.bad(["shape.type", "capsule"], "add_body",
+                 body=sphere("b", shape=Shape(Shape.CAPSULE, [1, 2])))
+        self.bad(["type", "7"], "add_body", body=sphere("b", type=7))
+
+    def test_remove_body_refuses_the_unknown_and_the_world(self):
+        for name in ("nobody", "", "world"):
+            self.bad(["name"], "remove_body", name=name)
+
+    # ---- constraints
+
+    def test_add_distance_constraint_takes_the_present_distance(self):
+        self.good("add_body", body=sphere("a", 0, 0, 1))
+        self.good("add_body", body=sphere("b", 3, 4, 1))
+        answer = self.good("add_distance_constraint", name="rod", body_a="a", body_b="b")
+        self.assertEqual(answer.initial_error, 0.0)
+        answer = self.good("add_distance_constraint", name="tight", body_a="a", body_b="b",
+                           length=4.5)
+        self.assertAlmostEqual(answer.initial_error, 0.5, places=12)
+        self.assertEqual(properties().constraints, ["rod", "tight"])
+        self.good("remove_constraint", name="tight")
+        self.assertEqual(properties().constraints, ["rod"])
+
+    def test_add_distance_constraint_honours_anchors_and_the_world(self):
+        self.good("add_body", body=sphere("a", 0, 0, 1))
+        for name, body in (("empty", ""), ("named", "world")):
+            answer = self.good("add_distance_constraint", name=name, body_a=body,
+                               anchor_a=Point(0, 0, 3), body_b="a", anchor_b=Point(0, 0, 0.5),
+                               length=1.0)
+            self.assertAlmostEqual(answer.initial_error, 0.5, places=12)
+
+    def test_coincident_anchors_make_a_ball_joint(self):
+        self.good("add_body", body=sphere("a", 0, 0, 1))
+        self.good("add_distance_constraint", name="joint", body_a="a", anchor_a=Point(0, 0, 0.5),
+                  anchor_b=Point(0, 0, 1.5))
+        end = [b for b in call("step", steps=200).bodies if b.name == "a"][0].pose.position
+        self.assertAlmostEqual(math.dist((end.x, end.y, end.z), (0, 0, 1.5)), 0.5, places=3)
+
+    def test_constraints_refuse_bad_input(self):
+        self.good("add_body", body=sphere("a", 0, 0, 1))
+        self.good("add_body", body=sphere("b", 1, 0, 1))
+        self.good("add_body", body=sphere("fixed", 2, 0, 1, type=Body.STATIC))
+        self.good("add_body", body=sphere("point", 3, 0, 1, shape=Shape(Shape.POINT, [])))
+        self.good("add_distance_constraint", name="rod", body_a="a", body_b="b")
+        ends = {"body_a": "a", "body_b": "b"}
+        for name in ("rod", "", "world", "a b"):
+            self.bad(["name", name], "add_distance_constraint", name=name, **ends)
+        self.bad(["body_a", "x"], "add_distance_constraint", name="c", body_a="x", body_b="b")
+        self.bad(["body_b", "x"], "add_distance_constraint", name="c", body_a="a", body_b="x")
+        self.bad(["body_b", "'a'"], "add_distance_constraint", name="c", body_a="a", body_b="a")
+        self.bad(["body_b", "world"], "add_distance_constraint", name="c")
+        self.bad(["body_b", "fixed"], "add_distance_constraint", name="c", body_b="fixed")
+        self.bad(["anchor_b", "point"], "add_distance_constraint", name="c", body_a="a",
+                 body_b="point", anchor_b=Point(0.1, 0, 0))
+        for value in NOT_FINITE:
+            shown = "%g" % value
+            self.bad(["length", shown], "add_distance_constraint", name="c", length=value, **ends)
+            self.bad(["anchor_a", shown], "add_distance_constraint", name="c",
+                     anchor_a=Point(0, value, 0), **ends)
+            self.bad(["anchor_b", shown], "add_distance_constraint", name="c",
+                     anchor_b=Point(0, 0, value), **ends)
+        for name in ("nothing", ""):
+            self.bad(["name"], "remove_constraint", name=name)
+
+    # ---- set_motor_bias
+
+    def test_a_motor_shortens_its_rod(self):
+        self.good("add_body", body=sphere("load", 0, 0, 1))
+        self.good("add_distance_constraint", name="cable", anchor_a=Point(0, 0, 3), body_b="load")
+        self.good("set_motor_bias", constraint="cable", bias=-0.5, timeout=1.0)
+        tick = properties().time_step
+        height = call("step", steps=round(3.0 / tick)).bodies[0].pose.position.z
+        # hauled in for 1 s of the 3; rest: the load hangs straight, so only Baumgarte's lag is left
+        self.assertAlmostEqual(height, 1.5, places=2)
+
+    def test_set_motor_bias_refuses_bad_input(self):
+        self.good("add_body", body=sphere("load", 0, 0, 1))
+        self.good("add_distance_constraint", name="cable", anchor_a=Point(0, 0, 3), body_b="load")
+        self.good("add_distance_constraint", name="ball", anchor_a=Point(0, 0, 1), body_b="load")
+        self.bad(["constraint", "rope"], "set_motor_bias", constraint="rope", bias=1.0)
+        self.bad(["ball"], "set_motor_bias", constraint="ball", bias=1.0)
+        for value in NOT_FINITE:
+            self.bad(["bias", "%g" % value], "set_motor_bias", constraint="cable", bias=value)
+        for value in NOT_FINITE + [-1.0]:
+            self.bad(["max_force", "%g" % value], "set_motor_bias", constraint="cable",
+                     max_force=value)
+            self.bad(["timeout", "%g" % value], "set_motor_bias", constraint="cable",
+                     timeout=value)
+
+    # ---- time
+
+    def test_pause_step_and_unpause(self):
+        self.good("add_body", body=sphere("ball", 0, 0, 100))
+        start = properties()
+        self.assertTrue(start.paused)
+        answer = self.good("step", steps=10)
+        after = properties()
+        self.assertEqual(after.step, start.step + 10)
+        self.assertAlmostEqual(after.sim_time, start.sim_time + 10 * start.time_step, places=9)
+        self.assertEqual(answer.state_hash, after.state_hash)
+        self.assertEqual([b.name for b in answer.bodies], ["ball"])
+        self.assertEqual(properties().state_hash, after.state_hash)  # it stands
+
+        call("unpause_physics")
+        support.wait_until(lambda: properties().step > after.step + 5, "steps of a running world")
+        answer = call("step", steps=1)
+        self.assertFalse(answer.success)
+        self.assertIn("paused", answer.status_message)
+        call("pause_physics")
+        stood = properties()
+        self.assertTrue(stood.paused)
+        self.assertEqual(self.good("step", steps=0).state_hash, stood.state_hash)
+
+    def test_edits_take_effect_while_a_long_step_runs(self):
+        self.good("add_body", body=sphere("ball", 0, 0, 100))
+        first = properties().step
+        answers = []
+        thread = threading.Thread(target=lambda: answers.append(call("step", steps=500000)))
+        thread.start()
+        support.wait_until(lambda: properties().step > first, "the first step")
+        edit = self.good("add_body", body=sphere("late", 5, 0, 100))
+        thread.join()
+        self.assertGreater(edit.step, first)
+        self.assertLess(edit.step, first + 500000)
+        self.assertEqual(len(answers[0].bodies), 2)
+
+    def test_the_answer_says_when_an_edit_took_effect(self):
+        call("step", steps=5)
+        state = properties()
+        answer = self.good("add_body", body=sphere("ball"))
+        self.assertEqual(answer.step, state.step)
+        self.assertAlmostEqual(answer.applied_at.to_sec(), state.sim_time, places=8)
+
+    # ---- scenes
+
+    def test_load_scene_by_name_and_text(self):
+        before = properties()
+        self.good("load_scene", path="pendulum")
+        after = properties()
+        self.assertTrue(after.bodies)
+        self.assertEqual(after.step, before.step)  # time goes on
+        self.assertEqual(after.sim_time, before.sim_time)
+        self.good("load_scene", path="package://constraint_sim/config/scenes/bridge.yaml")
+        self.good("load_scene",
+                  text="world: {gravity: [0, 0, 0], time_step: 0.002}\n"
+                       "bodies: [{name: b, mass: 1, shape: {point: {}}}]")
+        state = properties()
+        self.assertEqual((state.bodies, state.constraints), (["b"], []))
+        self.assertEqual((state.time_step, state.gravity.z), (0.002, 0.0))
+        self.assertEqual(state.method, "auto")
+
+    def test_load_scene_is_all_or_nothing(self):
+        self.good("load_scene", path="pendulum")
+        self.bad(["path", "text"], "load_scene")
+        self.bad(["path", "text"], "load_scene", path="pendulum", text="bodies: []")
+        self.bad(["no_such_scene"], "load_scene", path="no_such_scene")
+        self.bad(["no_such_package"], "load_scene", path="package://no_such_package/a.yaml")
+        self.bad(["text:3", "mass", "-1"], "load_scene",
+                 text="bodies:\n- name: a\n  mass: -1\n  shape: {point: {}}\n")
+        self.bad(["text:2", "bogus"], "load_scene", text="world:\n  bogus: 1\n")
+
+    def test_a_state_that_is_not_finite_is_never_kept(self):
+        body = sphere("fast", 1.7e308, 0, 0)
+        body.twist.linear.x = 1e308
+        self.good("add_body", body=body)
+        before = properties()
+        answer = call("step", steps=5)
+        self.assertFalse(answer.success)
+        self.assertIn("failed", answer.status_message)
+        self.assertEqual(properties().state_hash, before.state_hash)
+        self.good("remove_body", name="fast")
+        self.good("step", steps=5)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_services")
+    rostest.rosrun("constraint_sim", "services", Services)

@@ -1,0 +1,258 @@
+#!/usr/bin/env python3
+"""What the node publishes: transforms, states, markers, statistics."""
+import math
+import unittest
+
+import rospy
+import rostest
+import tf2_ros
+from constraint_sim.msg import Body, BodyStates, ConstraintStates, Shape, Statistics
+from geometry_msgs.msg import Point
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
+
+import support
+from support import Listener, call, properties, sphere
+
+
+def topic(name):
+    return support.NODE + "/" + name
+
+
+def stamps(messages):
+    return [message.transforms[0].header.stamp for message in messages]
+
+
+class Topics(unittest.TestCase):
+    def setUp(self):
+        call("pause_physics")
+        self.assertTrue(call("load_scene", path="pendulum").success)
+
+    def tearDown(self):
+        call("pause_physics")
+
+    # ---- transforms and states
+
+    def test_tf_names_every_body_once_with_increasing_stamps(self):
+        listener = Listener("/tf", TFMessage)
+        call("unpause_physics")
+        support.wait_until(lambda: len(listener.messages) >= 50, "50 transforms")
+        call("pause_physics")
+        frames = ["sim/" + name for name in properties().bodies]
+        for message in listener.messages:
+            self.assertEqual([t.child_frame_id for t in message.transforms], frames)
+            self.assertEqual({t.header.frame_id for t in message.transforms}, {"world"})
+            self.assertEqual(len({t.header.stamp for t in message.transforms}), 1)
+        times = stamps(listener.messages)
+        self.assertTrue(all(a < b for a, b in zip(times, times[1:])))
+
+    def test_tf_stamps_increase_over_pause_edits_steps_and_load_scene(self):
+        listener = Listener("/tf", TFMessage)
+        listener.wait()
+        for i in range(10):
+            call("add_body", body=sphere("b%d" % i, z=5.0 + i))
+            call("step", steps=3)
+            call("unpause_physics")
+            call("pause_physics")
+        call("load_scene", path="pendulum")
+        listener.wait(what="a transform after load_scene")
+        times = stamps(listener.messages)
+        self.assertGreater(len(times), 10)
+        self.assertTrue(all(a < b for a, b in zip(times, times[1:])))
+
+    def test_tf_and_body_states_tell_the_same(self):
+        transforms = Listener("/tf", TFMessage)
+        states = Listener(topic("body_states"), BodyStates)
+        call("unpause_physics")
+        support.wait_until(lambda: len(states.messages) > 20 and len(transforms.messages) > 20,
+                           "transforms and states")
+        call("pause_physics")
+        by_stamp = {m.transforms[0].header.stamp: m for m in transforms.messages}
+        shared = [m for m in states.messages if m.header.stamp in by_stamp]
+        self.assertGreater(len(shared), 10)
+        for message in shared:
+            for body, transform in zip(message.bodies, by_stamp[message.header.stamp].transforms):
+                self.assertEqual("sim/" + body.name, transform.child_frame_id)
+                place, moved = body.pose.position, transform.transform.translation
+                self.assertEqual((place.x, place.y, place.z), (moved.x, moved.y, moved.z))
+                self.assertEqual(body.pose.orientation, transform.transform.rotation)
+
+    def test_published_states_are_those_of_the_world(self):
+        states = Listener(topic("body_states"), BodyStates)
+        stepped = call("step", steps=100).bodies
+        message = states.wait(lambda m: m.bodies == stepped, "the state after 100 steps")
+        self.assertEqual(message.header.frame_id, "world")
+
+    def test_tf2_finds_the_bob(self):
+        buffer = tf2_ros.Buffer()
+        tf2_ros.TransformListener(buffer)
+        call("unpause_physics")
+        bob = properties().bodies[-1]
+        found = support.wait_until(
+            lambda: buffer.can_transform("world", "sim/" + bob, rospy.Time(0)) and
+            buffer.lookup_transform("world", "sim/" + bob, rospy.Time(0)), "the bob's transform")
+        age = (rospy.Time.now() - found.header.stamp).to_sec()
+        self.assertLess(abs(age), 5.0)  # wall time: far less, but for a loaded machine
+
+    def test_paused_topics_repeat_each_second(self):
+        states = Listener(topic("body_states"), BodyStates)
+        first = states.wait()
+        second = states.wait()
+        gap = (second.header.stamp - first.header.stamp).to_sec()
+        self.assertGreater(gap, 0.0)
+        self.assertEqual(first.bodies, second.bodies)
+
+    def test_constraint_states(self):
+        listener = Listener(topic("constraint_states"), ConstraintStates)
+        call("load_scene", text="""
+bodies:
+- {name: load, mass: 2, shape: {sphere: {radius: 0.1}}}
+constraints:
+- {name: cable, type: distance, anchor_a: [0, 0, 3], body_b: load}
+""")
+        call("step", steps=100)
+        state = listener.wait(lambda m: m.constraints and m.constraints[0].force != 0.0).constraints[0]
+        self.assertEqual((state.name, state.type), ("cable", "distance"))
+        # a load of 2 kg at rest; -m g to round-off of a hundred warm-started steps
+        self.assertAlmostEqual(state.force, -2 * 9.81, places=6)
+        self.assertLess(abs(state.error), 1e-6)
+        self.assertFalse(state.saturated or state.broken or state.closing)
+
+        call("set_motor_bias", constraint="cable", bias=0.25)
+        call("step", steps=10)
+        state = listener.wait(lambda m: m.constraints and m.constraints[0].bias).constraints[0]
+        self.assertEqual(state.bias, 0.25)
+        self.assertAlmostEqual(state.reached_rate, 0.25, places=6)
+
+    def test_statistics(self):
+        listener = Listener(topic("statistics"), Statistics)
+        call("unpause_physics")
+        listener.wait(lambda m: m.ticks > 0 and any(m.stage_times))
+        message = listener.wait(lambda m: m.ticks > 0)
+        call("pause_physics")
+        self.assertEqual(message.worst_constraint, properties().constraints[0])
+        self.assertGreater(message.max_constraint_error, 0.0)
+        self.assertLess(message.max_constraint_error, 0.1)
+        self.assertTrue(0.0 < message.wall_mean <= message.wall_max)
+        self.assertEqual(message.stages, ["broadphase", "narrowphase", "rows", "velocities",
+                                          "solve", "positions"])
+        self.assertEqual(len(message.stage_times), 6)
+        self.assertLessEqual(sum(message.stage_times), message.wall_mean)
+        self.assertEqual(message.methods, ["sequential_impulses"])
+        self.assertGreater(message.iterations, 0)
+        self.assertFalse(message.failed)
+        self.assertTrue(math.isfinite(message.energy) and math.isfinite(message.energy_drift))
+
+    def test_statistics_cover_every_tick_once(self):
+        listener = Listener(topic("statistics"), Statistics)
+        call("unpause_physics")
+        support.wait_until(lambda: len(listener.messages) >= 10, "statistics")
+        call("pause_physics")
+        for before, after in zip(listener.messages, listener.messages[1:]):
+            self.assertEqual(after.step - before.step, after.ticks)
+
+    def test_a_failure_is_told_and_not_published(self):
+        statistics = Listener(topic("statistics"), Statistics)
+        states = Listener(topic("body_states"), BodyStates)
+        body = sphere("fast", 1.7e308)
+        body.twist.linear.x = 1e308
+        call("add_body", body=body)
+        call("unpause_physics")
+        statistics.wait(lambda m: m.failed)
+        self.assertTrue(properties().paused)
+        call("remove_body", name="fast")
+        statistics.wait(lambda m: not m.failed and m.ticks > 0)
+        for message in states.messages:
+            for state in message.bodies:
+                self.assertTrue(math.isfinite(state.pose.position.x))
+
+    # ---- markers
+
+    def shown(self, listener):
+        """(ns, id) -> marker after all messages so far."""
+        shown = {}
+        for message in listener.messages:
+            for marker in message.markers:
+                if marker.action == Marker.DELETEALL:
+                    shown.clear()
+                elif marker.action == Marker.DELETE:
+                    shown.pop((marker.ns, marker.id), None)
+                else:
+                    shown[marker.ns, marker.id] = marker
+        return shown
+
+    def count(self, listener, ns):
+        return sum(1 for key in self.shown(listener) if key[0] == ns)
+
+    def test_markers_begin_with_deleteall_and_show_bodies_and_constraints(self):
+        listener = Listener(topic("markers"), MarkerArray)
+        listener.wait()
+        self.assertEqual(listener.messages[0].markers[0].action, Marker.DELETEALL)
+        state = properties()
+        support.wait_until(lambda: self.count(listener, "bodies") == len(state.bodies), "bodies")
+        self.assertEqual(self.count(listener, "constraints"), len(state.constraints))
+        for marker in self.shown(listener).values():
+            self.assertEqual(marker.header.frame_id, "world")
+            self.assertGreater(marker.color.a, 0.0)
+
+    def test_markers_of_what_is_removed_are_deleted_and_ids_never_reused(self):
+        support.empty_world()
+        listener = Listener(topic("markers"), MarkerArray)
+        listener.wait()
+        used = set()
+        for _ in range(3):
+            call("add_body", body=sphere("a", 0, 0, 1))
+            call("add_body", body=sphere("b", 1, 0, 1))
+            call("add_distance_constraint", name="rod", body_a="a", body_b="b")
+            support.wait_until(lambda: self.count(listener, "constraints") == 1, "the rod")
+            support.wait_until(lambda: self.count(listener, "bodies") == 2, "the bodies")
+            now = set(self.shown(listener))
+            self.assertFalse(now & used)
+            used |= now
+            call("remove_body", name="a")
+            support.wait_until(lambda: self.count(listener, "constraints") == 0, "the rod's end")
+            support.wait_until(lambda: self.count(listener, "bodies") == 1, "the body's end")
+            call("load_scene", text="bodies: []")
+            support.wait_until(lambda: not self.shown(listener), "an empty view")
+
+    def test_markers_have_the_shapes_of_the_bodies(self):
+        support.empty_world()
+        listener = Listener(topic("markers"), MarkerArray)
+        call("add_body", body=sphere("ball", 0, 0, 1))
+        call("add_body", body=sphere("box", 2, 0, 1, shape=Shape(Shape.BOX, [0.1, 0.2, 0.3])))
+        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
+        support.wait_until(lambda: self.count(listener, "bodies") == 3, "three bodies")
+        ball, box, _ = [m for k, m in sorted(self.shown(listener).items()) if k[0] == "bodies"]
+        self.assertEqual((ball.type, ball.scale.x), (Marker.SPHERE, 0.2))
+        self.assertEqual((box.type, box.scale.x, box.scale.y, box.scale.z),
+                         (Marker.CUBE, 0.1, 0.2, 0.3))
+        self.assertEqual(box.pose.position.x, 2.0)
+
+    def test_constraint_lines_turn_from_green_to_red_with_the_error(self):
+        support.empty_world()
+        listener = Listener(topic("markers"), MarkerArray)
+        call("add_body", body=sphere("a", 0, 0, 1))
+        call("add_distance_constraint", name="rod", anchor_a=Point(0, 0, 3), body_b="a")
+        support.wait_until(lambda: self.count(listener, "constraints") == 1, "the rod")
+        colour = [m for k, m in self.shown(listener).items() if k[0] == "constraints"][0].color
+        self.assertGreater(colour.g, colour.r)
+        call("add_distance_constraint", name="tight", anchor_a=Point(0, 0, 3), body_b="a",
+             length=1.5)
+        support.wait_until(lambda: self.count(listener, "constraints") == 2, "the other rod")
+        colour = max((k[1], m) for k, m in self.shown(listener).items() if k[0] == "constraints")[1].color
+        self.assertGreater(colour.r, colour.g)
+
+    def test_contacts_appear_and_go(self):
+        support.empty_world()
+        listener = Listener(topic("markers"), MarkerArray)
+        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
+        call("add_body", body=sphere("ball", z=0.1))
+        call("step", steps=20)
+        support.wait_until(lambda: self.count(listener, "contacts") == 1, "the contact")
+        call("remove_body", name="floor")
+        support.wait_until(lambda: self.count(listener, "contacts") == 0, "the contact's end")
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_topics")
+    rostest.rosrun("constraint_sim", "topics", Topics)

@@ -1,0 +1,275 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "sim/stepper.h"
+
+namespace constraint_sim {
+namespace {
+
+constexpr double kTick = 0.01;
+
+World ball_in_flight() {
+  World world;
+  engine::Body body;
+  body.name = "ball";
+  body.mass = 1.0;
+  body.state.linear_velocity = {1.0, 0.0, 0.0};
+  world.add_body(body);
+  return world;
+}
+
+/// A stepper on a clock that the test turns by hand, stepped by the test's own thread.
+class StepperTest : public ::testing::Test {
+ protected:
+  void make(const StepperOptions& options) {
+    stepper_ = std::make_unique<Stepper>(
+        ball_in_flight(), options, [this] { return now_; },
+        StepperEvents{[this](const World&, double) { ++stepped_; },
+                      [this](const World&) { ++edited_; }, [this](const World&) { ++passed_; }});
+  }
+  /// Turns the clock on and lets the stepper do all that is due.
+  void pass(double seconds) {
+    now_ += seconds;
+    while (stepper_->advance() == 0.0) {
+    }
+  }
+  /// Runs `work`, which waits for the stepper, on a thread of its own, and the stepper until it
+  /// ends.
+  template <class Work>
+  void with_stepper(Work work) {
+    std::atomic<bool> done{false};
+    std::thread thread([&] {
+      work();
+      done = true;
+    });
+    while (!done) stepper_->advance();
+    thread.join();
+  }
+
+  double now_ = 1000.0;
+  int stepped_ = 0;
+  int edited_ = 0;
+  int passed_ = 0;
+  std::unique_ptr<Stepper> stepper_;
+};
+
+TEST_F(StepperTest, TakesTheStepsThatTheClockAsksFor) {
+  make({});
+  pass(0.0);
+  EXPECT_EQ(stepped_, 0);
+  pass(0.0551);
+  EXPECT_EQ(stepped_, 5);
+  pass(0.0051);  // 0.0602 s in all: the rest of the last pass was not lost
+  EXPECT_EQ(stepped_, 6);
+}
+
+TEST_F(StepperTest, RealTimeFactorScalesTheClock) {
+  make({0.1, false, 0.1});
+  for (int i = 0; i < 100; ++i) pass(0.0101);
+  EXPECT_EQ(stepped_, 10);  // 1.01 s · 0.1 = 10.1 ticks
+}
+
+TEST_F(StepperTest, SaysWhenTheNextPassHasWork) {
+  make({0.5, false, 0.1});
+  now_ += 0.004;
+  EXPECT_NEAR(stepper_->advance(), 0.016, 1e-9);  // a tick takes 0.02 s; round-off of now_ ~ 1000
+}
+
+TEST_F(StepperTest, AsFastAsItCanStepsInBatchesWithoutTheClock) {
+  make({0.0, false, 0.1});
+  EXPECT_EQ(stepper_->advance(), 0.0);
+  EXPECT_GT(stepped_, 10);
+}
+
+TEST_F(StepperTest, DropsAndCountsWhatItCannotCatchUp) {
+  make({});
+  pass(3.0);
+  EXPECT_EQ(stepped_, 10);  // max_catch_up 0.1 s
+  EXPECT_EQ(stepper_->dropped_ticks(), 290u);
+}
+
+TEST_F(StepperTest, AClockSetBackPassesNoTime) {
+  make({});
+  pass(0.0101);
+  pass(-500.0);
+  EXPECT_EQ(stepped_, 1);
+  pass(0.0101);
+  EXPECT_EQ(stepped_, 2);
+  EXPECT_EQ(stepper_->dropped_ticks(), 0u);
+}
+
+TEST_F(StepperTest, PausedItStandsAndTimePausedIsNotMadeUpFor) {
+  make({1.0, true, 0.1});
+  pass(1.0);
+  EXPECT_EQ(stepped_, 0);
+  with_stepper([&] { stepper_->unpause(); });
+  pass(0.0101);
+  EXPECT_EQ(stepped_, 1);
+  with_stepper([&] { stepper_->pause(); });
+  pass(1.0);
+  EXPECT_EQ(stepped_, 1);
+  EXPECT_EQ(stepper_->dropped_ticks(), 0u);
+}
+
+TEST_F(StepperTest, EditsTakeEffectWhilePausedAndTellWhen) {
+  make({1.0, true, 0.1});
+  Boundary boundary;
+  with_stepper([&] {
+    stepper_->step(7, nullptr);
+    boundary = stepper_->edit([](World& world) { world.remove_body(world.find_body("ball")); });
+  });
+  EXPECT_EQ(boundary.step, 7u);
+  EXPECT_NEAR(boundary.time, 7 * kTick, 1e-15);
+  EXPECT_EQ(edited_, 1);
+}
+
+TEST_F(StepperTest, WhatAnEditThrowsReachesItsCallerAndNobodyElse) {
+  make({1.0, true, 0.1});
+  std::string text;
+  with_stepper([&] {
+    try {
+      stepper_->edit([](World& world) { world.find_body("nobody"); });
+    } catch (const std::invalid_argument& error) {
+      text = error.what();
+    }
+    stepper_->edit([](World&) {});
+  });
+  EXPECT_NE(text.find("nobody"), std::string::npos) << text;
+  EXPECT_EQ(edited_, 1);
+}
+
+TEST_F(StepperTest, StepsOnRequestAndShowsTheWorldRightAfter) {
+  make({1.0, true, 0.1});
+  double x = 0.0;
+  std::uint64_t hash = 0;
+  with_stepper([&] {
+    stepper_->step(12345, [&](const World& world) {
+      x = world.state(world.find_body("ball")).position.x();
+      hash = world.state_hash();
+    });
+  });
+  EXPECT_EQ(stepped_, 12345);
+  World alone = ball_in_flight();
+  for (int i = 0; i < 12345; ++i) alone.step();
+  EXPECT_EQ(hash, alone.state_hash());
+  EXPECT_EQ(x, alone.state(alone.find_body("ball")).position.x());
+}
+
+TEST_F(StepperTest, StepsOnRequestOnlyWhilePaused) {
+  make({});
+  with_stepper([&] { EXPECT_THROW(stepper_->step(1, nullptr), NotNow); });
+  EXPECT_EQ(stepped_, 0);
+}
+
+TEST_F(StepperTest, EditsTakeEffectInBetweenManyRequestedSteps) {
+  make({1.0, true, 0.1});
+  std::uint64_t at = 0;
+  std::atomic<bool> started{false};
+  std::thread asker([&] {
+    started = true;
+    stepper_->step(2000000, nullptr);
+  });
+  while (!started || stepped_ == 0) stepper_->advance();
+  with_stepper([&] { at = stepper_->edit([](World&) {}).step; });
+  EXPECT_GT(at, 0u);
+  EXPECT_LT(at, 2000000u);
+  while (stepper_->advance() == 0.0) {
+  }
+  asker.join();
+  EXPECT_EQ(stepped_, 2000000);
+}
+
+TEST_F(StepperTest, AFailedWorldStandsUntilItIsEdited) {
+  make({});
+  with_stepper([&] {
+    stepper_->edit([](World& world) {
+      engine::BodyState state;
+      state.linear_velocity = {1e308, 0.0, 0.0};
+      state.position = {1.7e308, 0.0, 0.0};
+      world.set_state(world.find_body("ball"), state);
+    });
+  });
+  pass(0.0501);
+  EXPECT_TRUE(stepper_->has_failed());
+  EXPECT_EQ(stepped_, 1);
+  pass(0.0501);
+  EXPECT_EQ(stepped_, 1);
+  with_stepper(
+      [&] { stepper_->edit([](World& world) { world.set_state(world.find_body("ball"), {}); }); });
+  EXPECT_FALSE(stepper_->has_failed());
+  pass(0.0101);
+  EXPECT_GT(stepped_, 1);
+}
+
+/// The stepper on its own thread and the steady clock, as in the node.
+class RunningStepper : public ::testing::Test {
+ protected:
+  explicit RunningStepper(const StepperOptions& options = {})
+      : stepper_(ball_in_flight(), options,
+                 [] {
+                   return std::chrono::duration<double>(
+                              std::chrono::steady_clock::now().time_since_epoch())
+                       .count();
+                 },
+                 {}),
+        thread_(&Stepper::run, &stepper_) {}
+  ~RunningStepper() override {
+    stepper_.stop();
+    if (thread_.joinable()) thread_.join();
+  }
+
+  Stepper stepper_;
+  std::thread thread_;
+};
+
+TEST_F(RunningStepper, ManyThreadsEditAtOnce) {
+  constexpr int kThreads = 4;
+  constexpr int kEdits = 100;
+  std::vector<std::thread> threads;
+  for (int t = 0; t < kThreads; ++t)
+    threads.emplace_back([this, t] {
+      for (int i = 0; i < kEdits; ++i) {
+        engine::Body body;
+        body.name = "b" + std::to_string(t) + "_" + std::to_string(i);
+        body.mass = 1.0;
+        stepper_.edit([&](World& world) { world.add_body(body); });
+        if (i % 2 == 0)
+          stepper_.edit([&](World& world) { world.remove_body(world.find_body(body.name)); });
+      }
+    });
+  for (std::thread& thread : threads) thread.join();
+  std::size_t bodies = 0;
+  stepper_.inspect([&](const World& world) { bodies = world.body_ids().size(); });
+  EXPECT_EQ(bodies, 1u + kThreads * kEdits / 2);
+}
+
+TEST_F(RunningStepper, StopCancelsAllWhoWait) {
+  stepper_.pause();
+  std::atomic<int> cancelled{0};
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 3; ++t)
+    threads.emplace_back([&] {
+      try {
+        stepper_.step(1000000000, nullptr);
+      } catch (const Cancelled&) {
+        ++cancelled;
+      }
+    });
+  std::uint64_t steps = 0;
+  while (steps == 0) stepper_.inspect([&](const World& world) { steps = world.step_count(); });
+  stepper_.stop();
+  thread_.join();
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(cancelled, 3);
+  EXPECT_THROW(stepper_.edit([](World&) {}), Cancelled);
+}
+
+}  // namespace
+}  // namespace constraint_sim

@@ -103,4 +103,4 @@ int run_all(int argc, char** argv) {
 }  // namespace
 }  // namespace constraint_sim::engine
 
-int main(int argc, char** argv) { return constraint_sim::run_all(argc, argv); }
+int main(int argc, char** argv) { return constraint_sim::engine::run_all(argc, argv); }

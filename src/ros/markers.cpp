@@ -72,11 +72,11 @@ void set_shape(Marker& marker, const engine::Plane&) {
 
 }  // namespace
 
-visualization_msgs::MarkerArray Markers::update(const engine::World& world,
-                                                const ros::Time& stamp) {
+visualization_msgs::MarkerArray Markers::update(const engine::World& world, const ros::Time& stamp,
+                                                bool for_newcomer) {
   stamp_ = stamp;
   visualization_msgs::MarkerArray array;
-  const bool full = !started_ || (stamp - last_full_).toSec() >= kFullPeriod;
+  const bool full = !started_ || for_newcomer || (stamp - last_full_).toSec() >= kFullPeriod;
   if (!started_) {
     Marker clear = make("", 0, Marker::CUBE);
     clear.action = Marker::DELETEALL;

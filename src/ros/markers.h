@@ -19,8 +19,9 @@ class Markers {
   explicit Markers(std::string frame) : frame_(std::move(frame)) {}
 
   /// The message that brings a listener from the last one to this world: what moves, what is new,
-  /// what is gone, and everything once a second.
-  visualization_msgs::MarkerArray update(const engine::World& world, const ros::Time& stamp);
+  /// what is gone, and everything once a second and for a newcomer.
+  visualization_msgs::MarkerArray update(const engine::World& world, const ros::Time& stamp,
+                                         bool for_newcomer);
   /// Nobody has seen the last messages: the next one starts anew.
   void forget() { started_ = false; }
 

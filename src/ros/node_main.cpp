@@ -1,5 +1,6 @@
 #include <ros/ros.h>
 
+#include <iostream>
 #include <stdexcept>
 
 #include "ros/simulator_node.h"
@@ -10,7 +11,8 @@ int main(int argc, char** argv) {
     const constraint_sim::SimulatorNode node(ros::NodeHandle(), ros::NodeHandle("~"));
     ros::waitForShutdown();
   } catch (const std::invalid_argument& error) {
-    ROS_FATAL("%s", error.what());
+    // rosconsole may be set to say nothing, and a node that does not start must say why
+    std::cerr << ros::this_node::getName() << ": " << error.what() << std::endl;
     return 2;
   }
 }

@@ -88,13 +88,14 @@ void Publishers::take_snapshot(const World& world, const Stepper& stepper, doubl
 
   incoming_.world = world;
   incoming_.stamp.fromNSec(static_cast<std::uint64_t>(stamp));
+  incoming_.for_newcomer = newcomer_.exchange(false);
   incoming_.has_statistics = !stepped_ || now >= last_statistics_ + kStatisticsPeriod;
   if (incoming_.has_statistics) take_statistics(world, stepper, now, incoming_.statistics);
 
   const double period = 1.0 / parameters_.publish_rate;
   next_publication_ = std::max(next_publication_ + period, now);
   last_publication_ = now;
-  stepped_ = edited_ = newcomer_ = false;
+  stepped_ = edited_ = false;
 }
 
 void Publishers::take_statistics(const World& world, const Stepper& stepper, double now,
@@ -149,7 +150,7 @@ void Publishers::publish(const Snapshot& snapshot) {
   if (body_states_topic_.getNumSubscribers() > 0) publish_body_states(snapshot);
   if (constraint_states_topic_.getNumSubscribers() > 0) publish_constraint_states(snapshot);
   if (markers_topic_.getNumSubscribers() > 0)
-    markers_topic_.publish(markers_.update(snapshot.world, snapshot.stamp));
+    markers_topic_.publish(markers_.update(snapshot.world, snapshot.stamp, snapshot.for_newcomer));
   else
     markers_.forget();
   if (snapshot.has_statistics && statistics_topic_.getNumSubscribers() > 0) {

@@ -39,6 +39,7 @@ class Publishers {
   struct Snapshot {
     World world;
     ros::Time stamp;
+    bool for_newcomer = false;
     bool has_statistics = false;
     Statistics statistics;
   };

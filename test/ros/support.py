@@ -21,7 +21,7 @@ def wait_until(condition, what, timeout=TIMEOUT):
     raise AssertionError("waited %g s in vain for %s" % (timeout, what))
 
 
-def call(name, **fields):
+def call(name, /, **fields):
     """Calls a service of the node."""
     service = NODE + "/" + name
     rospy.wait_for_service(service, timeout=TIMEOUT)

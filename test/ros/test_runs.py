@@ -13,6 +13,7 @@ import rosbag
 import rospkg
 import rospy
 import rostest
+from visualization_msgs.msg import Marker
 
 import support
 from support import call, properties
@@ -37,6 +38,11 @@ def running(command):
     finally:
         os.killpg(process.pid, signal.SIGINT)
         process.wait(timeout=support.TIMEOUT)
+
+
+def recorded_topics():
+    _, subscribers, _ = rospy.get_master().getSystemState()[2]
+    return {topic for topic, nodes in subscribers if any("/record" in node for node in nodes)}
 
 
 class Runs(unittest.TestCase):
@@ -84,18 +90,20 @@ class Runs(unittest.TestCase):
             with running(node_command(scene="double_pendulum")):
                 call("pause_physics")
                 with running(["rosbag", "record", "-O", bag_path] + topics):
-                    support.wait_until(lambda: os.path.exists(bag_path + ".active"), "the bag")
+                    support.wait_until(lambda: recorded_topics() >= set(topics), "the recorder")
                     call("unpause_physics")
-                    first = properties().step
-                    support.wait_until(lambda: properties().step > first + 100, "100 steps")
+                    first = properties().sim_time
+                    support.wait_until(lambda: properties().sim_time > first + 2.0, "2 s")
                 support.wait_until(lambda: os.path.exists(bag_path), "the closed bag")
             with rosbag.Bag(bag_path) as bag:
                 found = bag.get_type_and_topic_info().topics
                 self.assertEqual(sorted(found), sorted(topics))
                 places = [m.transforms[-1].transform.translation.x
                           for _, m, _ in bag.read_messages("/tf")]
+                first_markers = next(m for _, m, _ in bag.read_messages(topics[1]))
                 steps = [m.step for _, m, _ in
                          bag.read_messages(support.NODE + "/statistics")]
+            self.assertEqual(first_markers.markers[0].action, Marker.DELETEALL)
             self.assertGreater(max(places) - min(places), 0.01)
             self.assertEqual(steps, sorted(steps))
 

@@ -19,13 +19,13 @@ class Services(unittest.TestCase):
     def setUp(self):
         support.empty_world()
 
-    def good(self, name, **fields):
+    def good(self, name, /, **fields):
         answer = call(name, **fields)
         self.assertTrue(answer.success, answer.status_message)
         self.assertEqual(answer.status_message, "")
         return answer
 
-    def bad(self, named, name, **fields):
+    def bad(self, named, name, /, **fields):
         """The answer names what `named` lists, and the world stays what it was."""
         before = properties()
         answer = call(name, **fields)

@@ -184,10 +184,8 @@ constraints:
     def count(self, listener, ns):
         return sum(1 for key in self.shown(listener) if key[0] == ns)
 
-    def test_markers_begin_with_deleteall_and_show_bodies_and_constraints(self):
+    def test_markers_show_a_newcomer_all_bodies_and_constraints(self):
         listener = Listener(topic("markers"), MarkerArray)
-        listener.wait()
-        self.assertEqual(listener.messages[0].markers[0].action, Marker.DELETEALL)
         state = properties()
         support.wait_until(lambda: self.count(listener, "bodies") == len(state.bodies), "bodies")
         self.assertEqual(self.count(listener, "constraints"), len(state.constraints))

@@ -94,7 +94,7 @@ class World {
   /// Goes on from this simulated time [s] and step.
   void set_time(double time, std::uint64_t step_count);
   /// Takes over from another world: its time goes on, and its ids are not used again. All ids of
-  /// this world change.
+  /// this world change, and the phases of motors shift so that the motion is the same as from 0.
   void continue_from(const World& other);
   /// 64-bit FNV-1a over step, time, and by name all bodies and joints with their state; no caches.
   std::uint64_t state_hash() const;

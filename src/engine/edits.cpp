@@ -103,6 +103,11 @@ void World::continue_from(const World& other) {
   for (Joint& joint : impl_->joints) {
     renumber(joint.body_a);
     renumber(joint.body_b);
+    // a sinusoid goes on as it would have from time 0
+    Motor& motor = joint.motor;
+    if (motor.frequency > 0.0)
+      motor.phase =
+          std::remainder(motor.phase - 2.0 * kPi * motor.frequency * other.time(), 2.0 * kPi);
   }
   for (JointId& id : impl_->joint_ids) id.value += new_joints;
   for (auto& [name, id] : impl_->joint_by_name) id.value += new_joints;

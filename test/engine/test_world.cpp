@@ -337,6 +337,56 @@ TEST(Report, StagesThatAreLeftOutTakeNoTime) {
   EXPECT_EQ(times[static_cast<std::size_t>(Stage::kPositions)], 1.0);
 }
 
+World swinging_winch() {
+  World world(options(0.01));
+  const BodyId load = world.add_body(ball("load", 0.0));
+  Joint cable = hang("cable", load, DistanceJoint{});
+  cable.anchor_a = {0.0, 0.0, 3.0};
+  cable.motor.amplitude = 0.5;
+  cable.motor.frequency = 0.7;
+  cable.motor.phase = 1.0;
+  cable.motor.bias = -0.1;
+  cable.motor.timeout = 0.5;
+  world.add_joint(cable);
+  return world;
+}
+
+TEST(ContinueFrom, TimeGoesOnAndTheMotionIsThatFromZero) {
+  World old = swinging_winch();
+  for (int i = 0; i < 1234; ++i) old.step();
+  World fresh = swinging_winch();
+  World continued = swinging_winch();
+  continued.continue_from(old);
+  EXPECT_EQ(continued.time(), old.time());
+  EXPECT_EQ(continued.step_count(), 1234u);
+  for (int i = 0; i < 200; ++i) {
+    fresh.step();
+    continued.step();
+  }
+  // the phase is round-off of 2π·0.7·12.34 = 54 rad away, times the travel of 0.1 m
+  EXPECT_NEAR(continued.state(continued.find_body("load")).position.z(),
+              fresh.state(fresh.find_body("load")).position.z(), 1e-14);
+}
+
+TEST(ContinueFrom, IdsOfTheOldWorldAreNotUsedAgain) {
+  World old = swinging_winch();
+  const BodyId old_body = old.find_body("load");
+  const JointId old_joint = old.find_joint("cable");
+  World world = swinging_winch();
+  world.continue_from(old);
+  const BodyId body = world.find_body("load");
+  const JointId joint = world.find_joint("cable");
+  EXPECT_LT(old_body, body);
+  EXPECT_LT(old_joint, joint);
+  EXPECT_THROW(world.state(old_body), std::invalid_argument);
+  EXPECT_THROW(world.joint(old_joint), std::invalid_argument);
+  EXPECT_EQ(world.body_ids(), std::vector<BodyId>{body});
+  EXPECT_EQ(world.joint(joint).body_b, body);
+  EXPECT_EQ(world.joint(joint).body_a, kWorldBody);
+  world.step();
+  EXPECT_EQ(world.remove_body(body), std::vector<std::string>{"cable"});
+}
+
 TEST(Names, OfMethodsAndStages) {
   EXPECT_STREQ(name(Method::kAuto), "auto");
   EXPECT_STREQ(name(Method::kSequentialImpulses), "sequential_impulses");

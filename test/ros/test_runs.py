@@ -46,41 +46,26 @@ def recorded_topics():
 
 
 class Runs(unittest.TestCase):
-    def test_the_node_and_the_runner_give_the_same_bits_for_every_shipped_scene(self):
-        with running(node_command(paused="true")):
-            for path in sorted(glob.glob(SCENES + "/*.yaml")):
-                with self.subTest(scene=path), tempfile.TemporaryDirectory() as folder:
-                    report = folder + "/report.json"
-                    subprocess.check_call(
-                        ["rosrun", "constraint_sim", "constraint_sim_run", path,
-                         "--duration", "2", "--report", report], stdout=subprocess.DEVNULL)
-                    with open(report) as file:
-                        expected = json.load(file)
-                    # bodies alone: the hash has the time as well, and in the node that goes on
-                    self.assertTrue(call("load_scene", path=path).success)
-                    self.assertTrue(call("pause_physics") is not None)
-                    bodies = call("step", steps=expected["steps"]).bodies
-                    self.assertEqual(len(bodies), len(expected["bodies"]))
-                    for body in bodies:
-                        place = body.pose.position
-                        self.assertEqual([place.x, place.y, place.z],
-                                         expected["bodies"][body.name]["position"])
-
-    def test_the_node_and_the_runner_give_the_same_hash(self):
-        scene = SCENES + "/bridge.yaml"
+    def runner_report(self, scene):
         with tempfile.TemporaryDirectory() as folder:
             report = folder + "/report.json"
             subprocess.check_call(["rosrun", "constraint_sim", "constraint_sim_run", scene,
-                                   "--duration", "3", "--report", report],
+                                   "--duration", "2", "--report", report],
                                   stdout=subprocess.DEVNULL)
             with open(report) as file:
-                expected = json.load(file)
-        hashes = []
-        for _ in range(2):
+                return json.load(file)
+
+    def test_the_node_and_the_runner_give_the_same_bits_for_every_shipped_scene(self):
+        scenes = sorted(glob.glob(SCENES + "/*.yaml"))
+        self.assertGreaterEqual(len(scenes), 10)
+        different = []
+        for scene in scenes:
+            expected = self.runner_report(scene)
             with running(node_command(scene=scene, paused="true")):
-                hashes.append(call("step", steps=expected["steps"]).state_hash)
-                self.assertEqual(properties().state_hash, hashes[-1])
-        self.assertEqual(hashes, [int(expected["state_hash"], 16)] * 2)
+                answer = call("step", steps=expected["steps"])
+                if answer.state_hash != int(expected["state_hash"], 16):
+                    different.append(scene)
+        self.assertEqual(different, [])
 
     def test_a_recorded_bag_reads_back(self):
         topics = ["/tf"] + [support.NODE + "/" + name for name in

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "ros/conversions.h"
 
@@ -154,6 +155,16 @@ Marker Markers::constraint(const engine::World& world, engine::JointId id) const
   marker.color = error_colour(world.joint_state(id).error);
   const engine::World::Anchors anchors = world.anchors(id);
   marker.points = {to_point(anchors.p_a), to_point(anchors.p_b)};
+  const engine::Joint& joint = world.joint(id);
+  if (std::holds_alternative<engine::BallJoint>(joint.type)) {
+    // no length to see: arms from the centres of the bodies instead
+    for (const auto& [body, anchor] :
+         {std::pair{joint.body_a, anchors.p_a}, std::pair{joint.body_b, anchors.p_b}}) {
+      if (body == engine::kWorldBody) continue;
+      marker.points.push_back(to_point(world.state(body).position));
+      marker.points.push_back(to_point(anchor));
+    }
+  }
   return marker;
 }
 

@@ -14,7 +14,7 @@ using visualization_msgs::Marker;
 constexpr double kFullPeriod = 1.0;      // [s]
 constexpr double kPointDiameter = 0.06;  // [m] that a point mass is drawn with
 constexpr double kPlaneWidth = 20.0;     // [m] that is drawn of a plane
-constexpr double kLineWidth = 0.02;      // [m]
+constexpr double kLineWidth = 0.03;      // [m]
 constexpr double kNormalLength = 0.2;    // [m]
 constexpr double kGreenError = 1e-6;     // [m]
 constexpr double kRedError = 1e-2;       // [m]

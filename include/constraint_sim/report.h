@@ -42,7 +42,8 @@ struct StepReport {
   double max_penetration = 0.0;        ///< deepest contact that the step met [m]
   double energy = 0.0;        ///< kinetic + potential of gravity and springs [J]; 0 height is z = 0
   double energy_drift = 0.0;  ///< change of energy since the last edit over the largest kinetic
-                              ///< energy since then [1]; motors, friction and impacts count as well
+                              ///< energy since then [1]; motors, wrenches, friction and impacts
+                              ///< count as well
   double local_error = 0.0;   ///< estimate for this step [m]; 0 where the method has none
   bool failed = false;        ///< the result was not finite: the state before the step was kept
 

@@ -12,6 +12,7 @@
 #include "constraint_sim/id.h"
 #include "constraint_sim/joint.h"
 #include "constraint_sim/report.h"
+#include "constraint_sim/wrench.h"
 
 namespace constraint_sim::engine {
 
@@ -61,8 +62,9 @@ class World {
   void set_state(BodyId id, const BodyState& state);
 
   // ---- joints
-  /// A distance joint of length zero, asked for or found, becomes a ball joint.
-  JointId add_joint(const Joint& joint);
+  /// A distance joint of length zero, asked for or found, becomes a ball joint. A broken one does
+  /// not act.
+  JointId add_joint(const Joint& joint, bool broken = false);
   void remove_joint(JointId id);
   bool has_joint(std::string_view name) const;
   JointId find_joint(std::string_view name) const;
@@ -81,6 +83,14 @@ class World {
   /// Marks the joint as torn, or whole again.
   void set_broken(JointId id, bool broken);
 
+  // ---- wrenches
+  /// Several on one body add up; removing the body removes them. The impulse is force times the
+  /// time in the span, whatever the tick. One whose span is over already adds nothing.
+  void add_wrench(const Wrench& wrench);
+  void clear_wrenches(BodyId id);
+  /// Those that are still pending or acting, in the order of adding.
+  const std::vector<Wrench>& wrenches() const;
+
   // ---- motion
   /// Carries the world on by one tick. The report stays valid until the next call.
   const StepReport& step();
@@ -91,12 +101,18 @@ class World {
   std::uint64_t step_count() const;  ///< since the start
   /// Kinetic energy plus that of gravity and springs [J], now.
   double energy() const;
-  /// Goes on from this simulated time [s] and step.
+  /// Every body and joint returns to what it was when added or loaded: state, motor, travel, torn
+  /// or whole; timeouts count from now. None is added or removed, wrenches go, options stay, and
+  /// time goes on; a motor's sinusoid is one of simulated time, as ever. set_time(0, 0) afterwards
+  /// makes the motion that of a new world, bit for bit.
+  void reset();
+  /// Goes on from this simulated time [s] and step; timeouts and wrenches move along.
   void set_time(double time, std::uint64_t step_count);
   /// Takes over from another world: its time goes on, and its ids are not used again. All ids of
   /// this world change, and the phases of motors shift so that the motion is the same as from 0.
   void continue_from(const World& other);
-  /// 64-bit FNV-1a over step, time, and by name all bodies and joints with their state; no caches.
+  /// 64-bit FNV-1a over step, time, and by name all bodies and joints with their state, and
+  /// wrenches; no caches.
   std::uint64_t state_hash() const;
   /// Times the stages of each step from now on; nullptr: no longer.
   void set_clock(Clock clock);

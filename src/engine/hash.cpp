@@ -76,6 +76,14 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   hash.add(std::uint64_t{state.broken});
 }
 
+void add(Fnv1a& hash, const Wrench& wrench, const std::string& body) {
+  hash.add(body);
+  hash.add(wrench.force);
+  hash.add(wrench.torque);
+  hash.add(wrench.start);
+  hash.add(wrench.end);
+}
+
 }  // namespace
 
 std::uint64_t World::state_hash() const {
@@ -83,11 +91,15 @@ std::uint64_t World::state_hash() const {
   Fnv1a hash;
   hash.add(world.step_count);
   hash.add(world.time());
-  for (const std::size_t i : by_name(world.bodies, 1))
+  const std::vector<std::size_t> body_order = by_name(world.bodies, 1);
+  for (const std::size_t i : body_order)
     add(hash, world.bodies[i], world.masses[i], world.states[i]);
   for (const std::size_t j : by_name(world.joints, 0))
     add(hash, world.joints[j], world.bodies[world.index(world.joints[j].body_a)].name,
         world.bodies[world.index(world.joints[j].body_b)].name, world.joint_states[j]);
+  for (const std::size_t i : body_order)
+    for (const Wrench& wrench : world.wrenches)
+      if (wrench.body == world.body_ids[i]) add(hash, wrench, world.bodies[i].name);
   return hash.value();
 }
 

@@ -1,6 +1,7 @@
 #include "constraint_sim/scene.h"
 
 #include <fstream>
+#include <limits>
 #include <sstream>
 
 #include "engine/method_names.h"
@@ -24,8 +25,10 @@ WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults)
   WorldOptions options = defaults;
   item.read("gravity", &options.gravity);
   item.read("time_step", &options.time_step);
-  if (const auto method = item.find("method"))
-    options.method = item.attempt([&] { return method_named(method->word()); });
+  if (const auto method = item.find("method")) {
+    const std::string word = method->word();
+    options.method = item.attempt([&] { return method_named(word); });
+  }
   item.read("iterations", &options.iterations);
   item.read("warm_starting", &options.warm_starting);
   item.read("baumgarte", &options.baumgarte);
@@ -211,6 +214,24 @@ Joint read_joint(const YamlElement& item, const World& world) {
   return joint;
 }
 
+Wrench read_wrench(const YamlElement& item, const World& world) {
+  item.expect_keys({"body", "force", "torque", "start", "duration"});
+  item.at("body");
+  Wrench wrench;
+  wrench.body = read_body_reference(item, "body", world);
+  item.read("force", &wrench.force);
+  item.read("torque", &wrench.torque);
+  item.read("start", &wrench.start);
+  item.attempt([&] { check_not_negative("start", wrench.start); });
+  double duration = std::numeric_limits<double>::infinity();
+  item.read("duration", &duration);
+  wrench.end = wrench.start + duration;
+  if (!(wrench.end > wrench.start))
+    item.at("duration")
+        .fail("must be > 0 and not lost beside the start, got " + shortest(duration));
+  return wrench;
+}
+
 std::vector<YamlElement> items_of(const YamlElement& scene, const std::string& key) {
   const auto list = scene.find(key);
   return list ? list->items() : std::vector<YamlElement>{};
@@ -220,7 +241,7 @@ std::vector<YamlElement> items_of(const YamlElement& scene, const std::string& k
 
 World load_scene(const std::string& text, const std::string& source, const WorldOptions& defaults) {
   const YamlElement scene = YamlElement::parse(text, source);
-  scene.expect_keys({"world", "bodies", "constraints"});
+  scene.expect_keys({"world", "bodies", "constraints", "wrenches"});
 
   const auto options = scene.find("world");
   World world(options ? read_options(*options, defaults) : defaults);
@@ -231,10 +252,13 @@ World load_scene(const std::string& text, const std::string& source, const World
   }
   for (const YamlElement& item : items_of(scene, "constraints")) {
     const Joint joint = read_joint(item, world);
-    const JointId id = item.attempt([&] { return world.add_joint(joint); });
     bool broken = false;
     item.read("broken", &broken);
-    world.set_broken(id, broken);
+    item.attempt([&] { world.add_joint(joint, broken); });
+  }
+  for (const YamlElement& item : items_of(scene, "wrenches")) {
+    const Wrench wrench = read_wrench(item, world);
+    item.attempt([&] { world.add_wrench(wrench); });
   }
   return world;
 }

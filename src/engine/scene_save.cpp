@@ -165,6 +165,18 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   *out << YAML::EndMap;
 }
 
+void write_wrench(YAML::Emitter* out, const World& world, const Wrench& wrench) {
+  const double start = std::max(0.0, wrench.start - world.time());
+  const double end = wrench.end - world.time();
+  *out << YAML::BeginMap;
+  write(out, "body", world.body(wrench.body).name);
+  write(out, "force", wrench.force);
+  write(out, "torque", wrench.torque);
+  write(out, "start", start);
+  if (std::isfinite(end)) write(out, "duration", end - start);
+  *out << YAML::EndMap;
+}
+
 }  // namespace
 
 std::string save_scene(const World& world) {
@@ -178,6 +190,11 @@ std::string save_scene(const World& world) {
   for (const JointId id : world.joint_ids())
     write_joint(&out, world, world.joint(id), world.joint_state(id));
   out << YAML::EndSeq;
+  if (!world.wrenches().empty()) {
+    out << YAML::Key << "wrenches" << YAML::Value << YAML::BeginSeq;
+    for (const Wrench& wrench : world.wrenches()) write_wrench(&out, world, wrench);
+    out << YAML::EndSeq;
+  }
   out << YAML::EndMap;
   return std::string(out.c_str()) + "\n";
 }

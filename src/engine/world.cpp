@@ -179,7 +179,25 @@ void World::Impl::prepare_contact(const TouchingPair& pair, std::size_t point) {
 
 void World::Impl::update_velocities() {
   const StageTimer timer(*this, Stage::kVelocities);
+  if (!wrenches.empty()) apply_wrenches();
   solver.update_velocities(states, masses, options.gravity, options.time_step, rows);
+}
+
+void World::Impl::apply_wrenches() {
+  const double h = options.time_step;
+  const double t = time();
+  const double t_next = time_of(step_count + 1);
+  for (const Wrench& wrench : wrenches) {
+    const bool acts_throughout = wrench.start <= t && wrench.end >= t_next;
+    const double duration =
+        acts_throughout ? h : std::min(wrench.end, t_next) - std::max(wrench.start, t);
+    if (duration <= 0.0) continue;  // not yet
+    const std::size_t i = index(wrench.body);
+    BodyState& body = states[i];
+    body.linear_velocity += duration * masses[i].inverse_mass * wrench.force;
+    body.angular_velocity +=
+        apply_inertia(masses[i].inverse_inertia, body.orientation, duration * wrench.torque);
+  }
 }
 
 void World::Impl::solve_rows() {
@@ -205,6 +223,7 @@ void World::Impl::finish_step() {
     read_joints({time(), options.time_step, options.baumgarte});
     read_contacts();
     ++step_count;
+    drop_spent_wrenches();
   }
   report.step = step_count;
   report.time = time();
@@ -249,6 +268,13 @@ void World::Impl::read_contacts() {
   }
 }
 
+void World::Impl::drop_spent_wrenches() {
+  const auto is_spent = [now = time()](const Wrench& wrench) {
+    return wrench.end <= std::max(now, wrench.start);
+  };
+  wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_spent), wrenches.end());
+}
+
 void World::Impl::measure() {
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const double error = std::abs(joint_states[j].error);
@@ -284,8 +310,10 @@ double World::Impl::potential_energy() const {
   return energy;
 }
 
-double World::Impl::time() const {
-  return base_time + static_cast<double>(step_count - base_step) * options.time_step;
+double World::Impl::time() const { return time_of(step_count); }
+
+double World::Impl::time_of(std::uint64_t step) const {
+  return base_time + static_cast<double>(step - base_step) * options.time_step;
 }
 
 const BodyState& World::Impl::state_a(std::size_t j) const { return states[joint_ends[j].first]; }

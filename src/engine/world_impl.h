@@ -26,6 +26,12 @@ struct TouchingPair {
   Eigen::Vector3d impulse_of(std::uint32_t feature) const;
 };
 
+/// What reset() returns a joint to, beside what never changes.
+struct JointStart {
+  Motor motor;  ///< also after continue_from() with the phase of the scene, right from time 0
+  bool broken = false;
+};
+
 /// What stands behind a World. Lists of one kind run in parallel: entry i of each is the same body,
 /// or the same joint. Body 0 is the world.
 struct World::Impl {
@@ -36,12 +42,14 @@ struct World::Impl {
   std::vector<MassProperties> masses;
   std::vector<BodyId> body_ids;
   std::vector<Joint> joints;
+  std::vector<JointStart> joint_starts;
   std::vector<JointState> joint_states;
   std::vector<JointId> joint_ids;
   std::vector<int> body_index;   // by id; -1 once removed
   std::vector<int> joint_index;  // by id; -1 once removed
   std::unordered_map<std::string, BodyId> body_by_name;
   std::unordered_map<std::string, JointId> joint_by_name;
+  std::vector<Wrench> wrenches;
 
   // ---- time: that of the last change of the tick, and steps
   double base_time = 0.0;
@@ -73,13 +81,16 @@ struct World::Impl {
   StepReport report;
   Clock clock = nullptr;
 
-  // ---- editing (edits.cpp)
+  // ---- editing (edits/)
   std::size_t index(BodyId id) const;
   std::size_t index(JointId id) const;
   void check_ends(const Joint& joint) const;
   void fill_in(Joint& joint) const;
   double inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const;
+  void start_joint(std::size_t j);
+  double end_of(const Motor& motor) const;
   void erase_joint(std::size_t j);
+  void erase_wrenches(BodyId id);
 
   // ---- stepping (world.cpp), in the order of a step
   void begin_step();
@@ -89,11 +100,13 @@ struct World::Impl {
   void prepare_rows();
   void prepare_contact(const TouchingPair& pair, std::size_t point);
   void update_velocities();
+  void apply_wrenches();
   void solve_rows();
   void update_positions();
   void finish_step();
   void read_joints(const JointStep& step);
   void read_contacts();
+  void drop_spent_wrenches();
   void measure();
   bool is_finite() const;
 
@@ -101,6 +114,7 @@ struct World::Impl {
 
   // ---- asking
   double time() const;
+  double time_of(std::uint64_t step) const;
   bool is_movable(std::size_t body) const { return masses[body].inverse_mass > 0.0; }
   const BodyState& state_a(std::size_t j) const;
   const BodyState& state_b(std::size_t j) const;

@@ -16,6 +16,7 @@
 #include <string>
 #include <vector>
 
+#include "constraint_sim/plan.h"
 #include "constraint_sim/scene.h"
 #include "engine/method_names.h"
 #include "engine/validate.h"
@@ -137,80 +138,6 @@ void write_csv_rows(const World& world, std::ostream& out) {
   }
 }
 
-// ---- what a scene uses
-
-struct Plan {
-  int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
-  int points = 0, spheres = 0, boxes = 0, planes = 0;
-  int rods = 0, limits = 0, springs = 0, balls = 0, motors = 0;
-  bool collides = false;
-  std::string method;
-  std::vector<std::string> left_out;  ///< what, and why
-};
-
-void count_body(const Body& body, Plan* plan) {
-  plan->dynamic_bodies += body.type == BodyType::kDynamic;
-  plan->static_bodies += body.type == BodyType::kStatic;
-  plan->kinematic_bodies += body.type == BodyType::kKinematic;
-  plan->points += std::holds_alternative<Point>(body.shape);
-  plan->spheres += std::holds_alternative<Sphere>(body.shape);
-  plan->boxes += std::holds_alternative<Box>(body.shape);
-  plan->planes += std::holds_alternative<Plane>(body.shape);
-}
-
-void count_joint(const Joint& joint, Plan* plan) {
-  plan->motors += joint.motor.bias != 0.0 || joint.motor.amplitude != 0.0;
-  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
-  if (distance == nullptr)
-    ++plan->balls;
-  else if (distance->is_soft())
-    ++plan->springs;
-  else if (distance->is_limited())
-    ++plan->limits;
-  else
-    ++plan->rods;
-}
-
-Plan plan_of(const World& world) {
-  Plan plan;
-  int colliding = 0, colliding_dynamic = 0, turning = 0;
-  for (const BodyId id : world.body_ids()) {
-    const Body& body = world.body(id);
-    count_body(body, &plan);
-    const bool is_dynamic = body.type == BodyType::kDynamic;
-    turning += is_dynamic && !(body.inertia.isZero(0.0) && unit_inertia(body.shape).isZero(0.0));
-    if (body.no_collision || std::holds_alternative<Point>(body.shape)) continue;
-    ++colliding;
-    colliding_dynamic += is_dynamic;
-  }
-  for (const JointId id : world.joint_ids()) count_joint(world.joint(id), &plan);
-
-  plan.collides = colliding >= 2 && colliding_dynamic >= 1;
-  if (!plan.collides)
-    plan.left_out.push_back(
-        "broadphase, narrowphase and contacts: no dynamic body has a shape that another could "
-        "touch");
-  if (world.joint_ids().empty()) plan.left_out.push_back("constraint rows: no constraints");
-  if (turning == 0) plan.left_out.push_back("rotation: no dynamic body has an inertia");
-
-  World probe = world;
-  plan.method = name(probe.step().method);
-  return plan;
-}
-
-void print(const Plan& plan, Method asked_for) {
-  std::printf("method: {asked_for: %s, used: %s}\n", name(asked_for), plan.method.c_str());
-  std::printf("bodies: {dynamic: %d, static: %d, kinematic: %d}\n", plan.dynamic_bodies,
-              plan.static_bodies, plan.kinematic_bodies);
-  std::printf("shapes: {point: %d, sphere: %d, box: %d, plane: %d}\n", plan.points, plan.spheres,
-              plan.boxes, plan.planes);
-  std::printf("constraints: {rod: %d, limited: %d, spring: %d, ball: %d, motor: %d}\n", plan.rods,
-              plan.limits, plan.springs, plan.balls, plan.motors);
-  std::printf("collision: %s\n", plan.collides ? "true" : "false");
-  std::printf("left_out:%s\n", plan.left_out.empty() ? " []" : "");
-  for (const std::string& line : plan.left_out) std::printf("  - \"%s\"\n", line.c_str());
-}
-
 // ---- the run
 
 using SteadyClock = std::chrono::steady_clock;
@@ -297,7 +224,8 @@ std::vector<double> list(const Vector& vector) {
   return std::vector<double>(vector.data(), vector.data() + vector.size());
 }
 
-nlohmann::json report_of(const World& world, const Outcome& outcome, const Plan& plan) {
+nlohmann::json report_of(const World& world, const Outcome& outcome,
+                         const std::vector<std::string>& left_out) {
   nlohmann::json bodies = nlohmann::json::object();
   for (const BodyId id : world.body_ids()) {
     const BodyState& state = world.state(id);
@@ -318,7 +246,7 @@ nlohmann::json report_of(const World& world, const Outcome& outcome, const Plan&
       {"energy_final", outcome.energy_final},
       {"max_constraint_error", outcome.max_constraint_error},
       {"methods", outcome.methods},
-      {"left_out", plan.left_out},
+      {"left_out", left_out},
   };
 }
 
@@ -340,13 +268,13 @@ void print_summary(const World& world, const Outcome& outcome) {
 int run(const Arguments& arguments) {
   World world = load(arguments);
   const std::uint64_t steps = steps_in(arguments.duration, world.options().time_step);
-  const Plan plan = plan_of(world);
-  if (arguments.explain) print(plan, world.options().method);
+  if (arguments.explain) std::cout << explain(world) << std::flush;
+  const std::vector<std::string> left_out = engine::left_out(world);
 
   OutputFile csv(arguments.csv), report(arguments.report), save(arguments.save);
   const Outcome outcome = run(steps, &world, &csv);
 
-  if (report.is_wanted()) report.stream() << report_of(world, outcome, plan).dump(2) << '\n';
+  if (report.is_wanted()) report.stream() << report_of(world, outcome, left_out).dump(2) << '\n';
   if (save.is_wanted()) save.stream() << save_scene(world);
   for (OutputFile* file : {&csv, &report, &save}) file->close();
   print_summary(world, outcome);

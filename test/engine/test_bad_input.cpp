@@ -314,6 +314,46 @@ TEST(BadInput, Options) {
   }
 }
 
+TEST(BadInput, Wrenches) {
+  std::vector<Field<Wrench>> fields{
+      {"start", kNotFinite, [](Wrench& w, double v) { w.start = v; }},
+      {"end", {kNaN, -kInfinity, -1.5, 1.0, 0.5}, [](Wrench& w, double v) { w.end = v; }},
+  };
+  add_vector<Wrench>(&fields, "force", [](Wrench& w) -> Vector3d& { return w.force; });
+  add_vector<Wrench>(&fields, "torque", [](Wrench& w) -> Vector3d& { return w.torque; });
+  Victim victim;
+  const auto refused = [&](const std::string& field, const std::string& value,
+                           const Wrench& wrench) {
+    victim.expect_refused(field, value, [&](World& w) { w.add_wrench(wrench); });
+    EXPECT_TRUE(victim.world.wrenches().empty()) << field << " = " << value;
+  };
+  const Wrench good{victim.ball, {1.0, 2.0, 3.0}, {4.0, 5.0, 6.0}, 1.0, 2.0};
+  for (const Field<Wrench>& field : fields) {
+    for (const double bad : field.bad) {
+      Wrench wrench = good;
+      field.set(wrench, bad);
+      refused(field.name, shortest(bad), wrench);
+    }
+  }
+
+  Body carriage = make_body("carriage", Box{{1.0, 1.0, 1.0}}, 0.0, {0.0, 0.0, 9.0});
+  carriage.type = BodyType::kKinematic;
+  victim.world.add_body(carriage);
+  for (const char* name : {"world", "floor", "carriage"}) {
+    Wrench wrench = good;
+    wrench.body = victim.world.find_body(name);
+    refused("body", "'" + std::string(name) + "' is not dynamic", wrench);
+  }
+  Wrench unknown = good;
+  unknown.body = BodyId{99};
+  refused("body", "99", unknown);
+  Wrench turning = good;
+  turning.body = victim.point;
+  refused("torque", "(4, 5, 6)", turning);
+  turning.torque.setZero();
+  EXPECT_NO_THROW(victim.world.add_wrench(turning));
+}
+
 TEST(BadInput, Times) {
   Victim victim;
   for (const double bad : kNotFinite)
@@ -329,6 +369,7 @@ TEST(BadInput, UnknownNamesAndIds) {
   victim.expect_refused("constraint", "99", [](World& w) { w.remove_joint(JointId{99}); });
   victim.expect_refused("constraint", "99", [](World& w) { w.set_motor(JointId{99}, {}); });
   victim.expect_refused("constraint", "99", [](World& w) { w.set_broken(JointId{99}, true); });
+  victim.expect_refused("body", "99", [](World& w) { w.clear_wrenches(BodyId{99}); });
   victim.expect_refused("name", "'world'", [](World& w) { w.remove_body(kWorldBody); });
   victim.expect_refused("name", "'world'", [](World& w) { w.set_state(kWorldBody, {}); });
 }

@@ -135,6 +135,7 @@ struct Parts {
   Body body = make_body("body", Box{{1.0, 2.0, 3.0}}, 2.0, {1.1, 1.2, 1.3});
   Body fixture = make_body("fixture", Sphere{1.0}, 2.0, {9.0, 0.0, 0.0});
   Joint joint = make_joint("joint", kWorldBody, {0.1, 0.2, 0.3}, kWorldBody, {0.4, 0.5, 0.6});
+  Wrench wrench{{}, {0.1, 0.2, 0.3}, {0.4, 0.5, 0.6}, 1.5, 3.5};
   double time = 2.5;
   std::uint64_t step = 10;
   bool broken = false;
@@ -164,6 +165,9 @@ struct Parts {
     const JointId id = world.add_joint(filled);
     world.set_broken(id, broken);
     world.set_time(time, step);
+    Wrench acting = wrench;
+    acting.body = filled.body_b;
+    world.add_wrench(acting);
     return world.state_hash();
   }
 };
@@ -197,6 +201,9 @@ TEST(Hash, SeesOneUlpInEveryField) {
       {"break_force", [](Parts& p) { p.joint.break_force = up(p.joint.break_force); }},
       {"collide_connected", [](Parts& p) { p.joint.collide_connected = true; }},
       {"broken", [](Parts& p) { p.broken = true; }},
+      {"wrench start", [](Parts& p) { p.wrench.start = up(p.wrench.start); }},
+      {"wrench end", [](Parts& p) { p.wrench.end = up(p.wrench.end); }},
+      {"no wrench end", [](Parts& p) { p.wrench.end = kInfinity; }},
       {"time", [](Parts& p) { p.time = up(p.time); }},
       {"step", [](Parts& p) { ++p.step; }},
   };
@@ -209,6 +216,8 @@ TEST(Hash, SeesOneUlpInEveryField) {
     changes["angular_velocity." + axis] = [raise](Parts& p) {
       raise(p.body.state.angular_velocity);
     };
+    changes["force." + axis] = [raise](Parts& p) { raise(p.wrench.force); };
+    changes["torque." + axis] = [raise](Parts& p) { raise(p.wrench.torque); };
     changes["anchor_a." + axis] = [raise](Parts& p) { raise(p.joint.anchor_a); };
     changes["anchor_b." + axis] = [raise](Parts& p) { raise(p.joint.anchor_b); };
   }
@@ -226,6 +235,33 @@ TEST(Hash, SeesOneUlpInEveryField) {
     const auto [found, is_new] = seen.emplace(parts.hash(), what);
     EXPECT_TRUE(is_new) << what << " hashes as " << found->second;
   }
+}
+
+TEST(Hash, SeesWrenchesByBodyAndInTheirOrder) {
+  World world;
+  const BodyId a = world.add_body(make_body("a", Sphere{1.0}, 1.0, {0.0, 0.0, 0.0}));
+  const BodyId b = world.add_body(make_body("b", Sphere{1.0}, 1.0, {9.0, 0.0, 0.0}));
+  const auto hash = [&](const std::vector<std::pair<BodyId, double>>& forces) {
+    World pushed = world;
+    for (const auto& [body, x] : forces)
+      pushed.add_wrench({body, {x, 0.0, 0.0}, Vector3d::Zero(), 0.0, 1.0});
+    return pushed.state_hash();
+  };
+  EXPECT_EQ(hash({{a, 1.0}, {b, 2.0}, {a, 3.0}}), hash({{b, 2.0}, {a, 1.0}, {a, 3.0}}));
+  EXPECT_NE(hash({{a, 1.0}}), hash({{b, 1.0}}));
+  EXPECT_NE(hash({{a, 1.0}}), world.state_hash());
+  EXPECT_NE(hash({{a, 1.0}}), hash({{a, 1.0}, {a, 1.0}}));
+  // they are summed in that order, which rounds
+  EXPECT_NE(hash({{a, 1.0}, {a, 3.0}}), hash({{a, 3.0}, {a, 1.0}}));
+}
+
+TEST(Hash, SeesNothingOfWrenchesThatAreOver) {
+  World pushed = busy_world();
+  World alone = busy_world();
+  pushed.add_wrench({pushed.find_body("box_0"), Vector3d::Zero(), Vector3d::Zero(), 0.0, 0.1});
+  run(pushed, 10);
+  run(alone, 10);
+  EXPECT_EQ(pushed.state_hash(), alone.state_hash());
 }
 
 TEST(Hash, SeesTheMotorsTravel) {

@@ -102,6 +102,10 @@ constraints:
     motor: {bias: 0.1, amplitude: 0.2, frequency: 0.3, phase: 0.4, max_force: 0.5, timeout: 0.6}
   - {name: l, body_a: d, body_b: b, min_length: 0.5, max_length: 1.5}
   - {name: k, body_b: d, length: 3, stiffness: 50, damping: 2}
+wrenches:
+  - {body: a, force: [1, 2, 3], torque: [4, 5, 6], start: 0.5, duration: 0.25}
+  - {body: d, force: [7, 8, 9]}
+  - {body: a, torque: [-1, -2, -3]}
 )");
   const WorldOptions& options = world.options();
   EXPECT_EQ(options.gravity, Vector3d(1, 2, 3));
@@ -153,6 +157,20 @@ constraints:
   EXPECT_EQ(joint_of(world, "k").body_a, kWorldBody);
   EXPECT_EQ(distance_of(world, "k").stiffness, 50.0);
   EXPECT_EQ(distance_of(world, "k").damping, 2.0);
+
+  ASSERT_EQ(world.wrenches().size(), 3u);
+  const Wrench& wrench = world.wrenches()[0];
+  EXPECT_EQ(wrench.body, world.find_body("a"));
+  EXPECT_EQ(wrench.force, Vector3d(1, 2, 3));
+  EXPECT_EQ(wrench.torque, Vector3d(4, 5, 6));
+  EXPECT_EQ(wrench.start, 0.5);
+  EXPECT_EQ(wrench.end, 0.75);
+  EXPECT_EQ(world.wrenches()[1].body, world.find_body("d"));
+  EXPECT_EQ(world.wrenches()[1].force, Vector3d(7, 8, 9));
+  EXPECT_EQ(world.wrenches()[1].torque, Vector3d(0, 0, 0));
+  EXPECT_EQ(world.wrenches()[1].start, 0.0);
+  EXPECT_EQ(world.wrenches()[1].end, std::numeric_limits<double>::infinity());
+  EXPECT_EQ(world.wrenches()[2].torque, Vector3d(-1, -2, -3));
 }
 
 TEST(LoadScene, LeavesDefaultsToTheEngine) {
@@ -297,6 +315,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{"world:\n  method: runge_kutta\n",
                  "s:2: world.method: there is no 'runge_kutta' (yet); there are auto, "
                  "sequential_impulses"},
+        BadScene{"world:\n  method: [auto]\n",
+                 "s:2: world.method: expected a word, got a list of 1"},
         BadScene{"world:\n  order: 8\n",
                  "s:2: world.order: belongs to a method that does not exist yet"},
         BadScene{"world:\n  tolerance: 1e-8\n",
@@ -408,6 +428,41 @@ INSTANTIATE_TEST_SUITE_P(
                  "s:6: constraints[0].anchor_b: expected a list of 3 numbers, got a list of 1"},
         BadScene{with_constraints("  - name: j\n    body_b: a\n    broken: maybe\n"),
                  "s:6: constraints[0].broken: expected true or false, got 'maybe'"}));
+
+/// A scene with bodies `a`, `p` and `s`, and whose sixth line onwards are the wrenches.
+std::string with_wrenches(const std::string& lines) {
+  return "bodies:\n  - {name: a, mass: 1, shape: {sphere: {radius: 1}}}\n"
+         "  - {name: p, mass: 1}\n  - {name: s, type: static}\nwrenches:\n" +
+         lines;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Wrenches, RefusedScene,
+    testing::Values(
+        BadScene{with_wrenches("  a: 1\n"), "s:6: wrenches: expected a list, got a map"},
+        BadScene{with_wrenches("  - force: [1, 0, 0]\n"), "s:6: wrenches[0]: missing key 'body'"},
+        BadScene{with_wrenches("  - {body: a}\n  - force: [1, 0, 0]\n    body: b\n"),
+                 "s:8: wrenches[1].body: there is no body 'b'"},
+        BadScene{with_wrenches("  - body: s\n"), "s:6: wrenches[0].body: 's' is not dynamic"},
+        BadScene{with_wrenches("  - body: world\n"),
+                 "s:6: wrenches[0].body: 'world' is not dynamic"},
+        BadScene{with_wrenches("  - body: a\n    end: 1\n"), "s:7: wrenches[0]: unknown key 'end'"},
+        BadScene{with_wrenches("  - body: a\n    force: 1\n"),
+                 "s:7: wrenches[0].force: expected a list of 3 numbers, got '1'"},
+        BadScene{with_wrenches("  - body: a\n    force: [0, 0, .inf]\n"),
+                 "s:7: wrenches[0].force[2]: expected a finite number, got '.inf'"},
+        BadScene{with_wrenches("  - body: p\n    torque: [0, 0, 1]\n"),
+                 "s:7: wrenches[0].torque: 'p' is a point mass without inertia and cannot turn, "
+                 "got (0, 0, 1)"},
+        BadScene{with_wrenches("  - body: a\n    start: -1\n"),
+                 "s:7: wrenches[0].start: must be a finite number >= 0, got -1"},
+        BadScene{with_wrenches("  - body: a\n    duration: 0\n"),
+                 "s:7: wrenches[0].duration: must be > 0 and not lost beside the start, got 0"},
+        BadScene{with_wrenches("  - body: a\n    duration: .inf\n"),
+                 "s:7: wrenches[0].duration: expected a finite number, got '.inf'"},
+        BadScene{
+            with_wrenches("  - body: a\n    start: 1\n    duration: 1e-20\n"),
+            "s:8: wrenches[0].duration: must be > 0 and not lost beside the start, got 1e-20"}));
 
 // these are the World's to refuse, in its own words; where they stand is the scene's
 TEST(LoadScene, PointsAtWhatTheWorldRefuses) {
@@ -543,6 +598,17 @@ World random_world(unsigned seed) {
     const JointId id = world.add_joint(random_joint(&dice, i, dynamic));
     if (dice.below(5) == 0) world.set_broken(id, true);
   }
+  for (int i = 0; i < 20; ++i) {
+    Wrench wrench;
+    wrench.body = dynamic[static_cast<std::size_t>(dice.below(static_cast<int>(dynamic.size())))];
+    wrench.force = dice.vector();
+    const Body& body = world.body(wrench.body);
+    if (!body.inertia.isZero(0.0) || !unit_inertia(body.shape).isZero(0.0))
+      wrench.torque = dice.vector();
+    wrench.start = dice.size();
+    if (dice.below(3) > 0) wrench.end = wrench.start + dice.size();
+    world.add_wrench(wrench);
+  }
   return world;
 }
 
@@ -605,6 +671,15 @@ void expect_same_joint(const World& a, JointId id_a, const World& b) {
   EXPECT_EQ(a.joint_state(id_a).broken, b.joint_state(id_b).broken);
 }
 
+void expect_same_wrench(const World& a, const Wrench& wrench_a, const World& b,
+                        const Wrench& wrench_b) {
+  EXPECT_EQ(a.body(wrench_a.body).name, b.body(wrench_b.body).name);
+  expect_all_within_4_ulp(wrench_a.force, wrench_b.force, "force");
+  expect_all_within_4_ulp(wrench_a.torque, wrench_b.torque, "torque");
+  expect_within_4_ulp(wrench_a.start, wrench_b.start, "start");
+  expect_within_4_ulp(wrench_a.end, wrench_b.end, "end");
+}
+
 TEST(SaveScene, KeepsEveryField) {
   for (unsigned seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
@@ -620,6 +695,9 @@ TEST(SaveScene, KeepsEveryField) {
     expect_within_4_ulp(world.options().baumgarte, again.options().baumgarte, "baumgarte");
     for (const BodyId id : world.body_ids()) expect_same_body(world, id, again);
     for (const JointId id : world.joint_ids()) expect_same_joint(world, id, again);
+    ASSERT_EQ(world.wrenches().size(), again.wrenches().size());
+    for (std::size_t i = 0; i < world.wrenches().size(); ++i)
+      expect_same_wrench(world, world.wrenches()[i], again, again.wrenches()[i]);
   }
 }
 
@@ -678,6 +756,53 @@ TEST(SaveScene, EndsAMotorWhoseTimeIsOver) {
   for (int i = 0; i < 20; ++i) world.step();
   const std::string text = save_scene(world);
   EXPECT_EQ(text.find("motor"), std::string::npos) << text;
+}
+
+// Oracle: at 0.32 s a span from 0.1 to 0.5 s has 0.18 s to go, and one from 0.4 s starts in 0.08 s.
+TEST(SaveScene, KeepsOfWrenchesWhatIsToCome) {
+  World world =
+      load_scene(with_wrenches("  - {body: a, force: [1, 0, 0], start: 0.1, duration: 0.4}\n"
+                               "  - {body: a, force: [2, 0, 0], duration: 0.2}\n"
+                               "  - {body: p, force: [3, 0, 0], start: 0.4}\n"
+                               "  - {body: p, force: [4, 0, 0]}\n"));
+  for (int i = 0; i < 32; ++i) world.step();
+  const std::string text = save_scene(world);
+  World again = load_scene(text);
+  EXPECT_EQ(save_scene(again), text);
+  ASSERT_EQ(again.wrenches().size(), 3u);
+  EXPECT_EQ(again.wrenches()[0].start, 0.0);
+  EXPECT_NEAR(again.wrenches()[0].end, 0.18, 1e-16);  // a rounding of a time below 0.5
+  EXPECT_NEAR(again.wrenches()[1].start, 0.08, 1e-16);
+  EXPECT_EQ(again.wrenches()[1].end, std::numeric_limits<double>::infinity());
+  EXPECT_EQ(again.wrenches()[2].start, 0.0);
+  EXPECT_EQ(again.wrenches()[2].end, std::numeric_limits<double>::infinity());
+
+  for (int i = 0; i < 32; ++i) {
+    world.step();
+    again.step();
+  }
+  for (const char* name : {"a", "p"})  // some thirty roundings of velocities below 2 m/s
+    EXPECT_LT(
+        (state_of(world, name).linear_velocity - state_of(again, name).linear_velocity).norm(),
+        1e-14);
+}
+
+TEST(SaveScene, GivesTheSameTextOfAnySpanAgain) {
+  Dice dice(7);
+  World world = load_scene(with_wrenches("  - {body: a}\n"));
+  const BodyId id = world.find_body("a");
+  for (int i = 0; i < 2000; ++i) {
+    const double start = dice.between(0, 1);
+    world.add_wrench({id, Vector3d::Zero(), Vector3d::Zero(), start, start + dice.between(0, 4)});
+  }
+  world.set_time(dice.size(), 5);
+  for (int i = 0; i < 40; ++i) world.step();
+  const std::string text = save_scene(world);
+  EXPECT_EQ(save_scene(load_scene(text)), text);
+}
+
+TEST(SaveScene, LeavesOutTheListOfNoWrenches) {
+  EXPECT_EQ(save_scene(load_scene("bodies: []")).find("wrenches"), std::string::npos);
 }
 
 // ---- the scenes that come with the package

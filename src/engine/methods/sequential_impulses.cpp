@@ -1,6 +1,5 @@
 #include "engine/methods/sequential_impulses.h"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -15,10 +14,6 @@ bool turns_freely(const MassProperties& mass) { return !mass.inverse_inertia.isZ
 
 bool is_isotropic(const MassProperties& mass) {
   return mass.inertia.x() == mass.inertia.y() && mass.inertia.y() == mass.inertia.z();
-}
-
-Vector3d apply_inertia(const Vector3d& principal, const Quaterniond& q, const Vector3d& w) {
-  return q * principal.cwiseProduct(q.conjugate() * w);
 }
 
 // the rotation by the vector w [rad]

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <vector>
 
 #include "constraint_sim/body.h"
@@ -14,6 +15,12 @@ struct MassProperties {
   Eigen::Vector3d inertia = Eigen::Vector3d::Zero();          ///< principal [kg m²]
   Eigen::Vector3d inverse_inertia = Eigen::Vector3d::Zero();  ///< principal [1/(kg m²)]
 };
+
+/// R diag(principal) Rᵀ w of a body with orientation q: world to world.
+inline Eigen::Vector3d apply_inertia(const Eigen::Vector3d& principal, const Eigen::Quaterniond& q,
+                                     const Eigen::Vector3d& w) {
+  return q * principal.cwiseProduct(q.conjugate() * w);
+}
 
 /// Stages 4 to 6 of the tutorial's step: gravity, then one row after the other at velocity level
 /// until the sweeps are used up, then positions with the final velocities. First order in h.

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "constraint_sim/world.h"
+
+namespace constraint_sim::engine {
+
+/// What a world uses, what it leaves out, and why, as YAML text.
+std::string explain(const World& world);
+
+/// What a world leaves out, and why: one line each, `what: why`.
+std::vector<std::string> left_out(const World& world);
+
+}  // namespace constraint_sim::engine

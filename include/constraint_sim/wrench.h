@@ -1,0 +1,19 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+
+#include "constraint_sim/id.h"
+
+namespace constraint_sim::engine {
+
+/// A force and torque on a body for a span of simulated time.
+struct Wrench {
+  BodyId body;                                           ///< dynamic
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();       ///< at the centre of mass, world axes [N]
+  Eigen::Vector3d torque = Eigen::Vector3d::Zero();      ///< about the centre of mass, world [N m]
+  double start = 0.0;                                    ///< simulated [s]
+  double end = std::numeric_limits<double>::infinity();  ///< simulated [s] > start, or infinite
+};
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,110 @@
+#include <cmath>
+
+#include "engine/constraints/joint.h"
+#include "engine/edits/find_named.h"
+#include "engine/validate.h"
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+MassProperties mass_properties(const Body& body) {
+  MassProperties mass;
+  if (body.type != BodyType::kDynamic) return mass;
+  mass.inverse_mass = 1.0 / body.mass;
+  mass.inertia = body.inertia;
+  if (mass.inertia.isZero(0.0)) mass.inertia = body.mass * unit_inertia(body.shape);
+  if (!mass.inertia.isZero(0.0)) mass.inverse_inertia = mass.inertia.cwiseInverse();
+  return mass;
+}
+
+// a quaternion that is already one to round-off stays as it is, so that saving and loading does
+void normalize(Eigen::Quaterniond& q) {
+  if (std::abs(q.squaredNorm() - 1.0) > 1e-15) q.normalize();
+}
+
+}  // namespace
+
+std::size_t World::Impl::index(BodyId id) const {
+  const bool known = id.value < body_index.size() && body_index[id.value] >= 0;
+  if (!known) refuse("body", "there is none with id " + std::to_string(id.value));
+  return static_cast<std::size_t>(body_index[id.value]);
+}
+
+BodyId World::add_body(const Body& body) {
+  validate(body);
+  if (has_body(body.name)) refuse("name", "there is already a body named '" + body.name + "'");
+
+  const BodyId id{static_cast<std::uint32_t>(impl_->body_index.size())};
+  impl_->body_index.push_back(static_cast<int>(impl_->bodies.size()));
+  impl_->bodies.push_back(body);
+  normalize(impl_->bodies.back().state.orientation);
+  impl_->states.push_back(impl_->bodies.back().state);
+  impl_->masses.push_back(mass_properties(body));
+  impl_->body_ids.push_back(id);
+  impl_->body_by_name.emplace(body.name, id);
+  impl_->edited = true;
+  return id;
+}
+
+std::vector<std::string> World::remove_body(BodyId id) {
+  const std::size_t i = impl_->index(id);
+  if (id == kWorldBody) refuse("name", "'world' cannot be removed");
+
+  std::vector<std::string> removed;
+  for (std::size_t j = impl_->joints.size(); j-- > 0;) {
+    const Joint& joint = impl_->joints[j];
+    if (joint.body_a != id && joint.body_b != id) continue;
+    removed.insert(removed.begin(), joint.name);
+    impl_->erase_joint(j);
+  }
+
+  const auto at = static_cast<std::ptrdiff_t>(i);
+  impl_->body_by_name.erase(impl_->bodies[i].name);
+  impl_->bodies.erase(impl_->bodies.begin() + at);
+  impl_->states.erase(impl_->states.begin() + at);
+  impl_->masses.erase(impl_->masses.begin() + at);
+  impl_->body_ids.erase(impl_->body_ids.begin() + at);
+  impl_->body_index[id.value] = -1;
+  for (std::size_t k = i; k < impl_->body_ids.size(); ++k)
+    --impl_->body_index[impl_->body_ids[k].value];
+  impl_->erase_wrenches(id);
+  impl_->contacts.clear();
+  impl_->edited = true;
+  return removed;
+}
+
+bool World::has_body(std::string_view name) const {
+  return impl_->body_by_name.count(std::string(name)) > 0;
+}
+
+BodyId World::find_body(std::string_view name) const {
+  return find_named(impl_->body_by_name, name, "body");
+}
+
+std::vector<BodyId> World::body_ids() const {
+  return {impl_->body_ids.begin() + 1, impl_->body_ids.end()};
+}
+
+const Body& World::body(BodyId id) const { return impl_->bodies[impl_->index(id)]; }
+const BodyState& World::state(BodyId id) const { return impl_->states[impl_->index(id)]; }
+
+void World::set_state(BodyId id, const BodyState& state) {
+  const std::size_t i = impl_->index(id);
+  if (id == kWorldBody) refuse("name", "'world' cannot be moved");
+  Body body = impl_->bodies[i];
+  body.state = state;
+  validate(body);
+
+  impl_->states[i] = state;
+  normalize(impl_->states[i].orientation);
+  for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
+    const Joint& joint = impl_->joints[j];
+    if (joint.body_a == id || joint.body_b == id)
+      begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b),
+                  impl_->joint_states[j]);
+  }
+  impl_->edited = true;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "engine/validate.h"
+
+namespace constraint_sim::engine {
+
+/// The value of `name` in a map by names. Throws std::invalid_argument about `field` without one.
+template <class Map>
+auto find_named(const Map& map, std::string_view name, const char* field) {
+  const auto found = map.find(std::string(name));
+  if (found == map.end()) refuse(field, "there is none named '" + std::string(name) + "'");
+  return found->second;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,132 @@
+// A World as a whole: options, time, starting anew, asking. All files of this folder check
+// everything first and change something only when nothing can fail any more.
+
+#include <array>
+#include <cmath>
+
+#include "engine/validate.h"
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+}  // namespace
+
+World::World(const WorldOptions& options) : impl_(std::make_unique<Impl>()) {
+  validate(options);
+  impl_->options = options;
+  Body world;
+  world.name = "world";
+  world.type = BodyType::kStatic;
+  world.no_collision = true;
+  impl_->bodies.push_back(world);
+  impl_->states.push_back(world.state);
+  impl_->masses.emplace_back();
+  impl_->body_ids.push_back(kWorldBody);
+  impl_->body_index.push_back(0);
+  impl_->body_by_name.emplace(world.name, kWorldBody);
+}
+
+World::World(const World& other) : impl_(std::make_unique<Impl>(*other.impl_)) {}
+World::World(World&&) noexcept = default;
+World& World::operator=(const World& other) {
+  if (impl_)
+    *impl_ = *other.impl_;  // reuses what is allocated
+  else
+    impl_ = std::make_unique<Impl>(*other.impl_);
+  return *this;
+}
+World& World::operator=(World&&) noexcept = default;
+World::~World() = default;
+
+// ---- options and time
+
+const WorldOptions& World::options() const { return impl_->options; }
+
+void World::set_options(const WorldOptions& options) {
+  validate(options);
+  if (options.time_step != impl_->options.time_step) set_time(time(), step_count());
+  impl_->options = options;
+  impl_->edited = true;
+}
+
+double World::time() const { return impl_->time(); }
+std::uint64_t World::step_count() const { return impl_->step_count; }
+void World::set_clock(Clock clock) { impl_->clock = clock; }
+
+void World::set_time(double time, std::uint64_t step_count) {
+  check_finite("time", time);
+  const double now = this->time();
+  for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
+    // one set just now keeps its timeout to the bit, so that a reset to time 0 is exact
+    const double timeout = impl_->joints[j].motor.timeout;
+    double& expires_at = impl_->joint_states[j].expires_at;
+    expires_at = expires_at == now + timeout ? time + timeout : expires_at + (time - now);
+  }
+  for (Wrench& wrench : impl_->wrenches) {
+    wrench.start += time - now;
+    wrench.end += time - now;
+  }
+  impl_->base_time = time;
+  impl_->base_step = step_count;
+  impl_->step_count = step_count;
+  impl_->drop_spent_wrenches();  // far from 0 a short span rounds to nothing
+}
+
+void World::continue_from(const World& other) {
+  set_time(other.time(), other.step_count());
+  const auto new_bodies = static_cast<std::uint32_t>(other.impl_->body_index.size()) - 1;
+  const auto new_joints = static_cast<std::uint32_t>(other.impl_->joint_index.size());
+  const auto renumber = [&](BodyId& id) {
+    if (id != kWorldBody) id.value += new_bodies;
+  };
+  for (BodyId& id : impl_->body_ids) renumber(id);
+  for (auto& [name, id] : impl_->body_by_name) renumber(id);
+  for (Joint& joint : impl_->joints) {
+    renumber(joint.body_a);
+    renumber(joint.body_b);
+    // a sinusoid goes on as it would have from time 0
+    Motor& motor = joint.motor;
+    if (motor.frequency > 0.0)
+      motor.phase =
+          std::remainder(motor.phase - 2.0 * kPi * motor.frequency * other.time(), 2.0 * kPi);
+  }
+  for (Wrench& wrench : impl_->wrenches) renumber(wrench.body);
+  for (JointId& id : impl_->joint_ids) id.value += new_joints;
+  for (auto& [name, id] : impl_->joint_by_name) id.value += new_joints;
+  impl_->body_index.insert(impl_->body_index.begin() + 1, new_bodies, -1);
+  impl_->joint_index.insert(impl_->joint_index.begin(), new_joints, -1);
+  impl_->touching.clear();
+  impl_->contacts.clear();
+  impl_->edited = true;
+}
+
+void World::reset() {
+  for (std::size_t i = 0; i < impl_->bodies.size(); ++i) impl_->states[i] = impl_->bodies[i].state;
+  for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
+    impl_->joints[j].motor = impl_->joint_starts[j].motor;
+    impl_->start_joint(j);
+  }
+  impl_->wrenches.clear();
+  impl_->touching.clear();
+  impl_->contacts.clear();
+  impl_->edited = true;
+}
+
+// ---- asking
+
+const StepReport& World::report() const { return impl_->report; }
+const std::vector<Contact>& World::contacts() const { return impl_->contacts; }
+double World::energy() const { return impl_->kinetic_energy() + impl_->potential_energy(); }
+
+const char* name(Method method) { return method == Method::kAuto ? "auto" : "sequential_impulses"; }
+
+const char* name(Stage stage) {
+  constexpr std::array<const char*, kStageCount> kNames = {
+      "broadphase", "narrowphase", "rows", "velocities", "solve", "positions"};
+  return kNames[static_cast<std::size_t>(stage)];
+}
+
+}  // namespace constraint_sim::engine

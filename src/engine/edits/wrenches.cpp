@@ -1,0 +1,37 @@
+#include <algorithm>
+
+#include "engine/validate.h"
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+
+void World::add_wrench(const Wrench& wrench) {
+  const std::size_t i = impl_->index(wrench.body);
+  const std::string name = "'" + impl_->bodies[i].name + "'";
+  if (!impl_->is_movable(i)) refuse("body", name + " is not dynamic");
+  check_finite("force", wrench.force);
+  check_finite("torque", wrench.torque);
+  if (impl_->masses[i].inertia.isZero(0.0) && !wrench.torque.isZero(0.0))
+    refuse("torque",
+           name + " is a point mass without inertia and cannot turn, got " + shown(wrench.torque));
+  check_finite("start", wrench.start);
+  if (!(wrench.end > wrench.start))
+    refuse("end", "must be after the start at " + shortest(wrench.start) + ", got " +
+                      shortest(wrench.end));
+
+  if (wrench.end > time()) impl_->wrenches.push_back(wrench);
+}
+
+void World::clear_wrenches(BodyId id) {
+  impl_->index(id);
+  impl_->erase_wrenches(id);
+}
+
+void World::Impl::erase_wrenches(BodyId id) {
+  const auto is_on_it = [id](const Wrench& wrench) { return wrench.body == id; };
+  wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_on_it), wrenches.end());
+}
+
+const std::vector<Wrench>& World::wrenches() const { return impl_->wrenches; }
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,94 @@
+#include "constraint_sim/plan.h"
+
+#include <sstream>
+
+namespace constraint_sim::engine {
+namespace {
+
+/// What there is of each kind.
+struct Counts {
+  int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
+  int points = 0, spheres = 0, boxes = 0, planes = 0;
+  int colliding = 0, colliding_dynamic = 0, turning = 0;
+  int rods = 0, limited = 0, springs = 0, balls = 0, motors = 0, broken = 0;
+
+  bool collides() const { return colliding >= 2 && colliding_dynamic >= 1; }
+  bool turns() const { return turning > 0; }
+};
+
+void count_body(const Body& body, Counts* counts) {
+  const bool is_dynamic = body.type == BodyType::kDynamic;
+  counts->dynamic_bodies += is_dynamic;
+  counts->static_bodies += body.type == BodyType::kStatic;
+  counts->kinematic_bodies += body.type == BodyType::kKinematic;
+  const bool is_point = std::holds_alternative<Point>(body.shape);
+  counts->points += is_point;
+  counts->spheres += std::holds_alternative<Sphere>(body.shape);
+  counts->boxes += std::holds_alternative<Box>(body.shape);
+  counts->planes += std::holds_alternative<Plane>(body.shape);
+
+  const bool has_inertia = !body.inertia.isZero(0.0) || !unit_inertia(body.shape).isZero(0.0);
+  counts->turning += is_dynamic && has_inertia;
+  if (body.no_collision || is_point) return;
+  ++counts->colliding;
+  counts->colliding_dynamic += is_dynamic;
+}
+
+void count_joint(const Joint& joint, const JointState& state, Counts* counts) {
+  counts->motors += joint.motor.bias != 0.0 || joint.motor.amplitude != 0.0;
+  counts->broken += state.broken;
+  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+  if (distance == nullptr)
+    ++counts->balls;
+  else if (distance->is_soft())
+    ++counts->springs;
+  else if (distance->is_limited())
+    ++counts->limited;
+  else
+    ++counts->rods;
+}
+
+Counts count(const World& world) {
+  Counts counts;
+  for (const BodyId id : world.body_ids()) count_body(world.body(id), &counts);
+  for (const JointId id : world.joint_ids())
+    count_joint(world.joint(id), world.joint_state(id), &counts);
+  return counts;
+}
+
+}  // namespace
+
+std::string explain(const World& world) {
+  const Counts counts = count(world);
+  std::ostringstream out;
+  out << "method: {asked_for: " << name(world.options().method)
+      << ", used: " << name(Method::kSequentialImpulses) << ", why: the only method there is}\n";
+  out << "bodies: {dynamic: " << counts.dynamic_bodies << ", static: " << counts.static_bodies
+      << ", kinematic: " << counts.kinematic_bodies << "}\n";
+  out << "shapes: {point: " << counts.points << ", sphere: " << counts.spheres
+      << ", box: " << counts.boxes << ", plane: " << counts.planes << "}\n";
+  out << "constraints: {rod: " << counts.rods << ", limited: " << counts.limited
+      << ", spring: " << counts.springs << ", ball: " << counts.balls
+      << ", motor: " << counts.motors << ", broken: " << counts.broken << "}\n";
+  out << "wrenches: " << world.wrenches().size() << "\n";
+  out << std::boolalpha << "collision: " << counts.collides() << "\n";
+  out << "rotation: " << counts.turns() << "\n";
+  const std::vector<std::string> lines = left_out(world);
+  out << "left_out:" << (lines.empty() ? " []" : "") << "\n";
+  for (const std::string& line : lines) out << "  - \"" << line << "\"\n";
+  return out.str();
+}
+
+std::vector<std::string> left_out(const World& world) {
+  const Counts counts = count(world);
+  std::vector<std::string> lines;
+  if (!counts.collides())
+    lines.emplace_back(
+        "broadphase, narrowphase and contacts: no dynamic body has a shape that another could "
+        "touch");
+  if (world.joint_ids().empty()) lines.emplace_back("constraint rows: no constraints");
+  if (!counts.turns()) lines.emplace_back("rotation: no dynamic body has an inertia");
+  return lines;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,74 @@
+// What a world says that it uses and leaves out.
+
+#include <yaml-cpp/yaml.h>
+
+#include "constraint_sim/plan.h"
+#include "constraint_sim/scene.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr const char* kScene = R"(
+bodies:
+  - {name: floor, type: static, shape: {plane: {}}}
+  - {name: cart, type: kinematic, shape: {box: {size: [1, 1, 1]}}}
+  - {name: ball, shape: {sphere: {radius: 0.1}}, mass: 1, position: [1, 0, 2]}
+  - {name: bob, mass: 1, position: [2, 0, 2]}
+constraints:
+  - {name: rod, body_a: ball, body_b: bob, motor: {bias: 0.1}}
+  - {name: rope, type: rope, body_b: bob}
+  - {name: spring, type: spring, stiffness: 5, body_b: bob, broken: true}
+  - {name: ball, type: ball, anchor_a: [1, 0, 2], body_b: ball}
+wrenches:
+  - {body: bob, force: [1, 0, 0]}
+  - {body: ball, torque: [1, 0, 0], start: 1, duration: 2}
+)";
+
+TEST(Plan, SaysWhatThereIs) {
+  const YAML::Node plan = YAML::Load(explain(load_scene(kScene)));
+  EXPECT_EQ(plan["method"]["asked_for"].as<std::string>(), "auto");
+  EXPECT_EQ(plan["method"]["used"].as<std::string>(), "sequential_impulses");
+  EXPECT_EQ(plan["method"]["why"].as<std::string>(), "the only method there is");
+  for (const char* type : {"static", "kinematic"}) EXPECT_EQ(plan["bodies"][type].as<int>(), 1);
+  EXPECT_EQ(plan["bodies"]["dynamic"].as<int>(), 2);
+  for (const char* shape : {"point", "sphere", "box", "plane"})
+    EXPECT_EQ(plan["shapes"][shape].as<int>(), 1) << shape;
+  for (const char* kind : {"rod", "limited", "spring", "ball", "motor", "broken"})
+    EXPECT_EQ(plan["constraints"][kind].as<int>(), 1) << kind;
+  EXPECT_EQ(plan["wrenches"].as<int>(), 2);
+  EXPECT_TRUE(plan["collision"].as<bool>());
+  EXPECT_TRUE(plan["rotation"].as<bool>());
+  EXPECT_EQ(plan["left_out"].size(), 0u);
+}
+
+TEST(Plan, SaysWhatIsLeftOut) {
+  const World world = load_scene("bodies:\n  - {name: bob, mass: 1}\n");
+  const YAML::Node plan = YAML::Load(explain(world));
+  EXPECT_FALSE(plan["collision"].as<bool>());
+  EXPECT_FALSE(plan["rotation"].as<bool>());
+  EXPECT_EQ(plan["left_out"].as<std::vector<std::string>>(), left_out(world));
+  EXPECT_EQ(left_out(world).size(), 3u);  // collision, constraints, rotation
+}
+
+TEST(Plan, OfAnEmptyWorldIsYamlToo) {
+  EXPECT_EQ(YAML::Load(explain(World()))["bodies"]["dynamic"].as<int>(), 0);
+}
+
+TEST(Plan, FollowsEdits) {
+  World world = load_scene(kScene);
+  const std::string before = explain(world);
+  run(world, 10);
+  EXPECT_EQ(explain(world), before);
+  world.clear_wrenches(world.find_body("bob"));
+  world.set_motor(world.find_joint("rod"), {});
+  world.remove_body(world.find_body("ball"));
+  const YAML::Node plan = YAML::Load(explain(world));
+  EXPECT_EQ(plan["wrenches"].as<int>(), 0);
+  EXPECT_EQ(plan["constraints"]["motor"].as<int>(), 0);
+  EXPECT_FALSE(plan["collision"].as<bool>());
+  EXPECT_FALSE(plan["rotation"].as<bool>());
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -1,7 +1,8 @@
 # The ROS shell: messages, node, and where catkin wants things installed.
 
 find_package(catkin REQUIRED COMPONENTS
-  geometry_msgs message_generation roscpp roslib std_msgs std_srvs tf2_msgs visualization_msgs
+  geometry_msgs message_generation nodelet pluginlib roscpp rosgraph_msgs roslib std_msgs std_srvs
+  tf2_msgs visualization_msgs
 )
 
 add_message_files(DIRECTORY msg)
@@ -35,8 +36,16 @@ add_executable(constraint_sim_node src/ros/node_main.cpp)
 constraint_sim_own_code(constraint_sim_node)
 target_link_libraries(constraint_sim_node PRIVATE constraint_sim_ros)
 
+add_library(constraint_sim_nodelet SHARED src/ros/nodelet.cpp)
+constraint_sim_own_code(constraint_sim_nodelet)
+target_link_libraries(constraint_sim_nodelet PRIVATE constraint_sim_ros)
+
 install(TARGETS constraint_sim_engine ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 install(TARGETS constraint_sim_node constraint_sim_run ${bench_programs}
   RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
+install(TARGETS constraint_sim_nodelet LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY include/constraint_sim/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
 install(DIRECTORY launch config DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+install(PROGRAMS bench/node_throughput.py RENAME constraint_sim_node_throughput
+  DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

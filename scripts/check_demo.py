@@ -78,9 +78,9 @@ def count_blended(pixels, start, end, distance):
 def check_picture(path):
     view = read_view(path)
     seen = {
-        'background': (count_close(view, BACKGROUND, 6), 200_000),
+        'background': (count_close(view, BACKGROUND, 6), 100_000),
         'dynamic bodies': (count_shaded(view, DYNAMIC_BODY), 200),
-        'constraints': (count_blended(view, SMALL_ERROR, LARGE_ERROR, 25), 20),
+        'constraints': (count_blended(view, SMALL_ERROR, LARGE_ERROR, 25), 60),
     }
     print('pixels seen: ' + ', '.join(f'{count} {name}' for name, (count, _) in seen.items()))
     return [f'the picture has only {count} pixels of {name}, not {least}'

@@ -1,7 +1,10 @@
 #include "ros/conversions.h"
 
+#include <algorithm>
 #include <cmath>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
 namespace constraint_sim {
 namespace {
@@ -10,10 +13,95 @@ namespace {
   throw std::invalid_argument(field + ": " + why);
 }
 
+Eigen::Vector3d finite(const char* field, const Eigen::Vector3d& v) {
+  if (!v.allFinite())
+    refuse(field, "must be finite numbers, got (" + std::to_string(v.x()) + ", " +
+                      std::to_string(v.y()) + ", " + std::to_string(v.z()) + ")");
+  return v;
+}
+
 void check_dimensions(const Shape& shape, const char* meaning, std::size_t count) {
   if (shape.dimensions.size() != count)
     refuse("shape.dimensions", std::string("a ") + meaning + ", got " +
                                    std::to_string(shape.dimensions.size()) + " numbers");
+}
+
+Eigen::Vector3d anchor_in_world(const engine::World& world, engine::BodyId body,
+                                const Eigen::Vector3d& anchor) {
+  const engine::BodyState& state = world.state(body);
+  return state.position + state.orientation * anchor;
+}
+
+// what a type has no use for must be left out, or somebody believes that it works
+void check_left_out(const Constraint& msg, std::initializer_list<const char*> used) {
+  const std::pair<const char*, double> settings[] = {
+      {"length", std::max(msg.length, 0.0)},   {"min_length", msg.min_length},
+      {"max_length", msg.max_length},          {"frequency", msg.frequency},
+      {"damping_ratio", msg.damping_ratio},    {"axis_a", from_msg(msg.axis_a).norm()},
+      {"axis_b", from_msg(msg.axis_b).norm()},
+  };
+  for (const auto& [field, value] : settings) {
+    const bool is_used = std::any_of(used.begin(), used.end(),
+                                     [&](const char* name) { return field == std::string(name); });
+    if (!is_used && value != 0.0)
+      refuse(field,
+             "constraints of type '" + msg.type + "' have none, got " + std::to_string(value));
+  }
+}
+
+// the settings that only some types need
+void read_keys(const Constraint& msg, engine::Joint& joint) {
+  if (msg.keys.size() != msg.values.size())
+    refuse("values", "must be as many as keys, got " + std::to_string(msg.values.size()) + " for " +
+                         std::to_string(msg.keys.size()));
+  auto* distance = std::get_if<engine::DistanceJoint>(&joint.type);
+  for (std::size_t i = 0; i < msg.keys.size(); ++i) {
+    const std::string& key = msg.keys[i];
+    if (key == "timeout")
+      joint.motor.timeout = msg.values[i];
+    else if (key == "stiffness" && distance != nullptr && msg.type == "spring")
+      distance->stiffness = msg.values[i];
+    else if (key == "damping" && distance != nullptr && msg.type == "spring")
+      distance->damping = msg.values[i];
+    else
+      refuse("keys", "constraints of type '" + msg.type + "' have no '" + key + "'");
+  }
+}
+
+// as msg.length: left out, or zero and below, is the present distance
+std::optional<double> length_of(const Constraint& msg) {
+  if (!std::isfinite(msg.length))
+    refuse("length", "must be a finite number, got " + std::to_string(msg.length));
+  return msg.length > 0.0 ? std::optional<double>(msg.length) : std::nullopt;
+}
+
+engine::JointType joint_type(const Constraint& msg, double present_distance) {
+  engine::DistanceJoint distance;
+  if (msg.type == "ball") {
+    check_left_out(msg, {});
+    return engine::BallJoint{};
+  }
+  if (msg.type == "distance") {
+    check_left_out(msg, {"length", "min_length", "max_length", "frequency", "damping_ratio"});
+    distance.length = length_of(msg);
+    distance.min_length = msg.min_length;
+    if (msg.max_length != 0.0) distance.max_length = msg.max_length;
+  } else if (msg.type == "rope") {
+    check_left_out(msg, {"max_length"});
+    distance.max_length = msg.max_length != 0.0 ? msg.max_length : present_distance;
+  } else if (msg.type == "strut") {
+    check_left_out(msg, {"min_length"});
+    distance.min_length = msg.min_length != 0.0 ? msg.min_length : present_distance;
+  } else if (msg.type == "spring") {
+    check_left_out(msg, {"length", "frequency", "damping_ratio"});
+    distance.length = length_of(msg);
+  } else {
+    refuse("type", "there is no '" + msg.type +
+                       "' (yet); there are distance, rope, strut, spring and ball");
+  }
+  distance.frequency = msg.frequency;
+  distance.damping_ratio = msg.damping_ratio;
+  return distance;
 }
 
 engine::BodyType body_type(std::uint8_t type) {
@@ -95,6 +183,13 @@ engine::BodyId find_body(const engine::World& world, const std::string& field,
   return world.find_body(name);
 }
 
+engine::BodyId find_own_body(const engine::World& world, const std::string& field,
+                             const std::string& name) {
+  const engine::BodyId id = find_body(world, field, name);
+  if (id == engine::kWorldBody) refuse(field, "must name a body of the scene, got '" + name + "'");
+  return id;
+}
+
 engine::JointId find_joint(const engine::World& world, const std::string& field,
                            const std::string& name) {
   if (!world.has_joint(name)) refuse(field, "there is no constraint named '" + name + "'");
@@ -114,6 +209,74 @@ engine::Joint from_msg(const AddDistanceConstraintRequest& request, const engine
   if (request.length > 0.0) distance.length = request.length;
   joint.type = distance;
   return joint;
+}
+
+engine::Joint from_msg(const Constraint& msg, const engine::World& world) {
+  engine::Joint joint;
+  joint.name = msg.name;
+  joint.body_a = find_body(world, "body_a", msg.body_a);
+  joint.anchor_a = from_msg(msg.anchor_a);
+  joint.body_b = find_body(world, "body_b", msg.body_b);
+  joint.anchor_b = from_msg(msg.anchor_b);
+  joint.type = joint_type(msg, (anchor_in_world(world, joint.body_b, joint.anchor_b) -
+                                anchor_in_world(world, joint.body_a, joint.anchor_a))
+                                   .norm());
+  joint.motor = {msg.bias, msg.amplitude, msg.motor_frequency, msg.phase, msg.max_force, 0.0};
+  if (msg.baumgarte != 0.0) joint.baumgarte = msg.baumgarte;
+  joint.break_force = msg.break_force;
+  joint.collide_connected = msg.collide_connected;
+  read_keys(msg, joint);
+  const auto* distance = std::get_if<engine::DistanceJoint>(&joint.type);
+  if (msg.type == "spring" && !distance->is_soft())
+    refuse("frequency",
+           "a spring needs one, or stiffness or damping, got " + std::to_string(msg.frequency));
+  return joint;
+}
+
+engine::Wrench from_msg(const ApplyBodyWrenchRequest& request, const engine::World& world) {
+  engine::Wrench wrench;
+  wrench.body = find_own_body(world, "body_name", request.body_name);
+  const engine::BodyState& frame =
+      world.state(find_body(world, "reference_frame", request.reference_frame));
+  // before they are turned, which would hide the value
+  const Eigen::Vector3d point = finite("reference_point", from_msg(request.reference_point));
+  wrench.force = frame.orientation * finite("force", from_msg(request.wrench.force));
+  wrench.torque = frame.orientation * finite("torque", from_msg(request.wrench.torque));
+  if (!point.isZero(0.0)) {
+    const Eigen::Vector3d p_W = frame.position + frame.orientation * point;
+    wrench.torque += (p_W - world.state(wrench.body).position).cross(wrench.force);
+  }
+  wrench.start = std::max(request.start_time.toSec(), world.time());
+  const double duration = request.duration.toSec();
+  if (duration > 0.0)
+    wrench.end = wrench.start + duration;
+  else if (duration == 0.0)
+    wrench.end = wrench.start + world.options().time_step;
+  return wrench;
+}
+
+engine::BodyState relative_to(const engine::BodyState& frame, const engine::BodyState& in_world) {
+  const Eigen::Quaterniond R = frame.orientation.conjugate();
+  const Eigen::Vector3d r = in_world.position - frame.position;
+  engine::BodyState relative;
+  relative.position = R * r;
+  relative.orientation = R * in_world.orientation;
+  relative.linear_velocity =
+      R * (in_world.linear_velocity - frame.linear_velocity - frame.angular_velocity.cross(r));
+  relative.angular_velocity = R * (in_world.angular_velocity - frame.angular_velocity);
+  return relative;
+}
+
+engine::BodyState from_relative(const engine::BodyState& frame, const engine::BodyState& relative) {
+  const Eigen::Quaterniond& R = frame.orientation;
+  const Eigen::Vector3d r = R * relative.position;
+  engine::BodyState in_world;
+  in_world.position = frame.position + r;
+  in_world.orientation = R * relative.orientation;
+  in_world.linear_velocity =
+      frame.linear_velocity + frame.angular_velocity.cross(r) + R * relative.linear_velocity;
+  in_world.angular_velocity = frame.angular_velocity + R * relative.angular_velocity;
+  return in_world;
 }
 
 geometry_msgs::Point to_point(const Eigen::Vector3d& v) {
@@ -176,6 +339,17 @@ ConstraintState to_msg(const engine::Joint& joint, const engine::JointState& sta
   msg.saturated = state.saturated;
   msg.broken = state.broken;
   msg.closing = state.closing;
+  return msg;
+}
+
+ContactState to_msg(const engine::World& world, const engine::Contact& contact) {
+  ContactState msg;
+  msg.body_a = world.body(contact.body_a).name;
+  msg.body_b = world.body(contact.body_b).name;
+  msg.position = to_point(contact.position);
+  msg.normal = to_vector(contact.normal);
+  msg.depth = contact.depth;
+  msg.normal_force = contact.normal_force;
   return msg;
 }
 

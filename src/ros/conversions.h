@@ -1,9 +1,12 @@
 #pragma once
 
 #include <constraint_sim/AddDistanceConstraint.h>
+#include <constraint_sim/ApplyBodyWrench.h>
 #include <constraint_sim/Body.h>
 #include <constraint_sim/BodyState.h>
+#include <constraint_sim/Constraint.h>
 #include <constraint_sim/ConstraintState.h>
+#include <constraint_sim/ContactState.h>
 #include <constraint_sim/Shape.h>
 #include <geometry_msgs/Point.h>
 #include <geometry_msgs/Pose.h>
@@ -14,6 +17,7 @@
 #include <string>
 
 #include "constraint_sim/world.h"
+#include "constraint_sim/wrench.h"
 
 namespace constraint_sim {
 
@@ -32,9 +36,22 @@ engine::BodyState from_msg(const geometry_msgs::Pose& pose, const geometry_msgs:
 /// `field` names the body in errors; empty and `world` are the world.
 engine::BodyId find_body(const engine::World& world, const std::string& field,
                          const std::string& name);
+/// The same where the world itself does not do.
+engine::BodyId find_own_body(const engine::World& world, const std::string& field,
+                             const std::string& name);
 engine::JointId find_joint(const engine::World& world, const std::string& field,
                            const std::string& name);
 engine::Joint from_msg(const AddDistanceConstraintRequest& request, const engine::World& world);
+
+engine::Joint from_msg(const Constraint& constraint, const engine::World& world);
+/// As of now: a frame that moves is taken as it is at this moment. A reference point left out
+/// (zero) is the body's centre of mass; otherwise it lies in the reference frame.
+engine::Wrench from_msg(const ApplyBodyWrenchRequest& request, const engine::World& world);
+
+/// A state in the world as seen from the frame of a moving body, and back. Velocities are those
+/// that an observer who moves and turns with the frame sees: a body fixed to it has none.
+engine::BodyState relative_to(const engine::BodyState& frame, const engine::BodyState& in_world);
+engine::BodyState from_relative(const engine::BodyState& frame, const engine::BodyState& relative);
 
 geometry_msgs::Point to_point(const Eigen::Vector3d& v);
 geometry_msgs::Vector3 to_vector(const Eigen::Vector3d& v);
@@ -43,5 +60,6 @@ geometry_msgs::Pose to_pose(const engine::BodyState& state);
 geometry_msgs::Transform to_transform(const engine::BodyState& state);
 BodyState to_msg(const std::string& name, const engine::BodyState& state);
 ConstraintState to_msg(const engine::Joint& joint, const engine::JointState& state);
+ContactState to_msg(const engine::World& world, const engine::Contact& contact);
 
 }  // namespace constraint_sim

@@ -1,6 +1,7 @@
 #include "ros/parameters.h"
 
 #include <ros/package.h>
+#include <ros/param.h>
 
 #include <cmath>
 #include <fstream>
@@ -17,10 +18,15 @@ namespace {
 
 template <class T>
 void read(const ros::NodeHandle& handle, const std::string& name, const char* type, T& value) {
-  if (!handle.hasParam(name) || handle.getParam(name, value)) return;
   XmlRpc::XmlRpcValue found;
-  handle.getParam(name, found);
-  refuse(name, std::string("must be a ") + type + ", got " + found.toXml());
+  if (handle.getParam(name, found) && !handle.getParam(name, value))
+    refuse(name, std::string("must be a ") + type + ", got " + found.toXml());
+  handle.setParam(name, value);
+}
+
+void check_positive(const std::string& name, double value) {
+  if (!std::isfinite(value) || value <= 0.0)
+    refuse(name, "must be a number > 0, got " + std::to_string(value));
 }
 
 std::string file_of_scene(const std::string& name) {
@@ -43,21 +49,21 @@ std::string file_of_scene(const std::string& name) {
 
 Parameters read_parameters(const ros::NodeHandle& private_handle) {
   Parameters p;
+  ros::param::get("/use_sim_time", p.use_sim_time);
   read(private_handle, "scene", "string", p.scene);
   read(private_handle, "time_step", "number", p.time_step);
   read(private_handle, "real_time_factor", "number", p.real_time_factor);
   read(private_handle, "publish_rate", "number", p.publish_rate);
+  read(private_handle, "publish_clock", "truth value", p.publish_clock);
   read(private_handle, "paused", "truth value", p.paused);
   read(private_handle, "world_frame", "string", p.world_frame);
   read(private_handle, "frame_prefix", "string", p.frame_prefix);
-
-  const auto number = [](double value) { return std::to_string(value); };
-  if (!std::isfinite(p.time_step) || p.time_step <= 0.0)
-    refuse("time_step", "must be > 0 s, got " + number(p.time_step));
+  read(private_handle, "closing_time", "number", p.closing_time);
+  check_positive("time_step", p.time_step);
+  check_positive("publish_rate", p.publish_rate);
+  check_positive("closing_time", p.closing_time);
   if (!std::isfinite(p.real_time_factor) || p.real_time_factor < 0.0)
-    refuse("real_time_factor", "must be >= 0, got " + number(p.real_time_factor));
-  if (!std::isfinite(p.publish_rate) || p.publish_rate <= 0.0)
-    refuse("publish_rate", "must be > 0 Hz, got " + number(p.publish_rate));
+    refuse("real_time_factor", "must be >= 0, got " + std::to_string(p.real_time_factor));
   if (p.world_frame.empty() || p.world_frame.front() == '/')
     refuse("world_frame", "must be a frame without a leading slash, got '" + p.world_frame + "'");
   if (!p.frame_prefix.empty() && p.frame_prefix.front() == '/')

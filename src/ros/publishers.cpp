@@ -2,11 +2,15 @@
 
 #include <constraint_sim/BodyStates.h>
 #include <constraint_sim/ConstraintStates.h>
+#include <constraint_sim/ContactStates.h>
+#include <rosgraph_msgs/Clock.h>
+#include <std_msgs/String.h>
 #include <tf2_msgs/TFMessage.h>
 #include <visualization_msgs/MarkerArray.h>
 
 #include <algorithm>
 
+#include "constraint_sim/plan.h"
 #include "ros/conversions.h"
 
 namespace constraint_sim {
@@ -14,6 +18,9 @@ namespace {
 
 constexpr double kStatisticsPeriod = 0.1;  // [s]
 constexpr double kRepeatPeriod = 1.0;      // [s] between repetitions while nothing changes
+constexpr double kClockPeriod = 0.005;     // [s] between two messages on /clock, at least
+// [s] that listeners get to see /clock go back, before transforms follow
+constexpr double kSettlingTime = 0.1;
 
 double steady_now() { return ros::SteadyTime::now().toSec(); }
 
@@ -22,7 +29,9 @@ double steady_now() { return ros::SteadyTime::now().toSec(); }
 Publishers::Publishers(const Parameters& parameters, ros::NodeHandle& handle,
                        ros::NodeHandle& private_handle)
     : parameters_(parameters),
-      stamps_(parameters.real_time_factor),
+      stamps_(
+          parameters.stamps_simulated_time() ? Stamps::Source::kSimulated : Stamps::Source::kWall,
+          parameters.real_time_factor),
       last_statistics_(steady_now()),
       markers_(parameters.world_frame) {
   const auto welcome = [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; };
@@ -32,6 +41,10 @@ Publishers::Publishers(const Parameters& parameters, ros::NodeHandle& handle,
   body_states_topic_ = private_handle.advertise<BodyStates>("body_states", 100, welcome);
   constraint_states_topic_ =
       private_handle.advertise<ConstraintStates>("constraint_states", 100, welcome);
+  contact_states_topic_ = private_handle.advertise<ContactStates>("contact_states", 100, welcome);
+  plan_topic_ = private_handle.advertise<std_msgs::String>("plan", 1, true);
+  if (parameters.publish_clock)
+    clock_topic_ = handle.advertise<rosgraph_msgs::Clock>("/clock", 100);
   statistics_topic_ = private_handle.advertise<Statistics>("statistics", 100, welcome);
   thread_ = std::thread(&Publishers::run, this);
 }
@@ -54,27 +67,45 @@ void Publishers::stepped(const World& world, double seconds) {
 
 void Publishers::edited() { edited_ = true; }
 
-void Publishers::passed(const World& world, const Stepper& stepper) {
+double Publishers::passed(const World& world, const Stepper& stepper) {
   const double now = steady_now();
-  if (!is_due(now) || !anybody_listens()) return;
+  if (parameters_.publish_clock) publish_clock(world, now);
+  const double due = next_due();
+  if (now < due) return due - now;
+  if (!anybody_listens() && !edited_) return kRepeatPeriod;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
-    if (fresh_) return;  // the last one is still to be sent: skip, never queue
+    if (fresh_) return 0.001;  // the last round is still to be sent: never queue another
     take_snapshot(world, stepper, now);
     fresh_ = true;
   }
   wake_up_.notify_one();
+  return next_due() - now;
 }
 
-bool Publishers::is_due(double now) const {
-  if (edited_ || newcomer_) return true;
-  if (stepped_) return now >= next_publication_;
-  return now >= last_publication_ + kRepeatPeriod;
+double Publishers::next_due() const {
+  const bool news = stepped_ || edited_ || newcomer_;
+  return news ? next_publication_ : last_publication_ + kRepeatPeriod;
+}
+
+void Publishers::publish_clock(const World& world, double now) {
+  const double time = world.time();
+  const bool went_back = time < clock_time_;
+  const double period = time == clock_time_ ? kRepeatPeriod : kClockPeriod;
+  if (!went_back && now < last_clock_ + period) return;
+  rosgraph_msgs::Clock message;
+  message.clock.fromNSec(
+      std::max<std::uint64_t>(1, ros::Time(time).toNSec()));  // 0: no time at all
+  clock_topic_.publish(message);
+  if (went_back) next_publication_ = now + kSettlingTime;
+  last_clock_ = now;
+  clock_time_ = time;
 }
 
 bool Publishers::anybody_listens() const {
-  for (const ros::Publisher* topic : {&transforms_topic_, &markers_topic_, &body_states_topic_,
-                                      &constraint_states_topic_, &statistics_topic_})
+  for (const ros::Publisher* topic :
+       {&transforms_topic_, &markers_topic_, &body_states_topic_, &constraint_states_topic_,
+        &contact_states_topic_, &statistics_topic_})
     if (topic->getNumSubscribers() > 0) return true;
   return false;
 }
@@ -88,6 +119,7 @@ void Publishers::take_snapshot(const World& world, const Stepper& stepper, doubl
 
   incoming_.world = world;
   incoming_.stamp.fromNSec(static_cast<std::uint64_t>(stamp));
+  incoming_.edited = edited_;
   incoming_.for_newcomer = newcomer_.exchange(false);
   incoming_.has_statistics = !stepped_ || now >= last_statistics_ + kStatisticsPeriod;
   if (incoming_.has_statistics) take_statistics(world, stepper, now, incoming_.statistics);
@@ -149,6 +181,8 @@ void Publishers::publish(const Snapshot& snapshot) {
   if (transforms_topic_.getNumSubscribers() > 0) publish_transforms(snapshot);
   if (body_states_topic_.getNumSubscribers() > 0) publish_body_states(snapshot);
   if (constraint_states_topic_.getNumSubscribers() > 0) publish_constraint_states(snapshot);
+  if (contact_states_topic_.getNumSubscribers() > 0) publish_contact_states(snapshot);
+  if (snapshot.edited) publish_plan(snapshot);
   if (markers_topic_.getNumSubscribers() > 0)
     markers_topic_.publish(markers_.update(snapshot.world, snapshot.stamp, snapshot.for_newcomer));
   else
@@ -189,6 +223,24 @@ void Publishers::publish_constraint_states(const Snapshot& snapshot) {
   for (const engine::JointId id : snapshot.world.joint_ids())
     message.constraints.push_back(to_msg(snapshot.world.joint(id), snapshot.world.joint_state(id)));
   constraint_states_topic_.publish(message);
+}
+
+void Publishers::publish_contact_states(const Snapshot& snapshot) {
+  ContactStates message;
+  message.header.stamp = snapshot.stamp;
+  message.header.frame_id = parameters_.world_frame;
+  for (const engine::Contact& contact : snapshot.world.contacts())
+    message.contacts.push_back(to_msg(snapshot.world, contact));
+  contact_states_topic_.publish(message);
+}
+
+void Publishers::publish_plan(const Snapshot& snapshot) {
+  std::string plan = engine::explain(snapshot.world);
+  if (plan == plan_) return;
+  plan_ = std::move(plan);
+  std_msgs::String message;
+  message.data = plan_;
+  plan_topic_.publish(message);
 }
 
 }  // namespace constraint_sim

@@ -8,6 +8,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
+#include <string>
 #include <thread>
 
 #include "ros/markers.h"
@@ -31,7 +32,8 @@ class Publishers {
   // ---- on the stepping thread
   void stepped(const World& world, double seconds);
   void edited();
-  void passed(const World& world, const Stepper& stepper);
+  /// Answers after how many seconds it has something to do again.
+  double passed(const World& world, const Stepper& stepper);
   bool wants_stage_times() const { return statistics_topic_.getNumSubscribers() > 0; }
 
  private:
@@ -40,12 +42,14 @@ class Publishers {
     World world;
     ros::Time stamp;
     bool for_newcomer = false;
+    bool edited = false;
     bool has_statistics = false;
     Statistics statistics;
   };
 
-  bool is_due(double now) const;
+  double next_due() const;
   bool anybody_listens() const;
+  void publish_clock(const World& world, double now);
   void take_snapshot(const World& world, const Stepper& stepper, double now);
   void take_statistics(const World& world, const Stepper& stepper, double now, Statistics& message);
 
@@ -54,13 +58,18 @@ class Publishers {
   void publish_transforms(const Snapshot& snapshot);
   void publish_body_states(const Snapshot& snapshot);
   void publish_constraint_states(const Snapshot& snapshot);
+  void publish_contact_states(const Snapshot& snapshot);
+  void publish_plan(const Snapshot& snapshot);
 
   Parameters parameters_;
   ros::Publisher transforms_topic_;
   ros::Publisher markers_topic_;
   ros::Publisher body_states_topic_;
   ros::Publisher constraint_states_topic_;
+  ros::Publisher contact_states_topic_;
   ros::Publisher statistics_topic_;
+  ros::Publisher plan_topic_;
+  ros::Publisher clock_topic_;
 
   // of the stepping thread; times are of the steady clock [s]
   Stamps stamps_;
@@ -72,6 +81,8 @@ class Publishers {
   double last_publication_ = 0.0;
   double last_statistics_;
   double last_statistics_time_ = 0.0;  // simulated [s]
+  double last_clock_ = 0.0;
+  double clock_time_ = 0.0;  // what /clock says [s]
 
   // between the two threads
   std::atomic<bool> newcomer_{false};  // somebody has just subscribed
@@ -84,6 +95,7 @@ class Publishers {
   // of the publishing thread
   Snapshot current_;
   Markers markers_;
+  std::string plan_;
   std::thread thread_;
 };
 

@@ -1,7 +1,10 @@
 #include "ros/services.h"
 
+#include <cstdio>
 #include <exception>
+#include <fstream>
 
+#include "constraint_sim/scene.h"
 #include "ros/conversions.h"
 
 namespace constraint_sim {
@@ -30,23 +33,55 @@ bool answer_edit(Stepper& stepper, Response& response, Change change) {
   });
 }
 
+// bias, limit and timeout of a motor; amplitude, frequency and phase stay what they are
+void set_bias(World& world, const std::string& constraint, double bias, double max_force,
+              double timeout) {
+  const engine::JointId id = find_joint(world, "constraint", constraint);
+  engine::Motor motor = world.joint(id).motor;
+  motor.bias = bias;
+  motor.max_force = max_force;
+  motor.timeout = timeout;
+  world.set_motor(id, motor);
+}
+
+// the whole text or, where that cannot be, the file as it was
+void write_file(const std::string& path, const std::string& text) {
+  const std::string unfinished = path + ".unfinished";
+  std::ofstream file(unfinished);
+  file << text;
+  file.close();
+  if (file.fail() || std::rename(unfinished.c_str(), path.c_str()) != 0) {
+    std::remove(unfinished.c_str());
+    throw std::invalid_argument("path: cannot write '" + path + "'");
+  }
+}
+
 }  // namespace
 
 Services::Services(Stepper& stepper, const Parameters& parameters, ros::NodeHandle& private_handle)
-    : stepper_(stepper), default_time_step_(parameters.time_step) {
+    : stepper_(stepper), parameters_(parameters) {
   const auto advertise = [&](const char* name, auto handler) {
     servers_.push_back(private_handle.advertiseService(name, handler, this));
   };
   advertise("add_body", &Services::add_body);
   advertise("remove_body", &Services::remove_body);
   advertise("add_distance_constraint", &Services::add_distance_constraint);
+  advertise("add_constraint", &Services::add_constraint);
   advertise("remove_constraint", &Services::remove_constraint);
   advertise("set_motor_bias", &Services::set_motor_bias);
+  advertise("apply_body_wrench", &Services::apply_body_wrench);
+  advertise("clear_body_wrenches", &Services::clear_body_wrenches);
+  advertise("get_body_state", &Services::get_body_state);
+  advertise("set_body_state", &Services::set_body_state);
   advertise("load_scene", &Services::load_scene);
+  advertise("save_scene", &Services::save_scene);
   advertise("pause_physics", &Services::pause_physics);
   advertise("unpause_physics", &Services::unpause_physics);
+  advertise("reset_world", &Services::reset_world);
+  advertise("reset_simulation", &Services::reset_simulation);
   advertise("step", &Services::step);
   advertise("get_world_properties", &Services::get_world_properties);
+  motor_bias_ = private_handle.subscribe("motor_bias", 100, &Services::on_motor_bias, this);
 }
 
 bool Services::add_body(AddBodyRequest& request, AddBodyResponse& response) {
@@ -56,7 +91,7 @@ bool Services::add_body(AddBodyRequest& request, AddBodyResponse& response) {
 
 bool Services::remove_body(RemoveBodyRequest& request, RemoveBodyResponse& response) {
   return answer_edit(stepper_, response, [&](World& world) {
-    response.removed_constraints = world.remove_body(find_body(world, "name", request.name));
+    response.removed_constraints = world.remove_body(find_own_body(world, "name", request.name));
   });
 }
 
@@ -64,6 +99,13 @@ bool Services::add_distance_constraint(AddDistanceConstraintRequest& request,
                                        AddDistanceConstraintResponse& response) {
   return answer_edit(stepper_, response, [&](World& world) {
     const engine::JointId id = world.add_joint(from_msg(request, world));
+    response.initial_error = world.joint_state(id).initial_error;
+  });
+}
+
+bool Services::add_constraint(AddConstraintRequest& request, AddConstraintResponse& response) {
+  return answer_edit(stepper_, response, [&](World& world) {
+    const engine::JointId id = world.add_joint(from_msg(request.constraint, world));
     response.initial_error = world.joint_state(id).initial_error;
   });
 }
@@ -77,12 +119,60 @@ bool Services::remove_constraint(RemoveConstraintRequest& request,
 
 bool Services::set_motor_bias(SetMotorBiasRequest& request, SetMotorBiasResponse& response) {
   return answer_edit(stepper_, response, [&](World& world) {
-    const engine::JointId id = find_joint(world, "constraint", request.constraint);
-    engine::Motor motor = world.joint(id).motor;
-    motor.bias = request.bias;
-    motor.max_force = request.max_force;
-    motor.timeout = request.timeout;
-    world.set_motor(id, motor);
+    set_bias(world, request.constraint, request.bias, request.max_force, request.timeout);
+  });
+}
+
+void Services::on_motor_bias(const MotorBias& message) {
+  const auto change = [message](World& world) {
+    try {
+      set_bias(world, message.constraint, message.bias, message.max_force, message.timeout);
+    } catch (const std::invalid_argument& error) {
+      ROS_WARN_THROTTLE(1.0, "motor_bias: %s", error.what());
+    }
+  };
+  try {
+    stepper_.post(change);
+  } catch (const Cancelled&) {
+    // the node is going down, and the motor with it
+  }
+}
+
+bool Services::apply_body_wrench(ApplyBodyWrenchRequest& request,
+                                 ApplyBodyWrenchResponse& response) {
+  return answer_edit(stepper_, response,
+                     [&](World& world) { world.add_wrench(from_msg(request, world)); });
+}
+
+bool Services::clear_body_wrenches(ClearBodyWrenchesRequest& request,
+                                   ClearBodyWrenchesResponse& response) {
+  return answer_edit(stepper_, response, [&](World& world) {
+    world.clear_wrenches(find_own_body(world, "body_name", request.body_name));
+  });
+}
+
+bool Services::get_body_state(GetBodyStateRequest& request, GetBodyStateResponse& response) {
+  return answer(response, [&] {
+    const Boundary boundary = stepper_.inspect([&](const World& world) {
+      const engine::BodyId body = find_own_body(world, "name", request.name);
+      const engine::BodyId frame = find_body(world, "reference_frame", request.reference_frame);
+      response.state =
+          to_msg(world.body(body).name, relative_to(world.state(frame), world.state(body)));
+      response.header.frame_id = frame == engine::kWorldBody
+                                     ? parameters_.world_frame
+                                     : parameters_.frame_prefix + request.reference_frame;
+    });
+    response.header.stamp = ros::Time(boundary.time);
+  });
+}
+
+bool Services::set_body_state(SetBodyStateRequest& request, SetBodyStateResponse& response) {
+  return answer_edit(stepper_, response, [&](World& world) {
+    const engine::BodyId body = find_own_body(world, "name", request.state.name);
+    const engine::BodyId frame = find_body(world, "reference_frame", request.reference_frame);
+    const engine::BodyState state = from_msg(request.state.pose, request.state.twist);
+    engine::validate(state);
+    world.set_state(body, from_relative(world.state(frame), state));
   });
 }
 
@@ -92,13 +182,20 @@ bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response
       throw std::invalid_argument("path, text: exactly one of the two is needed, got path '" +
                                   request.path + "' and " + std::to_string(request.text.size()) +
                                   " characters of text");
-    World scene = load_world(request.path, request.text, default_time_step_);
+    World scene = load_world(request.path, request.text, parameters_.time_step);
     const Boundary boundary = stepper_.edit([&](World& world) {
       scene.continue_from(world);
       world = std::move(scene);
     });
     response.applied_at = ros::Time(boundary.time);
     response.step = boundary.step;
+  });
+}
+
+bool Services::save_scene(SaveSceneRequest& request, SaveSceneResponse& response) {
+  return answer(response, [&] {
+    stepper_.inspect([&](const World& world) { response.text = engine::save_scene(world); });
+    if (!request.path.empty()) write_file(request.path, response.text);
   });
 }
 
@@ -109,6 +206,19 @@ bool Services::pause_physics(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) 
 
 bool Services::unpause_physics(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
   stepper_.unpause();
+  return true;
+}
+
+bool Services::reset_world(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
+  stepper_.edit([](World& world) { world.reset(); });
+  return true;
+}
+
+bool Services::reset_simulation(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
+  stepper_.edit([](World& world) {
+    world.reset();
+    world.set_time(0.0, 0);
+  });
   return true;
 }
 

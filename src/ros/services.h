@@ -1,11 +1,18 @@
 #pragma once
 
 #include <constraint_sim/AddBody.h>
+#include <constraint_sim/AddConstraint.h>
 #include <constraint_sim/AddDistanceConstraint.h>
+#include <constraint_sim/ApplyBodyWrench.h>
+#include <constraint_sim/ClearBodyWrenches.h>
+#include <constraint_sim/GetBodyState.h>
 #include <constraint_sim/GetWorldProperties.h>
 #include <constraint_sim/LoadScene.h>
+#include <constraint_sim/MotorBias.h>
 #include <constraint_sim/RemoveBody.h>
 #include <constraint_sim/RemoveConstraint.h>
+#include <constraint_sim/SaveScene.h>
+#include <constraint_sim/SetBodyState.h>
 #include <constraint_sim/SetMotorBias.h>
 #include <constraint_sim/Step.h>
 #include <ros/node_handle.h>
@@ -19,7 +26,8 @@
 namespace constraint_sim {
 
 /// The node's services: each translates a request into an edit of the stepper's world and waits
-/// until it has taken effect. Handlers run on the queue of the handle they are advertised with.
+/// until it has taken effect. Also the one topic that edits, motor_bias, which does not wait.
+/// Handlers run on the queue of the handle they are advertised with.
 class Services {
  public:
   Services(Stepper& stepper, const Parameters& parameters, ros::NodeHandle& private_handle);
@@ -29,18 +37,28 @@ class Services {
   bool remove_body(RemoveBodyRequest& request, RemoveBodyResponse& response);
   bool add_distance_constraint(AddDistanceConstraintRequest& request,
                                AddDistanceConstraintResponse& response);
+  bool add_constraint(AddConstraintRequest& request, AddConstraintResponse& response);
   bool remove_constraint(RemoveConstraintRequest& request, RemoveConstraintResponse& response);
   bool set_motor_bias(SetMotorBiasRequest& request, SetMotorBiasResponse& response);
+  void on_motor_bias(const MotorBias& message);
+  bool apply_body_wrench(ApplyBodyWrenchRequest& request, ApplyBodyWrenchResponse& response);
+  bool clear_body_wrenches(ClearBodyWrenchesRequest& request, ClearBodyWrenchesResponse& response);
+  bool get_body_state(GetBodyStateRequest& request, GetBodyStateResponse& response);
+  bool set_body_state(SetBodyStateRequest& request, SetBodyStateResponse& response);
   bool load_scene(LoadSceneRequest& request, LoadSceneResponse& response);
+  bool save_scene(SaveSceneRequest& request, SaveSceneResponse& response);
   bool pause_physics(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse& response);
   bool unpause_physics(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse& response);
+  bool reset_world(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse& response);
+  bool reset_simulation(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse& response);
   bool step(StepRequest& request, StepResponse& response);
   bool get_world_properties(GetWorldPropertiesRequest& request,
                             GetWorldPropertiesResponse& response);
 
   Stepper& stepper_;
-  double default_time_step_;
+  Parameters parameters_;
   std::vector<ros::ServiceServer> servers_;
+  ros::Subscriber motor_bias_;
 };
 
 }  // namespace constraint_sim

@@ -3,6 +3,8 @@
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
 #include <ros/spinner.h>
+#include <ros/subscriber.h>
+#include <rosgraph_msgs/Clock.h>
 
 #include <thread>
 
@@ -18,13 +20,15 @@ namespace constraint_sim {
 class SimulatorNode {
  public:
   /// Throws std::invalid_argument for a parameter or scene that cannot be.
-  SimulatorNode(ros::NodeHandle handle, ros::NodeHandle private_handle);
+  SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle);
   ~SimulatorNode();
   SimulatorNode(const SimulatorNode&) = delete;
   SimulatorNode& operator=(const SimulatorNode&) = delete;
 
  private:
   StepperEvents events();
+  Stepper::Clock clock() const;
+  void on_clock(const rosgraph_msgs::Clock& message);
 
   ros::CallbackQueue queue_;
   ros::NodeHandle handle_;
@@ -33,6 +37,8 @@ class SimulatorNode {
   Publishers publishers_;
   Stepper stepper_;
   Services services_;
+  ros::Subscriber clock_topic_;
+  double clock_ = 0.0;  // [s] that /clock said last
   ros::AsyncSpinner spinner_;
   std::thread stepping_thread_;
 };

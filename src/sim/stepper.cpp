@@ -10,7 +10,7 @@ namespace constraint_sim {
 namespace {
 
 constexpr double kSlice = 0.005;     // [s] of run time that one pass may step for
-constexpr double kIdlePeriod = 1.0;  // [s] between passes with nothing to do
+constexpr double kIdlePeriod = 1.0;  // [s] that a pass with nothing to do may be away
 
 double run_time() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -51,8 +51,8 @@ double Stepper::advance() {
     else
       take_due_steps();
   }
-  if (events_.passed) events_.passed(world_);
-  return wait();
+  const double wanted = events_.passed ? events_.passed(world_) : kIdlePeriod;
+  return std::clamp(wanted, 0.0, wait());
 }
 
 void Stepper::run_tasks() {
@@ -97,7 +97,7 @@ void Stepper::take_requested_steps() {
 
 void Stepper::take_due_steps() {
   const double clock = clock_();
-  const double passed = std::max(clock - last_clock_, 0.0);  // a clock set back passes no time
+  const double passed = last_clock_ == 0.0 ? 0.0 : std::max(clock - last_clock_, 0.0);
   last_clock_ = clock;
   if (paused_) return;
 
@@ -149,28 +149,35 @@ double Stepper::wait() const {
 // ---- any thread
 
 Boundary Stepper::edit(std::function<void(World&)> change) {
-  return enqueue([this, &change] {
-    change(world_);
-    edited_ = true;
-    failed_ = false;
-  });
+  return enqueue([this, &change] { apply(change); }).get();
+}
+
+void Stepper::post(std::function<void(World&)> change) {
+  enqueue([this, change = std::move(change)] { apply(change); });
+}
+
+void Stepper::apply(const std::function<void(World&)>& change) {
+  change(world_);
+  edited_ = true;
+  failed_ = false;
 }
 
 Boundary Stepper::inspect(std::function<void(const World&)> look) {
-  return enqueue([this, &look] { look(world_); });
+  return enqueue([this, &look] { look(world_); }).get();
 }
 
 Boundary Stepper::pause() {
-  return enqueue([this] { paused_ = true; });
+  return enqueue([this] { paused_ = true; }).get();
 }
 
 Boundary Stepper::unpause() {
   return enqueue([this] {
-    if (!paused_) return;
-    paused_ = false;
-    owed_ = 0.0;
-    last_clock_ = clock_();
-  });
+           if (!paused_) return;
+           paused_ = false;
+           owed_ = 0.0;
+           last_clock_ = clock_();
+         })
+      .get();
 }
 
 Boundary Stepper::step(std::uint64_t steps, std::function<void(const World&)> look) {
@@ -180,11 +187,11 @@ Boundary Stepper::step(std::uint64_t steps, std::function<void(const World&)> lo
     if (!paused_) throw NotNow("step: only while paused; call pause_physics first");
     if (failed_) throw NotNow("step: the physics has failed; edit or reset the world first");
     step_requests_.push_back({steps, std::move(look), std::move(promise)});
-  });
+  }).get();
   return done.get();
 }
 
-Boundary Stepper::enqueue(std::function<void()> run) {
+std::future<Boundary> Stepper::enqueue(std::function<void()> run) {
   std::future<Boundary> done;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -193,7 +200,7 @@ Boundary Stepper::enqueue(std::function<void()> run) {
     done = tasks_.back().done.get_future();
   }
   wake_up_.notify_one();
-  return done.get();
+  return done;
 }
 
 void Stepper::wake() {

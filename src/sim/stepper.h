@@ -43,7 +43,8 @@ struct Boundary {
 struct StepperEvents {
   std::function<void(const World&, double seconds)> stepped;  ///< run time of the step [s]
   std::function<void(const World&)> edited;                   ///< at least one edit took effect
-  std::function<void(const World&)> passed;  ///< at the end of every pass, and once a second
+  /// At the end of every pass; answers after how many seconds [run time] it wants the next one.
+  std::function<double(const World&)> passed;
 };
 
 /// Owns a World and the thread's worth of work that carries it on: what is due by the clock, what
@@ -52,7 +53,8 @@ struct StepperEvents {
 /// world.
 class Stepper {
  public:
-  using Clock = std::function<double()>;  ///< [s] from any origin
+  /// [s] from any origin; 0 until it begins. What it goes back by does not count as passed.
+  using Clock = std::function<double()>;
 
   Stepper(World world, const StepperOptions& options, Clock clock, StepperEvents events);
   /// The stepping thread, and all who wait, must have ended: stop() sees to that.
@@ -64,14 +66,16 @@ class Stepper {
   /// Steps until stop().
   void run();
   /// One pass: the edits that wait, then the steps that are due; with much to do, a share of it.
-  /// Returns the clock seconds after which the next pass has work, unless wake() comes before.
+  /// Returns the seconds after which the next pass has work, unless wake() comes before.
   double advance();
 
   // ---- any thread
   /// Runs `change` at a boundary and returns when it has taken effect. What it throws is thrown
   /// here, and then it must have changed nothing. Throws Cancelled.
   Boundary edit(std::function<void(World&)> change);
-  /// The same for looking only.
+  /// The same without waiting for it. `change` must not throw.
+  void post(std::function<void(World&)> change);
+  /// The same as edit() for looking only.
   Boundary inspect(std::function<void(const World&)> look);
   Boundary pause();
   Boundary unpause();
@@ -101,7 +105,8 @@ class Stepper {
     std::promise<Boundary> done;
   };
 
-  Boundary enqueue(std::function<void()> run);
+  std::future<Boundary> enqueue(std::function<void()> run);
+  void apply(const std::function<void(World&)>& change);
   bool is_wanted() const;
   void cancel_all();
   void run_tasks();

@@ -1,4 +1,8 @@
-"""What the node's tests share: waiting on conditions, and calls with fields by name."""
+"""What the node's tests share: waiting on conditions, running programs, calls with fields by name."""
+import contextlib
+import os
+import signal
+import subprocess
 import time
 
 import rospy
@@ -21,9 +25,29 @@ def wait_until(condition, what, timeout=TIMEOUT):
     raise AssertionError("waited %g s in vain for %s" % (timeout, what))
 
 
+@contextlib.contextmanager
+def running(command, **options):
+    """Runs a command until the block ends, then interrupts it and waits."""
+    process = subprocess.Popen(command, start_new_session=True, **options)
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGINT)
+            process.wait(timeout=TIMEOUT)
+
+
+def node_command(**parameters):
+    """The node with these parameters and no others: private ones outlive the node they were for."""
+    if rospy.has_param(NODE):
+        rospy.delete_param(NODE)
+    return (["rosrun", "constraint_sim", "constraint_sim_node", "__name:=constraint_sim"] +
+            ["_%s:=%s" % item for item in parameters.items()])
+
+
 def call(name, /, **fields):
-    """Calls a service of the node."""
-    service = NODE + "/" + name
+    """Calls a service of the node, or of another one by its full name."""
+    service = rospy.names.ns_join(NODE, name)
     rospy.wait_for_service(service, timeout=TIMEOUT)
     return rospy.ServiceProxy(service, rosservice.get_service_class_by_name(service))(**fields)
 

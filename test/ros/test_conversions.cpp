@@ -171,6 +171,57 @@ TEST(Conversions, ALengthOfZeroOrLessIsThePresentDistance) {
     EXPECT_EQ(error_of([&] { length(value); }).rfind("length: ", 0), 0u);
 }
 
+TEST(Conversions, AFrameAndBackIsTheSameState) {
+  Random random;
+  for (int i = 0; i < 100; ++i) {
+    const engine::BodyState frame = random.state();
+    const engine::BodyState state = random.state();
+    const engine::BodyState back = from_relative(frame, relative_to(frame, state));
+    // a few rotations of numbers of order 1
+    constexpr double kTolerance = 1e-14;
+    EXPECT_LT((back.position - state.position).norm(), kTolerance);
+    EXPECT_LT((back.orientation.coeffs() - state.orientation.coeffs()).norm(), kTolerance);
+    EXPECT_LT((back.linear_velocity - state.linear_velocity).norm(), kTolerance);
+    EXPECT_LT((back.angular_velocity - state.angular_velocity).norm(), kTolerance);
+  }
+}
+
+TEST(Conversions, RelativeVelocitiesAreTheRatesOfRelativePlaces) {
+  Random random;
+  const auto moved = [](const engine::BodyState& state, double t) {
+    engine::BodyState later = state;
+    later.position += t * state.linear_velocity;
+    const Eigen::Vector3d turn = t * state.angular_velocity;
+    later.orientation =
+        Eigen::Quaterniond(Eigen::AngleAxisd(turn.norm(), turn.normalized())) * state.orientation;
+    return later;
+  };
+  for (int i = 0; i < 20; ++i) {
+    const engine::BodyState frame = random.state();
+    const engine::BodyState state = random.state();
+    constexpr double kStep = 1e-5;
+    const engine::BodyState after = relative_to(moved(frame, kStep), moved(state, kStep));
+    const engine::BodyState before = relative_to(moved(frame, -kStep), moved(state, -kStep));
+    const Eigen::Vector3d rate = (after.position - before.position) / (2.0 * kStep);
+    // central differences: h² times third derivatives of order 10, and round-off over h
+    EXPECT_LT((rate - relative_to(frame, state).linear_velocity).norm(), 1e-8);
+  }
+}
+
+TEST(Conversions, ARopeAndAStrutTakeThePresentDistance) {
+  engine::World world = world_of_two();
+  engine::BodyState state;
+  state.position = {3.0, 4.0, 0.0};
+  world.set_state(world.find_body("b"), state);
+  Constraint msg;
+  msg.name = "c";
+  msg.body_b = "b";
+  msg.type = "rope";
+  EXPECT_EQ(std::get<engine::DistanceJoint>(from_msg(msg, world).type).max_length, 5.0);
+  msg.type = "strut";
+  EXPECT_EQ(std::get<engine::DistanceJoint>(from_msg(msg, world).type).min_length, 5.0);
+}
+
 TEST(Conversions, EachFieldOfAConstraintStateArrives) {
   engine::Joint joint;
   joint.name = "rod";

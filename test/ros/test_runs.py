@@ -1,10 +1,8 @@
 #!/usr/bin/env python3
 """Whole runs of the node: determinism against the runner, a bag, and parameters that cannot be."""
-import contextlib
 import glob
 import json
 import os
-import signal
 import subprocess
 import tempfile
 import unittest
@@ -16,28 +14,9 @@ import rostest
 from visualization_msgs.msg import Marker
 
 import support
-from support import call, properties
+from support import call, node_command, properties, running
 
 SCENES = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "config", "scenes")
-
-
-def node_command(**parameters):
-    """The node with these parameters and no others: private ones outlive the node they were for."""
-    if rospy.has_param(support.NODE):
-        rospy.delete_param(support.NODE)
-    return (["rosrun", "constraint_sim", "constraint_sim_node", "__name:=constraint_sim"] +
-            ["_%s:=%s" % item for item in parameters.items()])
-
-
-@contextlib.contextmanager
-def running(command):
-    """Runs a command until the block ends, then interrupts it and waits."""
-    process = subprocess.Popen(command, start_new_session=True)
-    try:
-        yield process
-    finally:
-        os.killpg(process.pid, signal.SIGINT)
-        process.wait(timeout=support.TIMEOUT)
 
 
 def recorded_topics():

@@ -8,7 +8,7 @@ namespace {
 constexpr std::int64_t kSecond = 1000000000;
 
 TEST(Stamps, FollowSimulatedTimeEvenlyThoughTheWallJitters) {
-  Stamps stamps(2.0);
+  Stamps stamps(Stamps::Source::kWall, 2.0);
   const std::int64_t first = stamps.next(100 * kSecond, 5.0, true);
   EXPECT_EQ(first, 100 * kSecond);
   // one simulated second is half a wall second, whatever the wall says meanwhile
@@ -16,19 +16,39 @@ TEST(Stamps, FollowSimulatedTimeEvenlyThoughTheWallJitters) {
 }
 
 TEST(Stamps, NeverRepeatNorGoBack) {
-  Stamps stamps(1.0);
+  Stamps stamps(Stamps::Source::kWall, 1.0);
   const std::int64_t first = stamps.next(100 * kSecond, 5.0, true);
   EXPECT_EQ(stamps.next(100 * kSecond, 5.0, true), first + 1);
   EXPECT_EQ(stamps.next(90 * kSecond, 1.0, false), first + 2);  // paused, the wall set back
 }
 
 TEST(Stamps, TakeTheWallAgainAfterAPauseADropOrAnotherScene) {
-  Stamps stamps(1.0);
+  Stamps stamps(Stamps::Source::kWall, 1.0);
   stamps.next(100 * kSecond, 5.0, true);
   stamps.next(160 * kSecond, 5.0, false);
   EXPECT_EQ(stamps.next(170 * kSecond, 5.01, true), 170 * kSecond);
   stamps.let_go();
   EXPECT_EQ(stamps.next(180 * kSecond, 5.02, true), 180 * kSecond);
+}
+
+TEST(Stamps, OfTheWallGoOnWhenSimulatedTimeGoesBack) {
+  Stamps stamps(Stamps::Source::kWall, 1.0);
+  stamps.next(100 * kSecond, 50.0, true);
+  EXPECT_EQ(stamps.next(101 * kSecond, 0.01, true), 101 * kSecond);
+}
+
+TEST(Stamps, OfSimulatedTimeAreItselfAndANanosecondOnWhereItStands) {
+  Stamps stamps(Stamps::Source::kSimulated, 1.0);
+  EXPECT_EQ(stamps.next(100 * kSecond, 0.0, false), 1);  // 0 means no time at all
+  EXPECT_EQ(stamps.next(100 * kSecond, 2.5, true), 5 * kSecond / 2);
+  EXPECT_EQ(stamps.next(101 * kSecond, 2.5, false), 5 * kSecond / 2 + 1);
+  EXPECT_EQ(stamps.next(102 * kSecond, 2.51, true), 251 * kSecond / 100);
+}
+
+TEST(Stamps, OfSimulatedTimeGoBackWithIt) {
+  Stamps stamps(Stamps::Source::kSimulated, 1.0);
+  stamps.next(100 * kSecond, 50.0, true);
+  EXPECT_EQ(stamps.next(101 * kSecond, 0.5, true), kSecond / 2);
 }
 
 }  // namespace

@@ -32,7 +32,11 @@ class StepperTest : public ::testing::Test {
     stepper_ = std::make_unique<Stepper>(
         ball_in_flight(), options, [this] { return now_; },
         StepperEvents{[this](const World&, double) { ++stepped_; },
-                      [this](const World&) { ++edited_; }, [this](const World&) { ++passed_; }});
+                      [this](const World&) { ++edited_; },
+                      [this](const World&) {
+                        ++passed_;
+                        return 1.0;
+                      }});
   }
   /// Turns the clock on and lets the stepper do all that is due.
   void pass(double seconds) {
@@ -143,6 +147,27 @@ TEST_F(StepperTest, WhatAnEditThrowsReachesItsCallerAndNobodyElse) {
   });
   EXPECT_NE(text.find("nobody"), std::string::npos) << text;
   EXPECT_EQ(edited_, 1);
+}
+
+TEST_F(StepperTest, APostedEditTakesEffectWithoutAnybodyWaiting) {
+  make({1.0, true, 0.1});
+  stepper_->post([](World& world) { world.remove_body(world.find_body("ball")); });
+  stepper_->advance();
+  EXPECT_EQ(edited_, 1);
+  with_stepper([&] {
+    stepper_->inspect([](const World& world) { EXPECT_TRUE(world.body_ids().empty()); });
+  });
+}
+
+TEST_F(StepperTest, AClockThatHasNotBegunPassesNoTime) {
+  now_ = 0.0;
+  make({});
+  pass(0.0);
+  pass(1e9);  // its first reading
+  EXPECT_EQ(stepped_, 0);
+  EXPECT_EQ(stepper_->dropped_ticks(), 0u);
+  pass(0.0101);
+  EXPECT_EQ(stepped_, 1);
 }
 
 TEST_F(StepperTest, StepsOnRequestAndShowsTheWorldRightAfter) {

@@ -1,0 +1,158 @@
+#!/usr/bin/env python3
+"""How many bodies the node carries at a tick of 1 ms and 50 rounds of messages per second.
+
+For each number of bodies it starts a master and a node of its own on a scene of chains, ten balls on
+ten rods each, released from the horizontal. It listens to all topics that rviz and a recorder would,
+and prints what the node's own statistics say over some seconds of wall time.
+"""
+import argparse
+import contextlib
+import multiprocessing
+import os
+import signal
+import socket
+import subprocess
+import tempfile
+import time
+import xmlrpc.client
+
+CHAIN = 10         # bodies, and as many rods
+ROD = 0.5          # [m]
+APART = 1.0        # [m] from chain to chain
+TIME_STEP = 0.001  # [s]
+RATE = 50.0        # [Hz]
+WARM_UP = 2.0      # [s] until everybody is connected and has had the first, full messages
+TOPICS = ("/tf", "/constraint_sim/markers", "/constraint_sim/body_states",
+          "/constraint_sim/constraint_states")
+TIMEOUT = 30.0     # [s] for anything to come up or end
+
+
+def write_scene(path, bodies):
+    with open(path, "w") as file:
+        file.write("world: {time_step: %g}\nbodies:\n" % TIME_STEP)
+        for i in range(bodies):
+            file.write("  - {name: b%d, shape: {sphere: {radius: 0.1}}, mass: 1, "
+                       "position: [%g, %g, 0]}\n" % (i, (i % CHAIN + 1) * ROD, i // CHAIN * APART))
+        file.write("constraints:\n")
+        for i in range(bodies):
+            start = ("anchor_a: [0, %g, 0]" % (i // CHAIN * APART) if i % CHAIN == 0
+                     else "body_a: b%d" % (i - 1))
+            file.write("  - {name: r%d, %s, body_b: b%d}\n" % (i, start, i))
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("localhost", 0))
+        return probe.getsockname()[1]
+
+
+@contextlib.contextmanager
+def running(command):
+    """Runs a command until the block ends, then interrupts it and waits."""
+    process = subprocess.Popen(command, start_new_session=True, stdout=subprocess.DEVNULL)
+    try:
+        yield
+    finally:
+        os.killpg(process.pid, signal.SIGINT)
+        process.wait(timeout=TIMEOUT)
+
+
+def wait_until(condition, what):
+    end = time.monotonic() + TIMEOUT
+    while time.monotonic() < end:
+        with contextlib.suppress(OSError, xmlrpc.client.Error):
+            if condition():
+                return
+        time.sleep(0.1)
+    raise SystemExit("node_throughput: waited in vain for " + what)
+
+
+def cpu_seconds(pid):
+    """Processor time of a process so far."""
+    with open("/proc/%d/stat" % pid) as file:
+        fields = file.read().rsplit(")", 1)[1].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def listen(duration, results):
+    """Subscribes to everything, and puts what the statistics say of the duration into results."""
+    import rospy
+    from constraint_sim.msg import Statistics
+
+    rospy.init_node("listener")
+    statistics, messages = [], []
+    rospy.Subscriber("/constraint_sim/statistics", Statistics,
+                     lambda message: statistics.append((time.monotonic(), message)))
+    for topic in TOPICS:
+        # as bytes: taking them apart in Python would cost more than all the rest
+        rospy.Subscriber(topic, rospy.AnyMsg, lambda _: messages.append(None))
+    wait_until(lambda: statistics, "the node's statistics")
+    time.sleep(WARM_UP)
+
+    node = xmlrpc.client.ServerProxy(rospy.get_master().lookupNode("/constraint_sim")[2])
+    pid = node.getPid("/listener")[2]
+    start, cpu, received = time.monotonic(), cpu_seconds(pid), len(messages)
+    time.sleep(duration)
+    wall, cpu, received = time.monotonic() - start, cpu_seconds(pid) - cpu, len(messages) - received
+
+    (first_time, first), *rest = [item for item in statistics if item[0] >= start]
+    last_time, last = rest[-1]
+    ticks = last.step - first.step
+    results.put({
+        "ticks": ticks,
+        "dropped": last.dropped_ticks - first.dropped_ticks,
+        "tick_ms": 1e3 * sum(s.wall_mean * s.ticks for _, s in rest) / max(ticks, 1),
+        "real_time": (last.sim_time - first.sim_time).to_sec() / (last_time - first_time),
+        "rate": received / len(TOPICS) / wall,
+        "cpu": cpu / wall,
+    })
+
+
+def measure(bodies, duration):
+    with tempfile.TemporaryDirectory() as folder:
+        port = free_port()
+        os.environ.update(ROS_MASTER_URI="http://localhost:%d" % port, ROS_HOME=folder,
+                          ROS_HOSTNAME="localhost")
+        scene = folder + "/scene.yaml"
+        write_scene(scene, bodies)
+        master = xmlrpc.client.ServerProxy(os.environ["ROS_MASTER_URI"])
+        with running(["roscore", "-p", str(port)]):
+            wait_until(lambda: master.getPid("/node_throughput"), "the master")
+            with running(["rosrun", "constraint_sim", "constraint_sim_node", "_scene:=" + scene,
+                          "_publish_rate:=%g" % RATE]):
+                wait_until(lambda: master.lookupNode("/node_throughput", "/constraint_sim")[0] == 1,
+                           "the node")
+                # a process of its own: rospy can be initialised once
+                results = multiprocessing.Queue()
+                listener = multiprocessing.Process(target=listen, args=(duration, results))
+                listener.start()
+                try:
+                    return results.get(timeout=duration + 2 * TIMEOUT)
+                finally:
+                    listener.terminate()
+                    listener.join()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("bodies", type=int, nargs="*", default=[100, 300, 1000, 3000],
+                        help="numbers of bodies to try, each with as many rods")
+    parser.add_argument("--duration", type=float, default=10.0, metavar="SECONDS",
+                        help="wall time that is measured")
+    arguments = parser.parse_args()
+
+    print("tick %g s, %g rounds of messages per second, %d processors" %
+          (TIME_STEP, RATE, os.cpu_count()))
+    print("bodies  rods  ticks done  dropped  tick [ms]  real-time factor  rounds [1/s]  CPU")
+    carried = []
+    for bodies in arguments.bodies:
+        result = measure(bodies, arguments.duration)
+        print("{0:6d}{0:6d}{ticks:12d}{dropped:9d}{tick_ms:11.3f}{real_time:18.3f}{rate:14.1f}"
+              "{cpu:5.0%}".format(bodies, **result), flush=True)
+        if result["dropped"] == 0:
+            carried.append(bodies)
+    print("the most without a dropped tick: %s" % (max(carried) if carried else "none"))
+
+
+if __name__ == "__main__":
+    main()

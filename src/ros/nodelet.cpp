@@ -1,0 +1,28 @@
+#include <nodelet/nodelet.h>
+
+#include <memory>
+#include <pluginlib/class_list_macros.hpp>
+#include <stdexcept>
+
+#include "ros/simulator_node.h"
+
+namespace constraint_sim {
+
+/// The simulator as a nodelet: the same class on queues and threads of its own.
+class SimulatorNodelet : public nodelet::Nodelet {
+ private:
+  void onInit() override {
+    try {
+      simulator_ = std::make_unique<SimulatorNode>(getNodeHandle(), getPrivateNodeHandle());
+    } catch (const std::invalid_argument& error) {
+      NODELET_FATAL("%s", error.what());
+      throw;  // the manager then refuses to load it
+    }
+  }
+
+  std::unique_ptr<SimulatorNode> simulator_;
+};
+
+}  // namespace constraint_sim
+
+PLUGINLIB_EXPORT_CLASS(constraint_sim::SimulatorNodelet, nodelet::Nodelet)

@@ -1,0 +1,156 @@
+#!/usr/bin/env python3
+"""The examples of the documentation do what they say, and leave nothing out."""
+import os
+import re
+import shlex
+import subprocess
+import tempfile
+import unittest
+
+import roslaunch.arg_dump
+import rospkg
+import rospy
+import rostest
+import yaml
+
+import support
+from support import NODE, call, node_command, properties, running
+
+PACKAGE = rospkg.RosPack().get_path("constraint_sim")
+RUN_NODE = "rosrun constraint_sim constraint_sim_node "
+
+
+def read(document):
+    with open(os.path.join(PACKAGE, document)) as file:
+        return file.read()
+
+
+def examples(document, *beginnings):
+    """The lines in code blocks and spans that begin with one of these words, in their order."""
+    blocks_and_spans = re.findall(r"^```\w*\n(.*?)^```|`([^`]+)`", read(document), re.M | re.S)
+    lines = [line for block, span in blocks_and_spans
+             for line in block.splitlines() or [" ".join(span.split())]]
+    return [line for line in lines if line.startswith(beginnings)]
+
+
+def is_refused(line):
+    return line.endswith("# refused")
+
+
+def first_column(table):
+    """The words in backticks in the first column of a Markdown table."""
+    rows = re.findall(r"^\|([^|]*)\|", table, re.M)
+    return {word for row in rows for word in re.findall(r"`([^`]+)`", row)}
+
+
+def yaml_blocks(text):
+    return re.findall(r"^```yaml\n(.*?)^```", text, re.M | re.S)
+
+
+def exchanged_topics():
+    publishers, subscribers, _ = rospy.get_master().getSystemState()[2]
+    return {topic for topic, nodes in publishers + subscribers if NODE in nodes} - {"/rosout"}
+
+
+def offered_services():
+    _, _, services = rospy.get_master().getSystemState()[2]
+    return {service for service, nodes in services if NODE in nodes
+            and not service.endswith(("/get_loggers", "/set_logger_level"))}
+
+
+def keys_in(value):
+    """All keys at any depth."""
+    if isinstance(value, dict):
+        return set(value).union(*map(keys_in, value.values()))
+    return set().union(*map(keys_in, value)) if isinstance(value, list) else set()
+
+
+class Docs(unittest.TestCase):
+    def check(self, line, folder):
+        done = subprocess.run(["bash", "-c", line], stdout=subprocess.PIPE, cwd=folder,
+                              stderr=subprocess.STDOUT, universal_newlines=True,
+                              timeout=support.TIMEOUT)
+        self.assertEqual(done.returncode, 0, line + "\n" + done.stdout)
+        if not line.startswith("rosservice call"):
+            return
+        answer = yaml.safe_load(done.stdout)  # nothing from a service of type Empty
+        if answer is not None or is_refused(line):
+            self.assertEqual(answer["success"], not is_refused(line), line + "\n" + done.stdout)
+
+    def check_examples(self, document, node):
+        lines = examples(document, "rosservice call", "rostopic", "rosparam")
+        self.assertGreater(len(lines), 5)
+        with tempfile.TemporaryDirectory() as folder, running(node, cwd=folder):
+            properties()  # it is up
+            for line in lines:
+                self.check(line, folder)
+
+    def test_the_examples_of_the_readme(self):
+        self.check_examples("README.md", node_command(scene="bridge"))  # as ./scripts/demo does
+
+    def test_the_examples_of_the_node(self):
+        rospy.set_param("/use_sim_time", False)
+        start = examples("docs/ros.md", RUN_NODE)[0]
+        self.check_examples("docs/ros.md", node_command() + shlex.split(start)[3:])
+
+    def test_each_service_and_topic_has_an_example_and_a_row_and_exists(self):
+        calls = "\n".join(examples("docs/ros.md", "rosservice call", "rostopic"))
+        used = set(re.findall(r"^ros\w+ (?:call|echo -n 1|pub -1) (\S+)", calls, re.M))
+        with running(node_command(publish_clock="true")):
+            properties()
+            self.assertEqual(used, offered_services() | exchanged_topics())
+        rows = {rospy.names.ns_join(NODE, name) for name in first_column(read("docs/ros.md"))}
+        self.assertLessEqual(used, rows)
+
+    def test_each_parameter_has_an_example_and_exists(self):
+        given = re.findall(r" _(\w+):=", "\n".join(examples("docs/ros.md", RUN_NODE)))
+        self.assertEqual(set(given), set(yaml.safe_load(read("config/parameters.yaml"))))
+
+    def test_the_examples_of_parameters(self):
+        for line in examples("docs/ros.md", RUN_NODE):
+            command = shlex.split(line, comments=True)
+            if is_refused(line):
+                self.assertEqual(subprocess.call(command, timeout=support.TIMEOUT), 2, line)
+                continue
+            with running(command + ["__name:=example"]):
+                self.assertTrue(call("/example/get_world_properties").success)
+                for name, value in re.findall(r" _(\w+):=(\S+)", line):
+                    self.assertEqual(rospy.get_param("/example/" + name), yaml.safe_load(value))
+
+    def test_the_examples_of_launch_files_have_only_arguments_that_exist(self):
+        lines = examples("docs/ros.md", "roslaunch constraint_sim")
+        files = {line.split()[2] for line in lines}
+        self.assertEqual(files, set(os.listdir(os.path.join(PACKAGE, "launch"))))
+        for line in lines:
+            _, _, file, *arguments = shlex.split(line, comments=True)
+            declared = roslaunch.arg_dump.get_args([os.path.join(PACKAGE, "launch", file)])
+            self.assertLessEqual({a.split(":=")[0] for a in arguments}, set(declared), line)
+
+    # ---- scenes
+
+    def test_the_examples_of_scenes_are_accepted(self):
+        for text in yaml_blocks(read("docs/scenes.md")):
+            with tempfile.NamedTemporaryFile("w", suffix=".yaml") as scene:
+                scene.write(text)
+                scene.flush()
+                done = subprocess.run(["rosrun", "constraint_sim", "constraint_sim_run",
+                                       scene.name, "--duration", "0"], stdout=subprocess.PIPE,
+                                      stderr=subprocess.STDOUT, universal_newlines=True)
+            self.assertEqual(done.returncode, 0, text + done.stdout)
+
+    def test_each_key_of_scenes_has_an_example(self):
+        sections = re.split(r"^### ", re.split(r"^## ", read("docs/scenes.md"), flags=re.M)[1],
+                            flags=re.M)[1:]
+        self.assertEqual(len(sections), 4)
+        for section in sections:
+            shown = set()
+            for scene in map(yaml.safe_load, yaml_blocks(section)):
+                # the types of constraints have rows as well, and stand as values
+                types = {c.get("type") for c in scene.get("constraints", [])}
+                shown |= keys_in(scene) | types
+            self.assertEqual(first_column(section) - shown, set(), section.splitlines()[0])
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_docs")
+    rostest.rosrun("constraint_sim", "docs", Docs)

@@ -1,0 +1,166 @@
+#!/usr/bin/env python3
+"""Every shipped launch file starts and brings up what it should; a recorded bag replays."""
+import contextlib
+import glob
+import os
+import tempfile
+import unittest
+
+import roslaunch.config
+import rosnode
+import rospkg
+import rospy
+import rostest
+from rosgraph_msgs.msg import Clock
+from tf2_msgs.msg import TFMessage
+from visualization_msgs.msg import Marker, MarkerArray
+
+import support
+from support import Listener, call, wait_until
+
+LAUNCH = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "launch")
+TOPICS = ("markers", "body_states", "constraint_states", "contact_states", "statistics", "plan")
+
+
+def topics_of(*simulators):
+    return {"/tf"} | {"/%s/%s" % (name, topic) for name in simulators for topic in TOPICS}
+
+
+def published_topics():
+    return {topic for topic, _ in rospy.get_published_topics()}
+
+
+def topics_of_node(name):
+    """The topics that a node subscribes to."""
+    _, subscribers, _ = rospy.get_master().getSystemState()[2]
+    return {topic for topic, nodes in subscribers if name in nodes}
+
+
+def nodes_in(path, arguments):
+    """Full names of the nodes that roslaunch reads out of a file."""
+    config = roslaunch.config.load_config_default([(path, arguments)], None)
+    return {rospy.names.ns_join(node.namespace, node.name) for node in config.nodes}
+
+
+@contextlib.contextmanager
+def launched(file, **arguments):
+    """Runs a launch file of the package without rviz, and waits until all its nodes are up."""
+    path = os.path.join(LAUNCH, file)
+    if file != "record.launch":
+        arguments["rviz"] = "false"
+    words = ["%s:=%s" % item for item in arguments.items()]
+    try:
+        with support.running(["roslaunch", path] + words) as process:
+            names = nodes_in(path, words)
+            wait_until(lambda: names <= set(rosnode.get_node_names()), "the nodes of " + file)
+            yield
+            assert process.poll() is None, file + " ended by itself"
+    finally:
+        for name in ("/use_sim_time", "/constraint_sim", "/left", "/right"):
+            if rospy.has_param(name):
+                rospy.delete_param(name)
+
+
+@contextlib.contextmanager
+def recorded(**arguments):
+    """The path of a bag with two seconds of the double pendulum."""
+    with tempfile.TemporaryDirectory() as folder:
+        with launched("simulator.launch", scene="double_pendulum", record="true",
+                      bag=folder + "/run", **arguments):
+            wait_until(lambda: topics_of_node("/record") >= topics_of("constraint_sim"),
+                       "the recorder")
+            start = support.properties().sim_time
+            wait_until(lambda: support.properties().sim_time > start + 2.0, "2 s")
+        yield wait_until(lambda: glob.glob(folder + "/run_*.bag"), "the closed bag")[0]
+
+
+class Launch(unittest.TestCase):
+    def test_no_launch_file_is_without_a_test(self):
+        self.assertEqual(sorted(os.listdir(LAUNCH)), ["nodelet_manager.launch", "record.launch",
+                                                      "replay.launch", "simulator.launch"])
+
+    def wait_for_topics(self, expected):
+        wait_until(lambda: published_topics() >= expected, "topics")
+
+    def test_simulator_runs_a_node(self):
+        with launched("simulator.launch", scene="winch", prefix="sim/", paused="true"):
+            self.wait_for_topics(topics_of("constraint_sim"))
+            state = support.properties()
+            self.assertEqual((state.bodies, state.paused), (["floor", "load"], True))
+            message = Listener("/tf", TFMessage).wait()
+            self.assertEqual([t.child_frame_id for t in message.transforms],
+                             ["sim/floor", "sim/load"])
+
+    def test_simulator_runs_a_nodelet_under_another_name(self):
+        with launched("simulator.launch", nodelet="true", name="left"):
+            self.wait_for_topics(topics_of("left"))
+            self.assertEqual(call("/left/get_world_properties").bodies, ["bob"])
+
+    def test_simulator_takes_a_file_of_parameters(self):
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
+            file.write("world_frame: map\n")
+            file.flush()
+            with launched("simulator.launch", parameters=file.name):
+                message = Listener("/tf", TFMessage).wait()
+                self.assertEqual(message.transforms[0].header.frame_id, "map")
+
+    def test_two_simulators_share_a_nodelet_manager(self):
+        transforms = Listener("/tf", TFMessage)
+        with launched("nodelet_manager.launch"):
+            self.wait_for_topics(topics_of("left", "right"))
+            self.assertEqual(call("/left/get_world_properties").bodies, ["bob"])
+            self.assertEqual(call("/right/get_world_properties").bodies, ["upper", "lower"])
+            for body, simulator in (("mine", "/left"), ("yours", "/right")):
+                answer = call(simulator + "/add_body", body=support.sphere(body))
+                self.assertTrue(answer.success, answer.status_message)
+            wait_until(lambda: {t.child_frame_id for m in transforms.messages for t in m.transforms}
+                       == {"left/bob", "left/mine", "right/upper", "right/lower", "right/yours"},
+                       "the frames of both")
+
+    # ---- bags
+
+    def check_replay(self, bag):
+        transforms = Listener("/tf", TFMessage)
+        markers = Listener("/constraint_sim/markers", MarkerArray)
+        clock = Listener("/clock", Clock)
+        with launched("replay.launch", bag=bag):
+            self.assertNotIn("/constraint_sim", rosnode.get_node_names())
+
+            def places():
+                found = [t.transform.translation for m in transforms.messages for t in m.transforms
+                         if t.child_frame_id == "lower"]
+                return [p.z for p in found] or [0.0]
+            # the lower ball falls freely at first; 2 s carry it much farther than this
+            wait_until(lambda: max(places()) - min(places()) > 0.1, "a transform that moves")
+            drawn = wait_until(lambda: {(m.ns, m.action) for a in markers.messages
+                                        for m in a.markers}, "markers")
+            self.assertLessEqual({("bodies", Marker.ADD), ("constraints", Marker.ADD)}, drawn)
+
+            now = clock.wait().clock
+            stamp = transforms.wait().transforms[0].header.stamp
+            # the node's and the recorder's idea of the time, apart by far less on an idle machine
+            self.assertLess(abs((stamp - now).to_sec()), 1.0)
+
+    def test_a_recorded_bag_replays_without_the_node(self):
+        with recorded() as bag:
+            self.check_replay(bag)
+
+    def test_a_bag_of_simulated_time_replays_without_the_node(self):
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:
+            file.write("publish_clock: true\n")
+            file.flush()
+            rospy.set_param("/use_sim_time", True)
+            with recorded(parameters=file.name) as bag:
+                self.check_replay(bag)
+
+    def test_record_records_a_running_simulator(self):
+        with tempfile.TemporaryDirectory() as folder:
+            with launched("record.launch", bag=folder + "/run", name="left"):
+                wait_until(lambda: topics_of_node("/record") >= topics_of("left") | {"/clock"},
+                           "the recorder")
+            wait_until(lambda: glob.glob(folder + "/run_*.bag"), "the closed bag")
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_launch")
+    rostest.rosrun("constraint_sim", "launch", Launch)

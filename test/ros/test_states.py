@@ -1,0 +1,348 @@
+#!/usr/bin/env python3
+"""States, wrenches, resets, constraints of any type, scenes saved and loaded."""
+import math
+import os
+import tempfile
+import unittest
+
+import rospy
+import rostest
+from constraint_sim.msg import (Body, BodyState, Constraint, ConstraintStates, ContactStates,
+                                MotorBias, Shape)
+from geometry_msgs.msg import Point, Quaternion, Twist, Vector3, Wrench
+from std_msgs.msg import String
+
+import support
+from support import Listener, call, properties, sphere
+
+WEIGHTLESS = "world: {gravity: [0, 0, 0], time_step: 0.01}"
+QUARTER_TURN_Z = Quaternion(0, 0, math.sqrt(0.5), math.sqrt(0.5))
+NOT_FINITE = [math.nan, math.inf, -math.inf]
+
+
+def xyz(v):
+    return [v.x, v.y, v.z]
+
+
+class States(unittest.TestCase):
+    def setUp(self):
+        support.empty_world()
+        self.good("load_scene", text=WEIGHTLESS)
+
+    def good(self, name, /, **fields):
+        answer = call(name, **fields)
+        self.assertTrue(answer.success, answer.status_message)
+        return answer
+
+    def bad(self, named, name, /, **fields):
+        before = properties().state_hash
+        answer = call(name, **fields)
+        self.assertFalse(answer.success, "%s accepted %s" % (name, fields))
+        for word in named:
+            self.assertIn(word, answer.status_message)
+        self.assertEqual(properties().state_hash, before)
+
+    def near(self, found, expected, tolerance=1e-12):
+        """12 digits: what a few rotations of numbers of order 1 leave."""
+        for f, e in zip(found, expected):
+            self.assertAlmostEqual(f, e, delta=tolerance)
+
+    # ---- states and frames
+
+    def state(self, name, frame=""):
+        return self.good("get_body_state", name=name, reference_frame=frame).state
+
+    def add_turning_frame(self):
+        """A body at (1, 0, 0), turned by 90 degrees about z, that moves along y and turns about z."""
+        body = sphere("frame", 1, 0, 0, type=Body.KINEMATIC)
+        body.pose.orientation = QUARTER_TURN_Z
+        body.twist.linear.y = 0.5
+        body.twist.angular.z = 2.0
+        self.good("add_body", body=body)
+
+    def test_get_body_state_in_the_world(self):
+        body = sphere("b", 1, 2, 3)
+        body.twist.linear.x = 4.0
+        self.good("add_body", body=body)
+        answer = self.good("get_body_state", name="b")
+        self.assertEqual(answer.header.frame_id, "world")
+        self.assertEqual(xyz(answer.state.pose.position), [1, 2, 3])
+        self.assertEqual(xyz(answer.state.twist.linear), [4, 0, 0])
+
+    def test_get_body_state_in_the_frame_of_a_body_that_moves_and_turns(self):
+        self.add_turning_frame()
+        self.good("add_body", body=sphere("b", 1, 3, 0))
+        answer = self.good("get_body_state", name="b", reference_frame="frame")
+        self.assertEqual(answer.header.frame_id, "frame")
+        # world y is the frame's x; the frame's motion at b: (0, 0.5, 0) + 2z x 3y = (-6, 0.5, 0)
+        self.near(xyz(answer.state.pose.position), [3, 0, 0])
+        self.near(xyz(answer.state.twist.linear), [-0.5, -6, 0])
+        self.near(xyz(answer.state.twist.angular), [0, 0, -2])
+
+    def test_what_is_fixed_to_a_frame_has_no_velocity_in_it(self):
+        self.add_turning_frame()
+        self.good("add_body", body=sphere("b"))
+        state = BodyState(name="b")
+        state.pose.position = Point(1, 2, 3)
+        self.good("set_body_state", state=state, reference_frame="frame")
+        self.near(xyz(self.state("b").twist.linear), [-2 * 1, 0.5 - 2 * 2, 0])
+        self.near(xyz(self.state("b").pose.position), [1 - 2, 1, 3])
+        found = self.state("b", "frame")
+        self.near(xyz(found.pose.position), [1, 2, 3])
+        self.near(xyz(found.twist.linear) + xyz(found.twist.angular), [0] * 6)
+
+    def test_set_body_state_in_a_frame_and_get_it_back(self):
+        self.add_turning_frame()
+        self.good("add_body", body=sphere("b", shape=Shape(Shape.BOX, [0.1, 0.2, 0.3])))
+        state = BodyState(name="b")
+        state.pose.position = Point(1, -2, 0.5)
+        state.pose.orientation = Quaternion(0.5, 0.5, 0.5, 0.5)
+        state.twist = Twist(Vector3(0.1, 0.2, 0.3), Vector3(0.4, 0.5, 0.6))
+        self.good("set_body_state", state=state, reference_frame="frame")
+        found = self.state("b", "frame")
+        self.near(xyz(found.pose.position), [1, -2, 0.5])
+        self.near(xyz(found.twist.linear) + xyz(found.twist.angular),
+                  [0.1, 0.2, 0.3, 0.4, 0.5, 0.6])
+
+    def test_states_refuse_bad_input(self):
+        self.good("add_body", body=sphere("b"))
+        for name in ("", "world", "nobody"):
+            self.bad(["name"], "get_body_state", name=name)
+            self.bad(["name"], "set_body_state", state=BodyState(name=name))
+        self.bad(["reference_frame", "nobody"], "get_body_state", name="b",
+                 reference_frame="nobody")
+        self.bad(["reference_frame", "nobody"], "set_body_state", state=BodyState(name="b"),
+                 reference_frame="nobody")
+        for value in NOT_FINITE:
+            for field, path in (("position", ("pose", "position")),
+                                ("linear_velocity", ("twist", "linear")),
+                                ("angular_velocity", ("twist", "angular")),
+                                ("orientation", ("pose", "orientation"))):
+                state = BodyState(name="b")
+                getattr(getattr(state, path[0]), path[1]).y = value
+                self.bad([field, "%g" % value], "set_body_state", state=state)
+
+    # ---- wrenches
+
+    def wrench(self, **fields):
+        fields.setdefault("duration", rospy.Duration(-1))
+        return {"body_name": "b", **fields}
+
+    def test_an_impulse_is_mass_times_the_change_of_velocity(self):
+        self.good("add_body", body=sphere("b", mass=2.0))
+        self.good("apply_body_wrench", **self.wrench(wrench=Wrench(force=Vector3(x=3)),
+                                                     duration=rospy.Duration(0.125)))
+        self.good("step", steps=50)
+        self.near(xyz(self.state("b").twist.linear), [3 * 0.125 / 2, 0, 0])
+
+    def test_wrenches_add_up_start_later_and_are_cleared(self):
+        self.good("add_body", body=sphere("b"))
+        now = properties().sim_time
+        push = Wrench(force=Vector3(z=1))
+        self.good("apply_body_wrench", **self.wrench(wrench=push))
+        self.good("apply_body_wrench", **self.wrench(wrench=push, start_time=rospy.Time(now + 0.5)))
+        self.good("step", steps=100)
+        # stamps have nanoseconds
+        self.near(xyz(self.state("b").twist.linear), [0, 0, 1.5], 1e-8)
+        self.good("clear_body_wrenches", body_name="b")
+        self.good("step", steps=100)
+        self.near(xyz(self.state("b").twist.linear), [0, 0, 1.5], 1e-8)
+
+    def test_a_wrench_honours_its_frame_and_point(self):
+        self.add_turning_frame()
+        self.good("add_body", body=sphere("b", 0, 0, 0))
+        inertia = 0.4 * 0.1 ** 2
+        # the frame's y is the world's -x
+        self.good("apply_body_wrench", **self.wrench(
+            reference_frame="frame", wrench=Wrench(force=Vector3(y=1)),
+            duration=rospy.Duration(0.01)))
+        self.good("step", steps=1)
+        self.near(xyz(self.state("b").twist.linear), [-0.01, 0, 0])
+        self.near(xyz(self.state("b").twist.angular), [0, 0, 0])
+        # at the world's (0, 0.1, 0.0), off the centre: turns it about z
+        self.good("set_body_state", state=BodyState(name="b"))
+        self.good("apply_body_wrench", **self.wrench(
+            reference_point=Point(0, 0.1, 0), wrench=Wrench(force=Vector3(x=1)),
+            duration=rospy.Duration(0.01)))
+        self.good("step", steps=1)
+        self.near(xyz(self.state("b").twist.angular), [0, 0, -0.1 * 0.01 / inertia], 1e-9)
+
+    def test_a_duration_of_zero_is_one_tick(self):
+        self.good("add_body", body=sphere("b"))
+        self.good("apply_body_wrench", body_name="b", wrench=Wrench(force=Vector3(x=1)))
+        self.good("step", steps=10)
+        self.near(xyz(self.state("b").twist.linear), [0.01, 0, 0])
+
+    def test_wrenches_refuse_bad_input(self):
+        self.good("add_body", body=sphere("b"))
+        self.good("add_body", body=sphere("fixed", type=Body.STATIC))
+        self.good("add_body", body=sphere("point", shape=Shape(Shape.POINT, [])))
+        for name in ("", "world", "nobody"):
+            self.bad(["body_name"], "apply_body_wrench", body_name=name)
+            self.bad(["body_name"], "clear_body_wrenches", body_name=name)
+        self.bad(["fixed"], "apply_body_wrench", **self.wrench(body_name="fixed"))
+        self.bad(["torque"], "apply_body_wrench",
+                 **self.wrench(body_name="point", wrench=Wrench(torque=Vector3(z=1))))
+        self.bad(["reference_frame", "nobody"], "apply_body_wrench",
+                 **self.wrench(reference_frame="nobody"))
+        for value in NOT_FINITE:
+            self.bad(["force", "%g" % value], "apply_body_wrench",
+                     **self.wrench(wrench=Wrench(force=Vector3(x=value))))
+            self.bad(["torque", "%g" % value], "apply_body_wrench",
+                     **self.wrench(wrench=Wrench(torque=Vector3(y=value))))
+            self.bad(["reference_point", "%g" % value], "apply_body_wrench",
+                     **self.wrench(reference_point=Point(z=value)))
+
+    # ---- motor_bias
+
+    def test_the_motor_bias_topic_drives_a_motor(self):
+        self.good("add_body", body=sphere("b", 0, 0, 1))
+        self.good("add_distance_constraint", name="rod", anchor_a=Point(0, 0, 3), body_b="b")
+        listener = Listener(support.NODE + "/constraint_states", ConstraintStates)
+        topic = rospy.Publisher(support.NODE + "/motor_bias", MotorBias, queue_size=10)
+        support.wait_until(lambda: topic.get_num_connections() > 0, "the node")
+        before = properties().state_hash
+        topic.publish(constraint="nothing", bias=1.0)  # warned of, and of no other consequence
+        topic.publish(constraint="rod", bias=-0.5, timeout=0.2)
+        support.wait_until(lambda: properties().state_hash != before, "the bias")
+        self.good("step", steps=10)
+        listener.wait(lambda m: m.constraints and m.constraints[0].bias == -0.5)
+        self.good("step", steps=90)
+        # 0.2 s of 0.5 m/s, and Baumgarte's lag of a weightless load is none
+        self.near(xyz(self.state("b").pose.position), [0, 0, 1.1], 1e-9)
+
+    # ---- constraints of any type
+
+    def constraint(self, kind, **fields):
+        return Constraint(name="c", type=kind, body_b="b", **fields)
+
+    def test_add_constraint_of_each_type(self):
+        for kind, fields in (("distance", {}), ("distance", {"min_length": 0.5, "max_length": 2}),
+                             ("rope", {}), ("strut", {"min_length": 0.5}),
+                             ("spring", {"frequency": 2.0, "damping_ratio": 0.1}),
+                             ("spring", {"keys": ["stiffness"], "values": [10.0]}), ("ball", {})):
+            self.good("add_body", body=sphere("b", 1, 0, 0))
+            answer = self.good("add_constraint", constraint=self.constraint(kind, **fields))
+            self.assertEqual(answer.initial_error, 1.0 if kind == "ball" else 0.0)
+            self.good("step", steps=10)
+            self.assertEqual(self.good("remove_body", name="b").removed_constraints, ["c"])
+
+    def test_add_constraint_takes_each_field(self):
+        self.good("add_body", body=sphere("b", 1, 0, 0))
+        self.good("add_constraint", constraint=self.constraint(
+            "distance", length=1.5, anchor_a=Point(0.5, 0, 0), baumgarte=0.2, break_force=100.0,
+            bias=0.1, amplitude=0.2, motor_frequency=3.0, phase=0.4, max_force=50.0,
+            collide_connected=True, keys=["timeout"], values=[7.0]))
+        text = self.good("save_scene").text
+        for line in ("length: 1.5", "anchor_a: [0.5, 0, 0]", "baumgarte: 0.2", "break_force: 100",
+                     "bias: 0.1", "amplitude: 0.2", "frequency: 3", "max_force: 50",
+                     "collide_connected: true", "timeout: 7"):
+            self.assertIn(line, text)
+
+    def test_add_constraint_refuses_bad_input(self):
+        self.good("add_body", body=sphere("b", 1, 0, 0))
+        for kind in ("hinge", "", "Distance"):
+            self.bad(["type", kind], "add_constraint", constraint=self.constraint(kind))
+        for kind, field in (("rope", "length"), ("rope", "frequency"), ("ball", "length"),
+                            ("strut", "max_length"), ("spring", "min_length")):
+            self.bad([field, kind], "add_constraint",
+                     constraint=self.constraint(kind, **{field: 1.0}))
+        self.bad(["axis_a"], "add_constraint",
+                 constraint=self.constraint("distance", axis_a=Vector3(0, 0, 1)))
+        self.bad(["frequency"], "add_constraint", constraint=self.constraint("spring"))
+        self.bad(["keys", "stiffness"], "add_constraint",
+                 constraint=self.constraint("rope", keys=["stiffness"], values=[1.0]))
+        self.bad(["values", "1"], "add_constraint",
+                 constraint=self.constraint("rope", keys=["timeout"], values=[]))
+        for value in NOT_FINITE:
+            for field in ("length", "min_length", "max_length", "frequency", "damping_ratio",
+                          "baumgarte", "break_force", "bias", "amplitude", "motor_frequency",
+                          "phase", "max_force"):
+                name = {"motor_frequency": "frequency"}.get(field, field)
+                if field == "max_length" and value == math.inf:
+                    continue  # no limit is what it says
+                self.bad([name, "%g" % value], "add_constraint",
+                         constraint=self.constraint("distance", **{field: value}))
+        self.bad(["max_length", "min_length"], "add_constraint",
+                 constraint=self.constraint("distance", min_length=2.0, max_length=1.0))
+
+    # ---- contacts and plan
+
+    def test_contact_states(self):
+        self.good("load_scene", text="world: {gravity: [0, 0, -10], time_step: 0.01}")
+        listener = Listener(support.NODE + "/contact_states", ContactStates)
+        self.good("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
+        self.good("add_body", body=sphere("ball", z=0.1, mass=3.0))
+        self.good("step", steps=300)
+        contact = listener.wait(lambda m: m.contacts and m.contacts[0].normal_force).contacts[0]
+        self.assertEqual({contact.body_a, contact.body_b}, {"ball", "floor"})
+        # at rest it carries the weight; a hundred times the round-off of warm starting
+        self.assertAlmostEqual(contact.normal_force, 30.0, places=6)
+        self.assertEqual(abs(contact.normal.z), 1.0)
+
+    def test_the_plan_is_latched_and_follows_the_scene(self):
+        self.good("load_scene", path="pendulum")
+        listener = Listener(support.NODE + "/plan", String)
+        support.wait_until(lambda: listener.messages and "collision" in listener.messages[-1].data,
+                           "the plan")
+        before = listener.messages[-1].data
+        self.good("load_scene", path="falling_balls")
+        support.wait_until(lambda: listener.messages[-1].data != before, "another plan")
+
+    # ---- resets
+
+    def test_reset_world_brings_everything_back_and_time_goes_on(self):
+        self.good("load_scene", path="platform")
+        start = self.good("step", steps=0).bodies
+        self.good("step", steps=100)
+        self.good("set_motor_bias", constraint=properties().constraints[0], bias=0.5)
+        self.good("apply_body_wrench", body_name=start[-1].name, duration=rospy.Duration(-1),
+                  wrench=Wrench(force=Vector3(x=100)))
+        self.good("step", steps=100)
+        before = properties()
+        call("reset_world")
+        after = properties()
+        self.assertEqual((after.step, after.sim_time), (before.step, before.sim_time))
+        self.assertEqual(after.bodies, before.bodies)
+        self.assertEqual(self.good("step", steps=0).bodies, start)
+
+    def test_reset_simulation_is_a_fresh_start(self):
+        self.good("load_scene", path="bridge")
+        call("reset_simulation")
+        self.assertEqual((properties().step, properties().sim_time), (0, 0.0))
+        first = self.good("step", steps=200).state_hash
+        call("reset_simulation")
+        self.assertEqual(self.good("step", steps=200).state_hash, first)
+
+    # ---- scenes saved and loaded
+
+    def test_a_live_edited_scene_saved_and_loaded_goes_on_alike(self):
+        self.good("load_scene", path="oscillator")
+        self.good("step", steps=150)
+        self.good("add_body", body=sphere("late", 2, 0, 4))
+        self.good("add_constraint", constraint=Constraint(
+            name="late_rope", type="rope", body_b="late", anchor_a=Point(2, 0, 5), bias=-0.1))
+        self.good("step", steps=37)
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "saved.yaml")
+            text = self.good("save_scene", path=path).text
+            with open(path) as file:
+                self.assertEqual(file.read(), text)
+            expected = self.good("step", steps=100).bodies
+            self.good("load_scene", path=path)
+        found = self.good("step", steps=100).bodies
+        for f, e in zip(found, expected):
+            self.assertEqual(f.name, e.name)
+            # what differs is round-off, and that warm starting begins anew: a few digits of 1e-6 m
+            self.near(xyz(f.pose.position), xyz(e.pose.position), 1e-4)
+        self.good("load_scene", text=text)
+        again = self.good("save_scene").text
+        self.assertEqual(again.count("- name"), text.count("- name"))
+
+    def test_save_scene_refuses_a_path_that_cannot_be_written(self):
+        self.bad(["path", "/no/such/folder"], "save_scene", path="/no/such/folder/scene.yaml")
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_states")
+    rostest.rosrun("constraint_sim", "states", States)

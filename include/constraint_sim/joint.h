@@ -75,6 +75,9 @@ struct JointState {
 
   double travel =
       0.0;  ///< ∫ζ dt since the joint was added: what the motor has added to the length [m]
+  double closing_since = 0.0;  ///< simulated [s]
+  /// What there was to close then: the error in x, of a ball joint d in world axes [m].
+  Eigen::Vector3d closing_offset = Eigen::Vector3d::Zero();
   double expires_at = std::numeric_limits<double>::infinity();  ///< end of the bias, simulated [s]
   double initial_error = 0.0;  ///< after the last edit of it or of its bodies' states [m]
   Eigen::Vector3d impulse = Eigen::Vector3d::Zero();  ///< of its rows, to warm start [N s]

@@ -45,7 +45,8 @@ struct StepReport {
                               ///< energy since then [1]; motors, wrenches, friction and impacts
                               ///< count as well
   double local_error = 0.0;   ///< estimate for this step [m]; 0 where the method has none
-  bool failed = false;        ///< the result was not finite: the state before the step was kept
+  std::uint32_t torn_joints = 0;  ///< that broke in this step
+  bool failed = false;            ///< the result was not finite: the state before the step was kept
 
   // what it cost
   Method method = Method::kSequentialImpulses;    ///< that was used

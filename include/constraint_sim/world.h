@@ -21,6 +21,9 @@ struct WorldOptions {
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< world [m/s²]
   double time_step = 0.01;                   ///< one tick [s] > 0
   Method method = Method::kAuto;
+  /// In which `auto` closes the error of a joint that does not fit when added, or when its body is
+  /// set [s] > 0. `sequential_impulses` takes the share `baumgarte` of it per step instead.
+  double closing_time = 0.5;
 
   // sequential_impulses
   int iterations = 10;        ///< sweeps over all rows, ≥ 1

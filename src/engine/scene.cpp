@@ -21,7 +21,8 @@ WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults)
     if (const auto value = item.find(key))
       value->fail("belongs to a method that does not exist yet");
   }
-  item.expect_keys({"gravity", "time_step", "method", "iterations", "warm_starting", "baumgarte"});
+  item.expect_keys({"gravity", "time_step", "method", "closing_time", "iterations", "warm_starting",
+                    "baumgarte"});
   WorldOptions options = defaults;
   item.read("gravity", &options.gravity);
   item.read("time_step", &options.time_step);
@@ -32,6 +33,7 @@ WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults)
   item.read("iterations", &options.iterations);
   item.read("warm_starting", &options.warm_starting);
   item.read("baumgarte", &options.baumgarte);
+  item.read("closing_time", &options.closing_time);
   item.attempt([&] { validate(options); });
   return options;
 }

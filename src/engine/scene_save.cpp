@@ -37,6 +37,7 @@ void write_options(YAML::Emitter* out, const WorldOptions& options) {
   *out << YAML::Key << "iterations" << YAML::Value << options.iterations;
   write(out, "warm_starting", options.warm_starting);
   write(out, "baumgarte", options.baumgarte);
+  write(out, "closing_time", options.closing_time);
   *out << YAML::EndMap;
 }
 

@@ -168,6 +168,7 @@ void validate(const Joint& joint) {
 void validate(const WorldOptions& options) {
   check_finite("gravity", options.gravity);
   check_positive("time_step", options.time_step);
+  check_positive("closing_time", options.closing_time);
   if (options.iterations < 1)
     refuse("iterations", "must be >= 1, got " + std::to_string(options.iterations));
   check_share("baumgarte", options.baumgarte);

@@ -132,7 +132,7 @@ Vector3d TouchingPair::impulse_of(std::uint32_t feature) const {
 
 void World::Impl::prepare_rows() {
   const StageTimer timer(*this, Stage::kRows);
-  const JointStep step{time(), options.time_step, options.baumgarte};
+  const JointStep step = joint_step();
   rows.clear();
   joint_rows.clear();
   for (std::size_t j = 0; j < joints.size(); ++j) {
@@ -220,7 +220,7 @@ void World::Impl::finish_step() {
     contacts.clear();
     report.failed = true;
   } else {
-    read_joints({time(), options.time_step, options.baumgarte});
+    read_joints(joint_step());
     read_contacts();
     ++step_count;
     drop_spent_wrenches();
@@ -248,7 +248,10 @@ void World::Impl::read_joints(const JointStep& step) {
     const int count = static_cast<int>(joint_rows[j + 1] - joint_rows[j]);
     read_joint(joints[j], state_a(j), state_b(j), step, rows.data() + joint_rows[j], count,
                joint_states[j]);
-    if (joint_states[j].broken) edited = true;
+    if (joint_states[j].broken) {
+      edited = true;
+      ++report.torn_joints;
+    }
   }
 }
 
@@ -308,6 +311,11 @@ double World::Impl::potential_energy() const {
   for (std::size_t j = 0; j < joints.size(); ++j)
     energy += elastic_energy(joints[j], joint_states[j]);
   return energy;
+}
+
+JointStep World::Impl::joint_step() const {
+  const double closing_time = options.method == Method::kAuto ? options.closing_time : 0.0;
+  return {time(), options.time_step, options.baumgarte, closing_time};
 }
 
 double World::Impl::time() const { return time_of(step_count); }

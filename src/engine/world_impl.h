@@ -114,6 +114,7 @@ struct World::Impl {
 
   // ---- asking
   double time() const;
+  JointStep joint_step() const;
   double time_of(std::uint64_t step) const;
   bool is_movable(std::size_t body) const { return masses[body].inverse_mass > 0.0; }
   const BodyState& state_a(std::size_t j) const;

@@ -71,9 +71,11 @@ Parameters read_parameters(const ros::NodeHandle& private_handle) {
   return p;
 }
 
-engine::World load_world(const std::string& name, const std::string& text, double time_step) {
+engine::World load_world(const std::string& name, const std::string& text,
+                         const Parameters& parameters) {
   engine::WorldOptions defaults;
-  defaults.time_step = time_step;
+  defaults.time_step = parameters.time_step;
+  defaults.closing_time = parameters.closing_time;
   if (!text.empty()) return engine::load_scene(text, "text", defaults);
   if (!name.empty()) return engine::load_scene_file(file_of_scene(name), defaults);
   return engine::World(defaults);

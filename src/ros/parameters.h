@@ -18,8 +18,8 @@ struct Parameters {
   bool paused = false;
   std::string world_frame = "world";
   std::string frame_prefix;
-  double closing_time = 0.5;  ///< [s]; sequential_impulses closes by Baumgarte instead
-  bool use_sim_time = false;  ///< the global one, read and not set
+  double closing_time = engine::WorldOptions{}.closing_time;  ///< [s] unless the scene has its own
+  bool use_sim_time = false;                                  ///< the global one, read and not set
 
   /// Whether stamps are simulated time, and not the wall's.
   bool stamps_simulated_time() const { return publish_clock || use_sim_time; }
@@ -34,6 +34,7 @@ Parameters read_parameters(const ros::NodeHandle& private_handle);
 /// The world that a scene describes. `text` unless empty, else the file that `name` stands for: a
 /// path, package://PACKAGE/PATH, or a shipped scene; neither: an empty world. Throws
 /// std::invalid_argument.
-engine::World load_world(const std::string& name, const std::string& text, double time_step);
+engine::World load_world(const std::string& name, const std::string& text,
+                         const Parameters& parameters);
 
 }  // namespace constraint_sim

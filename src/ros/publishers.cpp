@@ -9,6 +9,7 @@
 #include <visualization_msgs/MarkerArray.h>
 
 #include <algorithm>
+#include <utility>
 
 #include "constraint_sim/plan.h"
 #include "ros/conversions.h"
@@ -63,16 +64,19 @@ Publishers::~Publishers() {
 void Publishers::stepped(const World& world, double seconds) {
   ticks_.add(world, seconds);
   stepped_ = true;
+  // two things change the plan without an edit: a joint tears, a wrench is over
+  if (world.report().torn_joints > 0 || world.wrenches().size() != wrenches_) plan_changed_ = true;
+  wrenches_ = world.wrenches().size();
 }
 
-void Publishers::edited() { edited_ = true; }
+void Publishers::edited() { edited_ = plan_changed_ = true; }
 
 double Publishers::passed(const World& world, const Stepper& stepper) {
   const double now = steady_now();
   if (parameters_.publish_clock) publish_clock(world, now);
   const double due = next_due();
   if (now < due) return due - now;
-  if (!anybody_listens() && !edited_) return kRepeatPeriod;
+  if (!anybody_listens() && !plan_changed_) return kRepeatPeriod;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (fresh_) return 0.001;  // the last round is still to be sent: never queue another
@@ -119,7 +123,7 @@ void Publishers::take_snapshot(const World& world, const Stepper& stepper, doubl
 
   incoming_.world = world;
   incoming_.stamp.fromNSec(static_cast<std::uint64_t>(stamp));
-  incoming_.edited = edited_;
+  incoming_.plan_changed = std::exchange(plan_changed_, false);
   incoming_.for_newcomer = newcomer_.exchange(false);
   incoming_.has_statistics = !stepped_ || now >= last_statistics_ + kStatisticsPeriod;
   if (incoming_.has_statistics) take_statistics(world, stepper, now, incoming_.statistics);
@@ -182,7 +186,7 @@ void Publishers::publish(const Snapshot& snapshot) {
   if (body_states_topic_.getNumSubscribers() > 0) publish_body_states(snapshot);
   if (constraint_states_topic_.getNumSubscribers() > 0) publish_constraint_states(snapshot);
   if (contact_states_topic_.getNumSubscribers() > 0) publish_contact_states(snapshot);
-  if (snapshot.edited) publish_plan(snapshot);
+  if (snapshot.plan_changed) publish_plan(snapshot);
   if (markers_topic_.getNumSubscribers() > 0)
     markers_topic_.publish(markers_.update(snapshot.world, snapshot.stamp, snapshot.for_newcomer));
   else

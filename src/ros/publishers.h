@@ -42,7 +42,7 @@ class Publishers {
     World world;
     ros::Time stamp;
     bool for_newcomer = false;
-    bool edited = false;
+    bool plan_changed = false;
     bool has_statistics = false;
     Statistics statistics;
   };
@@ -77,6 +77,8 @@ class Publishers {
   std::uint64_t dropped_ticks_ = 0;
   bool stepped_ = false;
   bool edited_ = true;
+  bool plan_changed_ = true;
+  std::size_t wrenches_ = 0;
   double next_publication_ = 0.0;
   double last_publication_ = 0.0;
   double last_statistics_;

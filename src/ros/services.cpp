@@ -162,7 +162,9 @@ bool Services::get_body_state(GetBodyStateRequest& request, GetBodyStateResponse
                                      ? parameters_.world_frame
                                      : parameters_.frame_prefix + request.reference_frame;
     });
-    response.header.stamp = ros::Time(boundary.time);
+    const ros::WallTime now = ros::WallTime::now();
+    response.header.stamp = parameters_.stamps_simulated_time() ? ros::Time(boundary.time)
+                                                                : ros::Time(now.sec, now.nsec);
   });
 }
 
@@ -182,7 +184,7 @@ bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response
       throw std::invalid_argument("path, text: exactly one of the two is needed, got path '" +
                                   request.path + "' and " + std::to_string(request.text.size()) +
                                   " characters of text");
-    World scene = load_world(request.path, request.text, parameters_.time_step);
+    World scene = load_world(request.path, request.text, parameters_);
     const Boundary boundary = stepper_.edit([&](World& world) {
       scene.continue_from(world);
       world = std::move(scene);

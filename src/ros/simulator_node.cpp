@@ -28,8 +28,8 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
       private_handle_(with_queue(private_handle, &queue_)),
       parameters_(read_parameters(private_handle_)),
       publishers_(parameters_, handle_, private_handle_),
-      stepper_(load_world(parameters_.scene, "", parameters_.time_step),
-               stepper_options(parameters_), clock(), events()),
+      stepper_(load_world(parameters_.scene, "", parameters_), stepper_options(parameters_),
+               clock(), events()),
       services_(stepper_, parameters_, private_handle_),
       spinner_(kServiceThreads, &queue_),
       stepping_thread_(&Stepper::run, &stepper_) {

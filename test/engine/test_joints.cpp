@@ -501,6 +501,84 @@ TEST(Breaking, MendedRodIsClosing) {
   EXPECT_FALSE(hanging.state().closing);
 }
 
+// ---- errors left by edits, closed smoothly
+
+WorldOptions closing_options(double time_step) {
+  WorldOptions options = weightless(time_step);
+  options.method = Method::kAuto;
+  options.closing_time = 0.4;
+  return options;
+}
+
+// 1 − 10u³ + 15u⁴ − 6u⁵, written out and not nested as in the engine
+double quintic(double u) {
+  return u >= 1.0 ? 0.0
+                  : 1.0 - 10.0 * std::pow(u, 3) + 15.0 * std::pow(u, 4) - 6.0 * std::pow(u, 5);
+}
+
+TEST(Closing, ARodTooShortClosesByTheQuintic) {
+  for (const double h : {0.01, 0.003}) {
+    Hanging hanging(closing_options(h), 5.0, 1.5, rod(1.0));
+    EXPECT_TRUE(hanging.state().closing);
+    const auto steps = static_cast<int>(std::ceil(0.4 / h));
+    for (int n = 1; n <= steps; ++n) {
+      EXPECT_TRUE(hanging.state().closing);
+      hanging.world.step();
+      // the load moves along the rod, so velocity and position meet the target to round-off
+      EXPECT_NEAR(hanging.state().error, 0.5 * quintic(n * h / 0.4), kRoundOff);
+    }
+    EXPECT_FALSE(hanging.state().closing);
+    hanging.world.step();
+    EXPECT_NEAR(hanging.world.state(hanging.load).linear_velocity.norm(), 0.0, 1e-10);
+  }
+}
+
+TEST(Closing, SpeedNeverExceedsThatOfTheQuintic) {
+  Hanging hanging(closing_options(0.001), 5.0, 2.0, rod(1.0));
+  double fastest = 0.0;
+  for (int n = 0; n < 500; ++n) {
+    hanging.world.step();
+    fastest = std::max(fastest, hanging.world.state(hanging.load).linear_velocity.norm());
+  }
+  EXPECT_NEAR(fastest, 15.0 / 8.0 * 1.0 / 0.4, 1e-3);  // its largest slope, sampled each 1/400
+}
+
+TEST(Closing, ABallJointClosesInAStraightLine) {
+  World world(closing_options(0.01));
+  const BodyId body = world.add_body(make_body("b", Point{}, 1.0, {0.3, -0.4, 1.2}));
+  Joint joint = hang("ball", body, BallJoint{});
+  const JointId id = world.add_joint(joint);
+  for (int n = 1; n <= 40; ++n) {
+    world.step();
+    const Vector3d expected = quintic(n / 40.0) * Vector3d(0.3, -0.4, 1.2);
+    EXPECT_LT((world.state(body).position - expected).norm(), kRoundOff);
+  }
+  EXPECT_FALSE(world.joint_state(id).closing);
+}
+
+TEST(Closing, ARopeTooShortClosesAndAStrutTooLong) {
+  for (const bool is_rope : {true, false}) {
+    Hanging hanging(closing_options(0.01), 5.0, 1.0, is_rope ? rope(0.7) : between(1.3, kInfinity));
+    run(hanging.world, 20);
+    EXPECT_NEAR(std::abs(hanging.state().error), 0.15, kRoundOff);  // half of it in half the time
+    run(hanging.world, 20);
+    EXPECT_NEAR(hanging.state().error, 0.0, kRoundOff);
+  }
+}
+
+TEST(Closing, SettingABodyElsewhereBeginsAnew) {
+  Hanging hanging(closing_options(0.01), 5.0, 1.0, rod(1.0));
+  EXPECT_FALSE(hanging.state().closing);
+  run(hanging.world, 10);
+  BodyState state = hanging.world.state(hanging.load);
+  state.position *= 1.25;
+  hanging.world.set_state(hanging.load, state);
+  run(hanging.world, 20);
+  EXPECT_NEAR(hanging.state().error, 0.125, kRoundOff);
+  run(hanging.world, 20);
+  EXPECT_NEAR(hanging.state().error, 0.0, kRoundOff);
+}
+
 TEST(Breaking, LetsItsBodiesCollide) {
   World world(weightless(0.01));
   const BodyId a = world.add_body(make_body("a", Sphere{0.5}, 1.0, {0.0, 0.0, 0.0}));

@@ -266,6 +266,14 @@ class States(unittest.TestCase):
         self.bad(["max_length", "min_length"], "add_constraint",
                  constraint=self.constraint("distance", min_length=2.0, max_length=1.0))
 
+    def test_a_constraint_that_does_not_fit_closes_smoothly(self):
+        self.good("add_body", body=sphere("b", 1, 0, 0))
+        answer = self.good("add_distance_constraint", name="c", body_b="b", length=0.5)
+        self.assertEqual(answer.initial_error, 0.5)
+        # half of it in half of closing_time, 0.5 s, and all of it at the end
+        for steps, x in ((25, 0.75), (25, 0.5), (25, 0.5)):
+            self.near(xyz(self.good("step", steps=steps).bodies[0].pose.position), [x, 0, 0], 1e-9)
+
     # ---- contacts and plan
 
     def test_contact_states(self):

@@ -32,29 +32,62 @@ void drive(const DistanceJoint& distance, const JointStep& step, Motor motor, Jo
   state.bias = travel / step.h;
 }
 
+// Share of an error left by an edit that is still there: 1 at first, 0 after the closing time, with
+// no velocity and no acceleration at either end (the quintic 1 − 10u³ + 15u⁴ − 6u⁵).
+double share_to_close(double u) {
+  if (u >= 1.0) return 0.0;
+  return 1.0 - u * u * u * (10.0 - u * (15.0 - 6.0 * u));
+}
+
+// What the row may be off by at the start of the step, and the rate at which that goes.
+struct Closing {
+  double offset = 0.0;  // [m]
+  double rate = 0.0;    // [m/s]
+
+  Closing(const JointState& state, const JointStep& step, int component) {
+    if (!state.closing || step.closing_time == 0.0) return;
+    const double begun = step.t - state.closing_since;
+    const double error = state.closing_offset[component];
+    offset = error * share_to_close(begun / step.closing_time);
+    rate = (error * share_to_close((begun + step.h) / step.closing_time) - offset) / step.h;
+  }
+};
+
+// whether an error of this sign is one of the limit that the row keeps
+bool is_beyond(const Row& limit, double error) {
+  return limit.upper == 0.0 ? error > 0.0 : error < 0.0;
+}
+
 int prepare_rows(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
                  const JointStep& step, JointState& state, Row* rows) {
   drive(distance, step, joint.motor, state);
   const double beta = joint.baumgarte.value_or(step.beta);
+  const Closing closing(state, step, 0);
   const int count = write_distance_rows(distance, anchors, state.travel, rows);
   for (Row* row = rows; row != rows + count; ++row) {
     const bool is_limit = row->lower == 0.0 || row->upper == 0.0;
+    const bool is_closing = !is_limit || is_beyond(*row, closing.offset);
+    const double zeta = state.bias + (is_closing ? closing.rate : 0.0);
+    if (is_closing) row->C -= closing.offset;
     if (is_limit)
-      aim_limit(*row, state.bias, beta, step.h);
+      aim_limit(*row, zeta, beta, step.h);
     else if (distance.is_soft())
-      aim_soft(*row, state.bias, distance.stiffness, distance.damping, step.h);
+      aim_soft(*row, zeta, distance.stiffness, distance.damping, step.h);
     else
-      aim_rigid(*row, state.bias, beta, step.h);
+      aim_rigid(*row, zeta, beta, step.h);
     if (joint.motor.max_force > 0.0) limit_force(*row, joint.motor.max_force, step.h);
   }
   return count;
 }
 
 int prepare_rows(const BallJoint&, const Joint& joint, const AnchorPair& anchors,
-                 const JointStep& step, JointState&, Row* rows) {
+                 const JointStep& step, JointState& state, Row* rows) {
   const int count = write_ball_rows(anchors, rows);
-  for (Row* row = rows; row != rows + count; ++row)
-    aim_rigid(*row, 0.0, joint.baumgarte.value_or(step.beta), step.h);
+  for (int k = 0; k < count; ++k) {
+    const Closing closing(state, step, k);
+    rows[k].C -= closing.offset;
+    aim_rigid(rows[k], closing.rate, joint.baumgarte.value_or(step.beta), step.h);
+  }
   return count;
 }
 
@@ -90,10 +123,16 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
     return;
   }
   state.saturated = true;
+  state.closing = false;
   if (!distance.is_soft()) {
     state.travel += distance_error(distance, anchors.d.norm(), state.travel);
     state.travel = std::max(state.travel, least_travel(distance));
   }
+}
+
+bool is_closed(const JointState& state, const JointStep& step) {
+  if (step.closing_time > 0.0) return step.t + step.h >= state.closing_since + step.closing_time;
+  return std::abs(state.error) <= std::max(kFits, kClosedShare * std::abs(state.initial_error));
 }
 
 void settle(const BallJoint&, const Joint&, const AnchorPair&, const JointStep& step,
@@ -121,9 +160,7 @@ void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, cons
   std::visit([&](const auto& type) { settle(type, joint, anchors, step, rows, count, state); },
              joint.type);
   measure_joint(joint, a, b, state);
-  if (state.closing)
-    state.closing =
-        std::abs(state.error) > std::max(kFits, kClosedShare * std::abs(state.initial_error));
+  if (state.closing) state.closing = !is_closed(state, step);
   if (joint.break_force > 0.0 && std::abs(state.force) > joint.break_force) {
     state.broken = true;
     state.impulse.setZero();
@@ -136,9 +173,14 @@ void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, J
   std::visit([&](const auto& type) { measure(type, anchors, d_dot, state); }, joint.type);
 }
 
-void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, JointState& state) {
+void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
+                 JointState& state) {
   measure_joint(joint, a, b, state);
   state.initial_error = state.error;
+  state.closing_since = t;
+  const bool is_ball = std::holds_alternative<BallJoint>(joint.type);
+  state.closing_offset =
+      is_ball ? AnchorPair(joint, a, b).d : Eigen::Vector3d(state.error, 0.0, 0.0);
   state.closing = !state.broken && is_rigid(joint) && std::abs(state.error) > kFits;
 }
 

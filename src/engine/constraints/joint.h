@@ -10,9 +10,10 @@ inline constexpr int kMaxJointRows = 3;
 
 /// One step as a joint sees it.
 struct JointStep {
-  double t;     ///< simulated time at its start [s]
-  double h;     ///< its length [s]
-  double beta;  ///< Baumgarte's share unless the joint has its own
+  double t;             ///< simulated time at its start [s]
+  double h;             ///< its length [s]
+  double beta;          ///< Baumgarte's share unless the joint has its own
+  double closing_time;  ///< [s] in which an error left by an edit is closed; 0: by Baumgarte
 };
 
 /// Writes the rows of a joint, given as Row{}, with their targets and returns how many, at most
@@ -29,7 +30,9 @@ void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, J
 
 /// The same for a joint just added or mended, or whose bodies were set; what it is off by is then
 /// to be closed.
-void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, JointState& state);
+/// `t` is simulated time [s].
+void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
+                 JointState& state);
 
 /// Elastic energy [J]; 0 unless a spring.
 double elastic_energy(const Joint& joint, const JointState& state);

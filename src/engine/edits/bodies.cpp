@@ -101,7 +101,7 @@ void World::set_state(BodyId id, const BodyState& state) {
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     const Joint& joint = impl_->joints[j];
     if (joint.body_a == id || joint.body_b == id)
-      begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b),
+      begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), time(),
                   impl_->joint_states[j]);
   }
   impl_->edited = true;

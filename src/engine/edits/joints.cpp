@@ -102,7 +102,8 @@ void World::Impl::start_joint(std::size_t j) {
   JointState& state = joint_states[j] = JointState{};
   state.broken = joint_starts[j].broken;
   state.expires_at = end_of(joints[j].motor);
-  begin_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)], state);
+  begin_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)], time(),
+              state);
 }
 
 // when a motor set now loses its bias
@@ -160,7 +161,7 @@ void World::set_broken(JointId id, bool broken) {
   JointState& state = impl_->joint_states[impl_->index(id)];
   state.broken = broken;
   state.impulse.setZero();
-  begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), state);
+  begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), time(), state);
   impl_->edited = true;
 }
 

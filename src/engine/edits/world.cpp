@@ -64,6 +64,8 @@ void World::set_time(double time, std::uint64_t step_count) {
     const double timeout = impl_->joints[j].motor.timeout;
     double& expires_at = impl_->joint_states[j].expires_at;
     expires_at = expires_at == now + timeout ? time + timeout : expires_at + (time - now);
+    double& closing_since = impl_->joint_states[j].closing_since;
+    closing_since = closing_since == now ? time : closing_since + (time - now);
   }
   for (Wrench& wrench : impl_->wrenches) {
     wrench.start += time - now;

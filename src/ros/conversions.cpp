@@ -40,12 +40,12 @@ void check_left_out(const Constraint& msg, std::initializer_list<const char*> us
       {"damping_ratio", msg.damping_ratio},    {"axis_a", from_msg(msg.axis_a).norm()},
       {"axis_b", from_msg(msg.axis_b).norm()},
   };
-  for (const auto& [field, value] : settings) {
-    const bool is_used = std::any_of(used.begin(), used.end(),
-                                     [&](const char* name) { return field == std::string(name); });
-    if (!is_used && value != 0.0)
-      refuse(field,
-             "constraints of type '" + msg.type + "' have none, got " + std::to_string(value));
+  for (const auto& setting : settings) {
+    const std::string field = setting.first;
+    const bool is_used = std::find(used.begin(), used.end(), field) != used.end();
+    if (!is_used && setting.second != 0.0)
+      refuse(field, "constraints of type '" + msg.type + "' have none, got " +
+                        std::to_string(setting.second));
   }
 }
 

@@ -69,7 +69,10 @@ void Publishers::stepped(const World& world, double seconds) {
   wrenches_ = world.wrenches().size();
 }
 
-void Publishers::edited() { edited_ = plan_changed_ = true; }
+void Publishers::edited(const World& world) {
+  edited_ = plan_changed_ = true;
+  wrenches_ = world.wrenches().size();  // one of a single tick is gone after the next step
+}
 
 double Publishers::passed(const World& world, const Stepper& stepper) {
   const double now = steady_now();

@@ -31,7 +31,7 @@ class Publishers {
 
   // ---- on the stepping thread
   void stepped(const World& world, double seconds);
-  void edited();
+  void edited(const World& world);
   /// Answers after how many seconds it has something to do again.
   double passed(const World& world, const Stepper& stepper);
   bool wants_stage_times() const { return statistics_topic_.getNumSubscribers() > 0; }

@@ -67,7 +67,7 @@ StepperEvents SimulatorNode::events() {
   events.stepped = [this](const World& world, double seconds) {
     publishers_.stepped(world, seconds);
   };
-  events.edited = [this](const World&) { publishers_.edited(); };
+  events.edited = [this](const World& world) { publishers_.edited(world); };
   events.passed = [this](const World& world) {
     stepper_.time_stages(publishers_.wants_stage_times());
     return publishers_.passed(world, stepper_);

@@ -7,6 +7,7 @@ import unittest
 
 import rospy
 import rostest
+import yaml
 from constraint_sim.msg import (Body, BodyState, Constraint, ConstraintStates, ContactStates,
                                 MotorBias, Shape)
 from geometry_msgs.msg import Point, Quaternion, Twist, Vector3, Wrench
@@ -296,6 +297,38 @@ class States(unittest.TestCase):
         before = listener.messages[-1].data
         self.good("load_scene", path="falling_balls")
         support.wait_until(lambda: listener.messages[-1].data != before, "another plan")
+
+    def check_plan_changes(self, part, steps, before, after):
+        """These steps, and no edit, change what the plan says of a part."""
+        def says(text):
+            return yaml.safe_load(text)[part]
+        plans = Listener(support.NODE + "/plan", String)
+        support.wait_until(lambda: plans.messages and says(plans.messages[-1].data) == before,
+                           "the plan before")
+        self.good("step", steps=steps)
+        support.wait_until(lambda: says(plans.messages[-1].data) == after, "the plan after")
+        # and who comes later gets that one
+        latched = Listener(support.NODE + "/plan", String)
+        support.wait_until(lambda: latched.messages, "the latched plan")
+        self.assertEqual(latched.messages[0], plans.messages[-1])
+
+    def test_the_plan_follows_a_constraint_that_tears(self):
+        # 10 N of weight hold; the 5 N that join them after 0.1 s are more than it can bear
+        self.good("load_scene", text="""
+world: {gravity: [0, 0, -10], time_step: 0.01}
+bodies: [{name: load, mass: 1, position: [0, 0, 1]}]
+constraints: [{name: fuse, anchor_a: [0, 0, 2], body_b: load, break_force: 12}]
+wrenches: [{body: load, force: [0, 0, -5], start: 0.1}]""")
+        self.good("step", steps=5)
+        counts = {"rod": 1, "limited": 0, "spring": 0, "ball": 0, "motor": 0, "broken": 0}
+        self.check_plan_changes("constraints", 10, counts, {**counts, "broken": 1})
+
+    def test_the_plan_follows_a_wrench_that_is_over(self):
+        self.good("add_body", body=sphere("b"))
+        for duration, steps in ((0.05, 6), (0.0, 1)):  # a duration of 0 is one tick
+            self.good("apply_body_wrench", **self.wrench(wrench=Wrench(force=Vector3(x=1)),
+                                                         duration=rospy.Duration(duration)))
+            self.check_plan_changes("wrenches", steps, 1, 0)
 
     # ---- resets
 

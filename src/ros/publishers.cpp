@@ -25,6 +25,12 @@ constexpr double kSettlingTime = 0.1;
 
 double steady_now() { return ros::SteadyTime::now().toSec(); }
 
+std::int64_t wall_now() { return static_cast<std::int64_t>(ros::WallTime::now().toNSec()); }
+
+ros::Time from_nanoseconds(std::int64_t stamp) {
+  return ros::Time().fromNSec(static_cast<std::uint64_t>(stamp));
+}
+
 }  // namespace
 
 Publishers::Publishers(const Parameters& parameters, ros::NodeHandle& handle,
@@ -76,6 +82,9 @@ void Publishers::edited(const World& world) {
 
 double Publishers::passed(const World& world, const Stepper& stepper) {
   const double now = steady_now();
+  // also while nobody listens
+  if (stepper.is_paused() || stepper.dropped_ticks() != dropped_ticks_) stamps_.let_go();
+  dropped_ticks_ = stepper.dropped_ticks();
   if (parameters_.publish_clock) publish_clock(world, now);
   const double due = next_due();
   if (now < due) return due - now;
@@ -88,6 +97,10 @@ double Publishers::passed(const World& world, const Stepper& stepper) {
   }
   wake_up_.notify_one();
   return next_due() - now;
+}
+
+ros::Time Publishers::stamp(const World& world) const {
+  return from_nanoseconds(stamps_.of(wall_now(), world.time()));
 }
 
 double Publishers::next_due() const {
@@ -118,14 +131,9 @@ bool Publishers::anybody_listens() const {
 }
 
 void Publishers::take_snapshot(const World& world, const Stepper& stepper, double now) {
-  if (dropped_ticks_ != stepper.dropped_ticks()) stamps_.let_go();
-  dropped_ticks_ = stepper.dropped_ticks();
   const bool running = stepped_ && !stepper.is_paused();
-  const std::int64_t wall = static_cast<std::int64_t>(ros::WallTime::now().toNSec());
-  const std::int64_t stamp = stamps_.next(wall, world.time(), running);
-
   incoming_.world = world;
-  incoming_.stamp.fromNSec(static_cast<std::uint64_t>(stamp));
+  incoming_.stamp = from_nanoseconds(stamps_.next(wall_now(), world.time(), running));
   incoming_.plan_changed = std::exchange(plan_changed_, false);
   incoming_.for_newcomer = newcomer_.exchange(false);
   incoming_.has_statistics = !stepped_ || now >= last_statistics_ + kStatisticsPeriod;

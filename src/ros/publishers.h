@@ -34,6 +34,8 @@ class Publishers {
   void edited(const World& world);
   /// Answers after how many seconds it has something to do again.
   double passed(const World& world, const Stepper& stepper);
+  /// Of an answer about this world: the stamp of messages about it.
+  ros::Time stamp(const World& world) const;
   bool wants_stage_times() const { return statistics_topic_.getNumSubscribers() > 0; }
 
  private:

@@ -58,8 +58,9 @@ void write_file(const std::string& path, const std::string& text) {
 
 }  // namespace
 
-Services::Services(Stepper& stepper, const Parameters& parameters, ros::NodeHandle& private_handle)
-    : stepper_(stepper), parameters_(parameters) {
+Services::Services(Stepper& stepper, const Publishers& publishers, const Parameters& parameters,
+                   ros::NodeHandle& private_handle)
+    : stepper_(stepper), publishers_(publishers), parameters_(parameters) {
   const auto advertise = [&](const char* name, auto handler) {
     servers_.push_back(private_handle.advertiseService(name, handler, this));
   };
@@ -153,7 +154,7 @@ bool Services::clear_body_wrenches(ClearBodyWrenchesRequest& request,
 
 bool Services::get_body_state(GetBodyStateRequest& request, GetBodyStateResponse& response) {
   return answer(response, [&] {
-    const Boundary boundary = stepper_.inspect([&](const World& world) {
+    stepper_.inspect([&](const World& world) {
       const engine::BodyId body = find_own_body(world, "name", request.name);
       const engine::BodyId frame = find_body(world, "reference_frame", request.reference_frame);
       response.state =
@@ -161,10 +162,8 @@ bool Services::get_body_state(GetBodyStateRequest& request, GetBodyStateResponse
       response.header.frame_id = frame == engine::kWorldBody
                                      ? parameters_.world_frame
                                      : parameters_.frame_prefix + request.reference_frame;
+      response.header.stamp = publishers_.stamp(world);
     });
-    const ros::WallTime now = ros::WallTime::now();
-    response.header.stamp = parameters_.stamps_simulated_time() ? ros::Time(boundary.time)
-                                                                : ros::Time(now.sec, now.nsec);
   });
 }
 

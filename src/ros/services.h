@@ -21,6 +21,7 @@
 #include <vector>
 
 #include "ros/parameters.h"
+#include "ros/publishers.h"
 #include "sim/stepper.h"
 
 namespace constraint_sim {
@@ -30,7 +31,8 @@ namespace constraint_sim {
 /// Handlers run on the queue of the handle they are advertised with.
 class Services {
  public:
-  Services(Stepper& stepper, const Parameters& parameters, ros::NodeHandle& private_handle);
+  Services(Stepper& stepper, const Publishers& publishers, const Parameters& parameters,
+           ros::NodeHandle& private_handle);
 
  private:
   bool add_body(AddBodyRequest& request, AddBodyResponse& response);
@@ -56,6 +58,7 @@ class Services {
                             GetWorldPropertiesResponse& response);
 
   Stepper& stepper_;
+  const Publishers& publishers_;
   Parameters parameters_;
   std::vector<ros::ServiceServer> servers_;
   ros::Subscriber motor_bias_;

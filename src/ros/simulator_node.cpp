@@ -30,7 +30,7 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
       publishers_(parameters_, handle_, private_handle_),
       stepper_(load_world(parameters_.scene, "", parameters_), stepper_options(parameters_),
                clock(), events()),
-      services_(stepper_, parameters_, private_handle_),
+      services_(stepper_, publishers_, parameters_, private_handle_),
       spinner_(kServiceThreads, &queue_),
       stepping_thread_(&Stepper::run, &stepper_) {
   if (parameters_.follows_clock())

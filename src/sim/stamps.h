@@ -22,31 +22,31 @@ class Stamps {
   std::int64_t next(std::int64_t now, double simulated, bool running) {
     if (simulated < last_simulated_) restart();
     last_simulated_ = simulated;
-    const std::int64_t stamp = source_ == Source::kSimulated ? std::llround(simulated * 1e9)
-                                                             : wall_stamp(now, simulated, running);
-    last_ = std::max(stamp, last_ + 1);
-    return last_;
-  }
-
-  /// Simulated time has lost touch with the wall, as when ticks were dropped: the next stamp is
-  /// taken from the wall again.
-  void let_go() { anchored_ = false; }
-
- private:
-  void restart() {
-    let_go();
-    if (source_ == Source::kSimulated) last_ = 0;
-  }
-
-  std::int64_t wall_stamp(std::int64_t now, double simulated, bool running) {
     running = running && real_time_factor_ > 0.0;
     if (running && !anchored_) {
       wall_anchor_ = now;
       simulated_anchor_ = simulated;
     }
     anchored_ = running;
-    if (!running) return now;
+    last_ = std::max(of(now, simulated), last_ + 1);
+    return last_;
+  }
+
+  /// What a world at this simulated time has or would have for a stamp, and may have had before.
+  std::int64_t of(std::int64_t now, double simulated) const {
+    if (source_ == Source::kSimulated) return std::llround(simulated * 1e9);
+    if (!anchored_ || simulated < last_simulated_) return now;
     return wall_anchor_ + std::llround((simulated - simulated_anchor_) / real_time_factor_ * 1e9);
+  }
+
+  /// Simulated time has lost touch with the wall, as in a pause or when ticks were dropped: the
+  /// next stamp is taken from the wall again.
+  void let_go() { anchored_ = false; }
+
+ private:
+  void restart() {
+    let_go();
+    if (source_ == Source::kSimulated) last_ = 0;
   }
 
   Source source_;

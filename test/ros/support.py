@@ -74,10 +74,16 @@ def empty_world():
 
 class Listener:
     """Keeps all messages of a topic."""
+    _subscribers = []
 
     def __init__(self, topic, message_type):
         self.messages = []
-        self._subscriber = rospy.Subscriber(topic, message_type, self.messages.append)
+        self._subscribers.append(rospy.Subscriber(topic, message_type, self.messages.append))
+
+    @classmethod
+    def stop_all(cls):
+        while cls._subscribers:
+            cls._subscribers.pop().unregister()
 
     def wait(self, condition=lambda message: True, what="a message"):
         """The first message that meets the condition and comes after this call."""

@@ -1,16 +1,22 @@
 #!/usr/bin/env python3
 """Real time, simulated time, and time that stands, drops out or goes back."""
+import contextlib
+import csv
 import os
 import signal
 import subprocess
+import tempfile
 import threading
 import time
 import unittest
 
+import rosbag
+import rospkg
 import rospy
 import rostest
 from constraint_sim.msg import BodyStates, Statistics
 from rosgraph_msgs.msg import Clock
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 import support
@@ -25,6 +31,47 @@ listener = tf2_ros.TransformListener(buffer)
 rospy.spin()
 """
 TF_COMPLAINTS = ("TF_OLD_DATA", "TF_REPEATED_DATA")
+
+PENDULUM = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "config", "scenes",
+                        "pendulum.yaml")
+# A body whose place is the simulated time since it was loaded
+PACER = """
+world: {time_step: 0.002}
+bodies: [{name: pacer, type: kinematic, linear_velocity: [1, 0, 0]}]"""
+
+
+@contextlib.contextmanager
+def tf_listener():
+    """A tf2 listener that must have found nothing wrong when the block ends."""
+    with running(["/usr/bin/python3", "-c", TF_LISTENER], stdout=subprocess.PIPE,
+                 stderr=subprocess.STDOUT, universal_newlines=True) as listener:
+        support.wait_until(lambda: "/tf_listener" in subscribers("/tf"), "the listener")
+        yield
+        os.killpg(listener.pid, signal.SIGINT)
+        log = listener.communicate(timeout=support.TIMEOUT)[0]
+    for complaint in TF_COMPLAINTS:
+        assert complaint not in log, log
+
+
+def subscribers(topic):
+    _, all_subscribers, _ = rospy.get_master().getSystemState()[2]
+    return dict(all_subscribers).get(topic, [])
+
+
+def stands():
+    step = properties().step
+    time.sleep(0.5)
+    return properties().step == step
+
+
+def places_of_pendulum(seconds):
+    """Where the runner has the bob of the pendulum after each step."""
+    with tempfile.NamedTemporaryFile("r", suffix=".csv") as states:
+        subprocess.check_call(["rosrun", "constraint_sim", "constraint_sim_run", PENDULUM,
+                               "--duration", str(seconds), "--csv", states.name],
+                              stdout=subprocess.DEVNULL)
+        return [[float(row[axis]) for axis in ("px", "py", "pz")]
+                for row in csv.DictReader(states)]
 
 
 class Followed:
@@ -54,6 +101,7 @@ class Time(unittest.TestCase):
         rospy.set_param("/use_sim_time", False)
 
     def tearDown(self):
+        Listener.stop_all()
         rospy.set_param("/use_sim_time", False)
 
     def gained(self, seconds):
@@ -148,8 +196,7 @@ class Time(unittest.TestCase):
                     self.assertAlmostEqual(self.gained(1.5) / rate, 1.0, delta=0.3)
                 self.assertLess(abs(properties().sim_time - clock.now), 2.0)
                 clock.rate = 0.0
-                support.wait_until(lambda: properties().step == (time.sleep(0.3), properties().step)[1],
-                                   "it stands with the clock")
+                support.wait_until(stands, "it stands with the clock")
                 states = Listener(support.NODE + "/body_states", BodyStates)
                 stamp = states.wait().header.stamp.to_sec()
                 self.assertAlmostEqual(stamp, properties().sim_time, places=5)
@@ -158,37 +205,154 @@ class Time(unittest.TestCase):
         finally:
             clock.stop()
 
+    def test_it_follows_a_played_bag(self):
+        rospy.set_param("/use_sim_time", True)
+        start, seconds, tick = 1000.0, 6.0, 0.002
+        places = places_of_pendulum(seconds)
+        clock, played = Listener("/clock", Clock), Listener("/played", String)
+        states = Listener(support.NODE + "/body_states", BodyStates)
+        statistics = Listener(support.NODE + "/statistics", Statistics)
+
+        def stands_at_the_clock():
+            """Properties, once the world has done or dropped every whole tick that the clock has."""
+            found = statistics.wait(lambda m: m.ticks == 0, "a world that stands")
+            now = clock.messages[-1].clock.to_sec() - start
+            ticks = found.step + found.dropped_ticks
+            # a clock that stands is repeated; rounding is far below 1e-6 s
+            return (clock.messages[-1] == clock.messages[-2] and
+                    -1e-6 < now - ticks * tick < tick + 1e-6 and properties())
+
+        def check_it_stands_there():
+            stood = support.wait_until(stands_at_the_clock, "the clock's time")
+            self.assertAlmostEqual(stood.sim_time, start + stood.step * tick, places=6)
+            answer = call("get_body_state", name="bob")
+            self.assertAlmostEqual(answer.header.stamp.to_sec(), stood.sim_time, places=6)
+            time.sleep(0.5)
+            self.assertEqual(properties().state_hash, stood.state_hash)
+            return stood.step
+
+        def play_until(bag_time):
+            call("/player/pause_playback", data=False)
+            support.wait_until(lambda: clock.messages[-1].clock.to_sec() > start + bag_time,
+                               "the bag's time")
+            call("/player/pause_playback", data=True)
+
+        with tempfile.TemporaryDirectory() as folder:
+            with rosbag.Bag(folder + "/a.bag", "w") as bag:
+                for i in range(round(seconds * 10) + 1):
+                    bag.write("/played", String(str(i)), rospy.Time.from_sec(start + 0.1 * i))
+            # it begins paused, and is played when all are there, so that nothing is lost
+            player_command = ["rosbag", "play", "--clock", "--rate=2", "--pause",
+                              "--wait-for-subscribers", folder + "/a.bag", "__name:=player"]
+            with tf_listener(), running(node_command(scene="pendulum")):
+                states.wait(what="states without a clock")
+                self.assertEqual((properties().step, properties().sim_time), (0, 0.0))
+                with running(player_command, stdin=subprocess.DEVNULL) as player:
+                    support.wait_until(lambda: properties().sim_time == start, "the bag's start")
+                    steps = [check_it_stands_there()]
+                    for bag_time in (1.5, 3.5):
+                        play_until(bag_time)
+                        steps.append(check_it_stands_there())
+                        self.assertGreater(len(played.messages), 10 * bag_time)
+                    call("/player/pause_playback", data=False)
+                    support.wait_until(lambda: player.poll() is not None, "the bag's end")
+                    self.assertEqual(player.returncode, 0)
+                support.wait_until(stands, "it stands with the bag")
+                end = properties()
+        # where the bag was not paused the world went on; the last clock may be lost with the player
+        self.assertEqual(steps[0], 0)
+        self.assertTrue(steps[0] < steps[1] < steps[2] < end.step)
+        self.assertLess(end.sim_time, start + seconds + tick)
+        # all that was published is what the engine has at that time, and in order
+        stamps = [m.header.stamp for m in states.messages]
+        self.assertTrue(all(a < b for a, b in zip(stamps, stamps[1:])))
+        followed = [m for m in states.messages if m.header.stamp.to_sec() >= start]
+        self.assertGreater(len({m.header.stamp for m in followed}), 20)
+        for message in followed:
+            step = round((message.header.stamp.to_sec() - start) / tick)
+            place = message.bodies[0].pose.position
+            for found, expected in zip((place.x, place.y, place.z), places[step]):
+                self.assertAlmostEqual(found, expected, places=12)
+
+    # ---- the stamp of an answer
+
+    def pacer(self):
+        """The pacer's stamp and place, both in seconds, as get_body_state has them."""
+        answer = call("get_body_state", name="pacer")
+        self.assertTrue(answer.success, answer.status_message)
+        return answer.header.stamp.to_sec(), answer.state.pose.position.x
+
+    def test_an_answer_is_stamped_with_the_wall_that_follows_simulated_time(self):
+        states = Listener(support.NODE + "/body_states", BodyStates)
+
+        def offsets():
+            return [m.header.stamp.to_sec() - m.bodies[0].pose.position.x
+                    for m in states.messages[-20:] if m.bodies]
+
+        def same_stamp_as_topics():
+            """Once no tick was dropped around it, so that the topics' stamps are even."""
+            before = offsets()
+            stamp, place = self.pacer()
+            states.wait()
+            around = before + offsets()
+            if len(before) < 10 or max(around) - min(around) > 1e-6:
+                return False
+            self.assertAlmostEqual(stamp - place, around[0], delta=2e-6)
+            return True
+
+        with running(node_command()):
+            call("load_scene", text=PACER)
+            for _ in range(5):
+                support.wait_until(same_stamp_as_topics, "even stamps")
+            call("pause_physics")
+            states.wait()
+            before = time.time()
+            stamp = self.pacer()[0]
+            self.assertTrue(before - 1e-6 <= stamp <= time.time() + 1e-6)
+            # a pause that nobody watched shows in no stamp
+            call("unpause_physics")
+            states.wait()
+            Listener.stop_all()
+            time.sleep(0.5)  # until the node has seen that nobody listens
+            call("pause_physics")
+            time.sleep(3.0)
+            call("unpause_physics")
+            message = Listener(support.NODE + "/body_states", BodyStates).wait()
+            for stamp in (message.header.stamp.to_sec(), self.pacer()[0]):
+                self.assertLess(abs(time.time() - stamp), 2.0)
+
+    def test_an_answer_is_stamped_with_simulated_time_where_that_is_published(self):
+        with running(node_command(publish_clock="true")):
+            loaded_at = call("load_scene", text=PACER).applied_at.to_sec()
+            for _ in range(20):
+                stamp, place = self.pacer()
+                self.assertAlmostEqual(stamp, loaded_at + place, places=6)
+
     # ---- what tf2 thinks of it
 
     def check_tf(self, **parameters):
-        """No complaint in a listener's log over pause, edits, resets and another scene."""
-        with running(["/usr/bin/python3", "-c", TF_LISTENER], stdout=subprocess.PIPE,
-                     stderr=subprocess.STDOUT, universal_newlines=True) as listener:
-            with running(node_command(scene="pendulum", **parameters)):
-                states = Listener(support.NODE + "/body_states", BodyStates)
-                transforms = Listener("/tf", TFMessage)
+        """No complaint over pause, edits, resets and another scene."""
+        with tf_listener(), running(node_command(scene="pendulum", **parameters)):
+            states = Listener(support.NODE + "/body_states", BodyStates)
+            transforms = Listener("/tf", TFMessage)
 
-                def goes_on():
-                    states.wait(what="states")
-                    transforms.wait(what="transforms")
+            def goes_on():
+                states.wait(what="states")
+                transforms.wait(what="transforms")
 
+            goes_on()
+            for action in (lambda: call("pause_physics"),
+                           lambda: call("add_body", body=sphere("b", 0, 0, 9)),
+                           lambda: call("step", steps=3),
+                           lambda: call("reset_world"),
+                           lambda: call("remove_body", name="b"),
+                           lambda: call("reset_simulation"),
+                           lambda: call("unpause_physics"),
+                           lambda: call("reset_world"),
+                           lambda: call("reset_simulation"),
+                           lambda: call("load_scene", path="double_pendulum")):
+                action()
                 goes_on()
-                for action in (lambda: call("pause_physics"),
-                               lambda: call("add_body", body=sphere("b", 0, 0, 9)),
-                               lambda: call("step", steps=3),
-                               lambda: call("reset_world"),
-                               lambda: call("remove_body", name="b"),
-                               lambda: call("reset_simulation"),
-                               lambda: call("unpause_physics"),
-                               lambda: call("reset_world"),
-                               lambda: call("reset_simulation"),
-                               lambda: call("load_scene", path="double_pendulum")):
-                    action()
-                    goes_on()
-            os.killpg(listener.pid, signal.SIGINT)
-            log = listener.communicate(timeout=support.TIMEOUT)[0]
-        for complaint in TF_COMPLAINTS:
-            self.assertNotIn(complaint, log)
 
     def test_tf_has_no_complaint_in_wall_time(self):
         self.check_tf()

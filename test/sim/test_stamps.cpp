@@ -37,6 +37,20 @@ TEST(Stamps, OfTheWallGoOnWhenSimulatedTimeGoesBack) {
   EXPECT_EQ(stamps.next(101 * kSecond, 0.01, true), 101 * kSecond);
 }
 
+TEST(Stamps, OfAWorldBetweenTwoMessagesLieBetweenTheirs) {
+  Stamps wall(Stamps::Source::kWall, 2.0);
+  EXPECT_EQ(wall.of(90 * kSecond, 4.0), 90 * kSecond);  // nothing to follow yet
+  wall.next(100 * kSecond, 5.0, true);
+  EXPECT_EQ(wall.of(102 * kSecond, 6.0), 100 * kSecond + kSecond / 2);
+  EXPECT_EQ(wall.of(102 * kSecond, 1.0), 102 * kSecond);  // simulated time went back
+  EXPECT_EQ(wall.next(102 * kSecond, 7.0, true), 101 * kSecond);
+  wall.let_go();
+  EXPECT_EQ(wall.of(103 * kSecond, 7.0), 103 * kSecond);
+
+  Stamps simulated(Stamps::Source::kSimulated, 2.0);
+  EXPECT_EQ(simulated.of(100 * kSecond, 2.5), 5 * kSecond / 2);
+}
+
 TEST(Stamps, OfSimulatedTimeAreItselfAndANanosecondOnWhereItStands) {
   Stamps stamps(Stamps::Source::kSimulated, 1.0);
   EXPECT_EQ(stamps.next(100 * kSecond, 0.0, false), 1);  // 0 means no time at all

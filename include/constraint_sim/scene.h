@@ -7,7 +7,8 @@
 
 namespace constraint_sim::engine {
 
-/// A scene that cannot be. what() is `file:line: path.of.key: what is wrong, with the value`.
+/// A scene that cannot be. what() is `file:line: path.of.key: what is wrong, with the value`,
+/// without a line where there is no file to read.
 class SceneError : public std::invalid_argument {
  public:
   using std::invalid_argument::invalid_argument;

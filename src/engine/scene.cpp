@@ -268,7 +268,7 @@ World load_scene(const std::string& text, const std::string& source, const World
 World load_scene_file(const std::string& path, const WorldOptions& defaults) {
   std::ifstream file(path);
   file.peek();  // a folder can be opened, but not read
-  if (!file.is_open() || file.bad()) throw SceneError(path + ":1: cannot read this file");
+  if (!file.is_open() || file.bad()) throw SceneError(path + ": cannot read this file");
   std::ostringstream text;
   text << file.rdbuf();
   return load_scene(text.str(), path, defaults);

@@ -12,22 +12,25 @@ namespace constraint_sim::engine {
 /// How an island is carried through a step. Methods not listed do not exist yet.
 enum class Method {
   kAuto,                ///< the world chooses
+  kRungeKutta,          ///< embedded pairs of order 8 and 5, on smooth islands
   kSequentialImpulses,  ///< the tutorial's six stages
 };
+inline constexpr std::size_t kMethodCount = 3;
 
-/// As in scene files and reports: `auto`, `sequential_impulses`.
+/// As in scene files and reports: `auto`, `runge_kutta`, `sequential_impulses`.
 const char* name(Method method);
 
 /// The stages of a step, in order.
 enum class Stage {
   kBroadphase,
   kNarrowphase,
+  kIntegration,  ///< of smooth islands, all the way; the stages below are for the others
   kRows,
   kVelocities,
   kSolve,
   kPositions,
 };
-inline constexpr std::size_t kStageCount = 6;
+inline constexpr std::size_t kStageCount = 7;
 
 const char* name(Stage stage);
 
@@ -44,17 +47,22 @@ struct StepReport {
   double energy_drift = 0.0;  ///< change of energy since the last edit over the largest kinetic
                               ///< energy since then [1]; motors, wrenches, friction and impacts
                               ///< count as well
-  double local_error = 0.0;   ///< estimate for this step [m]; 0 where the method has none
-  std::uint32_t torn_joints = 0;  ///< that broke in this step
-  bool failed = false;            ///< the result was not finite: the state before the step was kept
+  double local_error = 0.0;   ///< largest estimate of an island for this step [m]; 0 where no
+                              ///< method has one
+  std::uint32_t dependent_rows = 0;  ///< equations that followed from others, at most at once
+  std::uint32_t torn_joints = 0;     ///< that broke in this step
+  bool failed = false;  ///< the result was not finite: the state before the step was kept
 
   // what it cost
-  Method method = Method::kSequentialImpulses;    ///< that was used
-  std::uint32_t iterations = 0;                   ///< sweeps over the rows
-  std::uint32_t rows = 0;                         ///< scalar equations solved
-  std::uint32_t contacts = 0;                     ///< contact points
-  std::uint64_t broadphase_tests = 0;             ///< box against box
-  std::uint32_t candidate_pairs = 0;              ///< that the broadphase let through
+  std::array<std::uint32_t, kMethodCount> islands{};  ///< carried by each method
+  std::uint32_t changes = 0;           ///< islands that have another method than in the step before
+  std::uint32_t substeps = 0;          ///< of all islands
+  std::uint32_t rejected = 0;          ///< substeps tried in vain
+  std::uint32_t iterations = 0;        ///< sweeps over the rows
+  std::uint32_t rows = 0;              ///< scalar equations solved
+  std::uint32_t contacts = 0;          ///< contact points
+  std::uint64_t broadphase_tests = 0;  ///< box against box
+  std::uint32_t candidate_pairs = 0;   ///< that the broadphase let through
   std::array<double, kStageCount> stage_times{};  ///< [s]; zero unless a clock was given
 };
 

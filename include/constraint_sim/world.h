@@ -10,6 +10,7 @@
 #include "constraint_sim/body.h"
 #include "constraint_sim/contact.h"
 #include "constraint_sim/id.h"
+#include "constraint_sim/island.h"
 #include "constraint_sim/joint.h"
 #include "constraint_sim/report.h"
 #include "constraint_sim/wrench.h"
@@ -21,9 +22,14 @@ struct WorldOptions {
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< world [m/s²]
   double time_step = 0.01;                   ///< one tick [s] > 0
   Method method = Method::kAuto;
-  /// In which `auto` closes the error of a joint that does not fit when added, or when its body is
-  /// set [s] > 0. `sequential_impulses` takes the share `baumgarte` of it per step instead.
+  /// In which smooth islands close the error of a joint that does not fit when added, or when its
+  /// body is set [s] > 0. `sequential_impulses` takes the share `baumgarte` of it per step instead.
   double closing_time = 0.5;
+
+  // runge_kutta
+  int order = 8;            ///< 8 or 5
+  double tolerance = 1e-8;  ///< ≥ 0 [m] of local error per simulated second, rotation times radius
+                            ///< of gyration; 0: one substep a tick
 
   // sequential_impulses
   int iterations = 10;        ///< sweeps over all rows, ≥ 1
@@ -102,6 +108,9 @@ class World {
   const std::vector<Contact>& contacts() const;
   double time() const;               ///< simulated [s]
   std::uint64_t step_count() const;  ///< since the start
+  /// In the order of their first bodies; methods and reasons as of the last step, before the first
+  /// one as it will begin.
+  std::vector<Island> islands() const;
   /// Kinetic energy plus that of gravity and springs [J], now.
   double energy() const;
   /// Every body and joint returns to what it was when added or loaded: state, motor, travel, torn

@@ -9,11 +9,13 @@ namespace constraint_sim::engine {
 
 /// The method with this name(). Throws std::invalid_argument for one that does not exist (yet).
 inline Method method_named(const std::string& text) {
-  for (const Method method : {Method::kAuto, Method::kSequentialImpulses}) {
+  std::string existing;
+  for (std::size_t i = 0; i < kMethodCount; ++i) {
+    const auto method = static_cast<Method>(i);
     if (text == name(method)) return method;
+    existing += (existing.empty() ? "" : ", ") + std::string(name(method));
   }
-  refuse("method", "there is no '" + text + "' (yet); there are " + name(Method::kAuto) + ", " +
-                       name(Method::kSequentialImpulses));
+  refuse("method", "there is no '" + text + "' (yet); there are " + existing);
 }
 
 }  // namespace constraint_sim::engine

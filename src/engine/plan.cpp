@@ -1,6 +1,10 @@
 #include "constraint_sim/plan.h"
 
+#include <map>
 #include <sstream>
+#include <utility>
+
+#include "engine/validate.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -56,13 +60,35 @@ Counts count(const World& world) {
   return counts;
 }
 
+/// One line for all islands that have the same method for the same reason.
+void write_islands(const World& world, std::ostream& out) {
+  struct Sum {
+    int islands = 0;
+    std::uint32_t bodies = 0, joints = 0;
+  };
+  std::map<std::pair<Method, Why>, Sum> sums;
+  for (const Island& island : world.islands()) {
+    Sum& sum = sums[{island.method, island.why}];
+    ++sum.islands;
+    sum.bodies += island.bodies;
+    sum.joints += island.joints;
+  }
+  out << "islands:" << (sums.empty() ? " []" : "") << "\n";
+  for (const auto& [key, sum] : sums)
+    out << "  - {method: " << name(key.first) << ", why: " << text(key.second)
+        << ", count: " << sum.islands << ", bodies: " << sum.bodies
+        << ", constraints: " << sum.joints << "}\n";
+}
+
 }  // namespace
 
 std::string explain(const World& world) {
   const Counts counts = count(world);
   std::ostringstream out;
-  out << "method: {asked_for: " << name(world.options().method)
-      << ", used: " << name(Method::kSequentialImpulses) << ", why: the only method there is}\n";
+  const WorldOptions& options = world.options();
+  out << "method: {asked_for: " << name(options.method) << ", order: " << options.order
+      << ", tolerance: " << shortest(options.tolerance) << "}\n";
+  write_islands(world, out);
   out << "bodies: {dynamic: " << counts.dynamic_bodies << ", static: " << counts.static_bodies
       << ", kinematic: " << counts.kinematic_bodies << "}\n";
   out << "shapes: {point: " << counts.points << ", sphere: " << counts.spheres

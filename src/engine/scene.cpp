@@ -17,12 +17,10 @@ namespace {
 }
 
 WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults) {
-  for (const char* key : {"order", "tolerance", "stiffness_limit"}) {
-    if (const auto value = item.find(key))
-      value->fail("belongs to a method that does not exist yet");
-  }
-  item.expect_keys({"gravity", "time_step", "method", "closing_time", "iterations", "warm_starting",
-                    "baumgarte"});
+  if (const auto value = item.find("stiffness_limit"))
+    value->fail("belongs to a method that does not exist yet");
+  item.expect_keys({"gravity", "time_step", "method", "closing_time", "order", "tolerance",
+                    "iterations", "warm_starting", "baumgarte"});
   WorldOptions options = defaults;
   item.read("gravity", &options.gravity);
   item.read("time_step", &options.time_step);
@@ -30,6 +28,8 @@ WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults)
     const std::string word = method->word();
     options.method = item.attempt([&] { return method_named(word); });
   }
+  item.read("order", &options.order);
+  item.read("tolerance", &options.tolerance);
   item.read("iterations", &options.iterations);
   item.read("warm_starting", &options.warm_starting);
   item.read("baumgarte", &options.baumgarte);

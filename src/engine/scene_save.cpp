@@ -34,6 +34,8 @@ void write_options(YAML::Emitter* out, const WorldOptions& options) {
   write(out, "gravity", options.gravity);
   write(out, "time_step", options.time_step);
   write(out, "method", name(options.method));
+  *out << YAML::Key << "order" << YAML::Value << options.order;
+  write(out, "tolerance", options.tolerance);
   *out << YAML::Key << "iterations" << YAML::Value << options.iterations;
   write(out, "warm_starting", options.warm_starting);
   write(out, "baumgarte", options.baumgarte);

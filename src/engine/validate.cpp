@@ -169,6 +169,9 @@ void validate(const WorldOptions& options) {
   check_finite("gravity", options.gravity);
   check_positive("time_step", options.time_step);
   check_positive("closing_time", options.closing_time);
+  if (options.order != 8 && options.order != 5)
+    refuse("order", "must be 8 or 5, got " + std::to_string(options.order));
+  check_not_negative("tolerance", options.tolerance);
   if (options.iterations < 1)
     refuse("iterations", "must be >= 1, got " + std::to_string(options.iterations));
   check_share("baumgarte", options.baumgarte);

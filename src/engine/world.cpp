@@ -18,6 +18,8 @@ const StepReport& World::step() {
   world.begin_step();
   world.find_pairs();         // 1. broadphase: fast and approximate
   world.find_contacts();      // 2. narrowphase: accurate but slow
+  world.choose_methods();     //    smooth islands part here from the tutorial:
+  world.integrate();          //    all the way in one, to a tolerance; the others go on with
   world.prepare_rows();       // 3. what joints and contacts ask of the velocities
   world.update_velocities();  // 4. by gravity, and by the impulses of the step before
   world.solve_rows();         // 5. to what the rows allow
@@ -25,24 +27,6 @@ const StepReport& World::step() {
   world.finish_step();
   return world.report;
 }
-
-/// Times one stage, from construction to destruction, where there is a clock.
-class World::Impl::StageTimer {
- public:
-  StageTimer(Impl& world, Stage stage)
-      : world_(world), stage_(stage), start_(world.clock ? world.clock() : 0.0) {}
-  ~StageTimer() {
-    if (world_.clock)
-      world_.report.stage_times[static_cast<std::size_t>(stage_)] = world_.clock() - start_;
-  }
-  StageTimer(const StageTimer&) = delete;
-  StageTimer& operator=(const StageTimer&) = delete;
-
- private:
-  Impl& world_;
-  Stage stage_;
-  double start_;
-};
 
 void World::Impl::begin_step() {
   if (edited) recompile();
@@ -64,12 +48,17 @@ void World::Impl::recompile() {
   }
   if (!any_movable || collidable.size() < 2) collidable.clear();
 
+  kinematic.clear();
+  for (std::size_t i = 1; i < bodies.size(); ++i)
+    if (bodies[i].type == BodyType::kKinematic) kinematic.push_back(static_cast<int>(i));
+
   joint_ends.clear();
   unpaired.clear();
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const std::size_t a = index(joints[j].body_a);
     const std::size_t b = index(joints[j].body_b);
     joint_ends.emplace_back(a, b);
+    if (joint_states[j].broken) joint_states[j].force = joint_states[j].bias = 0.0;
     if (!joints[j].collide_connected && !joint_states[j].broken)
       unpaired.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
   }
@@ -79,6 +68,10 @@ void World::Impl::recompile() {
     pair.a = body_index[pair.id_a.value];
     pair.b = body_index[pair.id_b.value];
   }
+
+  if (topology_edited) make_islands();
+  classify_islands();
+  is_fresh = true;
 
   largest_kinetic_energy = kinetic_energy();
   reference_energy = largest_kinetic_energy + potential_energy();
@@ -131,13 +124,15 @@ Vector3d TouchingPair::impulse_of(std::uint32_t feature) const {
 }
 
 void World::Impl::prepare_rows() {
-  const StageTimer timer(*this, Stage::kRows);
-  const JointStep step = joint_step();
   rows.clear();
   joint_rows.clear();
-  for (std::size_t j = 0; j < joints.size(); ++j) {
+  contact_rows.clear();
+  if (impulse_bodies.empty()) return;
+  const StageTimer timer(*this, Stage::kRows);
+  const JointStep step = joint_step();
+  for (const int index : impulse_joints) {
+    const auto j = static_cast<std::size_t>(index);
     joint_rows.push_back(rows.size());
-    if (joint_states[j].broken) continue;
     if (!options.warm_starting) joint_states[j].impulse.setZero();
     std::array<Row, kMaxJointRows> written;
     const int count =
@@ -150,11 +145,10 @@ void World::Impl::prepare_rows() {
   }
   joint_rows.push_back(rows.size());
 
-  contact_rows.clear();
   for (const TouchingPair& pair : touching)
     for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k)
       prepare_contact(pair, k);
-  report.rows = static_cast<std::uint32_t>(rows.size());
+  report.rows += static_cast<std::uint32_t>(rows.size());
   report.contacts = static_cast<std::uint32_t>(contact_rows.size());
 }
 
@@ -178,9 +172,11 @@ void World::Impl::prepare_contact(const TouchingPair& pair, std::size_t point) {
 }
 
 void World::Impl::update_velocities() {
+  if (impulse_bodies.empty()) return;
   const StageTimer timer(*this, Stage::kVelocities);
   if (!wrenches.empty()) apply_wrenches();
-  solver.update_velocities(states, masses, options.gravity, options.time_step, rows);
+  solver.update_velocities(impulse_bodies, states, masses, options.gravity, options.time_step,
+                           rows);
 }
 
 void World::Impl::apply_wrenches() {
@@ -193,6 +189,7 @@ void World::Impl::apply_wrenches() {
         acts_throughout ? h : std::min(wrench.end, t_next) - std::max(wrench.start, t);
     if (duration <= 0.0) continue;  // not yet
     const std::size_t i = index(wrench.body);
+    if (islands[static_cast<std::size_t>(island_of[i])].method == Method::kRungeKutta) continue;
     BodyState& body = states[i];
     body.linear_velocity += duration * masses[i].inverse_mass * wrench.force;
     body.angular_velocity +=
@@ -208,8 +205,10 @@ void World::Impl::solve_rows() {
 }
 
 void World::Impl::update_positions() {
+  if (impulse_bodies.empty() && kinematic.empty()) return;
   const StageTimer timer(*this, Stage::kPositions);
-  SequentialImpulses::update_positions(states, masses, options.time_step);
+  SequentialImpulses::update_positions(impulse_bodies, states, masses, options.time_step);
+  SequentialImpulses::update_positions(kinematic, states, masses, options.time_step);
 }
 
 void World::Impl::finish_step() {
@@ -221,9 +220,11 @@ void World::Impl::finish_step() {
     report.failed = true;
   } else {
     read_joints(joint_step());
+    read_smooth_joints(joint_step());
     read_contacts();
     ++step_count;
     drop_spent_wrenches();
+    is_fresh = false;
   }
   report.step = step_count;
   report.time = time();
@@ -240,19 +241,19 @@ bool World::Impl::is_finite() const {
 }
 
 void World::Impl::read_joints(const JointStep& step) {
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    if (joint_states[j].broken) {
-      joint_states[j].force = joint_states[j].bias = 0.0;
-      continue;
-    }
-    const int count = static_cast<int>(joint_rows[j + 1] - joint_rows[j]);
-    read_joint(joints[j], state_a(j), state_b(j), step, rows.data() + joint_rows[j], count,
+  for (std::size_t k = 0; k < impulse_joints.size(); ++k) {
+    const auto j = static_cast<std::size_t>(impulse_joints[k]);
+    const int count = static_cast<int>(joint_rows[k + 1] - joint_rows[k]);
+    read_joint(joints[j], state_a(j), state_b(j), step, rows.data() + joint_rows[k], count,
                joint_states[j]);
-    if (joint_states[j].broken) {
-      edited = true;
-      ++report.torn_joints;
-    }
+    note_if_torn(j);
   }
+}
+
+void World::Impl::note_if_torn(std::size_t j) {
+  if (!joint_states[j].broken) return;
+  edited = topology_edited = true;
+  ++report.torn_joints;
 }
 
 void World::Impl::read_contacts() {
@@ -313,9 +314,12 @@ double World::Impl::potential_energy() const {
   return energy;
 }
 
-JointStep World::Impl::joint_step() const {
-  const double closing_time = options.method == Method::kAuto ? options.closing_time : 0.0;
-  return {time(), options.time_step, options.baumgarte, closing_time};
+JointStep World::Impl::joint_step() const { return span_from(time(), options.time_step); }
+
+JointStep World::Impl::span_from(double t, double h) const {
+  const bool by_baumgarte = options.method == Method::kSequentialImpulses;
+  const double closing_time = by_baumgarte ? 0.0 : options.closing_time;
+  return {t, h, options.baumgarte, closing_time};
 }
 
 double World::Impl::time() const { return time_of(step_count); }

@@ -10,6 +10,8 @@
 #include "constraint_sim/world.h"
 #include "engine/broadphase.h"
 #include "engine/constraints/joint.h"
+#include "engine/islands.h"
+#include "engine/methods/runge_kutta.h"
 #include "engine/methods/sequential_impulses.h"
 
 namespace constraint_sim::engine {
@@ -30,6 +32,15 @@ struct TouchingPair {
 struct JointStart {
   Motor motor;  ///< also after continue_from() with the phase of the scene, right from time 0
   bool broken = false;
+};
+
+/// What an island is made of, and what is kept for it from step to step.
+struct IslandParts {
+  IslandMembers members;
+  Why nature = Why::kSmooth;        ///< of its joints and options; contacts come and go
+  int linked = -1;                  ///< into Impl::linked; -1: no joints, or never integrated
+  std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
+  std::uint64_t refused_until = 0;  ///< step
 };
 
 /// What stands behind a World. Lists of one kind run in parallel: entry i of each is the same body,
@@ -58,19 +69,45 @@ struct World::Impl {
 
   // ---- follows from the above; made anew by the first step after an edit
   bool edited = true;
+  bool topology_edited = true;             // also who is joined to whom
   std::vector<int> collidable;             // bodies; empty where none can touch
   std::vector<Broadphase::Pair> unpaired;  // joined bodies that may overlap, sorted
   std::vector<std::pair<std::size_t, std::size_t>> joint_ends;  // the two bodies of each joint
-  double reference_energy = 0.0;                                // [J] at the last edit
-  double largest_kinetic_energy = 0.0;                          // [J] since the last edit
+  std::vector<int> kinematic;                                   // bodies
+  std::vector<IslandParts> island_parts;
+  std::vector<Island> islands;          // the same, as it is told
+  std::vector<int> island_of;           // of bodies; -1 of immovable ones
+  std::vector<LinkedMotion> linked;     // of the islands with joints
+  std::vector<FreeRotation> rotations;  // of bodies
+  double reference_energy = 0.0;        // [J] at the last edit
+  double largest_kinetic_energy = 0.0;  // [J] since the last edit
+
+  std::vector<double> fastest_spring;  // of bodies [1/s]
+  bool is_fresh = true;                // no step since the last edit
+
+  // ---- which islands have which method; made anew when that changes
+  std::array<std::uint32_t, kMethodCount> islands_by_method{};
+  std::uint32_t integrated_rows = 0;
+  bool any_refused = false;
+  std::vector<bool> touched;          // islands in contact
+  std::vector<int> smooth;            // islands that are integrated
+  std::vector<int> entering;          // those that were not in the step before
+  std::vector<int> impulse_bodies;    // of all other islands
+  std::vector<int> impulse_joints;    // of all other islands
+  std::vector<JointCourse> courses;   // of joints
+  std::vector<int> changing_courses;  // joints whose course is not constant
 
   // ---- what one stage hands to the next, and one step to the following
+  std::vector<double> span_ends;  // of the spans of a step in which nothing jumps [s]
+  std::vector<Load> loads;        // of wrenches, in a span
+  bool had_loads = false;         // in the span before
   Broadphase broadphase;
   std::vector<Proxy> proxies;
   std::vector<TouchingPair> touching;         // sorted by bodies
   std::vector<TouchingPair> touching_before;  // in the step before
   std::vector<Row> rows;
-  std::vector<std::size_t> joint_rows;    // first row of each joint, and one past the last
+  std::vector<std::size_t>
+      joint_rows;  // first row of each of impulse_joints, and one past the last
   std::vector<std::size_t> contact_rows;  // row of the normal of each contact point
   SequentialImpulses solver;
   std::vector<BodyState> states_before;
@@ -95,8 +132,23 @@ struct World::Impl {
   // ---- stepping (world.cpp), in the order of a step
   void begin_step();
   void recompile();
+  void make_islands();
+  void classify_islands();
+  Why nature_of(const IslandMembers& members) const;
+  void find_fastest_springs();
+  void link(IslandParts* parts);
   void find_pairs();
   void find_contacts();
+  void choose_methods();
+  void sort_islands();
+  void list_by_method();
+  void integrate();
+  void enter();
+  void split_step();
+  void find_loads(double from, double to);
+  bool integrate_island(std::size_t i, const SmoothSpan& span);
+  void refuse_island(std::size_t i);
+  void tell_of_islands();
   void prepare_rows();
   void prepare_contact(const TouchingPair& pair, std::size_t point);
   void update_velocities();
@@ -105,6 +157,8 @@ struct World::Impl {
   void update_positions();
   void finish_step();
   void read_joints(const JointStep& step);
+  void read_smooth_joints(const JointStep& step);
+  void note_if_torn(std::size_t j);
   void read_contacts();
   void drop_spent_wrenches();
   void measure();
@@ -115,12 +169,31 @@ struct World::Impl {
   // ---- asking
   double time() const;
   JointStep joint_step() const;
+  JointStep span_from(double t, double h) const;
   double time_of(std::uint64_t step) const;
   bool is_movable(std::size_t body) const { return masses[body].inverse_mass > 0.0; }
   const BodyState& state_a(std::size_t j) const;
   const BodyState& state_b(std::size_t j) const;
   double kinetic_energy() const;
   double potential_energy() const;
+};
+
+/// Times one stage, from construction to destruction, where there is a clock.
+class World::Impl::StageTimer {
+ public:
+  StageTimer(Impl& world, Stage stage)
+      : world_(world), stage_(stage), start_(world.clock ? world.clock() : 0.0) {}
+  ~StageTimer() {
+    if (world_.clock)
+      world_.report.stage_times[static_cast<std::size_t>(stage_)] = world_.clock() - start_;
+  }
+  StageTimer(const StageTimer&) = delete;
+  StageTimer& operator=(const StageTimer&) = delete;
+
+ private:
+  Impl& world_;
+  Stage stage_;
+  double start_;
 };
 
 }  // namespace constraint_sim::engine

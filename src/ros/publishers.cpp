@@ -171,7 +171,10 @@ void Publishers::take_statistics(const World& world, const Stepper& stepper, dou
     message.stages.emplace_back(engine::name(static_cast<engine::Stage>(i)));
     message.stage_times.push_back(ticks_.stage_sums[i] / ticks);
   }
-  message.methods = {engine::name(report.method)};
+  message.methods.clear();
+  for (std::size_t i = 0; i < engine::kMethodCount; ++i)
+    if (report.islands[i] > 0)
+      message.methods.emplace_back(engine::name(static_cast<engine::Method>(i)));
   ticks_.clear();
   last_statistics_ = now;
   last_statistics_time_ = world.time();

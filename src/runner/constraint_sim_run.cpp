@@ -32,6 +32,8 @@ struct Arguments {
   double duration = 0.0;  ///< [s]
   std::optional<double> time_step;
   std::optional<std::string> method;
+  std::optional<int> order;
+  std::optional<double> tolerance;
   std::string csv, report, save;  ///< paths; empty: not wanted
   bool explain = false;
 };
@@ -47,6 +49,9 @@ std::optional<Arguments> parse(int argc, char** argv) {
       "simulated time to run, to the nearest tick");
   add("time-step", po::value<double>()->value_name("SECONDS"), "tick, instead of the scene's");
   add("method", po::value<std::string>()->value_name("NAME"), "instead of the scene's");
+  add("order", po::value<int>()->value_name("ORDER"), "8 or 5, instead of the scene's");
+  add("tolerance", po::value<double>()->value_name("METRES"),
+      "of local error per simulated second, instead of the scene's");
   add("csv", po::value(&arguments.csv)->value_name("FILE"),
       "write the state of each body, at the start and after every step");
   add("report", po::value(&arguments.report)->value_name("FILE"), "write the outcome as JSON");
@@ -71,6 +76,8 @@ std::optional<Arguments> parse(int argc, char** argv) {
   po::notify(values);
   if (values.count("time-step") > 0) arguments.time_step = values["time-step"].as<double>();
   if (values.count("method") > 0) arguments.method = values["method"].as<std::string>();
+  if (values.count("order") > 0) arguments.order = values["order"].as<int>();
+  if (values.count("tolerance") > 0) arguments.tolerance = values["tolerance"].as<double>();
   return arguments;
 }
 
@@ -79,6 +86,8 @@ World load(const Arguments& arguments) {
   WorldOptions options = world.options();
   if (arguments.time_step) options.time_step = *arguments.time_step;
   if (arguments.method) options.method = method_named(*arguments.method);
+  if (arguments.order) options.order = *arguments.order;
+  if (arguments.tolerance) options.tolerance = *arguments.tolerance;
   world.set_options(options);
   return world;
 }
@@ -182,6 +191,7 @@ struct Outcome {
   double max_constraint_error = 0.0;                ///< over all steps [m]
   double energy_initial = 0.0, energy_final = 0.0;  ///< [J]
   double energy_drift = 0.0;                        ///< after the last step [1]
+  double accumulated_local_error = 0.0;             ///< sum of the steps' estimates [m]
   std::set<std::string> methods;
   bool failed = false;
 };
@@ -201,7 +211,9 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
     outcome.max_constraint_error =
         std::max(outcome.max_constraint_error, report.max_constraint_error);
     outcome.energy_drift = report.energy_drift;
-    outcome.methods.insert(name(report.method));
+    outcome.accumulated_local_error += report.local_error;
+    for (std::size_t i = 0; i < kMethodCount; ++i)
+      if (report.islands[i] > 0) outcome.methods.insert(name(static_cast<Method>(i)));
     outcome.failed = report.failed;
     if (csv->is_wanted()) write_csv_rows(*world, csv->stream());
     progress.update(step);
@@ -245,6 +257,7 @@ nlohmann::json report_of(const World& world, const Outcome& outcome,
       {"energy_initial", outcome.energy_initial},
       {"energy_final", outcome.energy_final},
       {"max_constraint_error", outcome.max_constraint_error},
+      {"accumulated_local_error", outcome.accumulated_local_error},
       {"methods", outcome.methods},
       {"left_out", left_out},
   };
@@ -259,6 +272,7 @@ void print_summary(const World& world, const Outcome& outcome) {
   std::printf("simulated time         %g s\n", world.time());
   std::printf("wall time              %.3g s\n", outcome.wall_time);
   std::printf("worst constraint error %.3g m\n", outcome.max_constraint_error);
+  std::printf("sum of local errors    %.3g m\n", outcome.accumulated_local_error);
   std::printf("energy drift           %.3g of the largest kinetic energy\n", outcome.energy_drift);
   std::printf("method                 %s\n", methods.empty() ? "none" : methods.c_str());
   std::printf("state hash             %s\n", hash_text(world).c_str());

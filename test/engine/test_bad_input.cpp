@@ -295,6 +295,8 @@ TEST(BadInput, Options) {
       {"iterations",
        {0.0, -1.0},
        [](WorldOptions& o, double v) { o.iterations = static_cast<int>(v); }},
+      {"order", {0.0, 7.0, -8.0}, [](WorldOptions& o, double v) { o.order = static_cast<int>(v); }},
+      {"tolerance", {-1e-8, kNaN, kInfinity}, [](WorldOptions& o, double v) { o.tolerance = v; }},
   };
   add_vector<WorldOptions>(&fields, "gravity",
                            [](WorldOptions& o) -> Vector3d& { return o.gravity; });

@@ -28,8 +28,13 @@ wrenches:
 TEST(Plan, SaysWhatThereIs) {
   const YAML::Node plan = YAML::Load(explain(load_scene(kScene)));
   EXPECT_EQ(plan["method"]["asked_for"].as<std::string>(), "auto");
-  EXPECT_EQ(plan["method"]["used"].as<std::string>(), "sequential_impulses");
-  EXPECT_EQ(plan["method"]["why"].as<std::string>(), "the only method there is");
+  ASSERT_EQ(plan["islands"].size(), 1u);  // ball and bob
+  const YAML::Node island = plan["islands"][0];
+  EXPECT_EQ(island["method"].as<std::string>(), "sequential_impulses");
+  EXPECT_EQ(island["why"].as<std::string>(), "has limits");
+  EXPECT_EQ(island["count"].as<int>(), 1);
+  EXPECT_EQ(island["bodies"].as<int>(), 2);
+  EXPECT_EQ(island["constraints"].as<int>(), 3);  // without the broken one
   for (const char* type : {"static", "kinematic"}) EXPECT_EQ(plan["bodies"][type].as<int>(), 1);
   EXPECT_EQ(plan["bodies"]["dynamic"].as<int>(), 2);
   for (const char* shape : {"point", "sphere", "box", "plane"})
@@ -49,6 +54,9 @@ TEST(Plan, SaysWhatIsLeftOut) {
   EXPECT_FALSE(plan["rotation"].as<bool>());
   EXPECT_EQ(plan["left_out"].as<std::vector<std::string>>(), left_out(world));
   EXPECT_EQ(left_out(world).size(), 3u);  // collision, constraints, rotation
+  ASSERT_EQ(plan["islands"].size(), 1u);
+  EXPECT_EQ(plan["islands"][0]["method"].as<std::string>(), "runge_kutta");
+  EXPECT_EQ(plan["islands"][0]["why"].as<std::string>(), "smooth");
 }
 
 TEST(Plan, OfAnEmptyWorldIsYamlToo) {

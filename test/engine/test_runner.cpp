@@ -67,14 +67,14 @@ TEST_F(Runner, PrintsASummary) {
   ASSERT_EQ(run("scene.yaml --duration 1"), 0) << err();
   EXPECT_EQ(err(), "");  // no progress bar where nobody looks
   for (const char* line : {"steps                  100\n", "simulated time         1 s\n",
-                           "method                 sequential_impulses\n"})
+                           "method                 runge_kutta\n"})
     EXPECT_NE(out().find(line), std::string::npos) << line << "is not in\n" << out();
 }
 
 TEST_F(Runner, ExplainsItselfWithoutAScene) {
   ASSERT_EQ(run("--help"), 0);
-  for (const char* option :
-       {"--duration", "--time-step", "--method", "--csv", "--report", "--save", "--explain"})
+  for (const char* option : {"--duration", "--time-step", "--method", "--order", "--tolerance",
+                             "--csv", "--report", "--save", "--explain"})
     EXPECT_NE(out().find(option), std::string::npos) << option;
 }
 
@@ -104,7 +104,7 @@ TEST_F(Runner, ReportsWhatTheEngineGivesInTheSameRun) {
   EXPECT_EQ(json.at("energy_initial"), energy_initial);
   EXPECT_EQ(json.at("energy_final"), world.energy());
   EXPECT_EQ(json.at("max_constraint_error"), largest_error);
-  EXPECT_EQ(json.at("methods"), nlohmann::json({"sequential_impulses"}));
+  EXPECT_EQ(json.at("methods"), nlohmann::json({"runge_kutta"}));
   EXPECT_EQ(json.at("bodies").size(), 2u);
   const auto& bob = json.at("bodies").at("bob");
   const BodyState& state = world.state(world.find_body("bob"));
@@ -138,7 +138,7 @@ TEST_F(Runner, GivesTheSameTwice) {
   EXPECT_EQ(report("a.json").at("state_hash"), report("b.json").at("state_hash"));
 }
 
-TEST_F(Runner, TakesTickAndMethodFromTheCommandLine) {
+TEST_F(Runner, TakesOptionsFromTheCommandLine) {
   ASSERT_EQ(run("scene.yaml --duration 1 --report a.json"), 0) << err();
   ASSERT_EQ(run("scene.yaml --duration 1 --report b.json --time-step 0.004"), 0) << err();
   EXPECT_EQ(report("b.json").at("steps"), 250);
@@ -146,6 +146,9 @@ TEST_F(Runner, TakesTickAndMethodFromTheCommandLine) {
 
   ASSERT_EQ(run("scene.yaml --duration 0 --save end.yaml --method sequential_impulses"), 0);
   EXPECT_NE(read(in_folder("end.yaml")).find("method: sequential_impulses"), std::string::npos);
+
+  ASSERT_EQ(run("scene.yaml --duration 0 --save end.yaml --order 5 --tolerance 1e-4"), 0);
+  EXPECT_NE(read(in_folder("end.yaml")).find("order: 5\n  tolerance: 0.0001"), std::string::npos);
 }
 
 TEST_F(Runner, RunsToTheNearestTick) {
@@ -166,9 +169,9 @@ TEST_F(Runner, RefusesBadInputInOneLine) {
        {"", "scene.yaml", "--duration 1", "none.yaml --duration 1", "scene.yaml --duration -1",
         "scene.yaml --duration nan", "scene.yaml --duration inf", "scene.yaml --duration 1e300",
         "scene.yaml --duration 1s", "scene.yaml --duration 1 --time-step 0",
-        "scene.yaml --duration 1 --method runge_kutta", "scene.yaml --duration 1 --order 8",
-        "scene.yaml --duration 1 --time 0.1", "scene.yaml other.yaml --duration 1",
-        "scene.yaml --duration 1 --csv no/such/folder.csv"}) {
+        "scene.yaml --duration 1 --method energy_momentum", "scene.yaml --duration 1 --order 7",
+        "scene.yaml --duration 1 --tolerance -1", "scene.yaml --duration 1 --time 0.1",
+        "scene.yaml other.yaml --duration 1", "scene.yaml --duration 1 --csv no/such/folder.csv"}) {
     EXPECT_EQ(run(arguments), 2) << arguments;
     EXPECT_EQ(lines_of(err()).size(), 1u) << arguments << "\n" << err();
   }

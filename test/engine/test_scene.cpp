@@ -69,8 +69,8 @@ void expect_all_within_4_ulp(const Vector& a, const Vector& b, const std::string
 
 TEST(LoadScene, ReadsEveryKey) {
   const World world = load_scene(R"(
-world: {gravity: [1, 2, 3], time_step: 0.02, method: sequential_impulses, iterations: 7,
-        warm_starting: false, baumgarte: 0.3}
+world: {gravity: [1, 2, 3], time_step: 0.02, method: sequential_impulses, order: 5,
+        tolerance: 1e-7, iterations: 7, warm_starting: false, baumgarte: 0.3}
 bodies:
   - name: a
     type: dynamic
@@ -111,6 +111,8 @@ wrenches:
   EXPECT_EQ(options.gravity, Vector3d(1, 2, 3));
   EXPECT_EQ(options.time_step, 0.02);
   EXPECT_EQ(options.method, Method::kSequentialImpulses);
+  EXPECT_EQ(options.order, 5);
+  EXPECT_EQ(options.tolerance, 1e-7);
   EXPECT_EQ(options.iterations, 7);
   EXPECT_FALSE(options.warm_starting);
   EXPECT_EQ(options.baumgarte, 0.3);
@@ -312,15 +314,16 @@ INSTANTIATE_TEST_SUITE_P(
                  "s:5: world.gravity[2]: expected a finite number, got '.nan'"},
         BadScene{"world:\n  gravity: -9.81\n",
                  "s:2: world.gravity: expected a list of 3 numbers, got '-9.81'"},
-        BadScene{"world:\n  method: runge_kutta\n",
-                 "s:2: world.method: there is no 'runge_kutta' (yet); there are auto, "
-                 "sequential_impulses"},
+        BadScene{"world:\n  method: energy_momentum\n",
+                 "s:2: world.method: there is no 'energy_momentum' (yet); there are auto, "
+                 "runge_kutta, sequential_impulses"},
         BadScene{"world:\n  method: [auto]\n",
                  "s:2: world.method: expected a word, got a list of 1"},
-        BadScene{"world:\n  order: 8\n",
-                 "s:2: world.order: belongs to a method that does not exist yet"},
-        BadScene{"world:\n  tolerance: 1e-8\n",
-                 "s:2: world.tolerance: belongs to a method that does not exist yet"},
+        BadScene{"world:\n  order: 7\n", "s:2: world.order: must be 8 or 5, got 7"},
+        BadScene{"world:\n  tolerance: -1e-8\n",
+                 "s:2: world.tolerance: must be a finite number >= 0, got -1e-08"},
+        BadScene{"world:\n  tolerance: .inf\n",
+                 "s:2: world.tolerance: expected a finite number, got '.inf'"},
         BadScene{"world:\n  stiffness_limit: .inf\n",
                  "s:2: world.stiffness_limit: belongs to a method that does not exist yet"}));
 

@@ -135,9 +135,9 @@ constraints:
         self.assertGreater(message.max_constraint_error, 0.0)
         self.assertLess(message.max_constraint_error, 0.1)
         self.assertTrue(0.0 < message.wall_mean <= message.wall_max)
-        self.assertEqual(message.stages, ["broadphase", "narrowphase", "rows", "velocities",
-                                          "solve", "positions"])
-        self.assertEqual(len(message.stage_times), 6)
+        self.assertEqual(message.stages, ["broadphase", "narrowphase", "integration", "rows",
+                                          "velocities", "solve", "positions"])
+        self.assertEqual(len(message.stage_times), 7)
         self.assertLessEqual(sum(message.stage_times), message.wall_mean)
         self.assertEqual(message.methods, ["sequential_impulses"])
         self.assertGreater(message.iterations, 0)

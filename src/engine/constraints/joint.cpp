@@ -4,39 +4,33 @@
 #include <cmath>
 
 #include "engine/constraints/ball.h"
+#include "engine/constraints/course.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/target.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kFits = 1e-6;         // [m] an error no larger than this is none
 constexpr double kClosedShare = 0.01;  // of the initial error: what is left counts as closed
 
-// how far the motor moves the length in this step, and so the mean bias
-void drive(const DistanceJoint& distance, const JointStep& step, Motor motor, JointState& state) {
+// Sets the mean bias of a step, and returns the motor as it acts throughout it.
+Motor drive(const DistanceJoint& distance, const JointStep& step, Motor motor, JointState& state) {
   state.saturated = false;
+  state.bias = 0.0;
   // acts for what is left of its time, so that the travel does not hang on the tick
   motor.bias *= std::clamp((state.expires_at - step.t) / step.h, 0.0, 1.0);
-  if (motor.bias == 0.0 && motor.amplitude == 0.0) {
-    state.bias = 0.0;
-    return;
-  }
+  if (motor.bias == 0.0 && motor.amplitude == 0.0) return motor;
   double travel = motor_travel(motor, step.t, step.h);
   const double lowest = least_travel(distance);
   if (state.travel + travel < lowest) {
     travel = std::min(lowest - state.travel, 0.0);
     state.saturated = true;
+    motor = Motor{};
+    motor.bias = travel / step.h;
   }
   state.bias = travel / step.h;
-}
-
-// Share of an error left by an edit that is still there: 1 at first, 0 after the closing time, with
-// no velocity and no acceleration at either end (the quintic 1 − 10u³ + 15u⁴ − 6u⁵).
-double share_to_close(double u) {
-  if (u >= 1.0) return 0.0;
-  return 1.0 - u * u * u * (10.0 - u * (15.0 - 6.0 * u));
+  return motor;
 }
 
 // What the row may be off by at the start of the step, and the rate at which that goes.
@@ -48,8 +42,8 @@ struct Closing {
     if (!state.closing || step.closing_time == 0.0) return;
     const double begun = step.t - state.closing_since;
     const double error = state.closing_offset[component];
-    offset = error * share_to_close(begun / step.closing_time);
-    rate = (error * share_to_close((begun + step.h) / step.closing_time) - offset) / step.h;
+    offset = error * closing_course(begun, step.closing_time).value;
+    rate = (error * closing_course(begun + step.h, step.closing_time).value - offset) / step.h;
   }
 };
 
@@ -92,18 +86,27 @@ int prepare_rows(const BallJoint&, const Joint& joint, const AnchorPair& anchors
 }
 
 void measure(const DistanceJoint& distance, const AnchorPair& anchors, const Eigen::Vector3d& d_dot,
-             JointState& state) {
+             double zeta, JointState& state) {
   state.error = distance_error(distance, anchors.d.norm(), state.travel);
   state.reached_rate = direction(anchors).dot(d_dot);
   const bool is_slack = is_between_limits(distance) && state.error == 0.0;
-  state.error_rate = is_slack ? 0.0 : state.reached_rate - state.bias;
+  state.error_rate = is_slack ? 0.0 : state.reached_rate - zeta;
 }
 
-void measure(const BallJoint&, const AnchorPair& anchors, const Eigen::Vector3d& d_dot,
+void measure(const BallJoint&, const AnchorPair& anchors, const Eigen::Vector3d& d_dot, double,
              JointState& state) {
   state.error = anchors.d.norm();
   state.reached_rate = direction(anchors).dot(d_dot);
   state.error_rate = state.reached_rate;
+}
+
+// error, error_rate and reached_rate from where the bodies are and how they move; zeta is the bias
+// asked for now
+void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
+                   JointState& state) {
+  const AnchorPair anchors(joint, a, b);
+  const Eigen::Vector3d d_dot = anchors.d_dot(a, b);
+  std::visit([&](const auto& type) { measure(type, anchors, d_dot, zeta, state); }, joint.type);
 }
 
 // what the step added to the motor's travel; a motor at its force limit gives way, and holds from
@@ -130,15 +133,26 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
   }
 }
 
+void settle(const BallJoint&, const Joint&, const AnchorPair&, const JointStep& step,
+            const Row* rows, int count, JointState& state) {
+  for (int k = 0; k < count; ++k) state.impulse[k] = rows[k].impulse;
+  state.force = state.impulse.norm() / step.h;
+}
+
 bool is_closed(const JointState& state, const JointStep& step) {
   if (step.closing_time > 0.0) return step.t + step.h >= state.closing_since + step.closing_time;
   return std::abs(state.error) <= std::max(kFits, kClosedShare * std::abs(state.initial_error));
 }
 
-void settle(const BallJoint&, const Joint&, const AnchorPair&, const JointStep& step,
-            const Row* rows, int count, JointState& state) {
-  for (int k = 0; k < count; ++k) state.impulse[k] = rows[k].impulse;
-  state.force = state.impulse.norm() / step.h;
+// what is left to do once it is known what the rows have done
+void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+            double zeta, JointState& state) {
+  measure_joint(joint, a, b, zeta, state);
+  if (state.closing) state.closing = !is_closed(state, step);
+  if (joint.break_force > 0.0 && std::abs(state.force) > joint.break_force) {
+    state.broken = true;
+    state.impulse.setZero();
+  }
 }
 
 }  // namespace
@@ -159,23 +173,12 @@ void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, cons
   const AnchorPair anchors(joint, a, b);
   std::visit([&](const auto& type) { settle(type, joint, anchors, step, rows, count, state); },
              joint.type);
-  measure_joint(joint, a, b, state);
-  if (state.closing) state.closing = !is_closed(state, step);
-  if (joint.break_force > 0.0 && std::abs(state.force) > joint.break_force) {
-    state.broken = true;
-    state.impulse.setZero();
-  }
-}
-
-void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, JointState& state) {
-  const AnchorPair anchors(joint, a, b);
-  const Eigen::Vector3d d_dot = anchors.d_dot(a, b);
-  std::visit([&](const auto& type) { measure(type, anchors, d_dot, state); }, joint.type);
+  finish(joint, a, b, step, state.bias, state);
 }
 
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
                  JointState& state) {
-  measure_joint(joint, a, b, state);
+  measure_joint(joint, a, b, state.bias, state);
   state.initial_error = state.error;
   state.closing_since = t;
   const bool is_ball = std::holds_alternative<BallJoint>(joint.type);
@@ -190,17 +193,6 @@ double elastic_energy(const Joint& joint, const JointState& state) {
   return 0.5 * distance->stiffness * state.error * state.error;
 }
 
-double motor_travel(const Motor& motor, double t, double h) {
-  double travel = motor.bias * h;
-  if (motor.amplitude == 0.0) return travel;
-  // ∫ sin(ωt + φ) dt = h sin(ω(t + h/2) + φ) sin(x)/x with x = ωh/2
-  const double omega = 2.0 * kPi * motor.frequency;
-  const double x = 0.5 * omega * h;
-  const double sinc = std::abs(x) > 1e-4 ? std::sin(x) / x : 1.0 - x * x / 6.0;
-  travel += motor.amplitude * h * std::sin(omega * (t + 0.5 * h) + motor.phase) * sinc;
-  return travel;
-}
-
 bool is_rigid(const Joint& joint) {
   const auto* distance = std::get_if<DistanceJoint>(&joint.type);
   return distance == nullptr || !distance->is_soft();
@@ -208,6 +200,53 @@ bool is_rigid(const Joint& joint) {
 
 const char* type_name(const JointType& type) {
   return std::holds_alternative<BallJoint>(type) ? "ball" : "distance";
+}
+
+// ---- for methods that take time and its derivatives
+
+JointCourse::JointCourse(const Joint& joint, const JointStep& span, JointState& state)
+    : start_(span.t) {
+  if (const auto* distance = std::get_if<DistanceJoint>(&joint.type)) {
+    motor_ = drive(*distance, span, joint.motor, state);
+    length_ = distance->length.value_or(0.0) + state.travel;
+  }
+  if (state.closing) {
+    closing_since_ = state.closing_since;
+    closing_time_ = span.closing_time;
+    closing_offset_ = state.closing_offset;
+  }
+}
+
+Course JointCourse::length(double t) const {
+  const Course travel = motor_course(motor_, start_, t - start_);
+  Course length{length_ + travel.value, travel.rate, travel.acceleration};
+  if (!is_closing()) return length;
+  const Course share = share_to_close(t);
+  length.value += closing_offset_.x() * share.value;
+  length.rate += closing_offset_.x() * share.rate;
+  length.acceleration += closing_offset_.x() * share.acceleration;
+  return length;
+}
+
+Course JointCourse::share_to_close(double t) const {
+  return is_closing() ? closing_course(t - closing_since_, closing_time_) : Course{};
+}
+
+bool fits(const JointState& state, const JointStep& step) {
+  if (!state.closing) return std::abs(state.error) <= kFits;
+  const Course share = closing_course(step.t - state.closing_since, step.closing_time);
+  return std::abs(state.error - share.value * state.initial_error) <= kFits;
+}
+
+void finish_span(const JointStep& span, JointState& state) { state.travel += state.bias * span.h; }
+
+void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
+                       const JointStep& step, const Eigen::Vector3d& impulse, double zeta,
+                       JointState& state) {
+  state.impulse = impulse;
+  const bool is_ball = std::holds_alternative<BallJoint>(joint.type);
+  state.force = (is_ball ? impulse.norm() : impulse.x()) / step.h;
+  finish(joint, a, b, step, zeta, state);
 }
 
 }  // namespace constraint_sim::engine

@@ -3,6 +3,7 @@
 #include "constraint_sim/joint.h"
 #include "constraint_sim/row.h"
 #include "engine/constraints/anchor_pair.h"
+#include "engine/constraints/course.h"
 
 namespace constraint_sim::engine {
 
@@ -25,22 +26,56 @@ int prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b, co
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
                 const Row* rows, int count, JointState& state);
 
-/// error, error_rate and reached_rate from where the bodies are and how they move.
-void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, JointState& state);
-
-/// The same for a joint just added or mended, or whose bodies were set; what it is off by is then
-/// to be closed.
-/// `t` is simulated time [s].
+/// Measures a joint just added or mended, or whose bodies were set; what it is off by is then to be
+/// closed. `t` is simulated time [s].
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
                  JointState& state);
 
 /// Elastic energy [J]; 0 unless a spring.
 double elastic_energy(const Joint& joint, const JointState& state);
 
-/// ∫ amplitude·sin(2π·frequency·t + phase) + bias dt from t to t + h [m].
-double motor_travel(const Motor& motor, double t, double h);
-
 /// Whether the joint promises to keep its value: springs do not.
 bool is_rigid(const Joint& joint);
+
+// ---- for methods that take time and its derivatives
+
+/// What time asks of a joint in a span in which nothing jumps: by its motor, and by an error to be
+/// closed.
+class JointCourse {
+ public:
+  JointCourse() = default;
+  /// Sets bias (the mean of the span) and saturated of `state`.
+  JointCourse(const Joint& joint, const JointStep& span, JointState& state);
+
+  bool is_driven() const { return motor_.bias != 0.0 || motor_.amplitude != 0.0; }
+  bool is_closing() const { return closing_time_ > 0.0; }
+  bool is_constant() const { return !is_driven() && !is_closing(); }
+  /// Of a distance joint, at the simulated time t [s].
+  Course length(double t) const;
+  /// A ball joint is to be off by this share of offset(), in world axes [m].
+  Course share_to_close(double t) const;
+  const Eigen::Vector3d& offset() const { return closing_offset_; }
+  /// The bias alone [m/s].
+  double zeta(double t) const { return motor_course(motor_, start_, t - start_).rate; }
+
+ private:
+  Motor motor_;
+  double start_ = 0.0;   // [s]
+  double length_ = 0.0;  // then [m]
+  double closing_since_ = 0.0, closing_time_ = 0.0;
+  Eigen::Vector3d closing_offset_ = Eigen::Vector3d::Zero();
+};
+
+/// Whether a joint is off by no more than what it is closing, and so can be kept exactly from here.
+bool fits(const JointState& state, const JointStep& step);
+
+/// Adds what the motor moved in a span.
+void finish_span(const JointStep& span, JointState& state);
+
+/// Takes over what a step has done, at the positions after it. `impulse`: of a distance joint along
+/// d in x, of a ball joint on B in world axes [N s]; `zeta`: the bias asked for now [m/s].
+void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
+                       const JointStep& step, const Eigen::Vector3d& impulse, double zeta,
+                       JointState& state);
 
 }  // namespace constraint_sim::engine

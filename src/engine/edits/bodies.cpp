@@ -43,7 +43,7 @@ BodyId World::add_body(const Body& body) {
   impl_->masses.push_back(mass_properties(body));
   impl_->body_ids.push_back(id);
   impl_->body_by_name.emplace(body.name, id);
-  impl_->edited = true;
+  impl_->edited = impl_->topology_edited = true;
   return id;
 }
 
@@ -70,7 +70,7 @@ std::vector<std::string> World::remove_body(BodyId id) {
     --impl_->body_index[impl_->body_ids[k].value];
   impl_->erase_wrenches(id);
   impl_->contacts.clear();
-  impl_->edited = true;
+  impl_->edited = impl_->topology_edited = true;
   return removed;
 }
 

@@ -39,7 +39,7 @@ JointId World::add_joint(const Joint& joint, bool broken) {
   impl_->start_joint(impl_->joints.size() - 1);
   impl_->joint_ids.push_back(id);
   impl_->joint_by_name.emplace(joint.name, id);
-  impl_->edited = true;
+  impl_->edited = impl_->topology_edited = true;
   return id;
 }
 
@@ -120,7 +120,7 @@ void World::Impl::erase_joint(std::size_t j) {
   joint_states.erase(joint_states.begin() + at);
   joint_ids.erase(joint_ids.begin() + at);
   for (std::size_t k = j; k < joint_ids.size(); ++k) --joint_index[joint_ids[k].value];
-  edited = true;
+  edited = topology_edited = true;
 }
 
 void World::remove_joint(JointId id) { impl_->erase_joint(impl_->index(id)); }
@@ -162,7 +162,7 @@ void World::set_broken(JointId id, bool broken) {
   state.broken = broken;
   state.impulse.setZero();
   begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), time(), state);
-  impl_->edited = true;
+  impl_->edited = impl_->topology_edited = true;
 }
 
 }  // namespace constraint_sim::engine

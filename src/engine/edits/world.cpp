@@ -102,7 +102,7 @@ void World::continue_from(const World& other) {
   impl_->joint_index.insert(impl_->joint_index.begin(), new_joints, -1);
   impl_->touching.clear();
   impl_->contacts.clear();
-  impl_->edited = true;
+  impl_->edited = impl_->topology_edited = true;
 }
 
 void World::reset() {
@@ -114,7 +114,7 @@ void World::reset() {
   impl_->wrenches.clear();
   impl_->touching.clear();
   impl_->contacts.clear();
-  impl_->edited = true;
+  impl_->edited = impl_->topology_edited = true;
 }
 
 // ---- asking
@@ -123,11 +123,23 @@ const StepReport& World::report() const { return impl_->report; }
 const std::vector<Contact>& World::contacts() const { return impl_->contacts; }
 double World::energy() const { return impl_->kinetic_energy() + impl_->potential_energy(); }
 
-const char* name(Method method) { return method == Method::kAuto ? "auto" : "sequential_impulses"; }
+std::vector<Island> World::islands() const {
+  if (!impl_->edited) return impl_->islands;
+  Impl next(*impl_);
+  next.recompile();
+  next.choose_methods();
+  return next.islands;
+}
+
+const char* name(Method method) {
+  constexpr std::array<const char*, kMethodCount> kNames = {"auto", "runge_kutta",
+                                                            "sequential_impulses"};
+  return kNames[static_cast<std::size_t>(method)];
+}
 
 const char* name(Stage stage) {
   constexpr std::array<const char*, kStageCount> kNames = {
-      "broadphase", "narrowphase", "rows", "velocities", "solve", "positions"};
+      "broadphase", "narrowphase", "integration", "rows", "velocities", "solve", "positions"};
   return kNames[static_cast<std::size_t>(stage)];
 }
 

@@ -10,23 +10,6 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-bool turns_freely(const MassProperties& mass) { return !mass.inverse_inertia.isZero(0.0); }
-
-bool is_isotropic(const MassProperties& mass) {
-  return mass.inertia.x() == mass.inertia.y() && mass.inertia.y() == mass.inertia.z();
-}
-
-// the rotation by the vector w [rad]
-Quaterniond rotation(const Vector3d& w) {
-  const double angle = w.norm();
-  // sin(x/2)/x: below 1e-4 its series to second order is exact to round-off
-  const double s = angle > 1e-4 ? std::sin(0.5 * angle) / angle : 0.5 - angle * angle / 48.0;
-  Quaterniond q;
-  q.w() = std::cos(0.5 * angle);
-  q.vec() = s * w;
-  return q;
-}
-
 double velocity_along(const Row& row, const std::vector<BodyState>& bodies) {
   const BodyState& a = bodies[static_cast<std::size_t>(row.body_a)];
   const BodyState& b = bodies[static_cast<std::size_t>(row.body_b)];
@@ -41,13 +24,12 @@ double wanted_impulse(const Row& row, double inverse_mass, const std::vector<Bod
 
 }  // namespace
 
-void SequentialImpulses::update_velocities(Bodies& bodies, const Masses& masses,
-                                           const Vector3d& gravity, double h,
+void SequentialImpulses::update_velocities(const std::vector<int>& moved, Bodies& bodies,
+                                           const Masses& masses, const Vector3d& gravity, double h,
                                            const std::vector<Row>& rows) {
-  for (std::size_t i = 0; i < bodies.size(); ++i)
-    if (masses[i].inverse_mass > 0.0) bodies[i].linear_velocity += h * gravity;
+  for (const int i : moved) bodies[static_cast<std::size_t>(i)].linear_velocity += h * gravity;
 
-  respond(rows, bodies, masses);
+  respond(moved, rows, bodies, masses);
   for (std::size_t i = 0; i < rows.size(); ++i)
     if (rows[i].impulse != 0.0) push(i, rows[i].impulse, rows, bodies);
 }
@@ -81,29 +63,29 @@ void SequentialImpulses::solve(Bodies& bodies, std::vector<Row>& rows, int itera
   }
 }
 
-void SequentialImpulses::update_positions(Bodies& bodies, const Masses& masses, double h) {
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
+void SequentialImpulses::update_positions(const std::vector<int>& moved, Bodies& bodies,
+                                          const Masses& masses, double h) {
+  for (const int index : moved) {
+    const auto i = static_cast<std::size_t>(index);
     BodyState& body = bodies[i];
     body.position += h * body.linear_velocity;
     if (body.angular_velocity.isZero(0.0)) continue;
 
     const Quaterniond q0 = body.orientation;
     body.orientation = (rotation(h * body.angular_velocity) * q0).normalized();
-    if (!turns_freely(masses[i]) || is_isotropic(masses[i])) continue;
+    if (!masses[i].can_turn() || masses[i].is_isotropic()) continue;
     const Vector3d L = apply_inertia(masses[i].inertia, q0, body.angular_velocity);
     body.angular_velocity = apply_inertia(masses[i].inverse_inertia, body.orientation, L);
   }
 }
 
 // M⁻¹ Jᵀ and the constraint mass of each row at the positions before the step
-void SequentialImpulses::respond(const std::vector<Row>& rows, const Bodies& bodies,
-                                 const Masses& masses) {
-  inverse_inertia_W_.resize(bodies.size());
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    if (!turns_freely(masses[i])) {
-      inverse_inertia_W_[i].setZero();
-      continue;
-    }
+void SequentialImpulses::respond(const std::vector<int>& moved, const std::vector<Row>& rows,
+                                 const Bodies& bodies, const Masses& masses) {
+  inverse_inertia_W_.assign(bodies.size(), Matrix3d::Zero());
+  for (const int index : moved) {
+    const auto i = static_cast<std::size_t>(index);
+    if (!masses[i].can_turn()) continue;
     const Matrix3d R = bodies[i].orientation.toRotationMatrix();
     inverse_inertia_W_[i] = R * masses[i].inverse_inertia.asDiagonal() * R.transpose();
   }

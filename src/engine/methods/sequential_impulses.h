@@ -1,44 +1,32 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
 #include <vector>
 
 #include "constraint_sim/body.h"
 #include "constraint_sim/row.h"
+#include "engine/mass_properties.h"
 
 namespace constraint_sim::engine {
 
-/// Mass as the solvers want it; immovable bodies have zeros.
-struct MassProperties {
-  double inverse_mass = 0.0;                                  ///< [1/kg]
-  Eigen::Vector3d inertia = Eigen::Vector3d::Zero();          ///< principal [kg m²]
-  Eigen::Vector3d inverse_inertia = Eigen::Vector3d::Zero();  ///< principal [1/(kg m²)]
-};
-
-/// R diag(principal) Rᵀ w of a body with orientation q: world to world.
-inline Eigen::Vector3d apply_inertia(const Eigen::Vector3d& principal, const Eigen::Quaterniond& q,
-                                     const Eigen::Vector3d& w) {
-  return q * principal.cwiseProduct(q.conjugate() * w);
-}
-
 /// Stages 4 to 6 of the tutorial's step: gravity, then one row after the other at velocity level
 /// until the sweeps are used up, then positions with the final velocities. First order in h.
-/// Holds only scratch memory, kept from step to step.
+/// `moved` are the bodies to carry, by index. Holds only scratch memory, kept from step to step.
 class SequentialImpulses {
  public:
   using Bodies = std::vector<BodyState>;
   using Masses = std::vector<MassProperties>;
 
   /// 4. v += h g, and what the rows' first guesses do.
-  void update_velocities(Bodies& bodies, const Masses& masses, const Eigen::Vector3d& gravity,
-                         double h, const std::vector<Row>& rows);
+  void update_velocities(const std::vector<int>& moved, Bodies& bodies, const Masses& masses,
+                         const Eigen::Vector3d& gravity, double h, const std::vector<Row>& rows);
 
   /// 5. Sweeps over the rows; leaves the impulses in them.
   void solve(Bodies& bodies, std::vector<Row>& rows, int iterations) const;
 
   /// 6. x += h v, q by the rotation h ω; keeps the angular momentum of every free body.
-  static void update_positions(Bodies& bodies, const Masses& masses, double h);
+  static void update_positions(const std::vector<int>& moved, Bodies& bodies, const Masses& masses,
+                               double h);
 
  private:
   /// Of one row: M⁻¹ Jᵀ and 1/(J M⁻¹ Jᵀ + softness).
@@ -47,7 +35,8 @@ class SequentialImpulses {
     double inverse_mass;
   };
 
-  void respond(const std::vector<Row>& rows, const Bodies& bodies, const Masses& masses);
+  void respond(const std::vector<int>& moved, const std::vector<Row>& rows, const Bodies& bodies,
+               const Masses& masses);
   void push(std::size_t i, double impulse, const std::vector<Row>& rows, Bodies& bodies) const;
 
   std::vector<Eigen::Matrix3d> inverse_inertia_W_;

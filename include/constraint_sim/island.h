@@ -1,0 +1,38 @@
+#pragma once
+
+#include <cstdint>
+
+#include "constraint_sim/id.h"
+#include "constraint_sim/report.h"
+
+namespace constraint_sim::engine {
+
+/// Why an island is carried by the method it has.
+enum class Why {
+  kSmooth,      ///< nothing in it jumps
+  kAskedFor,    ///< the options name the method
+  kContact,     ///< one of its bodies touches another
+  kLimit,       ///< a joint with limits: rope, strut
+  kForceLimit,  ///< a motor with a force limit
+  kStiff,       ///< a spring too stiff to be resolved
+  kRefused,     ///< no substep was small enough, or its rows contradict each other
+};
+
+/// In words.
+const char* text(Why why);
+
+/// Dynamic bodies that joints connect, directly or by others; one on its own is an island too. What
+/// the last step did with it.
+struct Island {
+  BodyId first_body;  ///< the first of them to be added
+  std::uint32_t bodies = 0;
+  std::uint32_t joints = 0;  ///< that are not broken
+  Method method = Method::kSequentialImpulses;
+  Why why = Why::kAskedFor;
+  double local_error = 0.0;  ///< estimate for the step [m]; 0 where the method has none
+  std::uint32_t substeps = 0;
+  std::uint32_t rejected = 0;        ///< substeps tried in vain
+  std::uint32_t dependent_rows = 0;  ///< most equations at once that followed from others
+};
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,344 @@
+// Which method carries which island, and the smooth ones carried: between stages 2 and 3 of a step.
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+// Springs are integrated up to this h ω, 8 substeps of order 8; beyond it an implicit method is the
+// better one.
+constexpr double kStiffnessLimit = 40.0;
+// How long an island that could not be integrated is left to the other method [steps].
+constexpr std::uint64_t kRefusedFor = 100;
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+const char* text(Why why) {
+  switch (why) {
+    case Why::kSmooth:
+      return "smooth";
+    case Why::kAskedFor:
+      return "asked for";
+    case Why::kContact:
+      return "in contact";
+    case Why::kLimit:
+      return "has limits";
+    case Why::kForceLimit:
+      return "has a motor with a force limit";
+    case Why::kStiff:
+      return "has a stiff spring";
+    case Why::kRefused:
+      return "could not be integrated to the tolerance";
+  }
+  return "";
+}
+
+// ---- once after an edit
+
+void World::Impl::make_islands() {
+  topology_edited = false;
+  std::vector<bool> movable, acting;
+  for (std::size_t i = 0; i < bodies.size(); ++i) movable.push_back(is_movable(i));
+  for (const JointState& state : joint_states) acting.push_back(!state.broken);
+
+  island_parts.clear();
+  islands.clear();
+  linked.clear();
+  island_of.assign(bodies.size(), -1);
+  rotations.assign(bodies.size(), FreeRotation{});
+  for (IslandMembers& members : find_islands(movable, acting, joint_ends)) {
+    for (const int body : members.bodies) island_of[at(body)] = static_cast<int>(islands.size());
+    Island& island = islands.emplace_back();
+    island.first_body = body_ids[at(members.bodies.front())];
+    island.bodies = static_cast<std::uint32_t>(members.bodies.size());
+    island.joints = static_cast<std::uint32_t>(members.joints.size());
+    IslandParts& parts = island_parts.emplace_back();
+    parts.members = std::move(members);
+  }
+}
+
+void World::Impl::classify_islands() {
+  find_fastest_springs();
+  for (IslandParts& parts : island_parts) {
+    parts.nature = nature_of(parts.members);
+    parts.refused_until = 0;
+    if (parts.nature != Why::kSmooth) continue;
+    if (parts.members.joints.empty())
+      parts.turning_freely = parts.members.bodies;
+    else if (parts.linked < 0)
+      link(&parts);
+  }
+}
+
+// of each body, what its springs and dampers move it with: ω² ≤ 2 Σk/m, and 2 Σc/m [1/s]
+void World::Impl::find_fastest_springs() {
+  fastest_spring.assign(bodies.size(), 0.0);
+  std::vector<double> damping;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const auto* distance = std::get_if<DistanceJoint>(&joints[j].type);
+    if (distance == nullptr || !distance->is_soft() || joint_states[j].broken) continue;
+    if (damping.empty()) damping.assign(bodies.size(), 0.0);
+    for (const std::size_t body : {joint_ends[j].first, joint_ends[j].second}) {
+      fastest_spring[body] += 2.0 * masses[body].inverse_mass * distance->stiffness;
+      damping[body] += 2.0 * masses[body].inverse_mass * distance->damping;
+    }
+  }
+  for (std::size_t i = 0; i < damping.size(); ++i)
+    fastest_spring[i] = std::max(std::sqrt(fastest_spring[i]), damping[i]);
+}
+
+Why World::Impl::nature_of(const IslandMembers& members) const {
+  if (options.method == Method::kSequentialImpulses) return Why::kAskedFor;
+  for (const int j : members.joints) {
+    const auto* distance = std::get_if<DistanceJoint>(&joints[at(j)].type);
+    if (distance != nullptr && distance->is_limited()) return Why::kLimit;
+    if (joints[at(j)].motor.max_force > 0.0) return Why::kForceLimit;
+  }
+  if (options.method == Method::kAuto)
+    for (const int body : members.bodies)
+      if (options.time_step * fastest_spring[at(body)] > kStiffnessLimit) return Why::kStiff;
+  return Why::kSmooth;
+}
+
+void World::Impl::link(IslandParts* parts) {
+  EquationsOfMotion equations(parts->members.joints, joints, joint_ends, masses);
+  const std::vector<int>& held = equations.bodies();
+  parts->turning_freely.clear();
+  for (std::size_t i = equations.turning(); i < held.size(); ++i)
+    if (masses[at(held[i])].can_turn()) parts->turning_freely.push_back(held[i]);
+  parts->linked = static_cast<int>(linked.size());
+  linked.emplace_back(std::move(equations));
+}
+
+// ---- in every step
+
+void World::Impl::choose_methods() {
+  entering.clear();
+  if (is_fresh || !touching.empty() || !touching_before.empty() || any_refused) sort_islands();
+  report.islands = islands_by_method;
+  report.rows = integrated_rows;
+}
+
+void World::Impl::sort_islands() {
+  touched.assign(islands.size(), false);
+  for (const TouchingPair& pair : touching)
+    for (const int body : {pair.a, pair.b})
+      if (island_of[at(body)] >= 0) touched[at(island_of[at(body)])] = true;
+
+  bool changed = is_fresh;
+  any_refused = false;
+  for (std::size_t i = 0; i < islands.size(); ++i) {
+    Island& island = islands[i];
+    island.why = island_parts[i].nature;
+    if (touched[i] && island.why == Why::kSmooth) island.why = Why::kContact;
+    if (step_count < island_parts[i].refused_until) {
+      island.why = Why::kRefused;
+      any_refused = true;
+    }
+    const Method before = island.method;
+    island.method = island.why == Why::kSmooth ? Method::kRungeKutta : Method::kSequentialImpulses;
+    if (island.method == before && !is_fresh) continue;
+    changed = true;
+    if (!is_fresh) ++report.changes;
+    if (island.method == Method::kRungeKutta) entering.push_back(static_cast<int>(i));
+  }
+  if (changed) list_by_method();
+}
+
+void World::Impl::list_by_method() {
+  const auto is_smooth = [&](std::size_t body) {
+    const int island = island_of[body];
+    return island < 0 || islands[at(island)].method == Method::kRungeKutta;
+  };
+  smooth.clear();
+  islands_by_method = {};
+  integrated_rows = 0;
+  for (std::size_t i = 0; i < islands.size(); ++i) {
+    ++islands_by_method[static_cast<std::size_t>(islands[i].method)];
+    islands[i].local_error = 0.0;
+    islands[i].substeps = islands[i].rejected = islands[i].dependent_rows = 0;
+    if (islands[i].method != Method::kRungeKutta) continue;
+    smooth.push_back(static_cast<int>(i));
+    if (island_parts[i].linked >= 0)
+      integrated_rows +=
+          static_cast<std::uint32_t>(linked[at(island_parts[i].linked)].equations().rows());
+  }
+  impulse_bodies.clear();
+  impulse_joints.clear();
+  for (std::size_t i = 1; i < bodies.size(); ++i)
+    if (!is_smooth(i)) impulse_bodies.push_back(static_cast<int>(i));
+  for (std::size_t j = 0; j < joints.size(); ++j)
+    if (!joint_states[j].broken &&
+        !(is_smooth(joint_ends[j].first) && is_smooth(joint_ends[j].second)))
+      impulse_joints.push_back(static_cast<int>(j));
+}
+
+void World::Impl::integrate() {
+  if (smooth.empty()) return;
+  const StageTimer timer(*this, Stage::kIntegration);
+  enter();
+  for (const int i : smooth) {
+    Island& island = islands[at(i)];
+    island.local_error = 0.0;
+    island.substeps = island.rejected = 0;
+    if (island_parts[at(i)].linked >= 0) linked[at(island_parts[at(i)].linked)].begin_step();
+  }
+  split_step();
+  bool any_failed = false;
+  for (std::size_t k = 0; k + 1 < span_ends.size(); ++k) {
+    const double t = span_ends[k];
+    const JointStep span = span_from(t, span_ends[k + 1] - t);
+    find_loads(t, span_ends[k + 1]);
+    const bool is_disturbed = is_fresh || had_loads || !loads.empty() || k > 0;
+    for (const int j : changing_courses)
+      courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
+    const SmoothSpan smooth_span{t, span.h, options.gravity, loads, courses, is_disturbed};
+    for (const int i : smooth) {
+      if (islands[at(i)].method != Method::kRungeKutta) continue;
+      if (integrate_island(at(i), smooth_span)) continue;
+      refuse_island(at(i));
+      any_failed = true;
+    }
+    for (const int j : changing_courses) finish_span(span, joint_states[at(j)]);
+    had_loads = !loads.empty();
+  }
+  if (any_failed) list_by_method();
+  tell_of_islands();
+}
+
+// islands that were not integrated in the step before, or were edited: what does not fit begins to
+// be closed
+void World::Impl::enter() {
+  const JointStep step = joint_step();
+  for (const int i : entering) {
+    IslandParts& parts = island_parts[at(i)];
+    if (parts.linked >= 0) linked[at(parts.linked)].forget();
+    for (const int index : parts.members.joints) {
+      const std::size_t j = at(index);
+      if (is_rigid(joints[j]) && !fits(joint_states[j], step))
+        begin_joint(joints[j], state_a(j), state_b(j), step.t, joint_states[j]);
+    }
+  }
+  if (entering.empty()) return;
+  changing_courses.clear();
+  courses.assign(joints.size(), JointCourse{});
+  for (const int i : smooth) {
+    for (const int index : island_parts[at(i)].members.joints) {
+      const std::size_t j = at(index);
+      courses[j] = JointCourse(joints[j], step, joint_states[j]);
+      if (!courses[j].is_constant()) changing_courses.push_back(index);
+    }
+  }
+}
+
+// where forces or biases jump within the step
+void World::Impl::split_step() {
+  const double t = time();
+  const double t_next = time_of(step_count + 1);
+  span_ends.assign({t, t_next});
+  const double margin = 1e-9 * options.time_step;  // nearer to the ends is at the ends
+  const auto split_at = [&](double time) {
+    if (time > t + margin && time < t_next - margin) span_ends.push_back(time);
+  };
+  for (const Wrench& wrench : wrenches) {
+    split_at(wrench.start);
+    split_at(wrench.end);
+  }
+  for (const int j : changing_courses) {
+    split_at(joint_states[at(j)].expires_at);
+    if (joint_states[at(j)].closing)
+      split_at(joint_states[at(j)].closing_since + options.closing_time);
+  }
+  std::sort(span_ends.begin(), span_ends.end());
+  span_ends.erase(std::unique(span_ends.begin(), span_ends.end()), span_ends.end());
+}
+
+void World::Impl::find_loads(double from, double to) {
+  loads.clear();
+  const double middle = 0.5 * (from + to);
+  for (const Wrench& wrench : wrenches)
+    if (wrench.start <= middle && middle < wrench.end)
+      loads.push_back({static_cast<int>(index(wrench.body)), wrench.force, wrench.torque});
+}
+
+bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
+  const IslandParts& parts = island_parts[i];
+  const Accuracy accuracy{options.order, options.tolerance};
+  Island& island = islands[i];
+  const auto add = [&](const Progress& progress) {
+    island.local_error += progress.local_error;
+    island.substeps += static_cast<std::uint32_t>(progress.substeps);
+    island.rejected += static_cast<std::uint32_t>(progress.rejected);
+    return progress.done;
+  };
+  for (const int body : parts.turning_freely) {
+    Vector3d torque = Vector3d::Zero();
+    for (const Load& load : loads)
+      if (load.body == body) torque += load.torque;
+    if (!add(rotations[at(body)].advance(span.h, torque, masses[at(body)], accuracy,
+                                         &states[at(body)])))
+      return false;
+  }
+  if (parts.linked >= 0) return add(linked[at(parts.linked)].advance(span, accuracy, &states));
+
+  const int body = parts.members.bodies.front();
+  Vector3d acceleration = options.gravity;
+  for (const Load& load : loads)
+    if (load.body == body) acceleration += masses[at(body)].inverse_mass * load.force;
+  fall(span.h, acceleration, &states[at(body)]);
+  return true;
+}
+
+// the other method takes this step, from its start, and some more
+void World::Impl::refuse_island(std::size_t i) {
+  for (const int body : island_parts[i].members.bodies) states[at(body)] = states_before[at(body)];
+  for (const int j : island_parts[i].members.joints)
+    joint_states[at(j)] = joint_states_before[at(j)];
+  islands[i].method = Method::kSequentialImpulses;
+  islands[i].why = Why::kRefused;
+  island_parts[i].refused_until = step_count + kRefusedFor;
+  any_refused = true;
+  ++report.changes;
+}
+
+void World::Impl::tell_of_islands() {
+  report.islands = islands_by_method;
+  report.rows = integrated_rows;
+  for (const int index : smooth) {
+    Island& island = islands[at(index)];
+    const int l = island_parts[at(index)].linked;
+    if (l >= 0)
+      island.dependent_rows =
+          static_cast<std::uint32_t>(linked[at(l)].equations().dependent_rows());
+    report.local_error = std::max(report.local_error, island.local_error);
+    report.dependent_rows = std::max(report.dependent_rows, island.dependent_rows);
+    report.substeps += island.substeps;
+    report.rejected += island.rejected;
+  }
+}
+
+void World::Impl::read_smooth_joints(const JointStep& step) {
+  for (const int j : changing_courses)
+    joint_states[at(j)].bias =
+        (joint_states[at(j)].travel - joint_states_before[at(j)].travel) / step.h;
+  for (const int i : smooth) {
+    if (island_parts[at(i)].linked < 0) continue;
+    const EquationsOfMotion& equations = linked[at(island_parts[at(i)].linked)].equations();
+    for (std::size_t l = 0; l < equations.joints().size(); ++l) {
+      const std::size_t j = at(equations.joints()[l]);
+      const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;
+      read_smooth_joint(joints[j], state_a(j), state_b(j), step, equations.impulse(l), zeta,
+                        joint_states[j]);
+      note_if_torn(j);
+    }
+  }
+}
+
+}  // namespace constraint_sim::engine

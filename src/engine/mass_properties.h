@@ -1,0 +1,39 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cmath>
+
+namespace constraint_sim::engine {
+
+/// Mass as the methods want it; immovable bodies have zeros.
+struct MassProperties {
+  double inverse_mass = 0.0;                                  ///< [1/kg]
+  Eigen::Vector3d inertia = Eigen::Vector3d::Zero();          ///< principal [kg m²]
+  Eigen::Vector3d inverse_inertia = Eigen::Vector3d::Zero();  ///< principal [1/(kg m²)]
+
+  bool is_movable() const { return inverse_mass > 0.0; }
+  bool can_turn() const { return !inverse_inertia.isZero(0.0); }
+  bool is_isotropic() const { return inertia.x() == inertia.y() && inertia.y() == inertia.z(); }
+  /// How far from the centre the mass is as to its largest inertia [m].
+  double radius_of_gyration() const { return std::sqrt(inertia.maxCoeff() * inverse_mass); }
+};
+
+/// R diag(principal) Rᵀ w of a body with orientation q: world to world.
+inline Eigen::Vector3d apply_inertia(const Eigen::Vector3d& principal, const Eigen::Quaterniond& q,
+                                     const Eigen::Vector3d& w) {
+  return q * principal.cwiseProduct(q.conjugate() * w);
+}
+
+/// The rotation by the vector w [rad].
+inline Eigen::Quaterniond rotation(const Eigen::Vector3d& w) {
+  const double angle = w.norm();
+  // sin(x/2)/x: below 1e-4 its series to second order is exact to round-off
+  const double s = angle > 1e-4 ? std::sin(0.5 * angle) / angle : 0.5 - angle * angle / 48.0;
+  Eigen::Quaterniond q;
+  q.w() = std::cos(0.5 * angle);
+  q.vec() = s * w;
+  return q;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,746 @@
+#include "engine/methods/equations_of_motion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "engine/methods/embedded_pairs.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using ConstVector = Eigen::Map<const Vector3d>;
+using Vector = Eigen::Map<Vector3d>;
+
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr std::size_t kMostStages = DormandPrince8::kStages + 1;
+
+// Dependent rows: pivots below this share of their diagonal entry get it added, and the solution
+// is refined. Below the second one they are taken for dependent and not for a mass ratio.
+constexpr double kLeastPivot = 1e-8;
+constexpr double kRoundOffPivot = 1e-13;
+constexpr int kRefinements = 3;
+constexpr double kSolved = 1e-6;  // of the right-hand side
+
+constexpr int kMostNewtonSteps = 8;
+constexpr double kProjected = 1e-10;  // of the scene's size: more is no solution
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+// of a quaternion (x, y, z, w)
+Matrix3d rotation_matrix(const double* q) {
+  return Eigen::Map<const Quaterniond>(q).toRotationMatrix();
+}
+
+// ½ (0, ω) ⊗ q
+void write_quaternion_rate(const Vector3d& w, const double* q, double* rate) {
+  rate[0] = 0.5 * (w.x() * q[3] + w.y() * q[2] - w.z() * q[1]);
+  rate[1] = 0.5 * (w.y() * q[3] + w.z() * q[0] - w.x() * q[2]);
+  rate[2] = 0.5 * (w.z() * q[3] + w.x() * q[1] - w.y() * q[0]);
+  rate[3] = -0.5 * (w.x() * q[0] + w.y() * q[1] + w.z() * q[2]);
+}
+
+double norm(const double* x, std::size_t n) {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < n; ++i) sum += x[i] * x[i];
+  return std::sqrt(sum);
+}
+
+}  // namespace
+
+// ---- what is compiled
+
+EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<Joint>& all_joints,
+                                     const Ends& ends, const std::vector<MassProperties>& masses)
+    : joints_(std::move(joints)) {
+  find_bodies(all_joints, ends, masses);
+  add_links(all_joints, ends, masses);
+  couple_rows();
+
+  const std::size_t points = inverse_mass_.size();
+  for (auto* list : {&position_, &velocity_, &acceleration_, &push_, &load_acceleration_})
+    list->assign(points, Vector3d::Zero());
+  orientation_.resize(turning_);
+  inverse_inertia_.resize(turning_);
+  for (auto* list : {&spin_, &spin_acceleration_, &torque_, &twist_, &load_torque_})
+    list->assign(turning_, Vector3d::Zero());
+  for (auto* list : {&d_, &arm_a_, &arm_b_}) list->assign(links_.size(), Vector3d::Zero());
+  length_.resize(links_.size());
+  length_at_start_.resize(links_.size());
+  courses_.reserve(links_.size());
+  for (auto* list :
+       {&value_, &rate_, &rate_target_, &acceleration_target_, &solution_, &residual_, &refined_})
+    list->assign(rows_.size(), 0.0);
+  turn_.assign(turns_.size(), Vector3d::Zero());
+  turn_response_ = turn_;
+  impulses_.assign(rows_.size() + links_.size() - first_spring_, 0.0);
+  stage_forces_.assign(impulses_.size() * kMostStages, 0.0);
+}
+
+// those that turn come first
+void EquationsOfMotion::find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
+                                    const std::vector<MassProperties>& masses) {
+  std::vector<int> turning, others;
+  const auto add = [&](std::size_t body, const Vector3d& anchor) {
+    if (!masses[body].is_movable()) return;
+    const bool turns = !anchor.isZero(0.0) && masses[body].can_turn();
+    (turns ? turning : others).push_back(static_cast<int>(body));
+  };
+  for (const int joint : joints_) {
+    add(ends[at(joint)].first, all_joints[at(joint)].anchor_a);
+    add(ends[at(joint)].second, all_joints[at(joint)].anchor_b);
+  }
+  const auto sort_out = [](std::vector<int>& list) {
+    std::sort(list.begin(), list.end());
+    list.erase(std::unique(list.begin(), list.end()), list.end());
+  };
+  sort_out(turning);
+  sort_out(others);
+  bodies_ = turning;
+  turning_ = turning.size();
+  std::set_difference(others.begin(), others.end(), turning.begin(), turning.end(),
+                      std::back_inserter(bodies_));
+  for (const int body : bodies_) inverse_mass_.push_back(masses[at(body)].inverse_mass);
+  for (const int body : turning) {
+    inertia_.push_back(masses[at(body)].inertia);
+    radius_of_gyration_.push_back(masses[at(body)].radius_of_gyration());
+  }
+}
+
+void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const Ends& ends,
+                                  const std::vector<MassProperties>& masses) {
+  const auto turns_an_end = [&](int j) {
+    const auto turns = [&](std::size_t body) {
+      const auto middle = bodies_.begin() + static_cast<std::ptrdiff_t>(turning_);
+      return std::binary_search(bodies_.begin(), middle, static_cast<int>(body));
+    };
+    return turns(ends[at(j)].first) || turns(ends[at(j)].second);
+  };
+  const auto kind = [&](int j) {  // rods between centres, other rods, ball joints, springs
+    const auto* distance = std::get_if<DistanceJoint>(&all_joints[at(j)].type);
+    if (distance == nullptr) return 2;
+    if (distance->is_soft()) return 3;
+    return turns_an_end(j) ? 1 : 0;
+  };
+  std::stable_sort(joints_.begin(), joints_.end(), [&](int i, int j) { return kind(i) < kind(j); });
+  const auto count_below = [&](int most) {
+    return static_cast<std::size_t>(
+        std::count_if(joints_.begin(), joints_.end(), [&](int j) { return kind(j) < most; }));
+  };
+  first_armed_ = count_below(1);
+  first_ball_ = count_below(2);
+  first_spring_ = count_below(3);
+
+  const auto middle = bodies_.begin() + static_cast<std::ptrdiff_t>(turning_);
+  const auto point_of = [&](std::size_t body, const Vector3d& anchor) {
+    const int index = static_cast<int>(body);
+    if (masses[body].is_movable()) {
+      auto place = std::lower_bound(bodies_.begin(), middle, index);
+      if (place == middle || *place != index)
+        place = std::lower_bound(middle, bodies_.end(), index);
+      return static_cast<std::size_t>(place - bodies_.begin());
+    }
+    fixed_points_.push_back({index, anchor, BodyState{}});
+    inverse_mass_.push_back(0.0);
+    return inverse_mass_.size() - 1;
+  };
+  for (const int j : joints_) {
+    const Joint& joint = all_joints[at(j)];
+    Link link{};
+    link.a = point_of(ends[at(j)].first, joint.anchor_a);
+    link.b = point_of(ends[at(j)].second, joint.anchor_b);
+    link.anchor_a = joint.anchor_a;
+    link.anchor_b = joint.anchor_b;
+    link.has_arms = turns(link.a) || turns(link.b);
+    if (const auto* distance = std::get_if<DistanceJoint>(&joint.type)) {
+      link.stiffness = distance->stiffness;
+      link.damping = distance->damping;
+    }
+    const std::size_t l = links_.size();
+    links_.push_back(link);
+    if (l < first_spring_) add_rows(link, is_rod(l) ? 1 : 3);
+  }
+}
+
+void EquationsOfMotion::add_rows(const Link& link, int count) {
+  for (int k = 0; k < count; ++k) {
+    Row row{};
+    row.a = link.a;
+    row.b = link.b;
+    row.turn_a = row.turn_b = -1;
+    row.inverse_mass = inverse_mass_[link.a] + inverse_mass_[link.b];
+    const auto turn = [&](std::size_t point) {
+      turns_.push_back({point, rows_.size(), 0});
+      return static_cast<int>(turns_.size()) - 1;
+    };
+    if (turns(link.a)) row.turn_a = turn(link.a);
+    if (turns(link.b)) row.turn_b = turn(link.b);
+    rows_.push_back(row);
+    direction_.emplace_back(count == 3 ? Vector3d(Vector3d::Unit(k)) : Vector3d(Vector3d::Zero()));
+  }
+}
+
+// which entries of A there are, and what they come from
+void EquationsOfMotion::couple_rows() {
+  struct End {
+    std::size_t row;
+    double sign;
+    int turn;
+  };
+  std::vector<std::vector<End>> ends_on(bodies_.size());
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const Row& row = rows_[i];
+    if (row.a < bodies_.size()) ends_on[row.a].push_back({i, -1.0, row.turn_a});
+    if (row.b < bodies_.size()) ends_on[row.b].push_back({i, 1.0, row.turn_b});
+  }
+  std::vector<std::pair<int, int>> pattern;
+  for (const auto& ends : ends_on)
+    for (std::size_t m = 0; m < ends.size(); ++m)
+      for (std::size_t n = 0; n < m; ++n)
+        pattern.emplace_back(static_cast<int>(ends[m].row), static_cast<int>(ends[n].row));
+  ldlt_.analyze(static_cast<int>(rows_.size()), pattern);
+
+  const auto slot = [&](std::size_t i, std::size_t j) {
+    return ldlt_.slot(static_cast<int>(i), static_cast<int>(j));
+  };
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    rows_[i].diagonal = slot(i, i);
+    rows_[i].unknown = at(ldlt_.place(static_cast<int>(i)));
+  }
+  for (Turn& turn : turns_) turn.unknown = rows_[turn.row].unknown;
+
+  for (const auto& ends : ends_on) {
+    for (const End& end : ends) pulls_.push_back({end.row, rows_[end.row].unknown, end.sign});
+    pulls_end_.push_back(pulls_.size());
+  }
+
+  const auto are_two_axes = [&](std::size_t i, std::size_t j) {
+    return i >= first_ball_ && j >= first_ball_ && direction_[i] != direction_[j];
+  };
+  for (std::size_t body = 0; body < bodies_.size(); ++body) {
+    const auto& ends = ends_on[body];
+    for (std::size_t m = 0; m < ends.size(); ++m) {
+      for (std::size_t n = 0; n < m; ++n) {
+        if (are_two_axes(ends[m].row, ends[n].row)) continue;
+        linear_couplings_.push_back({ends[m].row, ends[n].row,
+                                     ends[m].sign * ends[n].sign * inverse_mass_[body],
+                                     slot(ends[m].row, ends[n].row)});
+      }
+      if (!turns(body)) continue;
+      for (std::size_t n = 0; n <= m; ++n)
+        angular_couplings_.push_back(
+            {at(ends[m].turn), at(ends[n].turn), slot(ends[m].row, ends[n].row)});
+    }
+  }
+}
+
+// ---- a span of time in which nothing jumps
+
+void EquationsOfMotion::load(const std::vector<BodyState>& states, double* y) const {
+  double* v = y + 3 * bodies_.size();
+  double* q = v + 3 * bodies_.size();
+  double* L = q + 4 * turning_;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    const BodyState& state = states[at(bodies_[i])];
+    Vector(y + 3 * i) = state.position;
+    Vector(v + 3 * i) = state.linear_velocity;
+    if (!turns(i)) continue;
+    Eigen::Map<Eigen::Vector4d>(q + 4 * i) = state.orientation.coeffs();
+    Vector(L + 3 * i) = apply_inertia(inertia_[i], state.orientation, state.angular_velocity);
+  }
+}
+
+void EquationsOfMotion::store(const double* y, std::vector<BodyState>* states) const {
+  const double* v = y + 3 * bodies_.size();
+  const double* q = v + 3 * bodies_.size();
+  const double* L = q + 4 * turning_;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    BodyState& state = (*states)[at(bodies_[i])];
+    state.position = ConstVector(y + 3 * i);
+    state.linear_velocity = ConstVector(v + 3 * i);
+    if (!turns(i)) continue;
+    state.orientation.coeffs() = Eigen::Map<const Eigen::Vector4d>(q + 4 * i);
+    state.angular_velocity =
+        apply_inertia(inertia_[i].cwiseInverse(), state.orientation, ConstVector(L + 3 * i));
+  }
+}
+
+void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
+                              const Vector3d& gravity, const std::vector<Load>& loads,
+                              const std::vector<JointCourse>& courses) {
+  std::fill_n(load_acceleration_.begin(), bodies_.size(), gravity);
+  for (Vector3d& torque : load_torque_) torque.setZero();
+  for (const Load& load : loads) {
+    const auto found = std::find(bodies_.begin(), bodies_.end(), load.body);
+    if (found == bodies_.end()) continue;
+    const auto i = static_cast<std::size_t>(found - bodies_.begin());
+    load_acceleration_[i] += inverse_mass_[i] * load.force;
+    if (turns(i)) load_torque_[i] += load.torque;
+  }
+
+  start_time_ = t;
+  fixed_points_move_ = false;
+  for (FixedPoint& point : fixed_points_) {
+    point.start = states[at(point.body)];
+    fixed_points_move_ = fixed_points_move_ || !point.start.linear_velocity.isZero(0.0) ||
+                         !point.start.angular_velocity.isZero(0.0);
+  }
+  place_fixed_points(t);
+  scale_ = 0.0;
+  for (std::size_t p = bodies_.size(); p < position_.size(); ++p)
+    scale_ = std::max(scale_, position_[p].cwiseAbs().maxCoeff());
+  for (const int body : bodies_)
+    scale_ = std::max(scale_, states[at(body)].position.cwiseAbs().maxCoeff());
+
+  courses_.clear();
+  std::fill(rate_target_.begin(), rate_target_.end(), 0.0);
+  std::fill(acceleration_target_.begin(), acceleration_target_.end(), 0.0);
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    const JointCourse& course = courses[at(joints_[l])];
+    if (!course.is_constant()) courses_.emplace_back(l, course);
+    length_[l] = is_ball(l) ? Course{} : course.length(t);
+    length_at_start_[l] = length_[l].value;
+    scale_ = std::max(scale_, length_[l].value);
+  }
+}
+
+bool EquationsOfMotion::keeps_pace(double t, const double* y) {
+  if (courses_.empty()) return true;
+  ask(t);
+  place(t, y);
+  set_velocities(y);
+  find_rates();
+  for (const auto& [l, course] : courses_) {
+    if (!is_rod(l)) continue;
+    const double off = (rate_[l] - rate_target_[l]) / length_[l].value;
+    const double speed = std::max(std::abs(length_[l].rate), d_dot(l).norm());
+    if (std::abs(off) > 1e-12 * speed + 16.0 * kEpsilon * scale_) return false;
+  }
+  return true;
+}
+
+bool EquationsOfMotion::start(double t, double* y, double* dydt) {
+  contradicts_ = false;
+  if (!factors_are_there_) {
+    ask(t);
+    place(t, y);
+    factor(kLeastPivot);
+  }
+  return project(t, y) && restart(y, dydt);
+}
+
+void EquationsOfMotion::clear() {
+  std::fill(impulses_.begin(), impulses_.end(), 0.0);
+  dependent_rows_ = 0;
+}
+
+Vector3d EquationsOfMotion::impulse(std::size_t l) const {
+  if (is_rod(l)) return {impulses_[rows_[l].unknown] * length_at_start_[l], 0.0, 0.0};
+  if (!is_ball(l)) return {impulses_[rows_.size() + l - first_spring_], 0.0, 0.0};
+  const std::size_t i = first_row(l);
+  return {impulses_[rows_[i].unknown], impulses_[rows_[i + 1].unknown],
+          impulses_[rows_[i + 2].unknown]};
+}
+
+// ---- one evaluation
+
+// lengths and offsets at t, of the links where they change
+void EquationsOfMotion::ask(double t) {
+  for (const auto& [l, course] : courses_) {
+    if (!is_ball(l)) {
+      const Course length = length_[l] = course.length(t);
+      if (!is_rod(l)) continue;
+      rate_target_[l] = length.value * length.rate;
+      acceleration_target_[l] = length.rate * length.rate + length.value * length.acceleration;
+      continue;
+    }
+    const Course share = length_[l] = course.share_to_close(t);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double offset = course.offset()[static_cast<Eigen::Index>(k)];
+      rate_target_[first_row(l) + k] = offset * share.rate;
+      acceleration_target_[first_row(l) + k] = offset * share.acceleration;
+    }
+  }
+}
+
+void EquationsOfMotion::place(double t, const double* y) {
+  place_bodies(y);
+  if (fixed_points_move_) place_fixed_points(t);
+  place_links();
+  if (turning_ > 0) place_arms();
+}
+
+void EquationsOfMotion::place_bodies(const double* y) {
+  for (std::size_t i = 0; i < bodies_.size(); ++i) position_[i] = ConstVector(y + 3 * i);
+  const double* q = y + 6 * bodies_.size();
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const Matrix3d R = rotation_matrix(q + 4 * i);
+    orientation_[i] = R;
+    inverse_inertia_[i].noalias() = R * inertia_[i].cwiseInverse().asDiagonal() * R.transpose();
+  }
+}
+
+void EquationsOfMotion::place_fixed_points(double t) {
+  for (std::size_t i = 0; i < fixed_points_.size(); ++i) {
+    const FixedPoint& point = fixed_points_[i];
+    const std::size_t p = bodies_.size() + i;
+    const double since = t - start_time_;
+    const Vector3d& w = point.start.angular_velocity;
+    const Vector3d arm = rotation(since * w) * (point.start.orientation * point.anchor);
+    const Vector3d around = w.cross(arm);
+    position_[p] = point.start.position + since * point.start.linear_velocity + arm;
+    velocity_[p] = point.start.linear_velocity + around;
+    load_acceleration_[p] = w.cross(around);
+  }
+}
+
+// d, for now from centre to centre where an end turns
+void EquationsOfMotion::place_links() {
+  for (std::size_t l = 0; l < first_ball_; ++l)
+    direction_[l] = position_[links_[l].b] - position_[links_[l].a];
+  for (std::size_t l = first_ball_; l < links_.size(); ++l)
+    d_[l] = position_[links_[l].b] - position_[links_[l].a];
+}
+
+void EquationsOfMotion::place_arms() {
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    const Link& link = links_[l];
+    if (!link.has_arms) continue;
+    Vector3d& d = is_rod(l) ? direction_[l] : d_[l];
+    if (turns(link.a)) d -= arm_a_[l] = orientation_[link.a] * link.anchor_a;
+    if (turns(link.b)) d += arm_b_[l] = orientation_[link.b] * link.anchor_b;
+    if (l >= first_spring_) continue;
+    const std::size_t begin = is_rod(l) ? l : first_row(l);
+    const std::size_t end = is_rod(l) ? l + 1 : begin + 3;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Row& row = rows_[i];
+      if (row.turn_a >= 0) turn_[at(row.turn_a)] = direction_[i].cross(arm_a_[l]);
+      if (row.turn_b >= 0) turn_[at(row.turn_b)] = arm_b_[l].cross(direction_[i]);
+    }
+  }
+  for (std::size_t p = 0; p < turns_.size(); ++p)
+    turn_response_[p].noalias() = inverse_inertia_[turns_[p].body] * turn_[p];
+}
+
+// A = G M⁻¹ Gᵀ here, and its factors
+void EquationsOfMotion::factor(double least) {
+  if (rows_.empty()) return;
+  std::vector<double>& A = ldlt_.values();
+  std::fill(A.begin(), A.end(), 0.0);
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    A[rows_[i].diagonal] = rows_[i].inverse_mass * direction_[i].squaredNorm();
+  for (const LinearCoupling& c : linear_couplings_)
+    A[c.slot] += c.inverse_mass * direction_[c.i].dot(direction_[c.j]);
+  for (const AngularCoupling& c : angular_couplings_)
+    A[c.slot] += turn_[c.p].dot(turn_response_[c.q]);
+  touched_ = ldlt_.factor(least);
+  factors_are_there_ = true;
+}
+
+void EquationsOfMotion::set_velocities(const double* y) {
+  const double* v = y + 3 * bodies_.size();
+  for (std::size_t i = 0; i < bodies_.size(); ++i) velocity_[i] = ConstVector(v + 3 * i);
+  const double* L = v + 3 * bodies_.size() + 4 * turning_;
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const ConstVector momentum(L + 3 * i);
+    spin_[i].noalias() = inverse_inertia_[i] * momentum;
+    spin_acceleration_[i] = momentum.cross(spin_[i]);  // without torque, and times I⁻¹ to come
+  }
+}
+
+Vector3d EquationsOfMotion::d_dot(std::size_t l) const {
+  const Link& link = links_[l];
+  Vector3d rate = velocity_[link.b] - velocity_[link.a];
+  if (!link.has_arms) return rate;
+  if (turns(link.a)) rate -= spin_[link.a].cross(arm_a_[l]);
+  if (turns(link.b)) rate += spin_[link.b].cross(arm_b_[l]);
+  return rate;
+}
+
+Vector3d EquationsOfMotion::gamma_d(std::size_t l) const {
+  const Link& link = links_[l];
+  Vector3d gamma = Vector3d::Zero();
+  if (turns(link.a)) gamma -= spin_[link.a].cross(spin_[link.a].cross(arm_a_[l]));
+  if (turns(link.b)) gamma += spin_[link.b].cross(spin_[link.b].cross(arm_b_[l]));
+  return gamma;
+}
+
+// the springs' forces, in addition to what acts without the rows
+void EquationsOfMotion::pull_springs(double* forces) {
+  std::copy(load_acceleration_.begin(), load_acceleration_.end(), acceleration_.begin());
+  for (std::size_t l = first_spring_; l < links_.size(); ++l) {
+    const Link& link = links_[l];
+    const double distance = d_[l].norm();
+    const Vector3d n = distance > 0.0 ? Vector3d(d_[l] / distance) : Vector3d(Vector3d::UnitX());
+    const double stretch = distance - length_[l].value;
+    const double rate = n.dot(d_dot(l)) - length_[l].rate;
+    const double force = -link.stiffness * stretch - link.damping * rate;
+    forces[rows_.size() + l - first_spring_] = force;
+    const Vector3d f = force * n;
+    acceleration_[link.a] -= inverse_mass_[link.a] * f;
+    acceleration_[link.b] += inverse_mass_[link.b] * f;
+    if (turns(link.a)) torque_[link.a] -= arm_a_[l].cross(f);
+    if (turns(link.b)) torque_[link.b] += arm_b_[l].cross(f);
+  }
+}
+
+// C̈_target − γ − G a_free
+void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) const {
+  for (std::size_t l = 0; l < first_armed_; ++l) {
+    const Row& row = rows_[l];
+    const Vector3d d_dot = velocity_[row.b] - velocity_[row.a];
+    b[row.unknown] = -d_dot.squaredNorm() - direction_[l].dot(free[row.b] - free[row.a]);
+  }
+  for (std::size_t l = first_armed_; l < first_ball_; ++l) {
+    const Row& row = rows_[l];
+    const Vector3d a = free[row.b] - free[row.a] + gamma_d(l);
+    b[row.unknown] = -d_dot(l).squaredNorm() - direction_[l].dot(a);
+  }
+  for (std::size_t l = first_ball_; l < first_spring_; ++l) {
+    const Link& link = links_[l];
+    Vector3d a = free[link.b] - free[link.a];
+    if (link.has_arms) a += gamma_d(l);
+    for (std::size_t k = 0; k < 3; ++k)
+      b[rows_[first_row(l) + k].unknown] = -a[static_cast<Eigen::Index>(k)];
+  }
+  for (std::size_t p = 0; p < turns_.size(); ++p)
+    b[turns_[p].unknown] -= turn_[p].dot(spin_acceleration_[turns_[p].body]);
+  if (courses_.empty()) return;
+  for (std::size_t i = 0; i < rows_.size(); ++i) b[rows_[i].unknown] += acceleration_target_[i];
+}
+
+void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* dydt) {
+  double* const lambda = stage_forces_.data() + stage * impulses_.size();
+  std::copy(load_torque_.begin(), load_torque_.end(), torque_.begin());
+  const Vector3d* free = load_acceleration_.data();  // what bodies do without the rows
+  if (first_spring_ < links_.size()) {
+    pull_springs(lambda);
+    free = acceleration_.data();
+  }
+  for (std::size_t i = 0; i < turning_; ++i)
+    spin_acceleration_[i] = inverse_inertia_[i] * (torque_[i] + spin_acceleration_[i]);
+  find_right_hand_side(free, lambda);
+  solve(lambda);
+  if (touched_ > 0 && !is_solved_) {
+    if (ldlt_.smallest_touched() > kRoundOffPivot) {  // it was a mass ratio that made pivots small
+      factor(kRoundOffPivot);
+      find_right_hand_side(free, lambda);
+      solve(lambda);
+    } else {
+      contradicts_ = true;
+    }
+  }
+  respond(lambda);
+  weigh_by_length(lambda);
+
+  const std::size_t bodies = bodies_.size();
+  std::copy_n(y + 3 * bodies, 3 * bodies, dydt);
+  for (std::size_t i = 0; i < bodies; ++i)
+    Vector(dydt + 3 * (bodies + i)) = free[i] + inverse_mass_[i] * push_[i];
+  const double* q = y + 6 * bodies;
+  for (std::size_t i = 0; i < turning_; ++i) {
+    write_quaternion_rate(spin_[i], q + 4 * i, dydt + 6 * bodies + 4 * i);
+    Vector(dydt + 6 * bodies + 4 * turning_ + 3 * i) = torque_[i] + twist_[i];
+  }
+}
+
+// impulse() multiplies λ of a rod with its length at the start of the span
+void EquationsOfMotion::weigh_by_length(double* lambda) const {
+  for (const auto& [l, course] : courses_)
+    if (is_rod(l)) lambda[rows_[l].unknown] *= length_[l].value / length_at_start_[l];
+}
+
+void EquationsOfMotion::derivative(std::size_t stage, double t, const double* y, double* dydt) {
+  ask(t);
+  place(t, y);
+  factor(kLeastPivot);
+  set_velocities(y);
+  accelerate(stage, y, dydt);
+}
+
+// ---- projections
+
+// C of all rows; returns how far the worst is off [m]
+double EquationsOfMotion::find_values() {
+  double worst = 0.0;
+  const auto consider = [&](double error) {
+    if (!(error <= worst)) worst = error;  // a NaN stays
+  };
+  for (std::size_t l = 0; l < first_ball_; ++l) {
+    const double length = length_[l].value;
+    value_[l] = 0.5 * (direction_[l].squaredNorm() - length * length);
+    consider(std::abs(value_[l]) / length);
+  }
+  for (std::size_t l = first_ball_; l < first_spring_; ++l)
+    Vector(value_.data() + first_row(l)) = d_[l];
+  for (const auto& [l, course] : courses_)
+    if (is_ball(l)) Vector(value_.data() + first_row(l)) -= length_[l].value * course.offset();
+  for (std::size_t i = first_ball_; i < rows_.size(); ++i) consider(std::abs(value_[i]));
+  return worst;
+}
+
+// Ċ of all rows
+void EquationsOfMotion::find_rates() {
+  for (std::size_t l = 0; l < first_ball_; ++l) rate_[l] = direction_[l].dot(d_dot(l));
+  for (std::size_t l = first_ball_; l < first_spring_; ++l)
+    Vector(rate_.data() + first_row(l)) = d_dot(l);
+}
+
+// whether the velocities found are what the rows ask for, which may contradict each other
+bool EquationsOfMotion::moves_as_asked() {
+  find_rates();
+  double speed = 0.0;
+  for (const Vector3d& velocity : velocity_) speed = std::max(speed, velocity.norm());
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const double length = i < first_ball_ ? length_[i].value : 1.0;
+    if (std::abs(rate_[i] - rate_target_[i]) > kSolved * speed * length) return false;
+  }
+  return true;
+}
+
+// Newton's steps with the factors of the last stage, which is near, or if these do not do with
+// factors made here. Leaves everything placed at y.
+bool EquationsOfMotion::project(double t, double* y) {
+  // rows that are asked to move one against the other; without that it is a pose passed by
+  const bool cannot = contradicts_ && varies();
+  contradicts_ = false;
+  if (cannot) return false;
+  const std::size_t bodies = bodies_.size();
+  double* const q = y + 6 * bodies;
+  ask(t);
+  double before = std::numeric_limits<double>::infinity();
+  bool factors_are_near = true;
+  for (int i = 0;; ++i) {
+    for (std::size_t k = 0; k < turning_; ++k) Eigen::Map<Eigen::Vector4d>(q + 4 * k).normalize();
+    place(t, y);
+    const double error = find_values();
+    if (error <= kEpsilon * scale_) return true;
+    if (!(error <= 0.5 * before)) {
+      if (error <= 16.0 * kEpsilon * scale_) return true;  // that is rounding
+      if (!factors_are_near || !std::isfinite(error)) return error <= kProjected * scale_;
+      factors_are_near = false;
+      factor(kLeastPivot);
+    }
+    if (i == kMostNewtonSteps) return error <= kProjected * scale_;
+    before = error;
+
+    for (std::size_t r = 0; r < rows_.size(); ++r) solution_[rows_[r].unknown] = -value_[r];
+    solve(solution_.data());
+    respond(solution_.data());
+    for (std::size_t k = 0; k < bodies; ++k) Vector(y + 3 * k) += inverse_mass_[k] * push_[k];
+    for (std::size_t k = 0; k < turning_; ++k) {
+      double rate[4];
+      write_quaternion_rate(inverse_inertia_[k] * twist_[k], q + 4 * k, rate);
+      for (std::size_t e = 0; e < 4; ++e) q[4 * k + e] += rate[e];
+    }
+  }
+}
+
+// after project(): velocities, and the derivative of the first stage with the same factors
+bool EquationsOfMotion::restart(double* y, double* dydt) {
+  const std::size_t bodies = bodies_.size();
+  factor(kLeastPivot);
+  set_velocities(y);
+  if (!rows_.empty()) {
+    find_rates();
+    for (std::size_t i = 0; i < rows_.size(); ++i)
+      solution_[rows_[i].unknown] = rate_target_[i] - rate_[i];
+    solve(solution_.data());
+    respond(solution_.data());
+    double* const v = y + 3 * bodies;
+    double* const L = v + 3 * bodies + 4 * turning_;
+    for (std::size_t k = 0; k < bodies; ++k) Vector(v + 3 * k) += inverse_mass_[k] * push_[k];
+    for (std::size_t k = 0; k < turning_; ++k) Vector(L + 3 * k) += twist_[k];
+    weigh_by_length(solution_.data());
+    for (std::size_t i = 0; i < rows_.size(); ++i) impulses_[i] += solution_[i];
+    set_velocities(y);
+    if (touched_ > 0 && !moves_as_asked()) return false;
+  }
+  accelerate(0, y, dydt);
+  return true;
+}
+
+void EquationsOfMotion::accept(double h, const double* weights) {
+  const std::size_t n = impulses_.size();
+  for (std::size_t stage = 0; stage < kMostStages - 1; ++stage) {
+    if (weights[stage] == 0.0) continue;
+    const double weight = h * weights[stage];
+    const double* const forces = stage_forces_.data() + stage * n;
+    for (std::size_t i = 0; i < n; ++i) impulses_[i] += weight * forces[i];
+  }
+}
+
+double EquationsOfMotion::size_of(const double* dy, double h) const {
+  const std::size_t bodies = bodies_.size();
+  double largest = 0.0;
+  for (std::size_t i = 0; i < bodies; ++i) {
+    largest = std::max(largest, ConstVector(dy + 3 * i).squaredNorm());
+    largest = std::max(largest, h * h * ConstVector(dy + 3 * (bodies + i)).squaredNorm());
+  }
+  const double* dq = dy + 6 * bodies;
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const double turned = 2.0 * radius_of_gyration_[i];
+    const double norm = Eigen::Map<const Eigen::Vector4d>(dq + 4 * i).squaredNorm();
+    largest = std::max(largest, turned * turned * norm);
+  }
+  return std::sqrt(largest);
+}
+
+// ---- the linear system
+
+// Gᵀλ: what the rows do to points and to those that turn
+void EquationsOfMotion::respond(const double* lambda) {
+  std::size_t pull = 0;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    Vector3d sum = Vector3d::Zero();
+    for (; pull < pulls_end_[i]; ++pull)
+      sum += pulls_[pull].sign * lambda[pulls_[pull].unknown] * direction_[pulls_[pull].row];
+    push_[i] = sum;
+  }
+  for (Vector3d& twist : twist_) twist.setZero();
+  for (std::size_t p = 0; p < turns_.size(); ++p)
+    twist_[turns_[p].body] += lambda[turns_[p].unknown] * turn_[p];
+}
+
+// λ in place of b
+void EquationsOfMotion::solve(double* b) {
+  if (rows_.empty()) return;
+  if (touched_ == 0) {
+    ldlt_.solve(b);
+    return;
+  }
+  dependent_rows_ = std::max(dependent_rows_, touched_);
+  refine(b);
+}
+
+// Rows that depend on each other: the factors are those of a matrix nearby, so λ is brought to what
+// solves the true one as far as that goes; what is left then no force can do.
+void EquationsOfMotion::refine(double* b) {
+  const std::size_t n = rows_.size();
+  refined_.assign(n, 0.0);
+  residual_.assign(b, b + n);
+  for (int k = 0; k < kRefinements; ++k) {
+    ldlt_.solve(residual_.data());
+    for (std::size_t i = 0; i < n; ++i) refined_[i] += residual_[i];
+    find_residual(b);
+  }
+  is_solved_ = norm(residual_.data(), n) <= kSolved * norm(b, n);
+  std::copy(refined_.begin(), refined_.end(), b);
+}
+
+// b − A λ of the true A, for λ in refined_
+void EquationsOfMotion::find_residual(const double* b) {
+  respond(refined_.data());
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const Row& row = rows_[i];
+    const Vector3d a = inverse_mass_[row.b] * push_[row.b] - inverse_mass_[row.a] * push_[row.a];
+    residual_[row.unknown] = b[row.unknown] - direction_[i].dot(a);
+  }
+  for (std::size_t p = 0; p < turns_.size(); ++p)
+    residual_[turns_[p].unknown] -= turn_response_[p].dot(twist_[turns_[p].body]);
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,203 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "constraint_sim/body.h"
+#include "engine/constraints/joint.h"
+#include "engine/linear/sparse_ldlt.h"
+#include "engine/mass_properties.h"
+
+namespace constraint_sim::engine {
+
+/// A force and torque on a body, constant for a while; world axes.
+struct Load {
+  int body = 0;
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();   ///< [N]
+  Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< about the centre of mass [N m]
+};
+
+/// The bodies of one island and the joints that hold them, as a System of integrate.h, in index-1
+/// form: the forces λ of the rigid rows are those that keep C̈ where it has to be.
+///   v̇ = F/m + G_linᵀλ/m,  L̇ = τ + G_angᵀλ,  q̇ = ½ (0, ω) ⊗ q,  ω = I_W⁻¹ L
+///   A λ = C̈_target − γ − G a_free,  A = G M⁻¹ Gᵀ,  γ = C̈ − G V̇
+/// A rod is C = ½(d·d − ℓ(t)²), a ball joint C = d, springs are forces. A body whose joints all
+/// act on its centre does not turn here. The state: x and v of all bodies, then q (x, y, z, w) and
+/// L of those that turn.
+class EquationsOfMotion {
+ public:
+  /// Of these joints, given by index. Only this allocates.
+  EquationsOfMotion(std::vector<int> joints, const std::vector<Joint>& all_joints,
+                    const std::vector<std::pair<std::size_t, std::size_t>>& ends,
+                    const std::vector<MassProperties>& masses);
+
+  /// Rods first, those between centres before all others, then ball joints, then springs.
+  const std::vector<int>& joints() const { return joints_; }
+  /// Those whose rotation is part of the state first.
+  const std::vector<int>& bodies() const { return bodies_; }
+  std::size_t turning() const { return turning_; }
+  std::size_t rows() const { return rows_.size(); }
+
+  // ---- a span of time in which nothing jumps
+
+  void load(const std::vector<BodyState>& states, double* y) const;
+  void store(const double* y, std::vector<BodyState>* states) const;
+  /// Sets what acts from time t on; `courses` are those of all joints of the world.
+  void begin(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
+             const std::vector<Load>& loads, const std::vector<JointCourse>& courses);
+  /// Whether what begin() sets goes on changing.
+  bool varies() const { return !courses_.empty() || fixed_points_move_; }
+  /// Whether y already moves as the joints ask at t, or has to be started.
+  bool keeps_pace(double t, const double* y);
+  /// Projects y onto the constraints and finds the first derivative; false where it cannot.
+  bool start(double t, double* y, double* dydt);
+
+  // ---- what the joints did since clear()
+
+  void clear();
+  /// As read_smooth_joint() wants it, of joints()[l].
+  Eigen::Vector3d impulse(std::size_t l) const;
+  /// Most rows at once that depended on others.
+  int dependent_rows() const { return dependent_rows_; }
+
+  // ---- System
+
+  std::size_t size() const { return 6 * bodies_.size() + 7 * turning_; }
+  void derivative(std::size_t stage, double t, const double* y, double* dydt);
+  bool project(double t, double* y);
+  void accept(double h, const double* weights);
+  bool restart(double* y, double* dydt);
+  double size_of(const double* dy, double h) const;
+
+ private:
+  /// A joint between two points: bodies in the order of the state, then fixed points.
+  struct Link {
+    std::size_t a, b;
+    Eigen::Vector3d anchor_a, anchor_b;
+    bool has_arms;  // either end turns
+    double stiffness = 0.0, damping = 0.0;
+  };
+  /// One scalar equation; `turn_a`, `turn_b` into turns_, -1 where the end does not turn.
+  struct Row {
+    std::size_t a, b;
+    std::size_t unknown = 0;    // where its λ stands in a solution
+    double inverse_mass = 0.0;  // of both ends
+    SparseLdlt::Slot diagonal = 0;
+    int turn_a = -1, turn_b = -1;
+  };
+  /// Where a row turns a body.
+  struct Turn {
+    std::size_t body, row, unknown;
+  };
+  /// A row that acts on a body; the sign is -1 where the body is its A.
+  struct Pull {
+    std::size_t row, unknown;
+    double sign;
+  };
+  /// Two rows on one body. The mass counts negative where it is A of one and B of the other.
+  struct LinearCoupling {
+    std::size_t i, j;
+    double inverse_mass;
+    SparseLdlt::Slot slot;
+  };
+  struct AngularCoupling {
+    std::size_t p, q;  // turns
+    SparseLdlt::Slot slot;
+  };
+  /// A place of an immovable body that a joint holds on to.
+  struct FixedPoint {
+    int body;
+    Eigen::Vector3d anchor;
+    BodyState start;  // of the body at `start_time_`
+  };
+  using Ends = std::vector<std::pair<std::size_t, std::size_t>>;
+
+  // ---- what is compiled
+  void find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
+                   const std::vector<MassProperties>& masses);
+  void add_links(const std::vector<Joint>& all_joints, const Ends& ends,
+                 const std::vector<MassProperties>& masses);
+  void add_rows(const Link& link, int count);
+  void couple_rows();
+  bool is_rod(std::size_t l) const { return l < first_ball_; }
+  bool is_ball(std::size_t l) const { return l >= first_ball_ && l < first_spring_; }
+  std::size_t first_row(std::size_t ball) const { return first_ball_ + 3 * (ball - first_ball_); }
+  bool turns(std::size_t point) const { return point < turning_; }
+
+  // ---- what happens in one evaluation, in this order
+  void ask(double t);
+  void place(double t, const double* y);
+  void place_bodies(const double* y);
+  void place_fixed_points(double t);
+  void place_links();
+  void place_arms();
+  void factor(double least);
+  void set_velocities(const double* y);
+  void accelerate(std::size_t stage, const double* y, double* dydt);
+  void pull_springs(double* forces);
+  void find_right_hand_side(const Eigen::Vector3d* free, double* b) const;
+  void weigh_by_length(double* lambda) const;
+
+  Eigen::Vector3d d_dot(std::size_t l) const;
+  Eigen::Vector3d gamma_d(std::size_t l) const;
+  void find_rates();
+  double find_values();
+  bool moves_as_asked();
+
+  void solve(double* b);
+  void refine(double* b);
+  void find_residual(const double* b);
+  void respond(const double* lambda);
+
+  std::vector<int> joints_;
+  std::vector<int> bodies_;
+  std::size_t turning_ = 0;
+  std::vector<Link> links_;
+  std::size_t first_armed_ = 0, first_ball_ = 0, first_spring_ = 0;  // among links_
+  std::vector<Row> rows_;  // of rods one each, of ball joints three
+  std::vector<Turn> turns_;
+  std::vector<Pull> pulls_;  // on one body after the other
+  std::vector<std::size_t> pulls_end_;
+  std::vector<LinearCoupling> linear_couplings_;
+  std::vector<AngularCoupling> angular_couplings_;
+  std::vector<FixedPoint> fixed_points_;
+  std::vector<double> inverse_mass_;        // of points
+  std::vector<Eigen::Vector3d> inertia_;    // of those that turn
+  std::vector<double> radius_of_gyration_;  // of those that turn
+  SparseLdlt ldlt_;
+
+  // ---- what acts in this span
+  double start_time_ = 0.0;
+  bool fixed_points_move_ = false;
+  double scale_ = 0.0;                              // largest coordinate [m]: what rounding goes by
+  std::vector<Eigen::Vector3d> load_acceleration_;  // of points
+  std::vector<Eigen::Vector3d> load_torque_;        // of those that turn
+  std::vector<std::pair<std::size_t, JointCourse>> courses_;  // of links that change with time
+  std::vector<double> length_at_start_;                       // of links
+
+  // ---- where things are and what they do, as of the last evaluation
+  std::vector<Eigen::Vector3d> position_, velocity_, acceleration_, push_;  // of points
+  std::vector<Eigen::Matrix3d> orientation_, inverse_inertia_;              // of those that turn
+  std::vector<Eigen::Vector3d> spin_, spin_acceleration_, torque_, twist_;  // of those that turn
+  std::vector<Eigen::Vector3d> d_;                         // of ball joints and springs, as links
+  std::vector<Eigen::Vector3d> arm_a_, arm_b_;             // of links
+  std::vector<Course> length_;                             // of links
+  std::vector<Eigen::Vector3d> direction_;                 // of rows: d of rods, an axis of balls
+  std::vector<double> value_, rate_;                       // of rows
+  std::vector<double> rate_target_, acceleration_target_;  // of rows
+  std::vector<Eigen::Vector3d> turn_, turn_response_;      // of turns: J_ang, I⁻¹ J_angᵀ
+
+  bool factors_are_there_ = false;
+  int touched_ = 0;
+  int dependent_rows_ = 0;
+  bool is_solved_ = true;     // what refine() found, to 1e-6
+  bool contradicts_ = false;  // since project(), no forces could do what was asked
+  std::vector<double> solution_, residual_, refined_;  // by unknown
+  std::vector<double> stage_forces_;  // by unknown, then of springs; stage by stage
+  std::vector<double> impulses_;      // the same, summed up
+};
+
+}  // namespace constraint_sim::engine

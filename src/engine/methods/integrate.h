@@ -1,0 +1,194 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <limits>
+#include <utility>
+#include <vector>
+
+#include "engine/methods/embedded_pairs.h"
+
+namespace constraint_sim::engine {
+
+// Explicit Runge-Kutta steps of any System, with as many substeps as the tolerance asks for.
+//
+// A System has a state of size() numbers and these functions, t in simulated seconds:
+//   void derivative(std::size_t stage, double t, const double* y, double* dydt);
+//   bool project(double t, double* y);             onto what positions have to keep; false: cannot
+//   void accept(double h, const double* weights);  of the stages: they have made a step
+//   bool restart(double* y, double* dydt);         after project(): projects velocities, stage 0
+//   double size_of(const double* dy, double h);    of an error over a step of h [m]
+
+/// Where the numbers are: the state, the candidate for the next one, errors, and the derivatives of
+/// the stages one after the other.
+class StageMemory {
+ public:
+  static constexpr std::size_t kRows = 4 + DormandPrince8::kStages + 1;
+
+  /// On `numbers`, kRows times `size` of them.
+  StageMemory(double* numbers, std::size_t size) : numbers_(numbers), size_(size) {}
+
+  double* state() const { return row(0); }
+  double* candidate() const { return row(1); }
+  double* error(std::size_t i) const { return row(2 + i); }
+  double* derivatives() const { return row(4); }
+
+ private:
+  double* row(std::size_t i) const { return numbers_ + i * size_; }
+
+  double* numbers_;
+  std::size_t size_;
+};
+
+/// What came of it.
+struct Progress {
+  bool done = true;          ///< else the state is where it came to
+  double local_error = 0.0;  ///< estimate, sum of the substeps [m]
+  int substeps = 0;
+  int rejected = 0;
+};
+
+namespace runge_kutta {
+
+inline constexpr double kSafety =
+    0.9;  // the next estimate is meant to come out below what is allowed
+inline constexpr double kMostGrowth = 5.0;
+inline constexpr double kMostShrinking = 0.2;
+inline constexpr double kLeastShrinking = 0.73;
+inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
+inline constexpr int kMostAttempts = 20000;  // in one call: beyond it a step counts as refused
+
+/// Σ a[stage][j] k_j of one element over j < kTerms. A term that is zero is no term, since 0 + x
+/// may differ from x in its sign.
+template <class Pair, std::size_t kStage, std::size_t kTerms>
+double sum(const double* k, std::size_t n) {
+  constexpr double kWeight = Pair::a[kStage][kTerms - 1];
+  if constexpr (kTerms == 1)
+    return kWeight * k[0];
+  else if constexpr (kWeight == 0.0)
+    return sum<Pair, kStage, kTerms - 1>(k, n);
+  else
+    return sum<Pair, kStage, kTerms - 1>(k, n) + kWeight * k[(kTerms - 1) * n];
+}
+
+/// y = y0 + h Σ a[stage][j] k_j.
+template <class Pair, std::size_t kStage>
+void combine(const double* __restrict y0, const double* __restrict k, std::size_t n, double h,
+             double* __restrict y) {
+  for (std::size_t e = 0; e < n; ++e) y[e] = y0[e] + h * sum<Pair, kStage, kStage>(k + e, n);
+}
+
+template <class Pair, std::size_t kStage>
+void combine(const StageMemory& memory, std::size_t n, double h) {
+  combine<Pair, kStage>(memory.state(), memory.derivatives(), n, h, memory.candidate());
+}
+
+template <class Pair, std::size_t kStage, class System>
+void stage(System& system, const StageMemory& memory, double t, double h) {
+  const std::size_t n = system.size();
+  combine<Pair, kStage>(memory, n, h);
+  system.derivative(kStage, t + Pair::c[kStage] * h, memory.candidate(),
+                    memory.derivatives() + kStage * n);
+}
+
+/// All stages but the first, which is there.
+template <class Pair, class System, std::size_t... kBefore>
+void all_stages(System& system, const StageMemory& memory, double t, double h,
+                std::index_sequence<kBefore...>) {
+  (stage<Pair, kBefore + 1>(system, memory, t, h), ...);
+}
+
+/// Σ weights[j] k_j.
+template <std::size_t kTerms>
+void weigh(const double (&weights)[kTerms], const double* k, std::size_t n, double* sum) {
+  std::fill(sum, sum + n, 0.0);
+  for (std::size_t j = 0; j < kTerms; ++j) {
+    if (weights[j] == 0.0) continue;
+    for (std::size_t e = 0; e < n; ++e) sum[e] += weights[j] * k[j * n + e];
+  }
+}
+
+template <class System>
+double estimate(DormandPrince8, const System& system, const StageMemory& memory, double h) {
+  const std::size_t n = system.size();
+  weigh(DormandPrince8::e5, memory.derivatives(), n, memory.error(0));
+  weigh(DormandPrince8::e3, memory.derivatives(), n, memory.error(1));
+  const double fifth = system.size_of(memory.error(0), h);
+  const double third = system.size_of(memory.error(1), h);
+  if (fifth == 0.0) return 0.0;
+  return h * fifth * fifth / std::sqrt(fifth * fifth + 0.01 * third * third);
+}
+
+template <class System>
+double estimate(DormandPrince5, const System& system, const StageMemory& memory, double h) {
+  weigh(DormandPrince5::e4, memory.derivatives(), system.size(), memory.error(0));
+  return h * system.size_of(memory.error(0), h);
+}
+
+/// One step, in candidate(); negative where there is none, else the estimate of its error [m].
+template <class Pair, class System>
+double attempt(System& system, const StageMemory& memory, double t, double h) {
+  constexpr std::size_t kStages = Pair::kStages;
+  all_stages<Pair>(system, memory, t, h, std::make_index_sequence<kStages - 1>());
+  const std::size_t n = system.size();
+  combine<Pair, kStages>(memory, n, h);
+  if constexpr (Pair::kNeedsNext) {
+    system.derivative(kStages, t + h, memory.candidate(), memory.derivatives() + kStages * n);
+  }
+  if (!system.project(t + h, memory.candidate())) return -1.0;
+  const double error = estimate(Pair{}, system, memory, h);
+  return std::isfinite(error) ? error : -1.0;
+}
+
+/// How much longer the next step can be, or how much shorter this one has to.
+template <class Pair>
+double stretch(double error, double allowed) {
+  if (error < 0.0) return kMostShrinking;
+  if (error == 0.0) return kMostGrowth;
+  const double ratio = kSafety * std::pow(allowed / error, 1.0 / (Pair::kErrorOrder - 1));
+  const double most = error > allowed ? kLeastShrinking : kMostGrowth;
+  return std::clamp(ratio, kMostShrinking, most);
+}
+
+}  // namespace runge_kutta
+
+/// Carries state() from t to t + duration. stage 0 of derivatives() is there before and after.
+/// `tolerance` [m] of error per second; 0: one step whatever its error. `step` [s] is what the next
+/// substep is tried with.
+template <class Pair, class System>
+Progress integrate(System& system, const StageMemory& memory, double t, double duration,
+                   double tolerance, double& step) {
+  Progress progress;
+  const double end = t + duration;
+  double left = duration;
+  if (tolerance == 0.0) step = duration;
+  while (left > 0.0) {
+    const double parts = std::ceil(left / step);
+    const double h = parts > 1.0 ? left / parts : left;
+    if (progress.substeps + progress.rejected > runge_kutta::kMostAttempts || t + h == t) {
+      progress.done = false;
+      return progress;
+    }
+    const double error = runge_kutta::attempt<Pair>(system, memory, t, h);
+    const double allowed = tolerance > 0.0 ? tolerance * h : runge_kutta::kInfinity;
+    step = h * runge_kutta::stretch<Pair>(error, allowed);
+    if (error < 0.0 || error > allowed) {
+      ++progress.rejected;
+      continue;
+    }
+    left = parts > 1.0 ? left - h : 0.0;
+    t = end - left;
+    ++progress.substeps;
+    progress.local_error += error;
+    system.accept(h, Pair::a[Pair::kStages]);
+    std::copy(memory.candidate(), memory.candidate() + system.size(), memory.state());
+    if (!system.restart(memory.state(), memory.derivatives())) {
+      progress.done = false;
+      return progress;
+    }
+  }
+  return progress;
+}
+
+}  // namespace constraint_sim::engine

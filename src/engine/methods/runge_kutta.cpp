@@ -1,0 +1,118 @@
+#include "engine/methods/runge_kutta.h"
+
+#include <array>
+#include <utility>
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+template <class System>
+Progress integrate(System& system, const StageMemory& memory, double t, double h,
+                   const Accuracy& accuracy, double& step) {
+  if (step == 0.0) step = h;
+  return accuracy.order == 5
+             ? integrate<DormandPrince5>(system, memory, t, h, accuracy.tolerance, step)
+             : integrate<DormandPrince8>(system, memory, t, h, accuracy.tolerance, step);
+}
+
+/// The quaternion (x, y, z, w) of a body with known angular momentum, as a System.
+class Turning {
+ public:
+  Turning(const MassProperties& mass, const Vector3d& momentum, const Vector3d& torque)
+      : inverse_inertia_(mass.inverse_inertia),
+        momentum_(momentum),
+        torque_(torque),
+        radius_(mass.radius_of_gyration()) {}
+
+  static constexpr std::size_t size() { return 4; }
+
+  void derivative(std::size_t, double t, const double* y, double* dydt) const {
+    const Vector3d L = momentum_ + t * torque_;
+    // ω_B = I_B⁻¹ Rᵀ L, and q̇ = ½ q ⊗ (0, ω_B)
+    const double x = y[0], y_ = y[1], z = y[2], w = y[3];
+    const Vector3d v(x, y_, z);
+    const Vector3d c = L.cross(v);
+    const Vector3d L_B = L + 2.0 * (w * c + c.cross(v));
+    const Vector3d s = 0.5 * inverse_inertia_.cwiseProduct(L_B);
+    dydt[0] = w * s.x() + y_ * s.z() - z * s.y();
+    dydt[1] = w * s.y() + z * s.x() - x * s.z();
+    dydt[2] = w * s.z() + x * s.y() - y_ * s.x();
+    dydt[3] = -v.dot(s);
+  }
+  bool project(double t, double* y) {
+    end_ = t;
+    Eigen::Map<Eigen::Vector4d>(y).normalize();
+    return true;
+  }
+  void accept(double, const double*) {}
+  bool restart(const double* y, double* dydt) const {
+    derivative(0, end_, y, dydt);
+    return true;
+  }
+  double size_of(const double* dy, double) const {
+    return 2.0 * radius_ * Eigen::Map<const Eigen::Vector4d>(dy).norm();
+  }
+
+ private:
+  Vector3d inverse_inertia_, momentum_, torque_;
+  double radius_;
+  double end_ = 0.0;
+};
+
+}  // namespace
+
+LinkedMotion::LinkedMotion(EquationsOfMotion equations) : equations_(std::move(equations)) {
+  numbers_.resize(StageMemory::kRows * equations_.size());
+}
+
+Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
+                               std::vector<BodyState>* states) {
+  if (span.is_disturbed) has_started_ = false;
+  const StageMemory memory(numbers_.data(), equations_.size());
+  double* const y = memory.state();
+  equations_.load(*states, y);
+  if (!has_started_ || equations_.varies())
+    equations_.begin(span.t, *states, span.gravity, span.loads, span.courses);
+  if (!has_started_ || !equations_.keeps_pace(span.t, y)) {
+    has_started_ = equations_.start(span.t, y, memory.derivatives());
+    if (!has_started_) return {false, 0.0, 0, 1};
+  }
+  const Progress progress = integrate(equations_, memory, span.t, span.h, accuracy, step_);
+  if (progress.done)
+    equations_.store(y, states);
+  else
+    has_started_ = false;
+  return progress;
+}
+
+Progress FreeRotation::advance(double h, const Vector3d& torque, const MassProperties& mass,
+                               const Accuracy& accuracy, BodyState* state) {
+  const bool is_driven = !torque.isZero(0.0);
+  if (!is_driven && state->angular_velocity.isZero(0.0)) return {};
+  if (!is_driven && mass.is_isotropic()) {
+    state->orientation = (rotation(h * state->angular_velocity) * state->orientation).normalized();
+    return {};
+  }
+  const Vector3d L = apply_inertia(mass.inertia, state->orientation, state->angular_velocity);
+  Turning turning(mass, L, torque);
+  std::array<double, StageMemory::kRows * Turning::size()> numbers;
+  const StageMemory memory(numbers.data(), Turning::size());
+  Eigen::Map<Eigen::Vector4d> q(memory.state());
+  q = state->orientation.coeffs();
+  turning.derivative(0, 0.0, memory.state(), memory.derivatives());
+  const Progress progress = integrate(turning, memory, 0.0, h, accuracy, step_);
+  if (!progress.done) return progress;
+  state->orientation.coeffs() = q;
+  state->angular_velocity =
+      apply_inertia(mass.inverse_inertia, state->orientation, Vector3d(L + h * torque));
+  return progress;
+}
+
+void fall(double h, const Vector3d& acceleration, BodyState* state) {
+  state->position += h * (state->linear_velocity + 0.5 * h * acceleration);
+  state->linear_velocity += h * acceleration;
+}
+
+}  // namespace constraint_sim::engine

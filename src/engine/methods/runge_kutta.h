@@ -1,0 +1,65 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "constraint_sim/body.h"
+#include "engine/mass_properties.h"
+#include "engine/methods/equations_of_motion.h"
+#include "engine/methods/integrate.h"
+
+namespace constraint_sim::engine {
+
+/// A span of time in which nothing jumps, and what acts in it.
+struct SmoothSpan {
+  double t;  ///< its start, simulated [s]
+  double h;  ///< its length [s]
+  Eigen::Vector3d gravity;
+  const std::vector<Load>& loads;
+  const std::vector<JointCourse>& courses;  ///< of all joints of the world
+  bool is_disturbed;                        ///< something may have jumped since the last span
+};
+
+/// How an integration is asked for.
+struct Accuracy {
+  int order;         ///< 8 or 5
+  double tolerance;  ///< [m] of local error per second; 0: one substep a span
+};
+
+/// An island with joints, carried through time by an embedded Runge-Kutta pair: Hairer, Nørsett &
+/// Wanner I, section II.5; projection: Hairer, Lubich & Wanner, Geometric Numerical Integration,
+/// section IV.4.
+class LinkedMotion {
+ public:
+  explicit LinkedMotion(EquationsOfMotion equations);
+
+  const EquationsOfMotion& equations() const { return equations_; }
+  void begin_step() { equations_.clear(); }
+  /// Carries the bodies through the span. Leaves them as they are where it cannot.
+  Progress advance(const SmoothSpan& span, const Accuracy& accuracy,
+                   std::vector<BodyState>* states);
+  /// The next span begins with what the bodies' states are then.
+  void forget() { has_started_ = false; }
+
+ private:
+  EquationsOfMotion equations_;
+  std::vector<double> numbers_;  // of StageMemory
+  double step_ = 0.0;            // what the next substep is tried with [s]
+  bool has_started_ = false;     // the derivative of the first stage is there
+};
+
+/// A body's rotation that no joint acts on: L is constant, or grows with a constant torque, and
+/// only q̇ = ½ (0, I_W⁻¹ L) ⊗ q is integrated; of isotropic bodies not even that.
+class FreeRotation {
+ public:
+  Progress advance(double h, const Eigen::Vector3d& torque, const MassProperties& mass,
+                   const Accuracy& accuracy, BodyState* state);
+
+ private:
+  double step_ = 0.0;  // [s]
+};
+
+/// x and v of a body that nothing holds, by the parabola.
+void fall(double h, const Eigen::Vector3d& acceleration, BodyState* state);
+
+}  // namespace constraint_sim::engine

@@ -15,7 +15,7 @@ struct DormandPrince8 {
   static constexpr int kOrder = 8;
   static constexpr std::size_t kStages = 12;
   static constexpr bool kNeedsNext = false;
-  static constexpr int kErrorOrder = 8;  // of the estimate of one step
+  static constexpr int kErrorOrder = 9;  // of the estimate of one step
   static constexpr double c[kStages] = {0.0,
                                         0.05260015195876773,
                                         0.0789002279381516,

@@ -109,17 +109,24 @@ void weigh(const double (&weights)[kTerms], const double* k, std::size_t n, doub
   }
 }
 
+/// Hairer's combination of the two embedded formulas falls with h⁸, the error itself with h⁹. What
+/// is missing, h over the time in which the motion changes, is in the ratio of the two, which falls
+/// with h². The factor is fitted to pendulums, chains and free bodies; without it the estimate is 10
+/// to 100 times too large where steps are short.
 template <class System>
 double estimate(DormandPrince8, const System& system, const StageMemory& memory, double h) {
+  constexpr double kFitted = 5.0;
   const std::size_t n = system.size();
   weigh(DormandPrince8::e5, memory.derivatives(), n, memory.error(0));
   weigh(DormandPrince8::e3, memory.derivatives(), n, memory.error(1));
   const double fifth = system.size_of(memory.error(0), h);
   const double third = system.size_of(memory.error(1), h);
   if (fifth == 0.0) return 0.0;
-  return h * fifth * fifth / std::sqrt(fifth * fifth + 0.01 * third * third);
+  const double combined = h * fifth * fifth / std::sqrt(fifth * fifth + 0.01 * third * third);
+  return fifth < third ? combined * std::min(1.0, kFitted * std::sqrt(fifth / third)) : combined;
 }
 
+/// Of the formula of order 4, and so on the safe side.
 template <class System>
 double estimate(DormandPrince5, const System& system, const StageMemory& memory, double h) {
   weigh(DormandPrince5::e4, memory.derivatives(), system.size(), memory.error(0));

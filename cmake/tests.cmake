@@ -28,6 +28,7 @@ file(GLOB engine_tests CONFIGURE_DEPENDS test/engine/*.cpp)
 file(GLOB sim_tests CONFIGURE_DEPENDS test/sim/*.cpp)
 
 constraint_sim_add_gtest(engine_tests ${engine_tests})
+target_include_directories(engine_tests PRIVATE bench)  # problems.h
 target_link_libraries(engine_tests constraint_sim_engine nlohmann_json::nlohmann_json)
 target_compile_definitions(engine_tests PRIVATE
   CONSTRAINT_SIM_RUN="$<TARGET_FILE:constraint_sim_run>")

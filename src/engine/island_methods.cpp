@@ -325,9 +325,10 @@ void World::Impl::tell_of_islands() {
 }
 
 void World::Impl::read_smooth_joints(const JointStep& step) {
-  for (const int j : changing_courses)
-    joint_states[at(j)].bias =
-        (joint_states[at(j)].travel - joint_states_before[at(j)].travel) / step.h;
+  if (span_ends.size() > 2)
+    for (const int j : changing_courses)
+      joint_states[at(j)].bias =
+          (joint_states[at(j)].travel - joint_states_before[at(j)].travel) / step.h;
   for (const int i : smooth) {
     if (island_parts[at(i)].linked < 0) continue;
     const EquationsOfMotion& equations = linked[at(island_parts[at(i)].linked)].equations();

@@ -215,6 +215,7 @@ void World::Impl::finish_step() {
   if (!is_finite()) {
     states = states_before;
     joint_states = joint_states_before;
+    for (LinkedMotion& motion : linked) motion.forget();
     touching.clear();
     contacts.clear();
     report.failed = true;

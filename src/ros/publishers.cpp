@@ -163,7 +163,7 @@ void Publishers::take_statistics(const World& world, const Stepper& stepper, dou
   message.real_time_factor =
       std::max(world.time() - last_statistics_time_, 0.0) / (now - last_statistics_);
   message.dropped_ticks = stepper.dropped_ticks();
-  message.iterations = report.iterations;
+  message.iterations = report.iterations + report.substeps;
   message.failed = stepper.has_failed();
   message.stages.clear();
   message.stage_times.clear();

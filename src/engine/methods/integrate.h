@@ -111,11 +111,11 @@ void weigh(const double (&weights)[kTerms], const double* k, std::size_t n, doub
 
 /// Hairer's combination of the two embedded formulas falls with h⁸, the error itself with h⁹. What
 /// is missing, h over the time in which the motion changes, is in the ratio of the two, which falls
-/// with h². The factor is fitted to pendulums, chains and free bodies; without it the estimate is 10
-/// to 100 times too large where steps are short.
+/// with h². The factor is fitted to pendulums, chains and free bodies; without it the estimate is
+/// 10 to 100 times too large where steps are short.
 template <class System>
 double estimate(DormandPrince8, const System& system, const StageMemory& memory, double h) {
-  constexpr double kFitted = 5.0;
+  constexpr double kFitted = 10.0;
   const std::size_t n = system.size();
   weigh(DormandPrince8::e5, memory.derivatives(), n, memory.error(0));
   weigh(DormandPrince8::e3, memory.derivatives(), n, memory.error(1));

@@ -72,7 +72,7 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
   if (span.is_disturbed) has_started_ = false;
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
-  equations_.load(*states, y);
+  if (!has_started_) equations_.load(*states, y);
   if (!has_started_ || equations_.varies())
     equations_.begin(span.t, *states, span.gravity, span.loads, span.courses);
   if (!has_started_ || !equations_.keeps_pace(span.t, y)) {
@@ -95,8 +95,11 @@ Progress FreeRotation::advance(double h, const Vector3d& torque, const MassPrope
     state->orientation = (rotation(h * state->angular_velocity) * state->orientation).normalized();
     return {};
   }
-  const Vector3d L = apply_inertia(mass.inertia, state->orientation, state->angular_velocity);
-  Turning turning(mass, L, torque);
+  const bool goes_on = state->angular_velocity == after_.angular_velocity &&
+                       state->orientation.coeffs() == after_.orientation.coeffs();
+  if (!goes_on)  // else L stays as it is, to the last bit
+    momentum_ = apply_inertia(mass.inertia, state->orientation, state->angular_velocity);
+  Turning turning(mass, momentum_, torque);
   std::array<double, StageMemory::kRows * Turning::size()> numbers;
   const StageMemory memory(numbers.data(), Turning::size());
   Eigen::Map<Eigen::Vector4d> q(memory.state());
@@ -105,8 +108,9 @@ Progress FreeRotation::advance(double h, const Vector3d& torque, const MassPrope
   const Progress progress = integrate(turning, memory, 0.0, h, accuracy, step_);
   if (!progress.done) return progress;
   state->orientation.coeffs() = q;
-  state->angular_velocity =
-      apply_inertia(mass.inverse_inertia, state->orientation, Vector3d(L + h * torque));
+  momentum_ += h * torque;
+  state->angular_velocity = apply_inertia(mass.inverse_inertia, state->orientation, momentum_);
+  after_ = *state;
   return progress;
 }
 

@@ -38,7 +38,7 @@ class LinkedMotion {
   /// Carries the bodies through the span. Leaves them as they are where it cannot.
   Progress advance(const SmoothSpan& span, const Accuracy& accuracy,
                    std::vector<BodyState>* states);
-  /// The next span begins with what the bodies' states are then.
+  /// Somebody else has moved the bodies.
   void forget() { has_started_ = false; }
 
  private:
@@ -56,7 +56,9 @@ class FreeRotation {
                    const Accuracy& accuracy, BodyState* state);
 
  private:
-  double step_ = 0.0;  // [s]
+  double step_ = 0.0;                                   // the next substep is tried with [s]
+  BodyState after_;                                     // the last span
+  Eigen::Vector3d momentum_ = Eigen::Vector3d::Zero();  // L then
 };
 
 /// x and v of a body that nothing holds, by the parabola.

@@ -1,0 +1,248 @@
+#pragma once
+
+// Scenes with references that know nothing of the engine: closed forms, published values, and
+// minimal coordinates in long double.
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "constraint_sim/world.h"
+
+namespace constraint_sim::engine::problems {
+
+inline constexpr double kGravity = 9.81;
+
+// ---- scenes
+
+inline BodyId add_mass(World* world, const std::string& name, const Eigen::Vector3d& position,
+                       double mass = 1.0) {
+  Body body;
+  body.name = name;
+  body.mass = mass;
+  body.state.position = position;
+  return world->add_body(body);
+}
+
+/// At the present distance, between centres.
+inline void add_rod(World* world, BodyId a, BodyId b) {
+  Joint joint;
+  joint.name = "rod_" + std::to_string(world->joint_ids().size());
+  joint.body_a = a;
+  joint.body_b = b;
+  world->add_joint(joint);
+}
+
+/// Unit point masses on rods of 1 m, from the origin along x, at rest. One is the pendulum of the
+/// IFToMM benchmark A01, two the double pendulum.
+inline World chain(int links, double end_mass = 1.0) {
+  World world;
+  BodyId last = kWorldBody;
+  for (int i = 1; i <= links; ++i) {
+    const BodyId id = add_mass(&world, "mass_" + std::to_string(i),
+                               {static_cast<double>(i), 0.0, 0.0}, i == links ? end_mass : 1.0);
+    add_rod(&world, last, id);
+    last = id;
+  }
+  return world;
+}
+
+/// The box of OSRF's benchmark 'boxes', complex: it tumbles in free fall.
+inline World free_box() {
+  WorldOptions options;
+  options.gravity = {0.0, 0.0, -9.8};
+  World world(options);
+  Body box;
+  box.name = "box";
+  box.shape = Box{{0.1, 0.4, 0.9}};
+  box.mass = 10.0;
+  box.state.linear_velocity = {-2.0, 2.0, 8.0};
+  box.state.angular_velocity = {0.1, 5.0, 0.1};
+  world.add_body(box);
+  return world;
+}
+
+/// N + 1 upright rods with unit masses on top, joined in a row, all moving at 1 m/s along x. All
+/// rods are in line twice a turn. With `is_loaded` the last mass is 3 kg and the first is pushed by
+/// 5 N along x, so that the rods between them carry a force in these poses.
+inline World four_bar(int windows, bool is_loaded = false) {
+  World world;
+  std::vector<BodyId> tops;
+  for (int k = 0; k <= windows; ++k) {
+    Body body;
+    body.name = "top_" + std::to_string(k);
+    body.mass = is_loaded && k == windows ? 3.0 : 1.0;
+    body.state.position = {static_cast<double>(k), 0.0, 1.0};
+    body.state.linear_velocity = {1.0, 0.0, 0.0};
+    tops.push_back(world.add_body(body));
+    Joint upright;
+    upright.name = "upright_" + std::to_string(k);
+    upright.anchor_a = {static_cast<double>(k), 0.0, 0.0};
+    upright.body_b = tops.back();
+    world.add_joint(upright);
+    if (k > 0) add_rod(&world, tops[static_cast<std::size_t>(k) - 1], tops.back());
+  }
+  if (is_loaded) {
+    Wrench push;
+    push.body = tops.front();
+    push.force = {5.0, 0.0, 0.0};
+    push.end = 1e9;
+    world.add_wrench(push);
+  }
+  return world;
+}
+
+// ---- references
+
+using Real = long double;
+using Reals = std::vector<Real>;
+
+/// One step of H of y' = f(y) by extrapolation of the modified midpoint rule: Gragg, Bulirsch &
+/// Stoer; Hairer, Nørsett & Wanner I, section II.9.
+template <class Derivative>
+void extrapolate(const Derivative& f, Real H, Reals* y, int columns) {
+  std::vector<Reals> table;
+  for (int j = 1; j <= columns; ++j) {
+    const int n = 2 * j;
+    const Real h = H / static_cast<Real>(n);
+    Reals before = *y;
+    Reals now = *y;
+    Reals slope = f(now);
+    for (std::size_t i = 0; i < now.size(); ++i) now[i] += h * slope[i];
+    for (int k = 1; k < n; ++k) {
+      slope = f(now);
+      for (std::size_t i = 0; i < now.size(); ++i) {
+        before[i] += 2 * h * slope[i];
+        std::swap(before[i], now[i]);
+      }
+    }
+    slope = f(now);
+    for (std::size_t i = 0; i < now.size(); ++i) now[i] = (now[i] + before[i] + h * slope[i]) / 2;
+    table.push_back(now);
+    for (int k = j - 2; k >= 0; --k) {
+      const Real ratio = static_cast<Real>(j) / static_cast<Real>(k + 1);
+      Reals& coarse = table[static_cast<std::size_t>(k)];
+      const Reals& fine = table[static_cast<std::size_t>(k) + 1];
+      for (std::size_t i = 0; i < coarse.size(); ++i)
+        coarse[i] = fine[i] + (fine[i] - coarse[i]) / (ratio * ratio - 1);
+    }
+  }
+  *y = table.front();
+}
+
+template <class Derivative>
+Reals integrate(const Derivative& f, Reals y, Real duration, int steps, int columns = 10) {
+  for (int k = 0; k < steps; ++k) extrapolate(f, duration / static_cast<Real>(steps), &y, columns);
+  return y;
+}
+
+/// Angles from the x axis and their rates of a chain of unit masses: Lagrange's equations,
+///   Σ_j m_max(i,j) (cos(φ_i − φ_j) φ̈_j + sin(φ_i − φ_j) φ̇_j²) = −m_i g cos φ_i,
+/// m_i the mass from link i to the end, solved by Cholesky.
+class ChainInAngles {
+ public:
+  explicit ChainInAngles(std::size_t links, Real end_mass = 1) : n_(links), end_mass_(end_mass) {}
+
+  Reals operator()(const Reals& y) const {
+    const auto mass_from = [&](std::size_t i) { return static_cast<Real>(n_ - 1 - i) + end_mass_; };
+    std::vector<Real> A(n_ * n_), b(n_), sine(n_), cosine(n_);
+    for (std::size_t i = 0; i < n_; ++i) {
+      sine[i] = std::sin(y[i]);
+      cosine[i] = std::cos(y[i]);
+    }
+    for (std::size_t i = 0; i < n_; ++i) {
+      b[i] = -mass_from(i) * static_cast<Real>(kGravity) * cosine[i];
+      for (std::size_t j = 0; j < n_; ++j) {
+        const Real m = mass_from(std::max(i, j));
+        A[i * n_ + j] = m * (cosine[i] * cosine[j] + sine[i] * sine[j]);
+        b[i] -= m * (sine[i] * cosine[j] - cosine[i] * sine[j]) * y[n_ + j] * y[n_ + j];
+      }
+    }
+    solve(&A, &b);
+    Reals rate(2 * n_);
+    for (std::size_t i = 0; i < n_; ++i) {
+      rate[i] = y[n_ + i];
+      rate[n_ + i] = b[i];
+    }
+    return rate;
+  }
+
+ private:
+  void solve(std::vector<Real>* A, std::vector<Real>* b) const {
+    const auto a = [&](std::size_t i, std::size_t j) -> Real& { return (*A)[i * n_ + j]; };
+    for (std::size_t j = 0; j < n_; ++j) {
+      for (std::size_t k = 0; k < j; ++k) a(j, j) -= a(j, k) * a(j, k);
+      a(j, j) = std::sqrt(a(j, j));
+      for (std::size_t i = j + 1; i < n_; ++i) {
+        for (std::size_t k = 0; k < j; ++k) a(i, j) -= a(i, k) * a(j, k);
+        a(i, j) /= a(j, j);
+      }
+    }
+    for (std::size_t i = 0; i < n_; ++i) {
+      for (std::size_t k = 0; k < i; ++k) (*b)[i] -= a(i, k) * (*b)[k];
+      (*b)[i] /= a(i, i);
+    }
+    for (std::size_t i = n_; i-- > 0;) {
+      for (std::size_t k = i + 1; k < n_; ++k) (*b)[i] -= a(k, i) * (*b)[k];
+      (*b)[i] /= a(i, i);
+    }
+  }
+
+  std::size_t n_;
+  Real end_mass_;
+};
+
+/// Where chain(links) is after `duration` [m]. Halving the step changes nothing above 1e-13 m.
+inline std::vector<Eigen::Vector3d> chain_reference(int links, double duration,
+                                                    double step = 1.0 / 16.0) {
+  const auto n = static_cast<std::size_t>(links);
+  const int steps = static_cast<int>(std::ceil(duration / step));
+  const Reals y =
+      integrate(ChainInAngles(n), Reals(2 * n, Real{0}), static_cast<Real>(duration), steps);
+  std::vector<Eigen::Vector3d> positions;
+  Real x = 0, z = 0;
+  for (std::size_t i = 0; i < n; ++i) {
+    x += std::cos(y[i]);
+    z += std::sin(y[i]);
+    positions.emplace_back(static_cast<double>(x), 0.0, static_cast<double>(z));
+  }
+  return positions;
+}
+
+/// Where top k of four_bar(windows, is_loaded) is after `duration`, less its foot [m]: all uprights
+/// have one angle θ from the x axis, M θ̈ = −M g cos θ − F sin θ.
+inline Eigen::Vector3d four_bar_reference(int windows, bool is_loaded, double duration) {
+  const Real mass = static_cast<Real>(windows + 1) + (is_loaded ? 2 : 0);
+  const Real force = is_loaded ? 5 : 0;
+  const auto rate = [&](const Reals& y) {
+    return Reals{y[1],
+                 -static_cast<Real>(kGravity) * std::cos(y[0]) - force / mass * std::sin(y[0])};
+  };
+  const Real upright = std::acos(Real{-1}) / 2;
+  const int steps = static_cast<int>(std::ceil(32.0 * duration));
+  const Reals y = integrate(rate, {upright, Real{-1}}, static_cast<Real>(duration), steps);
+  return {static_cast<double>(std::cos(y[0])), 0.0, static_cast<double>(std::sin(y[0]))};
+}
+
+/// The box of free_box() after 10 s, exactly: published with the benchmark.
+inline Eigen::Quaterniond free_box_orientation() {
+  return {0.2251645634139582, -0.6199275624994525, -0.2770291506871946, 0.6987457236403101};
+}
+
+/// The angle between two orientations [rad].
+inline double angle_between(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
+  return 2.0 * (a.conjugate() * b).vec().norm();
+}
+
+inline double largest_distance(const World& world, const std::vector<Eigen::Vector3d>& positions) {
+  double largest = 0.0;
+  const std::vector<BodyId> ids = world.body_ids();
+  for (std::size_t i = 0; i < positions.size(); ++i)
+    largest = std::max(largest, (world.state(ids[i]).position - positions[i]).norm());
+  return largest;
+}
+
+}  // namespace constraint_sim::engine::problems

@@ -1,0 +1,207 @@
+// What belongs together, which method carries it and why, and how that changes as a world runs.
+
+#include <algorithm>
+
+#include "engine/islands.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+TEST(FindIslands, JoinsWhatJointsJoin) {
+  // 0 is immovable, as the world; 3-4-1 and 2-5, 6 alone; the last joint does not act
+  const std::vector<bool> movable{false, true, true, true, true, true, true};
+  const std::vector<std::pair<std::size_t, std::size_t>> ends{{3, 4}, {4, 1}, {0, 3},
+                                                              {2, 5}, {0, 5}, {5, 6}};
+  const auto islands = find_islands(movable, {true, true, true, true, true, false}, ends);
+  ASSERT_EQ(islands.size(), 3u);
+  EXPECT_EQ(islands[0].bodies, (std::vector<int>{1, 3, 4}));
+  EXPECT_EQ(islands[0].joints, (std::vector<int>{0, 1, 2}));
+  EXPECT_EQ(islands[1].bodies, (std::vector<int>{2, 5}));
+  EXPECT_EQ(islands[1].joints, (std::vector<int>{3, 4}));
+  EXPECT_EQ(islands[2].bodies, (std::vector<int>{6}));
+  EXPECT_TRUE(islands[2].joints.empty());
+}
+
+TEST(FindIslands, AgreesWithLabelsSpreadAlongJoints) {
+  Random random;
+  for (int trial = 0; trial < 100; ++trial) {
+    const std::size_t n = 30;
+    std::vector<bool> movable, acting;
+    for (std::size_t i = 0; i < n; ++i) movable.push_back(random() > -0.7);
+    std::vector<std::pair<std::size_t, std::size_t>> ends;
+    for (int j = 0; j < 25; ++j) {
+      const auto a = static_cast<std::size_t>(15.0 * (1.0 + random()));
+      const auto b = static_cast<std::size_t>(15.0 * (1.0 + random()));
+      if (a == b || (!movable[a] && !movable[b])) continue;
+      ends.emplace_back(a, b);
+      acting.push_back(random() > -0.5);
+    }
+    std::vector<std::size_t> label(n);
+    for (std::size_t i = 0; i < n; ++i) label[i] = i;
+    for (std::size_t pass = 0; pass < n; ++pass) {
+      for (std::size_t j = 0; j < ends.size(); ++j) {
+        const auto [a, b] = ends[j];
+        if (acting[j] && movable[a] && movable[b])
+          label[a] = label[b] = std::min(label[a], label[b]);
+      }
+    }
+    std::size_t bodies = 0, joints = 0;
+    for (const IslandMembers& island : find_islands(movable, acting, ends)) {
+      const std::size_t expected = label[static_cast<std::size_t>(island.bodies.front())];
+      EXPECT_EQ(static_cast<std::size_t>(island.bodies.front()), expected);
+      for (const int body : island.bodies)
+        EXPECT_EQ(label[static_cast<std::size_t>(body)], expected);
+      bodies += island.bodies.size();
+      joints += island.joints.size();
+    }
+    EXPECT_EQ(bodies, static_cast<std::size_t>(std::count(movable.begin(), movable.end(), true)));
+    EXPECT_EQ(joints, static_cast<std::size_t>(std::count(acting.begin(), acting.end(), true)));
+  }
+}
+
+// ---- methods and reasons
+
+WorldOptions automatic(double time_step = 0.01) {
+  WorldOptions options;
+  options.time_step = time_step;
+  return options;
+}
+
+/// One point mass on this joint.
+World hanging(const Joint& joint, const WorldOptions& options = automatic()) {
+  World world(options);
+  Joint added = joint;
+  added.body_b = world.add_body(make_body("bob", Point{}, 1.0, {1.0, 0.0, 0.0}));
+  world.add_joint(added);
+  return world;
+}
+
+Island only_island(const World& world) {
+  EXPECT_EQ(world.islands().size(), 1u);
+  return world.islands().front();
+}
+
+TEST(Islands, HaveTheMethodThatTheirJointsAskFor) {
+  Joint motor = hang("j", {});
+  motor.motor.bias = 0.1;
+  EXPECT_EQ(only_island(hanging(motor)).why, Why::kSmooth);
+  motor.motor.max_force = 5.0;
+  EXPECT_EQ(only_island(hanging(motor)).why, Why::kForceLimit);
+  EXPECT_EQ(only_island(hanging(hang("j", {}))).why, Why::kSmooth);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, BallJoint{}))).why, Why::kSmooth);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, rope(2.0)))).why, Why::kLimit);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, between(0.5, 2.0)))).why, Why::kLimit);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 100.0, 1.0)))).why, Why::kSmooth);
+}
+
+TEST(Islands, SpringsAreIntegratedWhileSubstepsArePaying) {
+  // one spring on one mass: ω = √(2k/m) is the bound, 40 of it in a tick the limit
+  const double limit = 0.5 * std::pow(40.0 / 0.01, 2);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 0.99 * limit, 0.0)))).why, Why::kSmooth);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 1.01 * limit, 0.0)))).why, Why::kStiff);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 1.0, 2001.0)))).why, Why::kStiff);
+  WorldOptions asked = automatic();
+  asked.method = Method::kRungeKutta;
+  const World world = hanging(hang("j", {}, spring(1.0, 1.01 * limit, 0.0)), asked);
+  EXPECT_EQ(only_island(world).method, Method::kRungeKutta);
+}
+
+TEST(Islands, AMethodAskedForByNameIsTaken) {
+  WorldOptions asked = automatic();
+  asked.method = Method::kSequentialImpulses;
+  const Island island = only_island(hanging(hang("j", {}), asked));
+  EXPECT_EQ(island.method, Method::kSequentialImpulses);
+  EXPECT_EQ(island.why, Why::kAskedFor);
+}
+
+TEST(Islands, AreMadeAnewWhenJointsComeAndGo) {
+  World world(automatic());
+  const BodyId a = world.add_body(make_body("a", Point{}, 1.0, {1.0, 0.0, 0.0}));
+  const BodyId b = world.add_body(make_body("b", Point{}, 1.0, {2.0, 0.0, 0.0}));
+  world.step();
+  EXPECT_EQ(world.islands().size(), 2u);
+  const JointId rod = world.add_joint(make_joint("rod", a, Vector3d::Zero(), b, Vector3d::Zero()));
+  EXPECT_EQ(world.islands().size(), 1u);  // told before the next step
+  world.step();
+  EXPECT_EQ(only_island(world).bodies, 2u);
+  world.set_broken(rod, true);
+  EXPECT_EQ(world.islands().size(), 2u);
+  world.set_broken(rod, false);
+  EXPECT_EQ(world.islands().size(), 1u);
+  world.remove_body(b);
+  world.step();
+  EXPECT_EQ(only_island(world).first_body, a);
+}
+
+TEST(Islands, AreImpulsesWhileTheyTouchAndTheReportSaysSo) {
+  World world(automatic());
+  world.add_body(make_floor(0.5));
+  Body ball = make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.6});
+  ball.restitution = 0.8;
+  world.add_body(ball);
+  world.add_body(make_body("far", Sphere{0.1}, 1.0, {9.0, 0.0, 99.0}));
+  std::uint32_t changes = 0;
+  bool has_bounced = false;
+  for (int i = 0; i < 60; ++i) {
+    const StepReport& report = world.step();
+    const bool touches = report.contacts > 0;
+    has_bounced = has_bounced || touches;
+    const std::vector<Island> islands = world.islands();
+    EXPECT_EQ(islands[0].why, touches ? Why::kContact : Why::kSmooth) << i;
+    EXPECT_EQ(islands[1].why, Why::kSmooth);
+    EXPECT_EQ(report.islands[static_cast<std::size_t>(Method::kSequentialImpulses)],
+              touches ? 1 : 0);
+    EXPECT_EQ(report.islands[static_cast<std::size_t>(Method::kRungeKutta)], touches ? 1 : 2);
+    changes += report.changes;
+  }
+  EXPECT_TRUE(has_bounced);
+  EXPECT_EQ(changes, 2u);  // into the contact and out of it
+}
+
+TEST(Islands, WhatIsInNoContactDoesNotNoticeThoseThatAre) {
+  const auto make = [](bool with_contact) {
+    World world(automatic());
+    world.add_body(make_floor(0.5));
+    world.add_joint(hang("rod", world.add_body(make_body("bob", Point{}, 1.0, {1.0, 0.0, 0.0}))));
+    if (with_contact) world.add_body(make_body("ball", Sphere{0.1}, 1.0, {5.0, 0.0, 0.05}));
+    return world;
+  };
+  World alone = make(false), beside = make(true);
+  run(alone, 100);
+  run(beside, 100);
+  EXPECT_EQ(alone.state(alone.find_body("bob")).position,
+            beside.state(beside.find_body("bob")).position);
+}
+
+TEST(Islands, ComeBackFromImpulsesByClosingWhatTheseLeftOpen) {
+  // a pendulum with a ball that hits a wall: the impulses of the hit leave the rod a little off
+  World world(automatic());
+  Body wall = make_body("wall", Plane{}, 0.0, {-0.2, 0.0, 0.0});
+  wall.type = BodyType::kStatic;
+  wall.state.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitX());
+  wall.restitution = 0.5;
+  world.add_body(wall);
+  const BodyId bob = world.add_body(make_body("bob", Sphere{0.1}, 1.0, {1.0, 0.0, 0.0}));
+  const JointId rod = world.add_joint(hang("rod", bob));
+  double speed = 0.0;
+  bool was_closing = false;
+  for (int i = 0; i < 100; ++i) {
+    const Vector3d before = world.state(bob).position;
+    const bool touched = world.step().contacts > 0;
+    const double moved = (world.state(bob).position - before).norm();
+    if (i > 0 && !touched) {  // no jump: what it moves is its speed, give or take a tick's gravity
+      EXPECT_LE(moved, 0.01 * (speed + 0.2)) << i;
+    }
+    speed = world.state(bob).linear_velocity.norm();
+    was_closing = was_closing || world.joint_state(rod).closing;
+  }
+  EXPECT_TRUE(was_closing);
+  run(world, 200);
+  EXPECT_LT(std::abs(world.joint_state(rod).error), 1e-3);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

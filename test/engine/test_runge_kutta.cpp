@@ -1,0 +1,579 @@
+// The integration of smooth islands against closed forms, minimal coordinates and conserved
+// quantities; its order, its estimate, and what it does where poses are singular.
+
+#include <algorithm>
+
+#include "engine/methods/embedded_pairs.h"
+#include "problems.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using problems::largest_distance;
+
+World with(World world, double time_step, double tolerance, int order = 8) {
+  WorldOptions options = world.options();
+  options.time_step = time_step;
+  options.tolerance = tolerance;
+  options.order = order;
+  world.set_options(options);
+  return world;
+}
+
+/// What rounding leaves of a rod, by the project's definition.
+double round_off(const World& world) {
+  double coordinate = 0.0;
+  for (const BodyId id : world.body_ids())
+    coordinate = std::max(coordinate, world.state(id).position.cwiseAbs().maxCoeff());
+  return 1e-12 + 4.0 * kEpsilon * coordinate;
+}
+
+/// Runs, with every rod kept to round-off in every tick, and every tick by integration.
+void run_exactly(World& world, double duration) {
+  const auto steps = std::lround(duration / world.options().time_step);
+  for (long i = 0; i < steps; ++i) {
+    const StepReport& report = world.step();
+    ASSERT_FALSE(report.failed);
+    ASSERT_EQ(report.islands[static_cast<std::size_t>(Method::kSequentialImpulses)], 0u);
+    ASSERT_LE(report.max_constraint_error, round_off(world)) << "at t = " << world.time();
+  }
+}
+
+Vector3d angular_momentum_about_centre(const World& world) {
+  const BodyId id = world.body_ids().front();
+  const Quaterniond& q = world.state(id).orientation;
+  return q *
+         inertia_of(world.body(id)).cwiseProduct(q.conjugate() * world.state(id).angular_velocity);
+}
+
+// ---- the pairs
+
+template <class Pair>
+void expect_order_conditions() {
+  constexpr std::size_t kStages = Pair::kStages;
+  for (std::size_t s = 1; s < kStages; ++s) {
+    double sum = 0.0;
+    for (std::size_t j = 0; j < s; ++j) sum += Pair::a[s][j];
+    EXPECT_NEAR(sum, Pair::c[s], 1e-13) << s;  // coefficients up to 30 are given to 16 digits
+  }
+  for (int k = 0; k < Pair::kOrder; ++k) {  // quadrature of t^k
+    double sum = 0.0;
+    for (std::size_t j = 0; j < kStages; ++j)
+      sum += Pair::a[kStages][j] * (k == 0 ? 1.0 : std::pow(Pair::c[j], k));
+    EXPECT_NEAR(sum, 1.0 / (k + 1), 1e-14) << k;
+  }
+}
+
+TEST(EmbeddedPairs, MeetTheOrderConditionsOfQuadrature) {
+  expect_order_conditions<DormandPrince8>();
+  expect_order_conditions<DormandPrince5>();
+}
+
+TEST(EmbeddedPairs, ErrorsOfConstantsAreNone) {
+  double e5 = 0.0, e3 = 0.0, e4 = 0.0;
+  for (std::size_t j = 0; j < DormandPrince8::kStages; ++j) {
+    e5 += DormandPrince8::e5[j];
+    e3 += DormandPrince8::e3[j];
+  }
+  for (const double weight : DormandPrince5::e4) e4 += weight;
+  EXPECT_NEAR(e5, 0.0, 1e-14);
+  EXPECT_NEAR(e3, 0.0, 1e-14);
+  EXPECT_NEAR(e4, 0.0, 1e-15);
+}
+
+/// Slope of the error at the end of a chain's first seconds over these ticks, which are short
+/// enough for the leading term and long enough to stand above rounding.
+double measured_order(int links, double duration, int order, const std::vector<int>& rates) {
+  const auto reference = problems::chain_reference(links, duration);
+  std::vector<double> steps, errors;
+  for (const int rate : rates) {
+    World world = with(problems::chain(links), 1.0 / rate, 0.0, order);
+    run_exactly(world, duration);
+    steps.push_back(1.0 / rate);
+    errors.push_back(largest_distance(world, reference));
+  }
+  return engine::order(steps, errors);
+}
+
+TEST(RungeKutta, HasOrder8) {
+  EXPECT_NEAR(measured_order(1, 2.0, 8, {20, 30, 40}), 8.0, 0.5);
+  EXPECT_NEAR(measured_order(2, 1.0, 8, {40, 50, 60, 80}), 8.0, 0.9);
+  EXPECT_NEAR(measured_order(10, 1.0, 8, {30, 40, 50, 60}), 8.0, 0.5);
+}
+
+TEST(RungeKutta, HasOrder5) {
+  EXPECT_NEAR(measured_order(1, 10.0, 5, {20, 30, 40, 60}), 5.0, 0.5);
+  EXPECT_NEAR(measured_order(2, 3.0, 5, {40, 50, 60, 80}), 5.0, 0.5);
+  EXPECT_NEAR(measured_order(10, 1.0, 5, {50, 60, 80, 100}), 5.0, 0.5);
+}
+
+TEST(RungeKutta, HasItsOrderOnAHundredLinks) {
+  EXPECT_NEAR(measured_order(100, 1.0, 8, {15, 20, 30}), 8.0, 0.5);
+  EXPECT_NEAR(measured_order(100, 1.0, 5, {40, 50, 60}), 5.0, 0.5);
+}
+
+// ---- error against tolerance
+
+/// At 1e-9 m per second, ticks from 1/10 to 1/240 s: no more than 3e-8 m.
+void expect_within_tolerance(const World& scene, double duration,
+                             const std::vector<Vector3d>& reference) {
+  for (const int rate : {10, 30, 240}) {
+    World world = with(scene, 1.0 / rate, 1e-9);
+    run_exactly(world, duration);
+    EXPECT_LE(largest_distance(world, reference), 3e-8) << "1/" << rate << " s";
+  }
+}
+
+TEST(RungeKutta, KeepsToItsTolerance) {
+  // the pendulum by elliptic functions, released on the other side
+  const Vector3d pendulum(0.27508746257611686, 0.0, -0.961419205099125064);
+  expect_within_tolerance(problems::chain(1), 10.0, {pendulum});
+  expect_within_tolerance(problems::chain(2), 3.0, problems::chain_reference(2, 3.0));
+  expect_within_tolerance(problems::chain(10), 2.0, problems::chain_reference(10, 2.0, 1.0 / 32.0));
+}
+
+TEST(RungeKutta, KeepsToItsToleranceOnAHundredLinks) {
+  expect_within_tolerance(problems::chain(100), 1.0, problems::chain_reference(100, 1.0));
+}
+
+TEST(RungeKutta, TighterTolerancesGiveSmallerErrors) {
+  const auto reference = problems::chain_reference(10, 2.0, 1.0 / 32.0);
+  double before = kInfinity;
+  for (const double tolerance : {1e-4, 1e-6, 1e-8, 1e-10}) {
+    World world = with(problems::chain(10), 0.1, tolerance);
+    run_exactly(world, 2.0);
+    const double error = largest_distance(world, reference);
+    EXPECT_LT(error, 0.1 * before) << tolerance;
+    before = error;
+  }
+}
+
+/// The estimate of each tick over what the tick did wrong, against the same tick in eighths at
+/// 1e-13 m per second.
+std::vector<double> estimates_over_errors(World world) {
+  std::vector<double> ratios;
+  const WorldOptions options = world.options();
+  for (int i = 0; i < 60; ++i) {
+    World exact = with(world, options.time_step / 8.0, 1e-13);
+    run(exact, 8);
+    const double estimate = world.step().local_error;
+    double error = 0.0;
+    for (const BodyId id : world.body_ids()) {
+      error = std::max(error, (world.state(id).position - exact.state(id).position).norm());
+      const Body& body = world.body(id);
+      const double radius = std::sqrt(inertia_of(body).maxCoeff() / body.mass);
+      error = std::max(error, radius * problems::angle_between(world.state(id).orientation,
+                                                               exact.state(id).orientation));
+    }
+    if (error > 1e-13) ratios.push_back(estimate / error);  // below it the error is rounding
+  }
+  std::sort(ratios.begin(), ratios.end());
+  return ratios;
+}
+
+TEST(RungeKutta, EstimatesItsLocalError) {
+  // The true error of a single tick can come out small by chance, so one in twenty may be beyond.
+  for (const World& scene :
+       {problems::free_box(), problems::chain(1), problems::chain(2), problems::chain(10)}) {
+    for (const double tolerance : {1e-6, 1e-8, 1e-9}) {
+      const auto ratios = estimates_over_errors(with(scene, 0.05, tolerance));
+      ASSERT_GT(ratios.size(), 20u);
+      EXPECT_GE(ratios[ratios.size() / 20], 0.1) << tolerance;
+      EXPECT_LE(ratios[ratios.size() - 1 - ratios.size() / 20], 30.0) << tolerance;
+    }
+  }
+}
+
+TEST(RungeKutta, TakesWhatSubstepsItNeedsInALongTick) {
+  const auto reference = problems::chain_reference(10, 1.0, 1.0 / 32.0);
+  for (const double tick : {0.1, 0.5, 1.0}) {
+    World world = with(problems::chain(10), tick, 1e-9);
+    run_exactly(world, 1.0);
+    EXPECT_LE(largest_distance(world, reference), 3e-8) << tick;
+  }
+}
+
+// ---- free bodies
+
+TEST(FreeBody, TumblesAsPublished) {
+  // bounds: those promised for one substep of each length
+  const std::vector<std::pair<int, double>> bounds{{30, 5e-7}, {100, 2e-10}};
+  for (const auto& [rate, bound] : bounds) {
+    World world = with(problems::free_box(), 1.0 / rate, 0.0);
+    const double energy = world.energy();
+    const Vector3d L = angular_momentum_about_centre(world);
+    for (int i = 0; i < 10 * rate; ++i) {
+      EXPECT_EQ(world.step().substeps, 1u);
+      // L is not integrated at all; what is off is the rounding of I⁻¹ and I on the way
+      ASSERT_LE((angular_momentum_about_centre(world) - L).norm(), 16.0 * kEpsilon * L.norm());
+    }
+    const BodyState& state = world.state(world.find_body("box"));
+    EXPECT_LE(problems::angle_between(state.orientation, problems::free_box_orientation()), bound);
+    EXPECT_NEAR(world.energy(), energy, 1e-9 * energy);
+    const Vector3d L_body = state.orientation.conjugate() * L;
+    EXPECT_LE((L_body - Vector3d(2.227637660827037, -2.55290840479775, -0.4479229421578984)).norm(),
+              4.0 * bound * L.norm());
+    // x by the parabola; a rounding of the largest coordinate a tick
+    const Vector3d x(-20.0, 20.0, 80.0 - 490.0);
+    EXPECT_LE((state.position - x).norm(), 10.0 * rate * kEpsilon * x.norm());
+  }
+}
+
+TEST(FreeBody, KeepsToItsTolerance) {
+  // Euler's equations in the body frame and q̇ = ½ q ⊗ (0, ω), in long double
+  const World scene = problems::free_box();
+  const Vector3d I = inertia_of(scene.body(scene.body_ids().front()));
+  const auto rate = [&](const problems::Reals& y) {
+    const auto *w = y.data(), *q = y.data() + 3;
+    return problems::Reals{(I[1] - I[2]) / I[0] * w[1] * w[2],
+                           (I[2] - I[0]) / I[1] * w[2] * w[0],
+                           (I[0] - I[1]) / I[2] * w[0] * w[1],
+                           (q[3] * w[0] + q[1] * w[2] - q[2] * w[1]) / 2,
+                           (q[3] * w[1] + q[2] * w[0] - q[0] * w[2]) / 2,
+                           (q[3] * w[2] + q[0] * w[1] - q[1] * w[0]) / 2,
+                           -(q[0] * w[0] + q[1] * w[1] + q[2] * w[2]) / 2};
+  };
+  const auto y = problems::integrate(rate, {0.1L, 5.0L, 0.1L, 0, 0, 0, 1}, 1.0L, 64);
+  const Quaterniond reference(static_cast<double>(y[6]), static_cast<double>(y[3]),
+                              static_cast<double>(y[4]), static_cast<double>(y[5]));
+  for (const int order : {5, 8}) {
+    World world = with(scene, 0.1, 1e-9, order);
+    run(world, 10);
+    // 1e-9 m over a radius of gyration of 0.28 m, which grows about the middle axis with e^(3.84 t)
+    EXPECT_LE(problems::angle_between(world.state(world.find_body("box")).orientation, reference),
+              1e-9 / 0.28 * std::exp(3.84))
+        << order;
+  }
+}
+
+TEST(FreeBody, ATorqueAlongAPrincipalAxisTurnsItAsByHand) {
+  World world(weightless(0.1));
+  world = with(world, 0.1, 1e-12);
+  WorldOptions options = world.options();
+  options.method = Method::kAuto;
+  world.set_options(options);
+  const BodyId id = world.add_body(make_body("box", Box{{1.0, 2.0, 3.0}}, 12.0, Vector3d::Zero()));
+  Wrench wrench;
+  wrench.body = id;
+  wrench.torque = {0.0, 0.0, 10.0};  // I_zz = 12 (1 + 4)/12 = 5 kg m²
+  wrench.force = {24.0, 0.0, 0.0};
+  wrench.start = 0.25;
+  wrench.end = 0.77;  // within ticks at both ends
+  world.add_wrench(wrench);
+  run(world, 10);
+  const double T = 0.52;
+  EXPECT_NEAR(world.state(id).angular_velocity.z(), 2.0 * T, 1e-14);
+  const double angle = T * T + 2.0 * T * 0.23;
+  EXPECT_NEAR(problems::angle_between(world.state(id).orientation,
+                                      Quaterniond(Eigen::AngleAxisd(angle, Vector3d::UnitZ()))),
+              0.0, 1e-11);
+  EXPECT_NEAR(world.state(id).linear_velocity.x(), 2.0 * T, 1e-14);
+  EXPECT_NEAR(world.state(id).position.x(), T * T + 2.0 * T * 0.23, 1e-14);
+}
+
+TEST(FreeBody, AfterAnEditItsMomentumIsTheNewOne) {
+  World world = with(problems::free_box(), 0.01, 1e-9);
+  run(world, 10);
+  const BodyId id = world.find_body("box");
+  BodyState state = world.state(id);
+  state.orientation = Quaterniond(Eigen::AngleAxisd(1.0, Vector3d::UnitX())) * state.orientation;
+  world.set_state(id, state);  // the same angular velocity of a body that lies differently
+  const Vector3d L = angular_momentum_about_centre(world);
+  run(world, 10);
+  EXPECT_LE((angular_momentum_about_centre(world) - L).norm(), 16.0 * kEpsilon * L.norm());
+}
+
+// ---- bodies that turn with their joints
+
+/// A slender rod of length 1 m and mass 1 kg, hinged by two ball joints on its own axis at one end:
+/// a compound pendulum about y, θ̈ = −(3/2) g cos θ.
+World compound_pendulum() {
+  World world;
+  Body rod = make_body("rod", Point{}, 1.0, {0.5, 0.0, 0.0});
+  rod.inertia = {1e-3, 1.0 / 12.0, 1.0 / 12.0};
+  const BodyId id = world.add_body(rod);
+  world.add_joint(
+      make_joint("hinge", kWorldBody, Vector3d::Zero(), id, {-0.5, 0.0, 0.0}, BallJoint{}));
+  return world;
+}
+
+double compound_pendulum_angle(double duration) {
+  const auto rate = [](const problems::Reals& y) {
+    return problems::Reals{y[1], -1.5L * static_cast<problems::Real>(kGravity) * std::cos(y[0])};
+  };
+  return static_cast<double>(
+      problems::integrate(rate, {0, 0}, static_cast<problems::Real>(duration), 100)[0]);
+}
+
+TEST(RungeKutta, SwingsACompoundPendulum) {
+  World world = with(compound_pendulum(), 0.02, 1e-9);
+  run_exactly(world, 3.0);
+  const double angle = compound_pendulum_angle(3.0);
+  const Vector3d expected = 0.5 * Vector3d(std::cos(angle), 0.0, std::sin(angle));
+  EXPECT_LE((world.state(world.find_body("rod")).position - expected).norm(), 3e-8);
+}
+
+TEST(RungeKutta, KeepsEnergyAndMomentumOfLinkedBoxes) {
+  // two boxes joined at corners, free in space: energy and momenta to what the tolerance allows
+  World world = with(World(), 0.02, 1e-11);
+  WorldOptions options = world.options();
+  options.gravity = Vector3d::Zero();
+  world.set_options(options);
+  Random random;
+  Body a = make_body("a", Box{{0.3, 0.4, 0.5}}, 2.0, Vector3d::Zero());
+  Body b = make_body("b", Box{{0.2, 0.3, 0.7}}, 1.0, {0.25, 0.35, 0.6});
+  for (Body* body : {&a, &b}) {
+    body->state.angular_velocity = random.vector();
+    body->no_collision = true;
+  }
+  const BodyId id_a = world.add_body(a);
+  const BodyId id_b = world.add_body(b);
+  world.add_joint(
+      make_joint("corner", id_a, {0.15, 0.2, 0.25}, id_b, {-0.1, -0.15, -0.35}, BallJoint{}));
+  world.step();  // the velocities become those of two joined boxes
+  const double energy = world.energy();
+  const Vector3d p = momentum(world);
+  const Vector3d L = angular_momentum(world);
+  run_exactly(world, 10.0);
+  EXPECT_NEAR(world.energy(), energy, 1e-9 * energy);
+  EXPECT_LE((momentum(world) - p).norm(), 1e-13);
+  EXPECT_LE((angular_momentum(world) - L).norm(), 1e-10 * L.norm());
+}
+
+TEST(RungeKutta, AScaledSceneMovesAlike) {
+  // a box on a rod from its corner, lengths by s and times by √s: the same numbers
+  const auto end = [](double s) {
+    World world = with(World(), 0.02 * std::sqrt(s), 1e-9 * std::sqrt(s));
+    Body box = make_body("box", Box{{0.3 * s, 0.4 * s, 0.5 * s}}, 2.0, {s, 0.0, 0.0});
+    const BodyId id = world.add_body(box);
+    world.add_joint(
+        make_joint("rod", kWorldBody, Vector3d::Zero(), id, {0.15 * s, 0.2 * s, 0.25 * s}));
+    run(world, 100);
+    return Vector3d(world.state(id).position / s);
+  };
+  for (const double s : {1e-6, 1e-3, 1e3, 1e6})
+    EXPECT_LE((end(s) - end(1.0)).norm(), 1e-8) << s;  // both within their tolerance
+}
+
+// ---- singular poses and rows that depend on each other
+
+TEST(RungeKutta, PassesThroughSingularPoses) {
+  for (const int windows : {1, 10}) {
+    for (const bool is_loaded : {false, true}) {
+      const Vector3d reference = problems::four_bar_reference(windows, is_loaded, 10.0);
+      for (const int rate : {30, 240, 1000}) {
+        World world = with(problems::four_bar(windows, is_loaded), 1.0 / rate, 1e-9);
+        run_exactly(world, 10.0);
+        EXPECT_LE((world.state(world.find_body("top_0")).position - reference).norm(), 3e-8)
+            << windows << " windows, 1/" << rate << " s";
+      }
+    }
+  }
+}
+
+TEST(RungeKutta, DoubledRodsAreReportedAndChangeNothing) {
+  World once = with(problems::chain(3), 0.02, 1e-9);
+  World twice = once;
+  const std::vector<BodyId> ids = twice.body_ids();
+  problems::add_rod(&twice, ids[0], ids[1]);
+  problems::add_rod(&twice, ids[2], ids[1]);
+  for (int i = 0; i < 150; ++i) {
+    EXPECT_EQ(once.step().dependent_rows, 0u);
+    EXPECT_EQ(twice.step().dependent_rows, 2u);
+    ASSERT_LE(twice.report().max_constraint_error, round_off(twice));
+  }
+  for (const BodyId id : ids)
+    EXPECT_LE((once.state(id).position - twice.state(id).position).norm(), 1e-9);
+}
+
+TEST(RungeKutta, RowsThatContradictEachOtherStayFinite) {
+  // three bars of 1, 1 and 3 m cannot make a triangle
+  World world = with(World(), 0.01, 1e-8);
+  const BodyId a = problems::add_mass(&world, "a", {0.0, 0.0, -1.0});
+  const BodyId b = problems::add_mass(&world, "b", {0.8, 0.0, -1.0});
+  world.add_joint(hang("short_1", a, rod(1.0)));
+  world.add_joint(hang("short_2", b, rod(1.0)));
+  world.add_joint(make_joint("long", a, Vector3d::Zero(), b, Vector3d::Zero(), rod(3.0)));
+  run(world, 300);
+  EXPECT_EQ(world.islands().front().why, Why::kRefused);
+  for (const BodyId id : world.body_ids())
+    EXPECT_LE(world.state(id).position.norm(), 3.0);  // in reach of the rods, give or take
+}
+
+// ---- motors, springs, jumps
+
+TEST(RungeKutta, DrivesASinusoidWithoutDrift) {
+  // a weightless mass on a driven rod: its distance is the integral of ζ
+  World world = with(World(), 0.05, 1e-9);
+  WorldOptions options = world.options();
+  options.gravity = Vector3d::Zero();
+  world.set_options(options);
+  const BodyId id = problems::add_mass(&world, "load", {1.0, 0.0, 0.0});
+  Joint winch = hang("winch", id);
+  winch.motor.bias = 0.01;
+  winch.motor.amplitude = 0.3;
+  winch.motor.frequency = 0.7;
+  winch.motor.phase = 0.2;
+  const JointId joint = world.add_joint(winch);
+  for (int i = 0; i < 400; ++i) {
+    run(world, 1);
+    const double omega = 2.0 * kPi * 0.7;
+    const double t = world.time();
+    const double length =
+        1.0 + 0.01 * t + 0.3 / omega * (std::cos(0.2) - std::cos(omega * t + 0.2));
+    ASSERT_NEAR(world.state(id).position.x(), length, 1e-12) << t;
+    ASSERT_NEAR(world.joint_state(joint).reached_rate, 0.01 + 0.3 * std::sin(omega * t + 0.2),
+                1e-12);
+  }
+}
+
+TEST(RungeKutta, AMotorOnASwingingLoadKeepsTheOrder) {
+  // against the same at 1/800 s: a winch that shortens and lengthens a swinging rod
+  const auto end = [](int rate) {
+    World world = with(problems::chain(1), 1.0 / rate, 0.0);
+    Motor motor;
+    motor.amplitude = 0.4;
+    motor.frequency = 0.9;
+    world.set_motor(world.joint_ids().front(), motor);
+    run_exactly(world, 2.0);
+    return world.state(world.body_ids().front()).position;
+  };
+  const Vector3d exact = end(800);
+  std::vector<double> steps, errors;
+  for (const int rate : {20, 30, 40}) {
+    steps.push_back(1.0 / rate);
+    errors.push_back((end(rate) - exact).norm());
+  }
+  EXPECT_NEAR(order(steps, errors), 8.0, 1.0);
+}
+
+TEST(RungeKutta, ABiasThatJumpsActsAsAnImpulse) {
+  World world = with(problems::chain(1), 0.01, 1e-10);
+  const JointId rod = world.joint_ids().front();
+  const BodyId bob = world.body_ids().front();
+  run(world, 50);
+  const BodyState before = world.state(bob);
+  Motor motor;
+  motor.bias = 0.5;
+  motor.timeout = 0.255;  // ends within a tick
+  world.set_motor(rod, motor);
+  run(world, 1);
+  EXPECT_NEAR(world.joint_state(rod).reached_rate, 0.5, 1e-12);
+  // the jump is along the rod: what is at right angles to it goes on with gravity alone
+  const Vector3d n = before.position.normalized();
+  const Vector3d tangent(-n.z(), 0.0, n.x());
+  EXPECT_NEAR(world.state(bob).linear_velocity.dot(tangent), before.linear_velocity.dot(tangent),
+              0.01 * 12.0);
+  run(world, 49);
+  EXPECT_NEAR(world.state(bob).position.norm(), 1.0 + 0.5 * 0.255, 1e-12);
+  EXPECT_NEAR(world.joint_state(rod).reached_rate, 0.0, 1e-12);
+}
+
+TEST(RungeKutta, ASpringOscillatesAsByHand) {
+  World world = with(World(), 0.02, 1e-11);
+  WorldOptions options = world.options();
+  options.gravity = Vector3d::Zero();
+  world.set_options(options);
+  const BodyId id = problems::add_mass(&world, "load", {1.5, 0.0, 0.0}, 2.0);
+  const JointId joint = world.add_joint(hang("spring", id, spring(1.0, 50.0, 4.0)));
+  run(world, 100);
+  // x = 1 + ½ e^(−t) (cos ωt + sin ωt/ω) with c/2m = 1/s and ω² = k/m − 1 = 24/s²
+  const double omega = std::sqrt(24.0);
+  const double t = 2.0;
+  const double x = 0.5 * std::exp(-t) * (std::cos(omega * t) + std::sin(omega * t) / omega);
+  EXPECT_NEAR(world.state(id).position.x(), 1.0 + x, 1e-9);
+  EXPECT_NEAR(world.joint_state(joint).error, x, 1e-9);
+}
+
+TEST(RungeKutta, ReportsTheMeanForceOfTheTick) {
+  World world = with(problems::chain(1), 0.02, 1e-9);
+  const JointId rod = world.joint_ids().front();
+  run(world, 30);
+  // against 64 ticks in its place: forces times time add up
+  World fine = with(world, 0.02 / 64.0, 1e-12);
+  double impulse = 0.0;
+  for (int i = 0; i < 64; ++i) {
+    run(fine, 1);
+    impulse += fine.joint_state(rod).force * 0.02 / 64.0;
+  }
+  run(world, 1);
+  EXPECT_LT(impulse, 0.0);  // a tension
+  EXPECT_NEAR(world.joint_state(rod).force * 0.02, impulse, 1e-9);
+}
+
+TEST(RungeKutta, FollowsAKinematicBody) {
+  // a mass on a rod from the rim of a turning wheel, seen from the wheel: there it is at rest
+  World world = with(World(), 0.02, 1e-10);
+  WorldOptions options = world.options();
+  options.gravity = Vector3d::Zero();
+  world.set_options(options);
+  Body wheel = make_body("wheel", Point{}, 0.0, {0.3, 0.0, 0.0});
+  wheel.type = BodyType::kKinematic;
+  wheel.state.angular_velocity = {0.0, 0.0, 2.0};
+  wheel.state.linear_velocity = {0.1, 0.0, 0.0};
+  const BodyId hub = world.add_body(wheel);
+  Body load = make_body("load", Point{}, 1.0, {1.8, 0.0, 0.0});
+  load.state.linear_velocity = {0.1, 3.0, 0.0};
+  const BodyId id = world.add_body(load);
+  world.add_joint(make_joint("rod", hub, {0.5, 0.0, 0.0}, id, Vector3d::Zero()));
+  run_exactly(world, 3.0);
+  const Vector3d centre(0.3 + 0.1 * 3.0, 0.0, 0.0);
+  EXPECT_LE((world.state(id).position - centre - 1.5 * Vector3d(std::cos(6.0), std::sin(6.0), 0.0))
+                .norm(),
+            3e-9);
+}
+
+// ---- worlds that keep going
+
+TEST(RungeKutta, TheTickMayChangeBetweenSteps) {
+  const auto reference = problems::chain_reference(2, 3.0);
+  World world = with(problems::chain(2), 0.05, 1e-9);
+  for (const double tick : {0.05, 0.01, 0.2, 0.001, 0.1}) {
+    world = with(world, tick, 1e-9);
+    const auto steps = static_cast<int>(std::lround(0.6 / tick));
+    for (int i = 0; i < steps; ++i) {
+      ASSERT_FALSE(world.step().failed);
+      ASSERT_LE(world.report().max_constraint_error, round_off(world));
+    }
+  }
+  EXPECT_LE(largest_distance(world, reference), 3e-8);
+}
+
+TEST(RungeKutta, CopiesGoOnBitIdentically) {
+  for (World original :
+       {problems::chain(10), problems::four_bar(3), compound_pendulum(), problems::free_box()}) {
+    original = with(original, 0.05, 1e-9);
+    run(original, 20);
+    World copy = original;
+    for (int i = 0; i < 100; ++i) {
+      original.step();
+      copy.step();
+      ASSERT_EQ(original.state_hash(), copy.state_hash()) << i;
+    }
+  }
+}
+
+TEST(RungeKutta, ALoopClosedAsItRunsIsClosedSmoothly) {
+  // the free end of a hanging chain is joined to a hook 1.5 m away
+  World world = with(problems::chain(4), 0.01, 1e-8);
+  run(world, 100);
+  const BodyId last = world.body_ids().back();
+  const Vector3d hook = world.state(last).position + Vector3d(0.5, 0.0, 1.4);
+  Joint closing = make_joint("closing", kWorldBody, hook, last, Vector3d::Zero(), BallJoint{});
+  const JointId id = world.add_joint(closing);
+  Vector3d before = world.state(last).position;
+  for (int i = 0; i < 200; ++i) {
+    run(world, 1);
+    const Vector3d now = world.state(last).position;
+    ASSERT_LE((now - before).norm(), 0.1);  // of 1.5 m that are closed in half a second
+    before = now;
+    EXPECT_EQ(world.joint_state(id).closing, i < 49) << i;
+  }
+  EXPECT_LE(world.joint_state(id).error, 1e-12);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -1,0 +1,133 @@
+// The sparse factorisation against dense ones, and what it does where rows depend on each other.
+
+#include <Eigen/Cholesky>
+
+#include "engine/linear/sparse_ldlt.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using Pattern = std::vector<std::pair<int, int>>;
+
+/// Puts A into a factorisation with this pattern.
+SparseLdlt with_values(const MatrixXd& A, const Pattern& pattern) {
+  SparseLdlt ldlt;
+  ldlt.analyze(static_cast<int>(A.rows()), pattern);
+  for (int i = 0; i < A.rows(); ++i) ldlt.values()[ldlt.slot(i, i)] = A(i, i);
+  for (const auto& [i, j] : pattern) ldlt.values()[ldlt.slot(i, j)] = A(i, j);
+  return ldlt;
+}
+
+VectorXd solve(const SparseLdlt& ldlt, const VectorXd& b) {
+  VectorXd permuted(b.size()), x(b.size());
+  for (int i = 0; i < b.size(); ++i) permuted[ldlt.place(i)] = b[i];
+  ldlt.solve(permuted.data());
+  for (int i = 0; i < b.size(); ++i) x[i] = permuted[ldlt.place(i)];
+  return x;
+}
+
+/// G Gᵀ for rows that each couple with the ones of the pattern, and well conditioned.
+MatrixXd positive_definite(int n, const Pattern& pattern, Random* random) {
+  MatrixXd A = MatrixXd::Zero(n, n);
+  for (const auto& [i, j] : pattern) A(i, j) = A(j, i) = (*random)();
+  for (int i = 0; i < n; ++i) A(i, i) = 1.0 + A.row(i).cwiseAbs().sum();
+  return A;
+}
+
+void expect_solves(int n, const Pattern& pattern, Random* random) {
+  const MatrixXd A = positive_definite(n, pattern, random);
+  SparseLdlt ldlt = with_values(A, pattern);
+  EXPECT_EQ(ldlt.factor(1e-8), 0);
+  const VectorXd b = VectorXd::LinSpaced(n, -1.0, 1.0);
+  const VectorXd x = solve(ldlt, b);
+  // diagonally dominant, so both solutions are good to n roundings
+  EXPECT_LE((x - A.ldlt().solve(b)).norm(), 4.0 * n * kEpsilon * x.norm());
+}
+
+TEST(SparseLdlt, SolvesChainsTreesAndForests) {
+  Random random;
+  for (const int n : {1, 2, 3, 10, 101}) {
+    Pattern chain, tree, forest;
+    for (int i = 1; i < n; ++i) {
+      chain.emplace_back(i, i - 1);
+      tree.emplace_back((i - 1) / 3, i);
+      if (i % 4 != 0) forest.emplace_back(i - 1, i);
+    }
+    for (const Pattern& pattern : {chain, tree, forest}) expect_solves(n, pattern, &random);
+  }
+}
+
+TEST(SparseLdlt, SolvesRandomPatternsWithLoops) {
+  Random random;
+  for (int trial = 0; trial < 50; ++trial) {
+    const int n = 2 + static_cast<int>(10.0 * (1.0 + random()));
+    Pattern pattern;
+    for (int i = 1; i < n; ++i)
+      for (int j = 0; j < i; ++j)
+        if (random() > 0.4) pattern.emplace_back(i, j);
+    expect_solves(n, pattern, &random);
+  }
+}
+
+TEST(SparseLdlt, ChainsAndTreesHaveNoFill) {
+  Pattern tree;
+  for (int i = 1; i < 1000; ++i) tree.emplace_back((i - 1) / 2, i);
+  SparseLdlt ldlt;
+  ldlt.analyze(1000, tree);
+  EXPECT_EQ(ldlt.values().size(), 1000u + 999u);
+}
+
+TEST(SparseLdlt, RingsHaveTheLeastFillThereIs) {
+  Pattern ring;
+  for (int i = 0; i < 100; ++i) ring.emplace_back(i, (i + 1) % 100);
+  SparseLdlt ldlt;
+  ldlt.analyze(100, ring);
+  EXPECT_EQ(ldlt.values().size(), 100u + 100u + 97u);  // n - 3 entries, in any order
+}
+
+TEST(SparseLdlt, RepeatedAndTransposedEntriesAreOne) {
+  SparseLdlt ldlt;
+  ldlt.analyze(3, {{0, 1}, {1, 0}, {0, 1}, {2, 2}});
+  EXPECT_EQ(ldlt.values().size(), 4u);
+  EXPECT_EQ(ldlt.slot(0, 1), ldlt.slot(1, 0));
+}
+
+TEST(SparseLdlt, CountsAndTouchesDependentRows) {
+  // two pairs of equal rows among six, in a chain and with a loop
+  for (const bool has_loop : {false, true}) {
+    MatrixXd G = MatrixXd::Random(6, 9);
+    Pattern pattern;
+    MatrixXd A;
+    if (has_loop) {
+      G.row(3) = G.row(0);
+      G.row(5) = -2.0 * G.row(1);
+      A = G * G.transpose();
+      for (int i = 0; i < 6; ++i)
+        for (int j = 0; j < i; ++j) pattern.emplace_back(i, j);
+    } else {
+      A = MatrixXd::Zero(6, 6);
+      for (int i = 0; i < 6; i += 2) {
+        A.block<2, 2>(i, i) << 4.0, 2.0, 2.0, i < 4 ? 1.0 : 3.0;
+        pattern.emplace_back(i, i + 1);
+      }
+    }
+    SparseLdlt ldlt = with_values(A, pattern);
+    EXPECT_EQ(ldlt.factor(1e-8), 2) << has_loop;
+    // what is left of these pivots is rounding
+    EXPECT_LT(ldlt.smallest_touched(), 1e-14);
+    const VectorXd x = solve(ldlt, A * VectorXd::Ones(6));
+    EXPECT_LE((A * x - A * VectorXd::Ones(6)).norm(), 1e-6 * A.norm());  // the touch is 1e-8 A_ii
+  }
+}
+
+TEST(SparseLdlt, AnEmptyRowGetsNoForce) {
+  SparseLdlt ldlt = with_values(MatrixXd::Zero(1, 1), {});
+  ldlt.factor(1e-8);
+  EXPECT_EQ(solve(ldlt, VectorXd::Ones(1))[0], 0.0);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -1,106 +1,153 @@
-// Error against run time, for the pendulum with its closed form and, as the first argument, a
-// scene.
+// Run time to reach an error: each method on the smooth scenes of problems.h.
 
-#include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <cstdio>
-#include <optional>
+#include <functional>
 
-#include "constraint_sim/scene.h"
-#include "constraint_sim/world.h"
+#include "problems.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Vector3d;
+constexpr int kRepetitions = 5;      // of each run, the fastest counts
+constexpr double kLongestRun = 2.0;  // [s]; settings that take longer are not tried
+constexpr double kTargets[] = {1e-4, 1e-6, 1e-9};
 
-constexpr double kDuration = 10.0;  // [s]
-constexpr int kRepetitions = 5;     // of each run, the fastest counts
-
-/// Where the bob of pendulum() is after kDuration, by elliptic functions [m].
-const Vector3d kPendulumAtEnd(-0.27508746257611686, 0.0, -0.961419205099125064);
-
-/// 1 kg on a rod of 1 m, released from the horizontal at rest.
-World pendulum() {
+struct Problem {
+  const char* name;
   World world;
-  Body bob;
-  bob.name = "bob";
-  bob.mass = 1.0;
-  bob.state.position = {-1.0, 0.0, 0.0};
-  Joint rod;
-  rod.name = "rod";
-  rod.body_b = world.add_body(bob);
-  world.add_joint(rod);
+  double duration;                            // [s]
+  std::function<double(const World&)> error;  // at the end [m]
+};
+
+struct Setting {
+  Method method;
+  int order;
+  int rate;        // [1/s], one substep a tick
+  int iterations;  // of sequential_impulses
+};
+
+struct Result {
+  double error;     // [m]
+  double run_time;  // [µs] per simulated second
+};
+
+World prepared(const Problem& problem, const Setting& setting) {
+  World world = problem.world;
+  WorldOptions options = world.options();
+  options.method = setting.method;
+  options.order = setting.order;
+  options.tolerance = 0.0;
+  options.iterations = setting.iterations;
+  options.time_step = 1.0 / setting.rate;
+  world.set_options(options);
   return world;
 }
 
-struct Result {
-  double joint_error = 0.0;   ///< largest of all steps [m]
-  double energy_drift = 0.0;  ///< at the end [1]
-  double run_time = 0.0;      ///< [µs] per simulated second
-  bool failed = false;
-  World end;
-};
-
-Result run_once(World world, int steps_per_second) {
-  WorldOptions options = world.options();
-  options.time_step = 1.0 / steps_per_second;
-  world.set_options(options);
-
-  Result result;
-  const auto start = std::chrono::steady_clock::now();
-  const int steps = static_cast<int>(std::lround(kDuration * steps_per_second));
-  for (int i = 0; i < steps && !result.failed; ++i) {
-    const StepReport& report = world.step();
-    result.joint_error = std::max(result.joint_error, report.max_constraint_error);
-    result.energy_drift = report.energy_drift;
-    result.failed = report.failed;
+Result run(const Problem& problem, const Setting& setting) {
+  Result result{0.0, 0.0};
+  for (int i = 0; i < kRepetitions; ++i) {
+    World world = prepared(problem, setting);
+    const auto start = std::chrono::steady_clock::now();
+    const int steps = static_cast<int>(std::lround(problem.duration * setting.rate));
+    for (int k = 0; k < steps; ++k) world.step();
+    const std::chrono::duration<double, std::micro> taken =
+        std::chrono::steady_clock::now() - start;
+    const double run_time = taken.count() / problem.duration;
+    result.error = problem.error(world);
+    if (i == 0 || run_time < result.run_time) result.run_time = run_time;
+    if (taken.count() > 0.2e6) break;  // long enough to need no repetition
   }
-  const std::chrono::duration<double, std::micro> taken = std::chrono::steady_clock::now() - start;
-  result.run_time = taken.count() / kDuration;
-  result.end = std::move(world);
   return result;
 }
 
-Result run(const World& world, int steps_per_second) {
-  Result result = run_once(world, steps_per_second);
-  for (int i = 1; i < kRepetitions; ++i)
-    result.run_time = std::min(result.run_time, run_once(world, steps_per_second).run_time);
-  return result;
+/// The first setting, from the cheapest on, that reaches each target.
+void print_line(const Problem& problem, const char* name, const std::vector<Setting>& settings) {
+  struct Cell {
+    double run_time = 0.0;
+    int rate = 0;  // 0: not reached
+  } cells[3];
+  double best = 1e300;
+  for (const Setting& setting : settings) {
+    const Result result = run(problem, setting);
+    best = std::min(best, result.error);
+    for (int i = 0; i < 3; ++i)
+      if (cells[i].rate == 0 && result.error <= kTargets[i])
+        cells[i] = {result.run_time, setting.rate};
+    if (cells[2].rate > 0 || result.run_time * problem.duration > kLongestRun * 1e6) break;
+  }
+  std::printf("%-18s %-22s", problem.name, name);
+  for (const Cell& cell : cells) {
+    if (cell.rate == 0)
+      std::printf(" %18s", "-");
+    else
+      std::printf(" %9.1f at 1/%-4d", cell.run_time, cell.rate);
+  }
+  std::printf("   best %.1e\n", best);
 }
 
-void print_table(const char* title, const World& world, const std::optional<Vector3d>& reference) {
-  std::printf("%s, %.0f s, %s\n", title, kDuration, name(Method::kSequentialImpulses));
-  std::printf("%9s", "step [s]");
-  if (reference) std::printf(" %16s", "position [m]");
-  std::printf(" %16s %16s %16s\n", "rods, worst [m]", "energy drift", "us per second");
-  for (const int steps_per_second : {30, 100, 300, 1000, 3000}) {
-    const Result result = run(world, steps_per_second);
-    std::printf("   1/%-4d", steps_per_second);
-    if (reference) {
-      const BodyId bob = result.end.find_body("bob");
-      std::printf(" %16.2e", (result.end.state(bob).position - *reference).norm());
-    }
-    std::printf(" %16.2e %+16.2e %16.1f%s\n", result.joint_error, result.energy_drift,
-                result.run_time, result.failed ? "  failed" : "");
+std::vector<Setting> integrations(int order) {
+  std::vector<Setting> settings;
+  for (const int rate : {5, 8, 10, 15, 20, 30, 40, 60, 80, 100, 150, 200, 300, 500, 1000, 2000})
+    settings.push_back({Method::kRungeKutta, order, rate, 10});
+  return settings;
+}
+
+/// The more links, the more sweeps a step needs.
+std::vector<Setting> impulses(int iterations) {
+  std::vector<Setting> settings;
+  for (const int rate : {30, 100, 300, 1000, 3000, 10000, 30000, 100000, 300000})
+    settings.push_back({Method::kSequentialImpulses, 8, rate, iterations});
+  return settings;
+}
+
+Problem chain(const char* name, int links, double duration) {
+  const auto reference = problems::chain_reference(links, duration, 1.0 / 32.0);
+  return {name, problems::chain(links), duration,
+          [reference](const World& end) { return problems::largest_distance(end, reference); }};
+}
+
+Problem free_box() {
+  return {"free_box_complex", problems::free_box(), 10.0, [](const World& end) {
+            constexpr double kRadiusOfGyration = 0.2843;  // [m]
+            return kRadiusOfGyration *
+                   problems::angle_between(end.state(end.find_body("box")).orientation,
+                                           problems::free_box_orientation());
+          }};
+}
+
+/// Beside the figures of the throw-away prototypes that the method was planned with.
+void print_fixed(const Problem& problem, int rate, double prototype) {
+  const Result result = run(problem, {Method::kRungeKutta, 8, rate, 10});
+  std::printf("%-18s order 8, 1/%-4d %10.1f us  %9.1e m   planned %6.1f us, %.2f of it\n",
+              problem.name, rate, result.run_time, result.error, prototype,
+              result.run_time / prototype);
+}
+
+int print_all() {
+  const Problem scenes[] = {free_box(), chain("pendulum", 1, 10.0),
+                            chain("double_pendulum", 2, 3.0), chain("chain_10", 10, 2.0),
+                            chain("chain_100", 100, 2.0)};
+  std::printf("us of run time per simulated second to reach an error [m] at the end\n%-18s %-22s",
+              "scene", "method");
+  for (const double target : kTargets) std::printf(" %18.0e", target);
+  std::printf("\n");
+  for (const Problem& problem : scenes) {
+    print_line(problem, "runge_kutta, order 8", integrations(8));
+    print_line(problem, "runge_kutta, order 5", integrations(5));
+    print_line(problem, "sequential_impulses",
+               impulses(std::max(10, static_cast<int>(problem.world.joint_ids().size()))));
   }
   std::printf("\n");
-}
-
-int run_all(int argc, char** argv) {
-  print_table("pendulum", pendulum(), kPendulumAtEnd);
-  if (argc < 2) return 0;
-  try {
-    print_table(argv[1], load_scene_file(argv[1]), std::nullopt);
-  } catch (const SceneError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  print_fixed(scenes[0], 30, 10.0);
+  print_fixed(scenes[1], 30, 12.4);
+  print_fixed(scenes[2], 30, 27.0);
+  print_fixed(scenes[3], 30, 75.0);
+  print_fixed(scenes[4], 30, 813.0);
   return 0;
 }
 
 }  // namespace
 }  // namespace constraint_sim::engine
 
-int main(int argc, char** argv) { return constraint_sim::engine::run_all(argc, argv); }
+int main() { return constraint_sim::engine::print_all(); }

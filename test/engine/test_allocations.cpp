@@ -1,0 +1,99 @@
+// A step after the first ones allocates nothing.
+
+#include <cstdlib>
+#include <new>
+
+#include "problems.h"
+#include "support.h"
+
+namespace {
+
+std::size_t allocations = 0;
+
+void* allocate(std::size_t size) {
+  ++allocations;
+  if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
+  throw std::bad_alloc();
+}
+
+}  // namespace
+
+// of the whole program; aligned ones go the standard way, and there are none in the engine
+void* operator new(std::size_t size) { return allocate(size); }
+void* operator new[](std::size_t size) { return allocate(size); }
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete[](void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+std::size_t allocations_in(World& world, int steps) {
+  const std::size_t before = allocations;
+  for (int i = 0; i < steps; ++i) world.step();
+  return allocations - before;
+}
+
+/// Ticks long enough that some take several substeps and some are rejected.
+World warmed_up(World world) {
+  WorldOptions options = world.options();
+  options.time_step = 0.1;
+  world.set_options(options);
+  for (int i = 0; i < 3; ++i) world.step();
+  return world;
+}
+
+TEST(Allocations, AreCounted) {
+  const std::size_t before = allocations;
+  delete new int(1);
+  EXPECT_EQ(allocations, before + 1);
+  World world = problems::chain(2);
+  EXPECT_GT(allocations_in(world, 1), 0u);  // the first step makes the islands
+}
+
+TEST(Allocations, AreNoneInTheStepsOfSmoothScenes) {
+  for (const World& scene : {problems::free_box(), problems::chain(1), problems::chain(30),
+                             problems::four_bar(10, true)}) {
+    World world = warmed_up(scene);
+    EXPECT_EQ(allocations_in(world, 200), 0u);
+  }
+}
+
+TEST(Allocations, AreNoneWithMotorsSpringsAndTurningBodies) {
+  World scene;
+  Body wheel = make_body("wheel", Point{}, 0.0, Vector3d::Zero());
+  wheel.type = BodyType::kKinematic;
+  wheel.state.angular_velocity = {0.0, 1.0, 0.0};
+  const BodyId hub = scene.add_body(wheel);
+  const BodyId box = scene.add_body(make_body("box", Box{{0.2, 0.3, 0.4}}, 1.0, {1.0, 0.0, 0.0}));
+  const BodyId bob = scene.add_body(make_body("bob", Point{}, 1.0, {2.0, 0.0, 0.0}));
+  scene.add_joint(make_joint("ball", hub, {0.5, 0.0, 0.0}, box, {-0.5, 0.0, 0.0}, BallJoint{}));
+  Joint winch = make_joint("winch", box, {0.1, 0.0, 0.1}, bob, Vector3d::Zero());
+  winch.motor.amplitude = 0.1;
+  winch.motor.frequency = 0.3;
+  scene.add_joint(winch);
+  scene.add_joint(make_joint("spring", kWorldBody, {3.0, 0.0, 0.0}, bob, Vector3d::Zero(),
+                             spring(1.0, 20.0, 0.5)));
+  World world = warmed_up(scene);
+  EXPECT_EQ(allocations_in(world, 200), 0u);
+  EXPECT_EQ(world.islands().front().method, Method::kRungeKutta);
+}
+
+TEST(Allocations, AreNoneWhileIslandsChangeTheirMethods) {
+  World scene;
+  scene.add_body(make_floor(0.5));
+  Body ball = make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.3});
+  ball.restitution = 1.0;
+  scene.add_body(ball);
+  World world = scene;
+  std::uint32_t changes = 0;
+  for (int i = 0; i < 200; ++i) changes += world.step().changes;
+  EXPECT_GT(changes, 4u);
+  EXPECT_EQ(allocations_in(world, 200), 0u);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

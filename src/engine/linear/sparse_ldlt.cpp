@@ -3,9 +3,12 @@
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
 #include <algorithm>
+#include <limits>
 
 namespace constraint_sim::engine {
 namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Place of each row in an elimination of a forest without fill: leaves first, from all ends at
 // once, so that neighbours in the order depend little on each other. Empty if there are loops.
@@ -123,24 +126,39 @@ SparseLdlt::Slot SparseLdlt::slot(int i, int j) const {
 }
 
 int SparseLdlt::factor(double least) {
-  return is_forest_ ? factor_forest(least) : factor_any(least);
+  return is_forest_ ? factor_forest(least, [](std::size_t, std::size_t, double) {})
+                    : factor_any(least);
 }
 
-// no column has more than one entry, so none but its parent's pivot changes
-int SparseLdlt::factor_forest(double least) {
-  double* const diagonal = values_.data();
-  double* lower = diagonal + n_;
+int SparseLdlt::factor_and_solve(double least, double* b) {
+  const int touched = factor_forest(
+      least, [b](std::size_t k, std::size_t parent, double L) { b[parent] -= L * b[k]; });
+  substitute_back(b);
+  return touched;
+}
+
+// No column has more than one entry, so none but its parent's pivot changes.
+template <class Eliminate>
+int SparseLdlt::factor_forest(double least, const Eliminate& eliminate) {
+  const double* const diagonal = values_.data();
+  double* lower = values_.data() + n_;
+  double* const pivots = pivot_.data();
+  double* const inverses = inverse_diagonal_.data();
+  const std::size_t* const parents = parent_.data();
+  const std::size_t n = n_;
   int touched = 0;
   smallest_touched_ = 1.0;
-  std::copy(diagonal, diagonal + n_, pivot_.begin());
-  for (std::size_t k = 0; k < n_; ++k) {
-    const double pivot = pivot_[k] < least * diagonal[k] ? touch(k, least, &touched) : pivot_[k];
-    const double inverse = pivot != 0.0 ? 1.0 / pivot : 0.0;
-    inverse_diagonal_[k] = inverse;
-    if (parent_[k] == n_) continue;
-    const double scaled = *lower * inverse;
-    pivot_[parent_[k]] -= scaled * *lower;
-    *lower++ = scaled;
+  std::copy(diagonal, diagonal + n, pivots);
+  for (std::size_t k = 0; k < n; ++k) {
+    double pivot = pivots[k];
+    if (pivot < least * diagonal[k]) pivot = touch(k, least, &touched);
+    if (pivot == 0.0) pivot = kInfinity;  // of an empty row
+    // two divisions, since the next pivot waits for the second alone
+    inverses[k] = 1.0 / pivot;
+    if (parents[k] == n) continue;
+    pivots[parents[k]] -= *lower * *lower / pivot;
+    *lower *= inverses[k];
+    eliminate(k, parents[k], *lower++);
   }
   return touched;
 }
@@ -188,11 +206,21 @@ void SparseLdlt::solve(double* b) const { is_forest_ ? solve_forest(b) : solve_a
 
 void SparseLdlt::solve_forest(double* b) const {
   const double* lower = values_.data() + n_;
-  for (std::size_t k = 0; k < n_; ++k)
-    if (parent_[k] < n_) b[parent_[k]] -= *lower++ * b[k];
-  for (std::size_t k = n_; k-- > 0;) {
-    b[k] *= inverse_diagonal_[k];
-    if (parent_[k] < n_) b[k] -= *--lower * b[parent_[k]];
+  const std::size_t* const parents = parent_.data();
+  const std::size_t n = n_;
+  for (std::size_t k = 0; k < n; ++k)
+    if (parents[k] < n) b[parents[k]] -= *lower++ * b[k];
+  substitute_back(b);
+}
+
+void SparseLdlt::substitute_back(double* b) const {
+  const double* lower = values_.data() + values_.size();
+  const double* const inverses = inverse_diagonal_.data();
+  const std::size_t* const parents = parent_.data();
+  const std::size_t n = n_;
+  for (std::size_t k = n; k-- > 0;) {
+    const double x = b[k] * inverses[k];
+    b[k] = parents[k] < n ? x - *--lower * b[parents[k]] : x;
   }
 }
 

@@ -29,13 +29,21 @@ class SparseLdlt {
   int factor(double least);
   double smallest_touched() const { return smallest_touched_; }
 
+  /// factor(), and A⁻¹ b in place of b if no pivot was touched; of forests only.
+  int factor_and_solve(double least, double* b);
+  /// Whether no column of L has more than one entry, as of chains and trees. Then every value is
+  /// one of A, so that none needs to be zero before.
+  bool is_forest() const { return is_forest_; }
+
   /// Where row i stands in the elimination, and so in what solve() takes.
   int place(int i) const { return order_[static_cast<std::size_t>(i)]; }
   /// Replaces b by A⁻¹ b, both in the order of the elimination.
   void solve(double* b) const;
 
  private:
-  int factor_forest(double least);
+  template <class Eliminate>
+  int factor_forest(double least, const Eliminate& eliminate);
+  void substitute_back(double* b) const;
   int factor_any(double least);
   double touch(std::size_t k, double least, int* touched);
   void solve_forest(double* b) const;

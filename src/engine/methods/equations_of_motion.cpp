@@ -43,6 +43,12 @@ void write_quaternion_rate(const Vector3d& w, const double* q, double* rate) {
   rate[3] = -0.5 * (w.x() * q[0] + w.y() * q[1] + w.z() * q[2]);
 }
 
+// without the call that std::copy is, for a few numbers
+void copy(const double* from, std::size_t n, double* to) {
+  const auto size = static_cast<Eigen::Index>(n);
+  Eigen::VectorXd::Map(to, size) = Eigen::VectorXd::Map(from, size);
+}
+
 double norm(const double* x, std::size_t n) {
   double sum = 0.0;
   for (std::size_t i = 0; i < n; ++i) sum += x[i] * x[i];
@@ -59,6 +65,7 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
   find_bodies(all_joints, ends, masses);
   add_links(all_joints, ends, masses);
   couple_rows();
+  has_rods_only_ = first_armed_ == links_.size() && ldlt_.is_forest();
 
   const std::size_t points = inverse_mass_.size();
   for (auto* list : {&position_, &velocity_, &acceleration_, &push_, &load_acceleration_})
@@ -374,7 +381,7 @@ void EquationsOfMotion::place(double t, const double* y) {
 }
 
 void EquationsOfMotion::place_bodies(const double* y) {
-  for (std::size_t i = 0; i < bodies_.size(); ++i) position_[i] = ConstVector(y + 3 * i);
+  copy(y, 3 * bodies_.size(), position_.front().data());
   const double* q = y + 6 * bodies_.size();
   for (std::size_t i = 0; i < turning_; ++i) {
     const Matrix3d R = rotation_matrix(q + 4 * i);
@@ -442,7 +449,7 @@ void EquationsOfMotion::factor(double least) {
 
 void EquationsOfMotion::set_velocities(const double* y) {
   const double* v = y + 3 * bodies_.size();
-  for (std::size_t i = 0; i < bodies_.size(); ++i) velocity_[i] = ConstVector(v + 3 * i);
+  copy(v, 3 * bodies_.size(), velocity_.front().data());
   const double* L = v + 3 * bodies_.size() + 4 * turning_;
   for (std::size_t i = 0; i < turning_; ++i) {
     const ConstVector momentum(L + 3 * i);
@@ -537,7 +544,7 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
   weigh_by_length(lambda);
 
   const std::size_t bodies = bodies_.size();
-  std::copy_n(y + 3 * bodies, 3 * bodies, dydt);
+  copy(y + 3 * bodies, 3 * bodies, dydt);
   for (std::size_t i = 0; i < bodies; ++i)
     Vector(dydt + 3 * (bodies + i)) = free[i] + inverse_mass_[i] * push_[i];
   const double* q = y + 6 * bodies;
@@ -555,10 +562,60 @@ void EquationsOfMotion::weigh_by_length(double* lambda) const {
 
 void EquationsOfMotion::derivative(std::size_t stage, double t, const double* y, double* dydt) {
   ask(t);
+  if (has_rods_only_) {
+    swing_rods(stage, t, y, dydt);
+    return;
+  }
   place(t, y);
   factor(kLeastPivot);
   set_velocities(y);
   accelerate(stage, y, dydt);
+}
+
+// The same for rods between centres alone, where it is worth the lines: one loop for all that is
+// known of a row, and one elimination that factors and solves.
+void EquationsOfMotion::swing_rods(std::size_t stage, double t, const double* y, double* dydt) {
+  const std::size_t bodies = bodies_.size();
+  const double* const v = y + 3 * bodies;
+  double* const lambda = stage_forces_.data() + stage * impulses_.size();
+  copy(y, 3 * bodies, position_.front().data());
+  copy(v, 3 * bodies, velocity_.front().data());
+  if (fixed_points_move_) place_fixed_points(t);
+
+  double* const A = ldlt_.values().data();
+  const Vector3d* const x = position_.data();
+  const Vector3d* const x_dot = velocity_.data();
+  const Vector3d* const free = load_acceleration_.data();
+  for (std::size_t l = 0; l < rows_.size(); ++l) {
+    const Row& row = rows_[l];
+    const Vector3d d = x[row.b] - x[row.a];
+    const Vector3d d_dot = x_dot[row.b] - x_dot[row.a];
+    direction_[l] = d;
+    A[row.diagonal] = row.inverse_mass * d.squaredNorm();
+    lambda[row.unknown] =
+        acceleration_target_[l] - d_dot.squaredNorm() - d.dot(free[row.b] - free[row.a]);
+  }
+  for (const LinearCoupling& c : linear_couplings_)
+    A[c.slot] = c.inverse_mass * direction_[c.i].dot(direction_[c.j]);
+  touched_ = ldlt_.factor_and_solve(kLeastPivot, lambda);
+  factors_are_there_ = true;
+  if (touched_ > 0) {  // rare: the whole way
+    place(t, y);
+    factor(kLeastPivot);
+    set_velocities(y);
+    accelerate(stage, y, dydt);
+    return;
+  }
+
+  copy(v, 3 * bodies, dydt);
+  std::size_t pull = 0;
+  for (std::size_t i = 0; i < bodies; ++i) {
+    Vector3d force = Vector3d::Zero();
+    for (; pull < pulls_end_[i]; ++pull)
+      force += pulls_[pull].sign * lambda[pulls_[pull].unknown] * direction_[pulls_[pull].row];
+    Vector(dydt + 3 * (bodies + i)) = free[i] + inverse_mass_[i] * force;
+  }
+  weigh_by_length(lambda);
 }
 
 // ---- projections

@@ -130,6 +130,7 @@ class EquationsOfMotion {
   // ---- what happens in one evaluation, in this order
   void ask(double t);
   void place(double t, const double* y);
+  void swing_rods(std::size_t stage, double t, const double* y, double* dydt);
   void place_bodies(const double* y);
   void place_fixed_points(double t);
   void place_links();
@@ -168,6 +169,7 @@ class EquationsOfMotion {
   std::vector<Eigen::Vector3d> inertia_;    // of those that turn
   std::vector<double> radius_of_gyration_;  // of those that turn
   SparseLdlt ldlt_;
+  bool has_rods_only_ = false;  // between centres, and without loops
 
   // ---- what acts in this span
   double start_time_ = 0.0;

@@ -59,24 +59,48 @@ inline constexpr double kLeastShrinking = 0.73;
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr int kMostAttempts = 20000;  // in one call: beyond it a step counts as refused
 
-/// Σ a[stage][j] k_j of one element over j < kTerms. A term that is zero is no term, since 0 + x
-/// may differ from x in its sign.
-template <class Pair, std::size_t kStage, std::size_t kTerms>
+// Weights of the derivatives, as types, so that what is zero costs nothing.
+
+template <class Pair, std::size_t kStage>
+struct StageWeights {
+  static constexpr std::size_t kTerms = kStage;
+  static constexpr double at(std::size_t j) { return Pair::a[kStage][j]; }
+};
+struct FifthOrderError {
+  static constexpr std::size_t kTerms = DormandPrince8::kStages;
+  static constexpr double at(std::size_t j) { return DormandPrince8::e5[j]; }
+};
+struct ThirdOrderError {
+  static constexpr std::size_t kTerms = DormandPrince8::kStages;
+  static constexpr double at(std::size_t j) { return DormandPrince8::e3[j]; }
+};
+struct FourthOrderError {
+  static constexpr std::size_t kTerms = DormandPrince5::kStages + 1;
+  static constexpr double at(std::size_t j) { return DormandPrince5::e4[j]; }
+};
+
+/// Σ w_j k_j of one element over j < kTerms; w_0 is not zero.
+template <class Weights, std::size_t kTerms = Weights::kTerms>
 double sum(const double* k, std::size_t n) {
-  constexpr double kWeight = Pair::a[kStage][kTerms - 1];
+  constexpr double kWeight = Weights::at(kTerms - 1);
   if constexpr (kTerms == 1)
     return kWeight * k[0];
   else if constexpr (kWeight == 0.0)
-    return sum<Pair, kStage, kTerms - 1>(k, n);
+    return sum<Weights, kTerms - 1>(k, n);
   else
-    return sum<Pair, kStage, kTerms - 1>(k, n) + kWeight * k[(kTerms - 1) * n];
+    return sum<Weights, kTerms - 1>(k, n) + kWeight * k[(kTerms - 1) * n];
+}
+
+template <class Weights>
+void weigh(const double* __restrict k, std::size_t n, double* __restrict result) {
+  for (std::size_t e = 0; e < n; ++e) result[e] = sum<Weights>(k + e, n);
 }
 
 /// y = y0 + h Σ a[stage][j] k_j.
 template <class Pair, std::size_t kStage>
 void combine(const double* __restrict y0, const double* __restrict k, std::size_t n, double h,
              double* __restrict y) {
-  for (std::size_t e = 0; e < n; ++e) y[e] = y0[e] + h * sum<Pair, kStage, kStage>(k + e, n);
+  for (std::size_t e = 0; e < n; ++e) y[e] = y0[e] + h * sum<StageWeights<Pair, kStage>>(k + e, n);
 }
 
 template <class Pair, std::size_t kStage>
@@ -99,16 +123,6 @@ void all_stages(System& system, const StageMemory& memory, double t, double h,
   (stage<Pair, kBefore + 1>(system, memory, t, h), ...);
 }
 
-/// Σ weights[j] k_j.
-template <std::size_t kTerms>
-void weigh(const double (&weights)[kTerms], const double* k, std::size_t n, double* sum) {
-  std::fill(sum, sum + n, 0.0);
-  for (std::size_t j = 0; j < kTerms; ++j) {
-    if (weights[j] == 0.0) continue;
-    for (std::size_t e = 0; e < n; ++e) sum[e] += weights[j] * k[j * n + e];
-  }
-}
-
 /// Hairer's combination of the two embedded formulas falls with h⁸, the error itself with h⁹. What
 /// is missing, h over the time in which the motion changes, is in the ratio of the two, which falls
 /// with h². The factor is fitted to pendulums, chains and free bodies; without it the estimate is
@@ -117,8 +131,8 @@ template <class System>
 double estimate(DormandPrince8, const System& system, const StageMemory& memory, double h) {
   constexpr double kFitted = 10.0;
   const std::size_t n = system.size();
-  weigh(DormandPrince8::e5, memory.derivatives(), n, memory.error(0));
-  weigh(DormandPrince8::e3, memory.derivatives(), n, memory.error(1));
+  weigh<FifthOrderError>(memory.derivatives(), n, memory.error(0));
+  weigh<ThirdOrderError>(memory.derivatives(), n, memory.error(1));
   const double fifth = system.size_of(memory.error(0), h);
   const double third = system.size_of(memory.error(1), h);
   if (fifth == 0.0) return 0.0;
@@ -129,7 +143,7 @@ double estimate(DormandPrince8, const System& system, const StageMemory& memory,
 /// Of the formula of order 4, and so on the safe side.
 template <class System>
 double estimate(DormandPrince5, const System& system, const StageMemory& memory, double h) {
-  weigh(DormandPrince5::e4, memory.derivatives(), system.size(), memory.error(0));
+  weigh<FourthOrderError>(memory.derivatives(), system.size(), memory.error(0));
   return h * system.size_of(memory.error(0), h);
 }
 
@@ -152,7 +166,7 @@ double attempt(System& system, const StageMemory& memory, double t, double h) {
 template <class Pair>
 double stretch(double error, double allowed) {
   if (error < 0.0) return kMostShrinking;
-  if (error == 0.0) return kMostGrowth;
+  if (error < 1e-6 * allowed) return kMostGrowth;  // 0.9 · 1e6^(1/8) is already more
   const double ratio = kSafety * std::pow(allowed / error, 1.0 / (Pair::kErrorOrder - 1));
   const double most = error > allowed ? kLeastShrinking : kMostGrowth;
   return std::clamp(ratio, kMostShrinking, most);

@@ -104,13 +104,19 @@ Progress FreeRotation::advance(double h, const Vector3d& torque, const MassPrope
   const StageMemory memory(numbers.data(), Turning::size());
   Eigen::Map<Eigen::Vector4d> q(memory.state());
   q = state->orientation.coeffs();
-  turning.derivative(0, 0.0, memory.state(), memory.derivatives());
+  Eigen::Map<Eigen::Vector4d> first_derivative(memory.derivatives());
+  if (goes_on && torque == torque_)
+    first_derivative = first_derivative_;
+  else
+    turning.derivative(0, 0.0, memory.state(), memory.derivatives());
   const Progress progress = integrate(turning, memory, 0.0, h, accuracy, step_);
   if (!progress.done) return progress;
   state->orientation.coeffs() = q;
   momentum_ += h * torque;
   state->angular_velocity = apply_inertia(mass.inverse_inertia, state->orientation, momentum_);
   after_ = *state;
+  torque_ = torque;
+  first_derivative_ = first_derivative;
   return progress;
 }
 

@@ -59,6 +59,8 @@ class FreeRotation {
   double step_ = 0.0;                                   // the next substep is tried with [s]
   BodyState after_;                                     // the last span
   Eigen::Vector3d momentum_ = Eigen::Vector3d::Zero();  // L then
+  Eigen::Vector3d torque_ = Eigen::Vector3d::Zero();    // in it
+  Eigen::Vector4d first_derivative_ = Eigen::Vector4d::Zero();  // of the next span, if that goes on
 };
 
 /// x and v of a body that nothing holds, by the parabola.

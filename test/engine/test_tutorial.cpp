@@ -91,7 +91,7 @@ TEST(Distance1d, WorldMovesTwoPointMassesInTheSameWayWithBaumgarte) {
   EXPECT_LT((line.by_world(0.1, 0.0, 0.01) - line.by_formula(zeta, 0.01)).norm(), kRoundOff1d);
 }
 
-// ---- the worked example (docs/methods.md, section 6): exact rationals
+// ---- the worked example (docs/tutorial.md): exact rationals
 
 struct WorkedExample {
   World world;

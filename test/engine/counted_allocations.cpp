@@ -1,0 +1,34 @@
+#include "counted_allocations.h"
+
+#include <cstdlib>
+#include <new>
+
+namespace {
+
+std::size_t count = 0;
+
+void* allocate(std::size_t size) noexcept {
+  ++count;
+  return std::malloc(size == 0 ? 1 : size);
+}
+
+}  // namespace
+
+namespace constraint_sim::engine {
+
+std::size_t counted_allocations() { return count; }
+
+}  // namespace constraint_sim::engine
+
+// Of the whole program, and in a file of their own, or compilers take the pairs for mismatched.
+// There are no aligned ones in the engine.
+void* operator new(std::size_t size) {
+  if (void* memory = allocate(size)) return memory;
+  throw std::bad_alloc();
+}
+void* operator new[](std::size_t size) { return operator new(size); }
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept { return allocate(size); }
+void operator delete(void* memory) noexcept { std::free(memory); }
+void operator delete[](void* memory) noexcept { std::free(memory); }
+void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
+void operator delete[](void* memory, std::size_t) noexcept { std::free(memory); }

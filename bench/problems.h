@@ -38,12 +38,12 @@ inline void add_rod(World* world, BodyId a, BodyId b) {
 
 /// Unit point masses on rods of 1 m, from the origin along x, at rest. One is the pendulum of the
 /// IFToMM benchmark A01, two the double pendulum.
-inline World chain(int links, double end_mass = 1.0) {
+inline World chain(int links, double end_mass = 1.0, double mass = 1.0) {
   World world;
   BodyId last = kWorldBody;
   for (int i = 1; i <= links; ++i) {
     const BodyId id = add_mass(&world, "mass_" + std::to_string(i),
-                               {static_cast<double>(i), 0.0, 0.0}, i == links ? end_mass : 1.0);
+                               {static_cast<double>(i), 0.0, 0.0}, i == links ? end_mass : mass);
     add_rod(&world, last, id);
     last = id;
   }

@@ -196,6 +196,22 @@ TEST(RungeKutta, TakesWhatSubstepsItNeedsInALongTick) {
   }
 }
 
+TEST(RungeKutta, RefusesNoSmoothSceneAtTicksUpToATenthOfASecond) {
+  // up to a load ten million times as heavy as each link that holds it
+  std::vector<World> scenes;
+  for (const double load : {1.0, 1e3, 1e6}) scenes.push_back(problems::chain(10, load));
+  scenes.push_back(problems::chain(10, 1e6, 0.1));
+  scenes.push_back(problems::chain(100));
+  scenes.push_back(problems::four_bar(10, true));
+  scenes.push_back(problems::free_box());
+  for (const World& scene : scenes) {
+    for (const double tick : {0.1, 1.0 / 30.0}) {
+      World world = with(scene, tick, 1e-8);
+      run_exactly(world, 1.0);
+    }
+  }
+}
+
 // ---- free bodies
 
 TEST(FreeBody, TumblesAsPublished) {

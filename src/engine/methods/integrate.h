@@ -57,7 +57,7 @@ inline constexpr double kMostGrowth = 5.0;
 inline constexpr double kMostShrinking = 0.2;
 inline constexpr double kLeastShrinking = 0.73;
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
-inline constexpr int kMostAttempts = 20000;  // in one call: beyond it a step counts as refused
+inline constexpr int kMostAttempts = 50000;  // in one call: beyond it a step counts as refused
 
 // Weights of the derivatives, as types, so that what is zero costs nothing.
 

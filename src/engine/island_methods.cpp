@@ -152,11 +152,14 @@ void World::Impl::sort_islands() {
   if (changed) list_by_method();
 }
 
+// whether a joint belongs to an island that is integrated
+bool World::Impl::is_integrated(std::size_t j) const {
+  const auto [a, b] = joint_ends[j];
+  const int island = island_of[is_movable(a) ? a : b];
+  return islands[at(island)].method == Method::kRungeKutta;
+}
+
 void World::Impl::list_by_method() {
-  const auto is_smooth = [&](std::size_t body) {
-    const int island = island_of[body];
-    return island < 0 || islands[at(island)].method == Method::kRungeKutta;
-  };
   smooth.clear();
   islands_by_method = {};
   integrated_rows = 0;
@@ -172,12 +175,13 @@ void World::Impl::list_by_method() {
   }
   impulse_bodies.clear();
   impulse_joints.clear();
-  for (std::size_t i = 1; i < bodies.size(); ++i)
-    if (!is_smooth(i)) impulse_bodies.push_back(static_cast<int>(i));
+  for (std::size_t i = 1; i < bodies.size(); ++i) {
+    const int island = island_of[i];
+    if (island >= 0 && islands[at(island)].method != Method::kRungeKutta)
+      impulse_bodies.push_back(static_cast<int>(i));
+  }
   for (std::size_t j = 0; j < joints.size(); ++j)
-    if (!joint_states[j].broken &&
-        !(is_smooth(joint_ends[j].first) && is_smooth(joint_ends[j].second)))
-      impulse_joints.push_back(static_cast<int>(j));
+    if (!joint_states[j].broken && !is_integrated(j)) impulse_joints.push_back(static_cast<int>(j));
 }
 
 void World::Impl::integrate() {
@@ -198,7 +202,8 @@ void World::Impl::integrate() {
     find_loads(t, span_ends[k + 1]);
     const bool is_disturbed = is_fresh || had_loads || !loads.empty() || k > 0;
     for (const int j : changing_courses)
-      courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
+      if (is_integrated(at(j)))
+        courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
     const SmoothSpan smooth_span{t, span.h, options.gravity, loads, courses, is_disturbed};
     for (const int i : smooth) {
       if (islands[at(i)].method != Method::kRungeKutta) continue;
@@ -206,7 +211,8 @@ void World::Impl::integrate() {
       refuse_island(at(i));
       any_failed = true;
     }
-    for (const int j : changing_courses) finish_span(span, joint_states[at(j)]);
+    for (const int j : changing_courses)
+      if (is_integrated(at(j))) finish_span(span, joint_states[at(j)]);
     had_loads = !loads.empty();
   }
   if (any_failed) list_by_method();
@@ -325,10 +331,11 @@ void World::Impl::tell_of_islands() {
 }
 
 void World::Impl::read_smooth_joints(const JointStep& step) {
-  if (span_ends.size() > 2)
-    for (const int j : changing_courses)
-      joint_states[at(j)].bias =
-          (joint_states[at(j)].travel - joint_states_before[at(j)].travel) / step.h;
+  for (const int index : changing_courses) {
+    const std::size_t j = at(index);
+    if (span_ends.size() > 2 && is_integrated(j))
+      joint_states[j].bias = (joint_states[j].travel - joint_states_before[j].travel) / step.h;
+  }
   for (const int i : smooth) {
     if (island_parts[at(i)].linked < 0) continue;
     const EquationsOfMotion& equations = linked[at(island_parts[at(i)].linked)].equations();

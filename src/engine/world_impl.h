@@ -79,11 +79,10 @@ struct World::Impl {
   std::vector<int> island_of;           // of bodies; -1 of immovable ones
   std::vector<LinkedMotion> linked;     // of the islands with joints
   std::vector<FreeRotation> rotations;  // of bodies
+  std::vector<double> fastest_spring;   // of bodies [1/s]
   double reference_energy = 0.0;        // [J] at the last edit
   double largest_kinetic_energy = 0.0;  // [J] since the last edit
-
-  std::vector<double> fastest_spring;  // of bodies [1/s]
-  bool is_fresh = true;                // no step since the last edit
+  bool is_fresh = true;                 // no step since the last edit
 
   // ---- which islands have which method; made anew when that changes
   std::array<std::uint32_t, kMethodCount> islands_by_method{};
@@ -141,6 +140,7 @@ struct World::Impl {
   void find_contacts();
   void choose_methods();
   void sort_islands();
+  bool is_integrated(std::size_t j) const;
   void list_by_method();
   void integrate();
   void enter();

@@ -260,7 +260,8 @@ void EquationsOfMotion::load(const std::vector<BodyState>& states, double* y) co
   }
 }
 
-void EquationsOfMotion::store(const double* y, std::vector<BodyState>* states) const {
+void EquationsOfMotion::store(const double* y, std::vector<BodyState>* states) {
+  scale_ = std::max(fixed_scale_, largest_coordinate(y));
   const double* v = y + 3 * bodies_.size();
   const double* q = v + 3 * bodies_.size();
   const double* L = q + 4 * turning_;
@@ -296,11 +297,9 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
                          !point.start.angular_velocity.isZero(0.0);
   }
   place_fixed_points(t);
-  scale_ = 0.0;
+  fixed_scale_ = 0.0;
   for (std::size_t p = bodies_.size(); p < position_.size(); ++p)
-    scale_ = std::max(scale_, position_[p].cwiseAbs().maxCoeff());
-  for (const int body : bodies_)
-    scale_ = std::max(scale_, states[at(body)].position.cwiseAbs().maxCoeff());
+    fixed_scale_ = std::max(fixed_scale_, position_[p].cwiseAbs().maxCoeff());
 
   courses_.clear();
   std::fill(rate_target_.begin(), rate_target_.end(), 0.0);
@@ -310,8 +309,14 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
     if (!course.is_constant()) courses_.emplace_back(l, course);
     length_[l] = is_ball(l) ? Course{} : course.length(t);
     length_at_start_[l] = length_[l].value;
-    scale_ = std::max(scale_, length_[l].value);
+    fixed_scale_ = std::max(fixed_scale_, length_[l].value);
   }
+}
+
+double EquationsOfMotion::largest_coordinate(const double* y) const {
+  return Eigen::VectorXd::Map(y, static_cast<Eigen::Index>(3 * bodies_.size()))
+      .cwiseAbs()
+      .maxCoeff();
 }
 
 bool EquationsOfMotion::keeps_pace(double t, const double* y) {
@@ -330,6 +335,7 @@ bool EquationsOfMotion::keeps_pace(double t, const double* y) {
 }
 
 bool EquationsOfMotion::start(double t, double* y, double* dydt) {
+  scale_ = std::max(fixed_scale_, largest_coordinate(y));
   contradicts_ = false;
   if (!factors_are_there_) {
     ask(t);

@@ -44,7 +44,7 @@ class EquationsOfMotion {
   // ---- a span of time in which nothing jumps
 
   void load(const std::vector<BodyState>& states, double* y) const;
-  void store(const double* y, std::vector<BodyState>* states) const;
+  void store(const double* y, std::vector<BodyState>* states);
   /// Sets what acts from time t on; `courses` are those of all joints of the world.
   void begin(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
              const std::vector<Load>& loads, const std::vector<JointCourse>& courses);
@@ -142,6 +142,7 @@ class EquationsOfMotion {
   void find_right_hand_side(const Eigen::Vector3d* free, double* b) const;
   void weigh_by_length(double* lambda) const;
 
+  double largest_coordinate(const double* y) const;
   Eigen::Vector3d d_dot(std::size_t l) const;
   Eigen::Vector3d gamma_d(std::size_t l) const;
   void find_rates();
@@ -174,9 +175,10 @@ class EquationsOfMotion {
   // ---- what acts in this span
   double start_time_ = 0.0;
   bool fixed_points_move_ = false;
-  double scale_ = 0.0;                              // largest coordinate [m]: what rounding goes by
-  std::vector<Eigen::Vector3d> load_acceleration_;  // of points
-  std::vector<Eigen::Vector3d> load_torque_;        // of those that turn
+  double fixed_scale_ = 0.0;  // largest coordinate of fixed points, or length [m]
+  double scale_ = 0.0;        // also of bodies: what rounding goes by
+  std::vector<Eigen::Vector3d> load_acceleration_;            // of points
+  std::vector<Eigen::Vector3d> load_torque_;                  // of those that turn
   std::vector<std::pair<std::size_t, JointCourse>> courses_;  // of links that change with time
   std::vector<double> length_at_start_;                       // of links
 

@@ -1,4 +1,4 @@
-#!/usr/bin/env python3
+#!/ usr / bin / env python3
 """How many bodies the node carries at a tick of 1 ms and 50 rounds of messages per second.
 
 For each number of bodies it starts a master and a node of its own on a scene of chains, ten balls on
@@ -84,7 +84,7 @@ def listen(duration, results):
     rospy.Subscriber("/constraint_sim/statistics", Statistics,
                      lambda message: statistics.append((time.monotonic(), message)))
     for topic in TOPICS:
-        # as bytes: taking them apart in Python would cost more than all the rest
+#as bytes : taking them apart in Python would cost more than all the rest
         rospy.Subscriber(topic, rospy.AnyMsg, lambda _: messages.append(None))
     wait_until(lambda: statistics, "the node's statistics")
     time.sleep(WARM_UP)
@@ -122,7 +122,7 @@ def measure(bodies, duration):
                           "_publish_rate:=%g" % RATE]):
                 wait_until(lambda: master.lookupNode("/node_throughput", "/constraint_sim")[0] == 1,
                            "the node")
-                # a process of its own: rospy can be initialised once
+#a process of its own : rospy can be initialised once
                 results = multiprocessing.Queue()
                 listener = multiprocessing.Process(target=listen, args=(duration, results))
                 listener.start()

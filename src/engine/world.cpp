@@ -300,6 +300,7 @@ double World::Impl::kinetic_energy() const {
   for (std::size_t i = 1; i < states.size(); ++i) {
     if (!is_movable(i)) continue;
     energy += 0.5 / masses[i].inverse_mass * states[i].linear_velocity.squaredNorm();
+    if (!masses[i].can_turn()) continue;
     const Vector3d w = states[i].orientation.conjugate() * states[i].angular_velocity;
     energy += 0.5 * w.dot(masses[i].inertia.cwiseProduct(w));
   }

@@ -14,10 +14,16 @@ struct AnchorPair {
   Eigen::Vector3d r_A, r_B, p_A, d;
 
   AnchorPair(const Joint& joint, const BodyState& a, const BodyState& b)
-      : r_A(a.orientation * joint.anchor_a),
-        r_B(b.orientation * joint.anchor_b),
+      : r_A(arm(a, joint.anchor_a)),
+        r_B(arm(b, joint.anchor_b)),
         p_A(a.position + r_A),
         d(b.position + r_B - p_A) {}
+
+  /// Of an anchor at the centre, nothing to turn.
+  static Eigen::Vector3d arm(const BodyState& body, const Eigen::Vector3d& anchor) {
+    if (anchor.isZero(0.0)) return anchor;
+    return body.orientation * anchor;
+  }
 
   /// ḋ = v_B + ω_B × r_B − v_A − ω_A × r_A.
   Eigen::Vector3d d_dot(const BodyState& a, const BodyState& b) const {

@@ -584,18 +584,20 @@ void EquationsOfMotion::swing_rods(std::size_t stage, double t, const double* y,
   const std::size_t bodies = bodies_.size();
   const double* const v = y + 3 * bodies;
   double* const lambda = stage_forces_.data() + stage * impulses_.size();
-  copy(y, 3 * bodies, position_.front().data());
-  copy(v, 3 * bodies, velocity_.front().data());
   if (fixed_points_move_) place_fixed_points(t);
+  const auto position = [&](std::size_t p) {
+    return ConstVector(p < bodies ? y + 3 * p : position_[p].data());
+  };
+  const auto velocity = [&](std::size_t p) {
+    return ConstVector(p < bodies ? v + 3 * p : velocity_[p].data());
+  };
 
   double* const A = ldlt_.values().data();
-  const Vector3d* const x = position_.data();
-  const Vector3d* const x_dot = velocity_.data();
   const Vector3d* const free = load_acceleration_.data();
   for (std::size_t l = 0; l < rows_.size(); ++l) {
     const Row& row = rows_[l];
-    const Vector3d d = x[row.b] - x[row.a];
-    const Vector3d d_dot = x_dot[row.b] - x_dot[row.a];
+    const Vector3d d = position(row.b) - position(row.a);
+    const Vector3d d_dot = velocity(row.b) - velocity(row.a);
     direction_[l] = d;
     A[row.diagonal] = row.inverse_mass * d.squaredNorm();
     lambda[row.unknown] =
@@ -613,12 +615,12 @@ void EquationsOfMotion::swing_rods(std::size_t stage, double t, const double* y,
     return;
   }
 
-  copy(v, 3 * bodies, dydt);
   std::size_t pull = 0;
   for (std::size_t i = 0; i < bodies; ++i) {
     Vector3d force = Vector3d::Zero();
     for (; pull < pulls_end_[i]; ++pull)
       force += pulls_[pull].sign * lambda[pulls_[pull].unknown] * direction_[pulls_[pull].row];
+    Vector(dydt + 3 * i) = ConstVector(v + 3 * i);
     Vector(dydt + 3 * (bodies + i)) = free[i] + inverse_mass_[i] * force;
   }
   weigh_by_length(lambda);
@@ -736,7 +738,7 @@ void EquationsOfMotion::accept(double h, const double* weights) {
   }
 }
 
-double EquationsOfMotion::size_of(const double* dy, double h) const {
+double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
   const std::size_t bodies = bodies_.size();
   double largest = 0.0;
   for (std::size_t i = 0; i < bodies; ++i) {
@@ -749,7 +751,7 @@ double EquationsOfMotion::size_of(const double* dy, double h) const {
     const double norm = Eigen::Map<const Eigen::Vector4d>(dq + 4 * i).squaredNorm();
     largest = std::max(largest, turned * turned * norm);
   }
-  return std::sqrt(largest);
+  return largest;
 }
 
 // ---- the linear system

@@ -70,7 +70,7 @@ class EquationsOfMotion {
   bool project(double t, double* y);
   void accept(double h, const double* weights);
   bool restart(double* y, double* dydt);
-  double size_of(const double* dy, double h) const;
+  double squared_size_of(const double* dy, double h) const;
 
  private:
   /// A joint between two points: bodies in the order of the state, then fixed points.

@@ -18,7 +18,7 @@ namespace constraint_sim::engine {
 //   bool project(double t, double* y);             onto what positions have to keep; false: cannot
 //   void accept(double h, const double* weights);  of the stages: they have made a step
 //   bool restart(double* y, double* dydt);         after project(): projects velocities, stage 0
-//   double size_of(const double* dy, double h);    of an error over a step of h [m]
+//   double squared_size_of(const double* dy, double h);  of an error over a step of h [m²]
 
 /// Where the numbers are: the state, the candidate for the next one, errors, and the derivatives of
 /// the stages one after the other.
@@ -133,18 +133,18 @@ double estimate(DormandPrince8, const System& system, const StageMemory& memory,
   const std::size_t n = system.size();
   weigh<FifthOrderError>(memory.derivatives(), n, memory.error(0));
   weigh<ThirdOrderError>(memory.derivatives(), n, memory.error(1));
-  const double fifth = system.size_of(memory.error(0), h);
-  const double third = system.size_of(memory.error(1), h);
-  if (fifth == 0.0) return 0.0;
-  const double combined = h * fifth * fifth / std::sqrt(fifth * fifth + 0.01 * third * third);
-  return fifth < third ? combined * std::min(1.0, kFitted * std::sqrt(fifth / third)) : combined;
+  const double fifth2 = system.squared_size_of(memory.error(0), h);
+  const double third2 = system.squared_size_of(memory.error(1), h);
+  if (fifth2 == 0.0) return 0.0;
+  const double combined = h * fifth2 / std::sqrt(fifth2 + 0.01 * third2);
+  return combined * std::min(1.0, kFitted * std::sqrt(std::sqrt(fifth2 / third2)));
 }
 
 /// Of the formula of order 4, and so on the safe side.
 template <class System>
 double estimate(DormandPrince5, const System& system, const StageMemory& memory, double h) {
   weigh<FourthOrderError>(memory.derivatives(), system.size(), memory.error(0));
-  return h * system.size_of(memory.error(0), h);
+  return h * std::sqrt(system.squared_size_of(memory.error(0), h));
 }
 
 /// One step, in candidate(); negative where there is none, else the estimate of its error [m].

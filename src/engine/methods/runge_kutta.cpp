@@ -51,8 +51,8 @@ class Turning {
     derivative(0, end_, y, dydt);
     return true;
   }
-  double size_of(const double* dy, double) const {
-    return 2.0 * radius_ * Eigen::Map<const Eigen::Vector4d>(dy).norm();
+  double squared_size_of(const double* dy, double) const {
+    return 4.0 * radius_ * radius_ * Eigen::Map<const Eigen::Vector4d>(dy).squaredNorm();
   }
 
  private:

@@ -32,7 +32,7 @@ class Chain {
 
   template <std::size_t kStage, std::size_t kTerm>
   static double sum(const double* k, std::size_t n) {
-    constexpr double kWeight = Pair::a[kStage][kTerm];
+    constexpr double kWeight = Pair::kA[kStage][kTerm];
     if constexpr (kTerm == 0)
       return kWeight * k[0];
     else if constexpr (kWeight == 0.0)

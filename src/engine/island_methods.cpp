@@ -68,7 +68,6 @@ void World::Impl::classify_islands() {
   find_fastest_springs();
   for (IslandParts& parts : island_parts) {
     parts.nature = nature_of(parts.members);
-    parts.refused_until = 0;
     if (parts.nature != Why::kSmooth) continue;
     if (parts.members.joints.empty())
       parts.turning_freely = parts.members.bodies;
@@ -142,6 +141,8 @@ void World::Impl::sort_islands() {
       island.why = Why::kRefused;
       any_refused = true;
     }
+    island.local_error = 0.0;
+    island.substeps = island.rejected = island.dependent_rows = 0;
     const Method before = island.method;
     island.method = island.why == Why::kSmooth ? Method::kRungeKutta : Method::kSequentialImpulses;
     if (island.method == before && !is_fresh) continue;
@@ -165,8 +166,6 @@ void World::Impl::list_by_method() {
   integrated_rows = 0;
   for (std::size_t i = 0; i < islands.size(); ++i) {
     ++islands_by_method[static_cast<std::size_t>(islands[i].method)];
-    islands[i].local_error = 0.0;
-    islands[i].substeps = islands[i].rejected = islands[i].dependent_rows = 0;
     if (islands[i].method != Method::kRungeKutta) continue;
     smooth.push_back(static_cast<int>(i));
     if (island_parts[i].linked >= 0)
@@ -239,7 +238,10 @@ void World::Impl::enter() {
     for (const int index : island_parts[at(i)].members.joints) {
       const std::size_t j = at(index);
       courses[j] = JointCourse(joints[j], step, joint_states[j]);
-      if (!courses[j].is_constant()) changing_courses.push_back(index);
+      // also those that stand still for now, at the end of their travel
+      const Motor& motor = joints[j].motor;
+      if (joint_states[j].closing || motor.bias != 0.0 || motor.amplitude != 0.0)
+        changing_courses.push_back(index);
     }
   }
 }
@@ -312,6 +314,7 @@ void World::Impl::refuse_island(std::size_t i) {
   island_parts[i].refused_until = step_count + kRefusedFor;
   any_refused = true;
   ++report.changes;
+  report.rejected += islands[i].rejected;
 }
 
 void World::Impl::tell_of_islands() {

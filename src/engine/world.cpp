@@ -68,6 +68,11 @@ void World::Impl::recompile() {
     pair.a = body_index[pair.id_a.value];
     pair.b = body_index[pair.id_b.value];
   }
+  const auto is_gone = [](const TouchingPair& pair) { return pair.a < 0 || pair.b < 0; };
+  touching.erase(std::remove_if(touching.begin(), touching.end(), is_gone), touching.end());
+
+  changing_courses.clear();  // until the islands are sorted anew
+  span_ends.clear();
 
   if (topology_edited) make_islands();
   classify_islands();
@@ -216,6 +221,7 @@ void World::Impl::finish_step() {
     states = states_before;
     joint_states = joint_states_before;
     for (LinkedMotion& motion : linked) motion.forget();
+    is_fresh = true;
     touching.clear();
     contacts.clear();
     report.failed = true;

@@ -161,6 +161,31 @@ TEST(Islands, AreImpulsesWhileTheyTouchAndTheReportSaysSo) {
   EXPECT_EQ(changes, 2u);  // into the contact and out of it
 }
 
+TEST(Islands, AreToldAfterABodyInContactIsGone) {
+  World world(automatic());
+  world.add_body(make_floor(0.5));
+  const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.09}));
+  world.add_body(make_body("far", Sphere{0.1}, 1.0, {9.0, 0.0, 99.0}));
+  world.step();
+  EXPECT_EQ(world.islands().front().why, Why::kContact);
+  world.remove_body(ball);
+  EXPECT_EQ(only_island(world).why, Why::kSmooth);
+  world.step();
+}
+
+TEST(Islands, ADrivenOneMayGoAfterASplitTick) {
+  World world(automatic());
+  const BodyId a = world.add_body(make_body("a", Point{}, 1.0, {1.0, 0.0, 0.0}));
+  Joint winch = hang("winch", a);
+  winch.motor.bias = 0.1;
+  winch.motor.timeout = 0.005;  // ends within the tick
+  world.add_joint(winch);
+  world.step();
+  world.remove_body(a);
+  world.step();
+  EXPECT_TRUE(world.islands().empty());
+}
+
 TEST(Islands, WhatIsInNoContactDoesNotNoticeThoseThatAre) {
   const auto make = [](bool with_contact) {
     World world(automatic());

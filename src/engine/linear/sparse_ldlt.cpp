@@ -41,6 +41,7 @@ std::vector<int> leaves_first_order(int n, const std::vector<std::pair<int, int>
 // place of each row in an elimination with little fill
 std::vector<int> little_fill_order(int n, const std::vector<std::pair<int, int>>& entries) {
   std::vector<Eigen::Triplet<double>> triplets;
+  triplets.reserve(static_cast<std::size_t>(n) + 2 * entries.size());
   for (int i = 0; i < n; ++i) triplets.emplace_back(i, i, 1.0);
   for (const auto& [i, j] : entries) {
     triplets.emplace_back(i, j, 1.0);
@@ -60,7 +61,8 @@ std::vector<int> little_fill_order(int n, const std::vector<std::pair<int, int>>
 void SparseLdlt::analyze(int n, const std::vector<std::pair<int, int>>& entries) {
   const auto size = n_ = static_cast<std::size_t>(n);
   order_ = leaves_first_order(n, entries);
-  if (order_.size() < size) order_ = little_fill_order(n, entries);
+  is_forest_ = order_.size() == size;
+  if (!is_forest_) order_ = little_fill_order(n, entries);
 
   // pattern of L, column by column: that of A and of the children in the elimination tree
   std::vector<std::vector<int>> columns(size);
@@ -98,12 +100,8 @@ void SparseLdlt::analyze(int n, const std::vector<std::pair<int, int>>& entries)
     }
   }
   parent_.assign(size, size);
-  is_forest_ = true;
-  for (std::size_t k = 0; k < size; ++k) {
-    const std::size_t entries_in_column = column_start_[k + 1] - column_start_[k];
-    is_forest_ = is_forest_ && entries_in_column <= 1;
-    if (entries_in_column > 0) parent_[k] = row_of_[column_start_[k]];
-  }
+  for (std::size_t k = 0; k < size; ++k)
+    if (column_start_[k + 1] > column_start_[k]) parent_[k] = row_of_[column_start_[k]];
   is_updated_.assign(size, false);
   for (std::size_t k = 0; k < size; ++k)
     for (std::size_t p = column_start_[k]; p + 1 < column_start_[k + 1]; ++p)

@@ -31,8 +31,8 @@ class SparseLdlt {
 
   /// factor(), and A⁻¹ b in place of b if no pivot was touched; of forests only.
   int factor_and_solve(double least, double* b);
-  /// Whether no column of L has more than one entry, as of chains and trees. Then every value is
-  /// one of A, so that none needs to be zero before.
+  /// Whether the graph of the pattern has no loops and no entry twice. Then no column of L has more
+  /// than one entry, every value is one of A, and none needs to be zero before.
   bool is_forest() const { return is_forest_; }
 
   /// Where row i stands in the elimination, and so in what solve() takes.

@@ -5,8 +5,8 @@
 
 namespace constraint_sim::engine {
 
-// Embedded pairs of explicit Runge-Kutta formulas. Stage s is at t + c[s] h, with y + h Σ a[s][j]
-// k_j; row a[kStages] gives the new state. Where kNeedsNext, estimate() also wants the derivative
+// Embedded pairs of explicit Runge-Kutta formulas. Stage s is at t + kC[s] h, with y + h Σ kA[s][j]
+// k_j; row kA[kStages] gives the new state. Where kNeedsNext, estimate() also wants the derivative
 // there.
 
 /// Dormand & Prince 8(5,3) as in DOP853: Hairer, Nørsett & Wanner, Solving Ordinary Differential
@@ -16,19 +16,19 @@ struct DormandPrince8 {
   static constexpr std::size_t kStages = 12;
   static constexpr bool kNeedsNext = false;
   static constexpr int kErrorOrder = 9;  // of the estimate of one step
-  static constexpr double c[kStages] = {0.0,
-                                        0.05260015195876773,
-                                        0.0789002279381516,
-                                        0.1183503419072274,
-                                        0.2816496580927726,
-                                        0.3333333333333333,
-                                        0.25,
-                                        0.3076923076923077,
-                                        0.6512820512820513,
-                                        0.6,
-                                        0.8571428571428571,
-                                        1.0};
-  static constexpr double a[kStages + 1][kStages] = {
+  static constexpr double kC[kStages] = {0.0,
+                                         0.05260015195876773,
+                                         0.0789002279381516,
+                                         0.1183503419072274,
+                                         0.2816496580927726,
+                                         0.3333333333333333,
+                                         0.25,
+                                         0.3076923076923077,
+                                         0.6512820512820513,
+                                         0.6,
+                                         0.8571428571428571,
+                                         1.0};
+  static constexpr double kA[kStages + 1][kStages] = {
       {0.0},
       {0.05260015195876773},
       {0.0197250569845379, 0.0591751709536137},
@@ -52,30 +52,30 @@ struct DormandPrince8 {
        0.04471061572777259},
   };
   // of the differences to the embedded formulas of order 5 and 3
-  static constexpr double e5[kStages] = {0.01312004499419488,
-                                         0.0,
-                                         0.0,
-                                         0.0,
-                                         0.0,
-                                         -1.2251564463762044,
-                                         -0.4957589496572502,
-                                         1.6643771824549864,
-                                         -0.35032884874997366,
-                                         0.3341791187130175,
-                                         0.08192320648511571,
-                                         -0.022355307863886294};
-  static constexpr double e3[kStages] = {-0.18980075407240762,
-                                         0.0,
-                                         0.0,
-                                         0.0,
-                                         0.0,
-                                         4.450312892752409,
-                                         1.8915178993145003,
-                                         -5.801203960010585,
-                                         -0.4226823213237919,
-                                         -0.1521609496625161,
-                                         0.20136540080403034,
-                                         0.02265179219836082};
+  static constexpr double kE5[kStages] = {0.01312004499419488,
+                                          0.0,
+                                          0.0,
+                                          0.0,
+                                          0.0,
+                                          -1.2251564463762044,
+                                          -0.4957589496572502,
+                                          1.6643771824549864,
+                                          -0.35032884874997366,
+                                          0.3341791187130175,
+                                          0.08192320648511571,
+                                          -0.022355307863886294};
+  static constexpr double kE3[kStages] = {-0.18980075407240762,
+                                          0.0,
+                                          0.0,
+                                          0.0,
+                                          0.0,
+                                          4.450312892752409,
+                                          1.8915178993145003,
+                                          -5.801203960010585,
+                                          -0.4226823213237919,
+                                          -0.1521609496625161,
+                                          0.20136540080403034,
+                                          0.02265179219836082};
 };
 
 /// Dormand & Prince 5(4), J. Comp. Appl. Math. 6 (1980) 19. Stable on the imaginary axis up to
@@ -85,8 +85,8 @@ struct DormandPrince5 {
   static constexpr std::size_t kStages = 6;
   static constexpr bool kNeedsNext = true;
   static constexpr int kErrorOrder = 5;
-  static constexpr double c[kStages] = {0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0};
-  static constexpr double a[kStages + 1][kStages] = {
+  static constexpr double kC[kStages] = {0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0};
+  static constexpr double kA[kStages + 1][kStages] = {
       {0.0},
       {1.0 / 5.0},
       {3.0 / 40.0, 9.0 / 40.0},
@@ -97,7 +97,7 @@ struct DormandPrince5 {
   };
   // of the difference to the embedded formula of order 4; the last of the derivative at the new
   // state
-  static constexpr double e4[kStages + 1] = {
+  static constexpr double kE4[kStages + 1] = {
       -71.0 / 57600.0,    0.0,           71.0 / 16695.0, -71.0 / 1920.0,
       17253.0 / 339200.0, -22.0 / 525.0, 1.0 / 40.0};
 };

@@ -76,7 +76,7 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
     list->assign(turning_, Vector3d::Zero());
   for (auto* list : {&d_, &arm_a_, &arm_b_}) list->assign(links_.size(), Vector3d::Zero());
   length_.resize(links_.size());
-  length_at_start_.resize(links_.size());
+  is_changing_.assign(links_.size(), false);
   courses_.reserve(links_.size());
   for (auto* list :
        {&value_, &rate_, &rate_target_, &acceleration_target_, &solution_, &residual_, &refined_})
@@ -301,15 +301,19 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
   for (std::size_t p = bodies_.size(); p < position_.size(); ++p)
     fixed_scale_ = std::max(fixed_scale_, position_[p].cwiseAbs().maxCoeff());
 
+  has_jumped_ = false;
   courses_.clear();
   std::fill(rate_target_.begin(), rate_target_.end(), 0.0);
   std::fill(acceleration_target_.begin(), acceleration_target_.end(), 0.0);
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const JointCourse& course = courses[at(joints_[l])];
-    if (!course.is_constant()) courses_.emplace_back(l, course);
+    has_jumped_ = has_jumped_ || is_changing_[l] == course.is_constant();
+    is_changing_[l] = !course.is_constant();
+    if (is_changing_[l]) courses_.emplace_back(l, course);
     length_[l] = is_ball(l) ? Course{} : course.length(t);
-    length_at_start_[l] = length_[l].value;
     fixed_scale_ = std::max(fixed_scale_, length_[l].value);
+    if (turns(links_[l].a)) fixed_scale_ = std::max(fixed_scale_, links_[l].anchor_a.norm());
+    if (turns(links_[l].b)) fixed_scale_ = std::max(fixed_scale_, links_[l].anchor_b.norm());
   }
 }
 
@@ -351,7 +355,7 @@ void EquationsOfMotion::clear() {
 }
 
 Vector3d EquationsOfMotion::impulse(std::size_t l) const {
-  if (is_rod(l)) return {impulses_[rows_[l].unknown] * length_at_start_[l], 0.0, 0.0};
+  if (is_rod(l)) return {impulses_[rows_[l].unknown], 0.0, 0.0};
   if (!is_ball(l)) return {impulses_[rows_.size() + l - first_spring_], 0.0, 0.0};
   const std::size_t i = first_row(l);
   return {impulses_[rows_[i].unknown], impulses_[rows_[i + 1].unknown],
@@ -560,10 +564,9 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
   }
 }
 
-// impulse() multiplies λ of a rod with its length at the start of the span
+// from λ of rods to their forces [N]
 void EquationsOfMotion::weigh_by_length(double* lambda) const {
-  for (const auto& [l, course] : courses_)
-    if (is_rod(l)) lambda[rows_[l].unknown] *= length_[l].value / length_at_start_[l];
+  for (std::size_t l = 0; l < first_ball_; ++l) lambda[rows_[l].unknown] *= length_[l].value;
 }
 
 void EquationsOfMotion::derivative(std::size_t stage, double t, const double* y, double* dydt) {
@@ -637,7 +640,7 @@ double EquationsOfMotion::find_values() {
   for (std::size_t l = 0; l < first_ball_; ++l) {
     const double length = length_[l].value;
     value_[l] = 0.5 * (direction_[l].squaredNorm() - length * length);
-    consider(std::abs(value_[l]) / length);
+    consider(std::abs(value_[l] / length));
   }
   for (std::size_t l = first_ball_; l < first_spring_; ++l)
     Vector(value_.data() + first_row(l)) = d_[l];
@@ -659,6 +662,10 @@ bool EquationsOfMotion::moves_as_asked() {
   find_rates();
   double speed = 0.0;
   for (const Vector3d& velocity : velocity_) speed = std::max(speed, velocity.norm());
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    if (turns(links_[l].a)) speed = std::max(speed, spin_[links_[l].a].norm() * arm_a_[l].norm());
+    if (turns(links_[l].b)) speed = std::max(speed, spin_[links_[l].b].norm() * arm_b_[l].norm());
+  }
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     const double length = i < first_ball_ ? length_[i].value : 1.0;
     if (std::abs(rate_[i] - rate_target_[i]) > kSolved * speed * length) return false;
@@ -677,14 +684,16 @@ bool EquationsOfMotion::project(double t, double* y) {
   double* const q = y + 6 * bodies;
   ask(t);
   double before = std::numeric_limits<double>::infinity();
+  double rounding = 0.0;
   bool factors_are_near = true;
   for (int i = 0;; ++i) {
     for (std::size_t k = 0; k < turning_; ++k) Eigen::Map<Eigen::Vector4d>(q + 4 * k).normalize();
     place(t, y);
     const double error = find_values();
-    if (error <= kEpsilon * scale_) return true;
+    if (i == 0) rounding = kEpsilon * std::max(scale_, error);  // a scale of 0 is that of a point
+    if (error <= rounding) return true;
     if (!(error <= 0.5 * before)) {
-      if (error <= 16.0 * kEpsilon * scale_) return true;  // that is rounding
+      if (error <= 16.0 * rounding) return true;
       if (!factors_are_near || !std::isfinite(error)) return error <= kProjected * scale_;
       factors_are_near = false;
       factor(kLeastPivot);
@@ -728,9 +737,9 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
   return true;
 }
 
-void EquationsOfMotion::accept(double h, const double* weights) {
+void EquationsOfMotion::accept(double h, const double* weights, std::size_t stages) {
   const std::size_t n = impulses_.size();
-  for (std::size_t stage = 0; stage < kMostStages - 1; ++stage) {
+  for (std::size_t stage = 0; stage < stages; ++stage) {
     if (weights[stage] == 0.0) continue;
     const double weight = h * weights[stage];
     const double* const forces = stage_forces_.data() + stage * n;
@@ -741,15 +750,18 @@ void EquationsOfMotion::accept(double h, const double* weights) {
 double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
   const std::size_t bodies = bodies_.size();
   double largest = 0.0;
+  const auto consider = [&](double square) {
+    if (!(square <= largest)) largest = square;  // a NaN stays
+  };
   for (std::size_t i = 0; i < bodies; ++i) {
-    largest = std::max(largest, ConstVector(dy + 3 * i).squaredNorm());
-    largest = std::max(largest, h * h * ConstVector(dy + 3 * (bodies + i)).squaredNorm());
+    consider(ConstVector(dy + 3 * i).squaredNorm());
+    consider(h * h * ConstVector(dy + 3 * (bodies + i)).squaredNorm());
   }
   const double* dq = dy + 6 * bodies;
   for (std::size_t i = 0; i < turning_; ++i) {
     const double turned = 2.0 * radius_of_gyration_[i];
     const double norm = Eigen::Map<const Eigen::Vector4d>(dq + 4 * i).squaredNorm();
-    largest = std::max(largest, turned * turned * norm);
+    consider(turned * turned * norm);
   }
   return largest;
 }

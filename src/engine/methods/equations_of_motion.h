@@ -50,6 +50,8 @@ class EquationsOfMotion {
              const std::vector<Load>& loads, const std::vector<JointCourse>& courses);
   /// Whether what begin() sets goes on changing.
   bool varies() const { return !courses_.empty() || fixed_points_move_; }
+  /// Whether the last begin() found a course that had ended, or one that was new.
+  bool has_jumped() const { return has_jumped_; }
   /// Whether y already moves as the joints ask at t, or has to be started.
   bool keeps_pace(double t, const double* y);
   /// Projects y onto the constraints and finds the first derivative; false where it cannot.
@@ -68,7 +70,7 @@ class EquationsOfMotion {
   std::size_t size() const { return 6 * bodies_.size() + 7 * turning_; }
   void derivative(std::size_t stage, double t, const double* y, double* dydt);
   bool project(double t, double* y);
-  void accept(double h, const double* weights);
+  void accept(double h, const double* weights, std::size_t stages);
   bool restart(double* y, double* dydt);
   double squared_size_of(const double* dy, double h) const;
 
@@ -175,12 +177,13 @@ class EquationsOfMotion {
   // ---- what acts in this span
   double start_time_ = 0.0;
   bool fixed_points_move_ = false;
+  bool has_jumped_ = false;
   double fixed_scale_ = 0.0;  // largest coordinate of fixed points, or length [m]
   double scale_ = 0.0;        // also of bodies: what rounding goes by
   std::vector<Eigen::Vector3d> load_acceleration_;            // of points
   std::vector<Eigen::Vector3d> load_torque_;                  // of those that turn
   std::vector<std::pair<std::size_t, JointCourse>> courses_;  // of links that change with time
-  std::vector<double> length_at_start_;                       // of links
+  std::vector<bool> is_changing_;                             // links that do
 
   // ---- where things are and what they do, as of the last evaluation
   std::vector<Eigen::Vector3d> position_, velocity_, acceleration_, push_;  // of points

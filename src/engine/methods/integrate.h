@@ -16,7 +16,7 @@ namespace constraint_sim::engine {
 // A System has a state of size() numbers and these functions, t in simulated seconds:
 //   void derivative(std::size_t stage, double t, const double* y, double* dydt);
 //   bool project(double t, double* y);             onto what positions have to keep; false: cannot
-//   void accept(double h, const double* weights);  of the stages: they have made a step
+//   void accept(double h, const double* weights, std::size_t stages);  they have made a step
 //   bool restart(double* y, double* dydt);         after project(): projects velocities, stage 0
 //   double squared_size_of(const double* dy, double h);  of an error over a step of h [m²]
 
@@ -64,19 +64,19 @@ inline constexpr int kMostAttempts = 50000;  // in one call: beyond it a step co
 template <class Pair, std::size_t kStage>
 struct StageWeights {
   static constexpr std::size_t kTerms = kStage;
-  static constexpr double at(std::size_t j) { return Pair::a[kStage][j]; }
+  static constexpr double at(std::size_t j) { return Pair::kA[kStage][j]; }
 };
 struct FifthOrderError {
   static constexpr std::size_t kTerms = DormandPrince8::kStages;
-  static constexpr double at(std::size_t j) { return DormandPrince8::e5[j]; }
+  static constexpr double at(std::size_t j) { return DormandPrince8::kE5[j]; }
 };
 struct ThirdOrderError {
   static constexpr std::size_t kTerms = DormandPrince8::kStages;
-  static constexpr double at(std::size_t j) { return DormandPrince8::e3[j]; }
+  static constexpr double at(std::size_t j) { return DormandPrince8::kE3[j]; }
 };
 struct FourthOrderError {
   static constexpr std::size_t kTerms = DormandPrince5::kStages + 1;
-  static constexpr double at(std::size_t j) { return DormandPrince5::e4[j]; }
+  static constexpr double at(std::size_t j) { return DormandPrince5::kE4[j]; }
 };
 
 /// Σ w_j k_j of one element over j < kTerms; w_0 is not zero.
@@ -96,7 +96,7 @@ void weigh(const double* __restrict k, std::size_t n, double* __restrict result)
   for (std::size_t e = 0; e < n; ++e) result[e] = sum<Weights>(k + e, n);
 }
 
-/// y = y0 + h Σ a[stage][j] k_j.
+/// y = y0 + h Σ kA[stage][j] k_j.
 template <class Pair, std::size_t kStage>
 void combine(const double* __restrict y0, const double* __restrict k, std::size_t n, double h,
              double* __restrict y) {
@@ -112,7 +112,7 @@ template <class Pair, std::size_t kStage, class System>
 void stage(System& system, const StageMemory& memory, double t, double h) {
   const std::size_t n = system.size();
   combine<Pair, kStage>(memory, n, h);
-  system.derivative(kStage, t + Pair::c[kStage] * h, memory.candidate(),
+  system.derivative(kStage, t + Pair::kC[kStage] * h, memory.candidate(),
                     memory.derivatives() + kStage * n);
 }
 
@@ -202,7 +202,7 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
     t = end - left;
     ++progress.substeps;
     progress.local_error += error;
-    system.accept(h, Pair::a[Pair::kStages]);
+    system.accept(h, Pair::kA[Pair::kStages], Pair::kStages);
     std::copy(memory.candidate(), memory.candidate() + system.size(), memory.state());
     if (!system.restart(memory.state(), memory.derivatives())) {
       progress.done = false;

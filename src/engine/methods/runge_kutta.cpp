@@ -31,14 +31,13 @@ class Turning {
   void derivative(std::size_t, double t, const double* y, double* dydt) const {
     const Vector3d L = momentum_ + t * torque_;
     // ω_B = I_B⁻¹ Rᵀ L, and q̇ = ½ q ⊗ (0, ω_B)
-    const double x = y[0], y_ = y[1], z = y[2], w = y[3];
-    const Vector3d v(x, y_, z);
+    const double w = y[3];
+    const Vector3d v(y[0], y[1], y[2]);
     const Vector3d c = L.cross(v);
     const Vector3d L_B = L + 2.0 * (w * c + c.cross(v));
     const Vector3d s = 0.5 * inverse_inertia_.cwiseProduct(L_B);
-    dydt[0] = w * s.x() + y_ * s.z() - z * s.y();
-    dydt[1] = w * s.y() + z * s.x() - x * s.z();
-    dydt[2] = w * s.z() + x * s.y() - y_ * s.x();
+    Eigen::Map<Vector3d> rate(dydt);
+    rate = w * s + v.cross(s);
     dydt[3] = -v.dot(s);
   }
   bool project(double t, double* y) {
@@ -46,7 +45,7 @@ class Turning {
     Eigen::Map<Eigen::Vector4d>(y).normalize();
     return true;
   }
-  void accept(double, const double*) {}
+  void accept(double, const double*, std::size_t) {}
   bool restart(const double* y, double* dydt) const {
     derivative(0, end_, y, dydt);
     return true;
@@ -75,7 +74,7 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
   if (!has_started_) equations_.load(*states, y);
   if (!has_started_ || equations_.varies())
     equations_.begin(span.t, *states, span.gravity, span.loads, span.courses);
-  if (!has_started_ || !equations_.keeps_pace(span.t, y)) {
+  if (!has_started_ || equations_.has_jumped() || !equations_.keeps_pace(span.t, y)) {
     has_started_ = equations_.start(span.t, y, memory.derivatives());
     if (!has_started_) return {false, 0.0, 0, 1};
   }

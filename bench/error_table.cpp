@@ -117,6 +117,13 @@ Problem free_box() {
           }};
 }
 
+void print_fixed_steps(const Problem& problem) {
+  for (const int rate : {30, 100}) {
+    const Result result = run(problem, {Method::kRungeKutta, 8, rate, 10});
+    std::printf("%-18s 1/%-4d %12.1f %14.1e\n", problem.name, rate, result.run_time, result.error);
+  }
+}
+
 /// Fastest of interleaved runs of the engine and of a program for chains alone.
 void print_beside_hand_written(const Problem& problem) {
   constexpr int kRate = 30;
@@ -152,6 +159,9 @@ int print_all() {
     print_line(problem, "sequential_impulses",
                impulses(std::max(10, static_cast<int>(problem.world.joint_ids().size()))));
   }
+  std::printf("\norder 8, one substep a tick\n%-18s %-6s %12s %14s\n", "scene", "tick", "us",
+              "error [m]");
+  for (const Problem& problem : scenes) print_fixed_steps(problem);
   std::printf("\norder 8 at 1/30 s, us per simulated second\n%-18s %10s %14s %8s\n", "scene",
               "engine", "hand-written", "ratio");
   for (const Problem& problem : scenes)

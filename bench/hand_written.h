@@ -3,11 +3,10 @@
 // What a program takes that is written for one scene alone: the yardstick for what the engine's
 // generality costs. Same pair, same projection, no reports, no edits, no other joints.
 
-#include <cmath>
 #include <cstddef>
 #include <vector>
 
-#include "engine/methods/embedded_pairs.h"
+#include "engine/methods/integrate.h"
 
 namespace constraint_sim::engine::hand_written {
 
@@ -30,24 +29,9 @@ class Chain {
   using Pair = DormandPrince8;
   static constexpr std::size_t kStages = Pair::kStages;
 
-  template <std::size_t kStage, std::size_t kTerm>
-  static double sum(const double* k, std::size_t n) {
-    constexpr double kWeight = Pair::kA[kStage][kTerm];
-    if constexpr (kTerm == 0)
-      return kWeight * k[0];
-    else if constexpr (kWeight == 0.0)
-      return sum<kStage, kTerm - 1>(k, n);
-    else
-      return sum<kStage, kTerm - 1>(k, n) + kWeight * k[kTerm * n];
-  }
-
   template <std::size_t kStage>
   void combine(double h) {
-    const std::size_t n = 6 * n_;
-    const double* __restrict y = y_.data();
-    const double* __restrict k = k_.data();
-    double* __restrict to = next_.data();
-    for (std::size_t e = 0; e < n; ++e) to[e] = y[e] + h * sum<kStage, kStage - 1>(k + e, n);
+    runge_kutta::combine<Pair, kStage>(y_.data(), k_.data(), 6 * n_, h, next_.data());
   }
 
   template <std::size_t kStage>

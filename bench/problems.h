@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
@@ -235,6 +236,23 @@ inline Eigen::Quaterniond free_box_orientation() {
 /// The angle between two orientations [rad].
 inline double angle_between(const Eigen::Quaterniond& a, const Eigen::Quaterniond& b) {
   return 2.0 * (a.conjugate() * b).vec().norm();
+}
+
+/// By how much two states of one world differ at most [m]: positions, and rotations times the
+/// radius of gyration.
+inline double largest_difference(const World& a, const World& b) {
+  double largest = 0.0;
+  for (const BodyId id : a.body_ids()) {
+    const Body& body = a.body(id);
+    const Eigen::Vector3d inertia = body.inertia.isZero(0.0)
+                                        ? Eigen::Vector3d(body.mass * unit_inertia(body.shape))
+                                        : body.inertia;
+    const double radius = std::sqrt(inertia.maxCoeff() / body.mass);
+    largest = std::max(largest, (a.state(id).position - b.state(id).position).norm());
+    largest =
+        std::max(largest, radius * angle_between(a.state(id).orientation, b.state(id).orientation));
+  }
+  return largest;
 }
 
 inline double largest_distance(const World& world, const std::vector<Eigen::Vector3d>& positions) {

@@ -79,7 +79,7 @@ struct JointState {
   /// What there was to close then: the error in x, of a ball joint d in world axes [m].
   Eigen::Vector3d closing_offset = Eigen::Vector3d::Zero();
   double expires_at = std::numeric_limits<double>::infinity();  ///< end of the bias, simulated [s]
-  double initial_error = 0.0;  ///< after the last edit of it or of its bodies' states [m]
+  double initial_error = 0.0;  ///< when last looked for what is to be closed [m]
   Eigen::Vector3d impulse = Eigen::Vector3d::Zero();  ///< of its rows, to warm start [N s]
 };
 

@@ -171,7 +171,7 @@ struct World::Impl {
   JointStep joint_step() const;
   JointStep span_from(double t, double h) const;
   double time_of(std::uint64_t step) const;
-  bool is_movable(std::size_t body) const { return masses[body].inverse_mass > 0.0; }
+  bool is_movable(std::size_t body) const { return masses[body].is_movable(); }
   const BodyState& state_a(std::size_t j) const;
   const BodyState& state_b(std::size_t j) const;
   double kinetic_energy() const;

@@ -196,15 +196,26 @@ engine::JointId find_joint(const engine::World& world, const std::string& field,
   return world.find_joint(name);
 }
 
+namespace {
+
+/// With the name and ends that both messages for constraints have.
+template <class Message>
+engine::Joint joint_between(const Message& message, const engine::World& world) {
+  engine::Joint joint;
+  joint.name = message.name;
+  joint.body_a = find_body(world, "body_a", message.body_a);
+  joint.anchor_a = from_msg(message.anchor_a);
+  joint.body_b = find_body(world, "body_b", message.body_b);
+  joint.anchor_b = from_msg(message.anchor_b);
+  return joint;
+}
+
+}  // namespace
+
 engine::Joint from_msg(const AddDistanceConstraintRequest& request, const engine::World& world) {
   if (!std::isfinite(request.length))
     refuse("length", "must be a finite number, got " + std::to_string(request.length));
-  engine::Joint joint;
-  joint.name = request.name;
-  joint.body_a = find_body(world, "body_a", request.body_a);
-  joint.anchor_a = from_msg(request.anchor_a);
-  joint.body_b = find_body(world, "body_b", request.body_b);
-  joint.anchor_b = from_msg(request.anchor_b);
+  engine::Joint joint = joint_between(request, world);
   engine::DistanceJoint distance;
   if (request.length > 0.0) distance.length = request.length;
   joint.type = distance;
@@ -212,12 +223,7 @@ engine::Joint from_msg(const AddDistanceConstraintRequest& request, const engine
 }
 
 engine::Joint from_msg(const Constraint& msg, const engine::World& world) {
-  engine::Joint joint;
-  joint.name = msg.name;
-  joint.body_a = find_body(world, "body_a", msg.body_a);
-  joint.anchor_a = from_msg(msg.anchor_a);
-  joint.body_b = find_body(world, "body_b", msg.body_b);
-  joint.anchor_b = from_msg(msg.anchor_b);
+  engine::Joint joint = joint_between(msg, world);
   joint.type = joint_type(msg, (anchor_in_world(world, joint.body_b, joint.anchor_b) -
                                 anchor_in_world(world, joint.body_a, joint.anchor_a))
                                    .norm());

@@ -70,6 +70,16 @@ inline Body make_body(const std::string& name, const Shape& shape, double mass,
   return body;
 }
 
+/// Number i of boxes that tumble onto a floor and each other.
+inline Body make_tumbling_box(int i, Random* random) {
+  Body body = make_body("box_" + std::to_string(i), Box{{0.4, 0.3, 0.5}}, 1.0 + 0.1 * i,
+                        {0.3 * i, 0.1 * (*random)(), 0.5 + 0.4 * (i % 3)});
+  body.state.orientation = random->orientation();
+  body.state.angular_velocity = random->vector();
+  body.friction = 0.5;
+  return body;
+}
+
 /// A plane through the origin, turned about y by `slope` [rad]: its downhill direction is
 /// (cos slope, 0, −sin slope).
 inline Body make_floor(double friction, double slope = 0.0) {

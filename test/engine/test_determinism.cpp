@@ -19,12 +19,7 @@ World busy_world() {
   Random random;
   std::vector<BodyId> boxes;
   for (int i = 0; i < 8; ++i) {
-    Body body = make_body("box_" + std::to_string(i), Box{{0.4, 0.3, 0.5}}, 1.0 + 0.1 * i,
-                          {0.3 * i, 0.1 * random(), 0.5 + 0.4 * (i % 3)});
-    body.state.orientation = random.orientation();
-    body.state.angular_velocity = random.vector();
-    body.friction = 0.5;
-    boxes.push_back(world.add_body(body));
+    boxes.push_back(world.add_body(make_tumbling_box(i, &random)));
     Body ball = make_body("ball_" + std::to_string(i), Sphere{0.15}, 0.5,
                           {0.3 * i, 1.0 + 0.1 * random(), 1.0});
     ball.friction = 0.3;

@@ -19,12 +19,7 @@ World busy_world() {
   Random random;
   std::vector<BodyId> boxes;
   for (int i = 0; i < 6; ++i) {
-    Body body = make_body("box_" + std::to_string(i), Box{{0.4, 0.3, 0.5}}, 1.0 + 0.1 * i,
-                          {0.3 * i, 0.1 * random(), 0.5 + 0.4 * (i % 3)});
-    body.state.orientation = random.orientation();
-    body.state.angular_velocity = random.vector();
-    body.friction = 0.5;
-    boxes.push_back(world.add_body(body));
+    boxes.push_back(world.add_body(make_tumbling_box(i, &random)));
   }
   // in contact from the first step on, and still so when the world is reset
   Body resting = make_body("resting", Sphere{0.1}, 1.0, {-2.0, 0.0, 0.1 - 1e-4});

@@ -23,6 +23,12 @@ World with(World world, double time_step, double tolerance, int order = 8) {
   return world;
 }
 
+World without_weight() {
+  WorldOptions options;
+  options.gravity = Vector3d::Zero();
+  return World(options);
+}
+
 /// What rounding leaves of a rod, by the project's definition.
 double round_off(const World& world) {
   double coordinate = 0.0;
@@ -100,7 +106,7 @@ double measured_order(int links, double duration, int order, const std::vector<i
 
 TEST(RungeKutta, HasOrder8) {
   EXPECT_NEAR(measured_order(1, 2.0, 8, {20, 30, 40}), 8.0, 0.5);
-  EXPECT_NEAR(measured_order(2, 1.0, 8, {40, 50, 60, 80}), 8.0, 0.9);
+  EXPECT_NEAR(measured_order(2, 1.0, 8, {50, 60, 80, 100}), 8.0, 0.5);
   EXPECT_NEAR(measured_order(10, 1.0, 8, {30, 40, 50, 60}), 8.0, 0.5);
 }
 
@@ -136,7 +142,7 @@ TEST(RungeKutta, KeepsToItsTolerance) {
 }
 
 TEST(RungeKutta, KeepsToItsToleranceOnAHundredLinks) {
-  expect_within_tolerance(problems::chain(100), 1.0, problems::chain_reference(100, 1.0));
+  expect_within_tolerance(problems::chain(100), 2.0, problems::chain_reference(100, 2.0));
 }
 
 TEST(RungeKutta, TighterTolerancesGiveSmallerErrors) {
@@ -160,14 +166,7 @@ std::vector<double> estimates_over_errors(World world) {
     World exact = with(world, options.time_step / 8.0, 1e-13);
     run(exact, 8);
     const double estimate = world.step().local_error;
-    double error = 0.0;
-    for (const BodyId id : world.body_ids()) {
-      error = std::max(error, (world.state(id).position - exact.state(id).position).norm());
-      const Body& body = world.body(id);
-      const double radius = std::sqrt(inertia_of(body).maxCoeff() / body.mass);
-      error = std::max(error, radius * problems::angle_between(world.state(id).orientation,
-                                                               exact.state(id).orientation));
-    }
+    const double error = problems::largest_difference(world, exact);
     if (error > 1e-13) ratios.push_back(estimate / error);  // below it the error is rounding
   }
   std::sort(ratios.begin(), ratios.end());
@@ -266,11 +265,7 @@ TEST(FreeBody, KeepsToItsTolerance) {
 }
 
 TEST(FreeBody, ATorqueAlongAPrincipalAxisTurnsItAsByHand) {
-  World world(weightless(0.1));
-  world = with(world, 0.1, 1e-12);
-  WorldOptions options = world.options();
-  options.method = Method::kAuto;
-  world.set_options(options);
+  World world = with(without_weight(), 0.1, 1e-12);
   const BodyId id = world.add_body(make_body("box", Box{{1.0, 2.0, 3.0}}, 12.0, Vector3d::Zero()));
   Wrench wrench;
   wrench.body = id;
@@ -334,10 +329,7 @@ TEST(RungeKutta, SwingsACompoundPendulum) {
 
 TEST(RungeKutta, KeepsEnergyAndMomentumOfLinkedBoxes) {
   // two boxes joined at corners, free in space: energy and momenta to what the tolerance allows
-  World world = with(World(), 0.02, 1e-11);
-  WorldOptions options = world.options();
-  options.gravity = Vector3d::Zero();
-  world.set_options(options);
+  World world = with(without_weight(), 0.02, 1e-11);
   Random random;
   Body a = make_body("a", Box{{0.3, 0.4, 0.5}}, 2.0, Vector3d::Zero());
   Body b = make_body("b", Box{{0.2, 0.3, 0.7}}, 1.0, {0.25, 0.35, 0.6});
@@ -407,10 +399,7 @@ TEST(RungeKutta, DoubledRodsAreReportedAndChangeNothing) {
 
 TEST(RungeKutta, TwoRodsBetweenTwoFreeMassesAreAsOne) {
   // a turning dumbbell: the force of its rod is m v²/r on either mass
-  World world = with(World(), 0.01, 1e-9);
-  WorldOptions options = world.options();
-  options.gravity = Vector3d::Zero();
-  world.set_options(options);
+  World world = with(without_weight(), 0.01, 1e-9);
   for (const double side : {-1.0, 1.0}) {
     Body body = make_body(side < 0.0 ? "a" : "b", Point{}, 2.0, {side, 0.0, 0.0});
     body.state.linear_velocity = {0.0, 3.0 * side, 0.0};
@@ -476,10 +465,7 @@ TEST(RungeKutta, RowsThatContradictEachOtherStayFinite) {
 
 TEST(RungeKutta, DrivesASinusoidWithoutDrift) {
   // a weightless mass on a driven rod: its distance is the integral of ζ
-  World world = with(World(), 0.05, 1e-9);
-  WorldOptions options = world.options();
-  options.gravity = Vector3d::Zero();
-  world.set_options(options);
+  World world = with(without_weight(), 0.05, 1e-9);
   const BodyId id = problems::add_mass(&world, "load", {1.0, 0.0, 0.0});
   Joint winch = hang("winch", id);
   winch.motor.bias = 0.01;
@@ -542,10 +528,7 @@ TEST(RungeKutta, ABiasThatJumpsActsAsAnImpulse) {
 }
 
 TEST(RungeKutta, ASpringOscillatesAsByHand) {
-  World world = with(World(), 0.02, 1e-11);
-  WorldOptions options = world.options();
-  options.gravity = Vector3d::Zero();
-  world.set_options(options);
+  World world = with(without_weight(), 0.02, 1e-11);
   const BodyId id = problems::add_mass(&world, "load", {1.5, 0.0, 0.0}, 2.0);
   const JointId joint = world.add_joint(hang("spring", id, spring(1.0, 50.0, 4.0)));
   run(world, 100);
@@ -611,10 +594,7 @@ TEST(RungeKutta, ASineThatReachedTheEndOfItsTravelComesBackAfterAnEdit) {
 
 TEST(RungeKutta, FollowsAKinematicBody) {
   // a mass on a rod from the rim of a turning wheel, seen from the wheel: there it is at rest
-  World world = with(World(), 0.02, 1e-10);
-  WorldOptions options = world.options();
-  options.gravity = Vector3d::Zero();
-  world.set_options(options);
+  World world = with(without_weight(), 0.02, 1e-10);
   Body wheel = make_body("wheel", Point{}, 0.0, {0.3, 0.0, 0.0});
   wheel.type = BodyType::kKinematic;
   wheel.state.angular_velocity = {0.0, 0.0, 2.0};

@@ -7,9 +7,9 @@
 namespace constraint_sim::engine {
 
 /// Factors A = L D Lᵀ of a symmetric positive semidefinite matrix whose pattern stays and whose
-/// values change. The pattern is ordered for little fill once (approximate minimum degree: chains
-/// and trees have none); after that nothing is allocated. Davis, "Direct Methods for Sparse Linear
-/// Systems", SIAM 2006, chapters 4 and 7; left-looking by columns.
+/// values change. The pattern is ordered for little fill once (without loops leaves first, and
+/// there is none; else approximate minimum degree); after that nothing is allocated. Davis, "Direct
+/// Methods for Sparse Linear Systems", SIAM 2006, chapters 4 and 7; left-looking by columns.
 class SparseLdlt {
  public:
   /// Where an entry of A goes in values().
@@ -53,7 +53,7 @@ class SparseLdlt {
   std::vector<int> order_;                 // of original rows: place in the elimination
   std::vector<std::size_t> column_start_;  // of L without diagonal, by columns
   std::vector<std::size_t> row_of_;
-  bool is_forest_ = true;               // no column of L has more than one entry: chains, trees
+  bool is_forest_ = true;
   std::vector<std::size_t> parent_;     // the first row of each column; n_ where there is none
   std::vector<char> is_updated_;        // whether columns before change this one below the diagonal
   std::vector<std::size_t> row_start_;  // of L without diagonal, by rows

@@ -14,7 +14,7 @@ enum class Why {
   kContact,     ///< one of its bodies touches another
   kLimit,       ///< a joint with limits: rope, strut
   kForceLimit,  ///< a motor with a force limit
-  kStiff,       ///< a spring too stiff to be resolved
+  kStiff,       ///< joints or springs move its bodies faster than substeps are worth
   kRefused,     ///< no substep was small enough, or its rows contradict each other
 };
 
@@ -32,6 +32,7 @@ struct Island {
   double local_error = 0.0;  ///< estimate for the step [m]; 0 where the method has none
   std::uint32_t substeps = 0;
   std::uint32_t rejected = 0;        ///< substeps tried in vain
+  std::uint32_t iterations = 0;      ///< Newton's; 0 where the method has none
   std::uint32_t dependent_rows = 0;  ///< most equations at once that followed from others
 };
 

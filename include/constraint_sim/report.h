@@ -13,11 +13,12 @@ namespace constraint_sim::engine {
 enum class Method {
   kAuto,                ///< the world chooses
   kRungeKutta,          ///< embedded pairs of order 8 and 5, on smooth islands
+  kEnergyMomentum,      ///< discrete gradients, order 2 and 4, on stiff islands
   kSequentialImpulses,  ///< the tutorial's six stages
 };
-inline constexpr std::size_t kMethodCount = 3;
+inline constexpr std::size_t kMethodCount = 4;
 
-/// As in scene files and reports: `auto`, `runge_kutta`, `sequential_impulses`.
+/// As in scene files and reports: `auto`, `runge_kutta`, `energy_momentum`, `sequential_impulses`.
 const char* name(Method method);
 
 /// The stages of a step, in order.
@@ -51,6 +52,8 @@ struct StepReport {
                               ///< method has one
   std::uint32_t dependent_rows = 0;  ///< equations that followed from others, at most at once
   std::uint32_t torn_joints = 0;     ///< that broke in this step
+  double projected_energy = 0.0;     ///< kinetic energy lost where velocities were made to fit the
+                                     ///< joints, when a method took over or an edit came [J]
   bool failed = false;  ///< the result was not finite: the state before the step was kept
 
   // what it cost
@@ -58,7 +61,7 @@ struct StepReport {
   std::uint32_t changes = 0;           ///< islands that have another method than in the step before
   std::uint32_t substeps = 0;          ///< of all islands
   std::uint32_t rejected = 0;          ///< substeps tried in vain
-  std::uint32_t iterations = 0;        ///< sweeps over the rows
+  std::uint32_t iterations = 0;        ///< sweeps over the rows, and Newton's of stiff islands
   std::uint32_t rows = 0;              ///< scalar equations solved
   std::uint32_t contacts = 0;          ///< contact points
   std::uint64_t broadphase_tests = 0;  ///< box against box

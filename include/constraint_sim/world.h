@@ -31,6 +31,11 @@ struct WorldOptions {
   double tolerance = 1e-8;  ///< ≥ 0 [m] of local error per simulated second, rotation times radius
                             ///< of gyration; 0: one substep a tick
 
+  // energy_momentum
+  int stiff_order = 4;  ///< 4 or 2
+  /// `auto` takes it for islands whose bodies are moved with ω above this share of a tick, h·ω > 0.
+  double stiffness_limit = 40.0;
+
   // sequential_impulses
   int iterations = 10;        ///< sweeps over all rows, ≥ 1
   bool warm_starting = true;  ///< start from the impulses of the step before

@@ -10,9 +10,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Springs are integrated up to this h ω, 8 substeps of order 8; beyond it an implicit method is the
-// better one.
-constexpr double kStiffnessLimit = 40.0;
+// What h ω one substep is stable up to, with some room.
+constexpr double kStable8 = 5.0, kStable5 = 0.9;
+// An island is no longer stiff when h ω stays below this share of the limit for so long.
+constexpr double kCalmShare = 0.5;
+constexpr std::uint64_t kCalmFor = 50;  // [steps]
 // How long an island that could not be integrated is left to the other method [steps].
 constexpr std::uint64_t kRefusedFor = 100;
 
@@ -33,7 +35,7 @@ const char* text(Why why) {
     case Why::kForceLimit:
       return "has a motor with a force limit";
     case Why::kStiff:
-      return "has a stiff spring";
+      return "stiff";
     case Why::kRefused:
       return "could not be integrated to the tolerance";
   }
@@ -51,6 +53,7 @@ void World::Impl::make_islands() {
   island_parts.clear();
   islands.clear();
   linked.clear();
+  stiff.clear();
   island_of.assign(bodies.size(), -1);
   rotations.assign(bodies.size(), FreeRotation{});
   for (IslandMembers& members : find_islands(movable, acting, joint_ends)) {
@@ -68,7 +71,7 @@ void World::Impl::classify_islands() {
   find_fastest_springs();
   for (IslandParts& parts : island_parts) {
     parts.nature = nature_of(parts.members);
-    if (parts.nature != Why::kSmooth) continue;
+    if (method_for(parts.nature) == Method::kSequentialImpulses) continue;
     if (parts.members.joints.empty())
       parts.turning_freely = parts.members.bodies;
     else if (parts.linked < 0)
@@ -102,8 +105,16 @@ Why World::Impl::nature_of(const IslandMembers& members) const {
   }
   if (options.method == Method::kAuto)
     for (const int body : members.bodies)
-      if (options.time_step * fastest_spring[at(body)] > kStiffnessLimit) return Why::kStiff;
-  return Why::kSmooth;
+      if (options.time_step * fastest_spring[at(body)] > options.stiffness_limit)
+        return Why::kStiff;
+  const bool is_asked = options.method == Method::kEnergyMomentum && !members.joints.empty();
+  return is_asked ? Why::kAskedFor : Why::kSmooth;
+}
+
+Method World::Impl::method_for(Why why) const {
+  if (why == Why::kAskedFor) return options.method;
+  if (why == Why::kSmooth) return Method::kRungeKutta;
+  return why == Why::kStiff ? Method::kEnergyMomentum : Method::kSequentialImpulses;
 }
 
 void World::Impl::link(IslandParts* parts) {
@@ -120,7 +131,8 @@ void World::Impl::link(IslandParts* parts) {
 
 void World::Impl::choose_methods() {
   entering.clear();
-  if (is_fresh || !touching.empty() || !touching_before.empty() || any_refused) sort_islands();
+  if (is_fresh || !touching.empty() || !touching_before.empty() || any_refused || any_stiff)
+    sort_islands();
   report.islands = islands_by_method;
   report.rows = integrated_rows;
 }
@@ -132,23 +144,33 @@ void World::Impl::sort_islands() {
       if (island_of[at(body)] >= 0) touched[at(island_of[at(body)])] = true;
 
   bool changed = is_fresh;
-  any_refused = false;
+  any_refused = any_stiff = false;
   for (std::size_t i = 0; i < islands.size(); ++i) {
     Island& island = islands[i];
-    island.why = island_parts[i].nature;
-    if (touched[i] && island.why == Why::kSmooth) island.why = Why::kContact;
-    if (step_count < island_parts[i].refused_until) {
+    IslandParts& parts = island_parts[i];
+    island.why = parts.nature;
+    if (touched[i] && method_for(island.why) != Method::kSequentialImpulses)
+      island.why = Why::kContact;
+    if (step_count < parts.refused_until) {
       island.why = Why::kRefused;
       any_refused = true;
     }
+    if (parts.is_stiff && island.why == Why::kSmooth) {
+      island.why = Why::kStiff;
+      any_stiff = true;
+    }
     island.local_error = 0.0;
-    island.substeps = island.rejected = island.dependent_rows = 0;
+    island.substeps = island.rejected = island.iterations = island.dependent_rows = 0;
     const Method before = island.method;
-    island.method = island.why == Why::kSmooth ? Method::kRungeKutta : Method::kSequentialImpulses;
+    island.method = method_for(island.why);
     if (island.method == before && !is_fresh) continue;
     changed = true;
     if (!is_fresh) ++report.changes;
-    if (island.method == Method::kRungeKutta) entering.push_back(static_cast<int>(i));
+    if (parts.linked >= 0) linked[at(parts.linked)].forget();
+    if (parts.stiff >= 0) stiff[at(parts.stiff)].forget();
+    const bool is_new = is_fresh || before == Method::kSequentialImpulses;
+    if (is_new && island.method != Method::kSequentialImpulses)
+      entering.push_back(static_cast<int>(i));
   }
   if (changed) list_by_method();
 }
@@ -157,7 +179,7 @@ void World::Impl::sort_islands() {
 bool World::Impl::is_integrated(std::size_t j) const {
   const auto [a, b] = joint_ends[j];
   const int island = island_of[is_movable(a) ? a : b];
-  return islands[at(island)].method == Method::kRungeKutta;
+  return islands[at(island)].method != Method::kSequentialImpulses;
 }
 
 void World::Impl::list_by_method() {
@@ -166,7 +188,7 @@ void World::Impl::list_by_method() {
   integrated_rows = 0;
   for (std::size_t i = 0; i < islands.size(); ++i) {
     ++islands_by_method[static_cast<std::size_t>(islands[i].method)];
-    if (islands[i].method != Method::kRungeKutta) continue;
+    if (islands[i].method == Method::kSequentialImpulses) continue;
     smooth.push_back(static_cast<int>(i));
     if (island_parts[i].linked >= 0)
       integrated_rows +=
@@ -176,7 +198,7 @@ void World::Impl::list_by_method() {
   impulse_joints.clear();
   for (std::size_t i = 1; i < bodies.size(); ++i) {
     const int island = island_of[i];
-    if (island >= 0 && islands[at(island)].method != Method::kRungeKutta)
+    if (island >= 0 && islands[at(island)].method == Method::kSequentialImpulses)
       impulse_bodies.push_back(static_cast<int>(i));
   }
   for (std::size_t j = 0; j < joints.size(); ++j)
@@ -190,7 +212,7 @@ void World::Impl::integrate() {
   for (const int i : smooth) {
     Island& island = islands[at(i)];
     island.local_error = 0.0;
-    island.substeps = island.rejected = 0;
+    island.substeps = island.rejected = island.iterations = 0;
     if (island_parts[at(i)].linked >= 0) linked[at(island_parts[at(i)].linked)].begin_step();
   }
   split_step();
@@ -203,9 +225,10 @@ void World::Impl::integrate() {
     for (const int j : changing_courses)
       if (is_integrated(at(j)))
         courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
-    const SmoothSpan smooth_span{t, span.h, options.gravity, loads, courses, is_disturbed};
+    const SmoothSpan smooth_span{t,       span.h,       options.gravity,  loads,
+                                 courses, is_disturbed, is_fresh || k > 0};
     for (const int i : smooth) {
-      if (islands[at(i)].method != Method::kRungeKutta) continue;
+      if (islands[at(i)].method == Method::kSequentialImpulses) continue;
       if (integrate_island(at(i), smooth_span)) continue;
       refuse_island(at(i));
       any_failed = true;
@@ -224,7 +247,6 @@ void World::Impl::enter() {
   const JointStep step = joint_step();
   for (const int i : entering) {
     IslandParts& parts = island_parts[at(i)];
-    if (parts.linked >= 0) linked[at(parts.linked)].forget();
     for (const int index : parts.members.joints) {
       const std::size_t j = at(index);
       if (is_rigid(joints[j]) && !fits(joint_states[j], step))
@@ -284,6 +306,8 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
     island.local_error += progress.local_error;
     island.substeps += static_cast<std::uint32_t>(progress.substeps);
     island.rejected += static_cast<std::uint32_t>(progress.rejected);
+    island.iterations += static_cast<std::uint32_t>(progress.iterations);
+    report.projected_energy += progress.projected;
     return progress.done;
   };
   for (const int body : parts.turning_freely) {
@@ -294,7 +318,14 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
                                          &states[at(body)])))
       return false;
   }
-  if (parts.linked >= 0) return add(linked[at(parts.linked)].advance(span, accuracy, &states));
+  if (parts.linked >= 0) {
+    if (island.method == Method::kRungeKutta) {
+      const Progress progress = integrate_linked(i, span);
+      if (add(progress)) return true;
+      if (island.method == Method::kRungeKutta) return false;
+    }
+    return add(integrate_stiff(i, span));
+  }
 
   const int body = parts.members.bodies.front();
   Vector3d acceleration = options.gravity;
@@ -302,6 +333,49 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
     if (load.body == body) acceleration += masses[at(body)].inverse_mass * load.force;
   fall(span.h, acceleration, &states[at(body)]);
   return true;
+}
+
+// what joints may swing bodies with before substeps are not worth it, or not allowed [rad/s]
+double World::Impl::most_frequency() const {
+  double limit = options.stiffness_limit;
+  if (options.tolerance == 0.0) limit = std::min(limit, options.order == 5 ? kStable5 : kStable8);
+  return limit / options.time_step;
+}
+
+// Where this was stiff all along, or could not be integrated, `auto` takes the other method at
+// once.
+Progress World::Impl::integrate_linked(std::size_t i, const SmoothSpan& span) {
+  IslandParts& parts = island_parts[i];
+  Accuracy accuracy{options.order, options.tolerance};
+  const bool chooses = options.method == Method::kAuto;
+  if (chooses) accuracy.most_frequency = most_frequency();
+  const Progress progress = linked[at(parts.linked)].advance(span, accuracy, &states);
+  if (!chooses || (progress.done && !progress.is_stiff)) return progress;
+  parts.is_stiff = any_stiff = true;
+  parts.stiff_until = step_count + (progress.is_stiff ? kCalmFor : kRefusedFor);
+  if (progress.done) return progress;
+  linked[at(parts.linked)].begin_step();  // what it did in vain
+  if (!is_fresh) ++report.changes;
+  --islands_by_method[static_cast<std::size_t>(Method::kRungeKutta)];
+  ++islands_by_method[static_cast<std::size_t>(Method::kEnergyMomentum)];
+  islands[i].method = Method::kEnergyMomentum;
+  islands[i].why = Why::kStiff;
+  return progress;
+}
+
+Progress World::Impl::integrate_stiff(std::size_t i, const SmoothSpan& span) {
+  IslandParts& parts = island_parts[i];
+  LinkedMotion& motion = linked[at(parts.linked)];
+  if (parts.stiff < 0) {
+    parts.stiff = static_cast<int>(stiff.size());
+    stiff.emplace_back(motion.equations());
+  }
+  EnergyMomentum& method = stiff[at(parts.stiff)];
+  const Progress progress = method.advance(span, options.stiff_order, &motion.equations(), &states);
+  if (method.frequency() > kCalmShare * most_frequency())
+    parts.stiff_until = std::max(parts.stiff_until, step_count + kCalmFor);
+  parts.is_stiff = parts.is_stiff && step_count < parts.stiff_until;
+  return progress;
 }
 
 // the other method takes this step, from its start, and some more
@@ -330,6 +404,7 @@ void World::Impl::tell_of_islands() {
     report.dependent_rows = std::max(report.dependent_rows, island.dependent_rows);
     report.substeps += island.substeps;
     report.rejected += island.rejected;
+    report.iterations += island.iterations;
   }
 }
 

@@ -1,5 +1,6 @@
 #include "constraint_sim/plan.h"
 
+#include <cmath>
 #include <map>
 #include <sstream>
 #include <utility>
@@ -87,7 +88,10 @@ std::string explain(const World& world) {
   std::ostringstream out;
   const WorldOptions& options = world.options();
   out << "method: {asked_for: " << name(options.method) << ", order: " << options.order
-      << ", tolerance: " << shortest(options.tolerance) << "}\n";
+      << ", tolerance: " << shortest(options.tolerance) << ", stiff_order: " << options.stiff_order
+      << ", stiffness_limit: "
+      << (std::isinf(options.stiffness_limit) ? ".inf" : shortest(options.stiffness_limit))
+      << "}\n";
   write_islands(world, out);
   out << "bodies: {dynamic: " << counts.dynamic_bodies << ", static: " << counts.static_bodies
       << ", kinematic: " << counts.kinematic_bodies << "}\n";

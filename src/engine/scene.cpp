@@ -17,10 +17,8 @@ namespace {
 }
 
 WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults) {
-  if (const auto value = item.find("stiffness_limit"))
-    value->fail("belongs to a method that does not exist yet");
   item.expect_keys({"gravity", "time_step", "method", "closing_time", "order", "tolerance",
-                    "iterations", "warm_starting", "baumgarte"});
+                    "stiff_order", "stiffness_limit", "iterations", "warm_starting", "baumgarte"});
   WorldOptions options = defaults;
   item.read("gravity", &options.gravity);
   item.read("time_step", &options.time_step);
@@ -30,6 +28,9 @@ WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults)
   }
   item.read("order", &options.order);
   item.read("tolerance", &options.tolerance);
+  item.read("stiff_order", &options.stiff_order);
+  if (const auto limit = item.find("stiffness_limit"))
+    options.stiffness_limit = limit->number_or_infinity();
   item.read("iterations", &options.iterations);
   item.read("warm_starting", &options.warm_starting);
   item.read("baumgarte", &options.baumgarte);

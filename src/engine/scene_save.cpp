@@ -36,6 +36,11 @@ void write_options(YAML::Emitter* out, const WorldOptions& options) {
   write(out, "method", name(options.method));
   *out << YAML::Key << "order" << YAML::Value << options.order;
   write(out, "tolerance", options.tolerance);
+  *out << YAML::Key << "stiff_order" << YAML::Value << options.stiff_order;
+  if (std::isinf(options.stiffness_limit))
+    *out << YAML::Key << "stiffness_limit" << YAML::Value << ".inf";
+  else
+    write(out, "stiffness_limit", options.stiffness_limit);
   *out << YAML::Key << "iterations" << YAML::Value << options.iterations;
   write(out, "warm_starting", options.warm_starting);
   write(out, "baumgarte", options.baumgarte);

@@ -172,6 +172,10 @@ void validate(const WorldOptions& options) {
   if (options.order != 8 && options.order != 5)
     refuse("order", "must be 8 or 5, got " + std::to_string(options.order));
   check_not_negative("tolerance", options.tolerance);
+  if (options.stiff_order != 2 && options.stiff_order != 4)
+    refuse("stiff_order", "must be 4 or 2, got " + std::to_string(options.stiff_order));
+  if (!(options.stiffness_limit > 0.0))
+    refuse("stiffness_limit", "must be above 0, or .inf, got " + shortest(options.stiffness_limit));
   if (options.iterations < 1)
     refuse("iterations", "must be >= 1, got " + std::to_string(options.iterations));
   check_share("baumgarte", options.baumgarte);

@@ -194,7 +194,8 @@ void World::Impl::apply_wrenches() {
         acts_throughout ? h : std::min(wrench.end, t_next) - std::max(wrench.start, t);
     if (duration <= 0.0) continue;  // not yet
     const std::size_t i = index(wrench.body);
-    if (islands[static_cast<std::size_t>(island_of[i])].method == Method::kRungeKutta) continue;
+    if (islands[static_cast<std::size_t>(island_of[i])].method != Method::kSequentialImpulses)
+      continue;
     BodyState& body = states[i];
     body.linear_velocity += duration * masses[i].inverse_mass * wrench.force;
     body.angular_velocity +=
@@ -206,7 +207,7 @@ void World::Impl::solve_rows() {
   if (rows.empty()) return;
   const StageTimer timer(*this, Stage::kSolve);
   solver.solve(states, rows, options.iterations);
-  report.iterations = static_cast<std::uint32_t>(options.iterations);
+  report.iterations += static_cast<std::uint32_t>(options.iterations);
 }
 
 void World::Impl::update_positions() {
@@ -221,6 +222,7 @@ void World::Impl::finish_step() {
     states = states_before;
     joint_states = joint_states_before;
     for (LinkedMotion& motion : linked) motion.forget();
+    for (EnergyMomentum& motion : stiff) motion.forget();
     is_fresh = true;
     touching.clear();
     contacts.clear();

@@ -11,6 +11,7 @@
 #include "engine/broadphase.h"
 #include "engine/constraints/joint.h"
 #include "engine/islands.h"
+#include "engine/methods/energy_momentum.h"
 #include "engine/methods/runge_kutta.h"
 #include "engine/methods/sequential_impulses.h"
 
@@ -39,6 +40,9 @@ struct IslandParts {
   IslandMembers members;
   Why nature = Why::kSmooth;        ///< of its joints and options; contacts come and go
   int linked = -1;                  ///< into Impl::linked; -1: no joints, or never integrated
+  int stiff = -1;                   ///< into Impl::stiff; -1: never was stiff
+  bool is_stiff = false;            ///< as measured when it was last carried
+  std::uint64_t stiff_until = 0;    ///< step before which it is not asked again
   std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
   std::uint64_t refused_until = 0;  ///< step
 };
@@ -78,6 +82,7 @@ struct World::Impl {
   std::vector<Island> islands;          // the same, as it is told
   std::vector<int> island_of;           // of bodies; -1 of immovable ones
   std::vector<LinkedMotion> linked;     // of the islands with joints
+  std::vector<EnergyMomentum> stiff;    // of those that are, or were, stiff
   std::vector<FreeRotation> rotations;  // of bodies
   std::vector<double> fastest_spring;   // of bodies [1/s]
   double reference_energy = 0.0;        // [J] at the last edit
@@ -88,9 +93,10 @@ struct World::Impl {
   std::array<std::uint32_t, kMethodCount> islands_by_method{};
   std::uint32_t integrated_rows = 0;
   bool any_refused = false;
+  bool any_stiff = false;             // or one that no longer is, or was just found to be
   std::vector<bool> touched;          // islands in contact
-  std::vector<int> smooth;            // islands that are integrated
-  std::vector<int> entering;          // those that were not in the step before
+  std::vector<int> smooth;            // islands that are integrated, stiff ones as well
+  std::vector<int> entering;          // those that were not in the step before, or were edited
   std::vector<int> impulse_bodies;    // of all other islands
   std::vector<int> impulse_joints;    // of all other islands
   std::vector<JointCourse> courses;   // of joints
@@ -135,6 +141,7 @@ struct World::Impl {
   void classify_islands();
   Why nature_of(const IslandMembers& members) const;
   void find_fastest_springs();
+  Method method_for(Why why) const;
   void link(IslandParts* parts);
   void find_pairs();
   void find_contacts();
@@ -147,6 +154,9 @@ struct World::Impl {
   void split_step();
   void find_loads(double from, double to);
   bool integrate_island(std::size_t i, const SmoothSpan& span);
+  Progress integrate_linked(std::size_t i, const SmoothSpan& span);
+  double most_frequency() const;
+  Progress integrate_stiff(std::size_t i, const SmoothSpan& span);
   void refuse_island(std::size_t i);
   void tell_of_islands();
   void prepare_rows();

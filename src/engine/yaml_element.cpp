@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "constraint_sim/scene.h"
 
@@ -102,6 +103,12 @@ double YamlElement::number() const {
     fail_expecting("a number");
   if (!std::isfinite(value)) fail_expecting("a finite number");
   return value;
+}
+
+double YamlElement::number_or_infinity() const {
+  return node_.IsScalar() && !is_quoted(node_) && node_.Scalar() == ".inf"
+             ? std::numeric_limits<double>::infinity()
+             : number();
 }
 
 int YamlElement::whole_number() const {

@@ -31,7 +31,8 @@ class YamlElement {
   /// The elements of this list.
   std::vector<YamlElement> items() const;
 
-  double number() const;  ///< finite
+  double number() const;              ///< finite
+  double number_or_infinity() const;  ///< `.inf` as well
   int whole_number() const;
   bool flag() const;
   std::string word() const;

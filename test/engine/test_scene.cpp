@@ -314,9 +314,9 @@ INSTANTIATE_TEST_SUITE_P(
                  "s:5: world.gravity[2]: expected a finite number, got '.nan'"},
         BadScene{"world:\n  gravity: -9.81\n",
                  "s:2: world.gravity: expected a list of 3 numbers, got '-9.81'"},
-        BadScene{"world:\n  method: energy_momentum\n",
-                 "s:2: world.method: there is no 'energy_momentum' (yet); there are auto, "
-                 "runge_kutta, sequential_impulses"},
+        BadScene{"world:\n  method: event_driven\n",
+                 "s:2: world.method: there is no 'event_driven' (yet); there are auto, "
+                 "runge_kutta, energy_momentum, sequential_impulses"},
         BadScene{"world:\n  method: [auto]\n",
                  "s:2: world.method: expected a word, got a list of 1"},
         BadScene{"world:\n  order: 7\n", "s:2: world.order: must be 8 or 5, got 7"},
@@ -324,8 +324,8 @@ INSTANTIATE_TEST_SUITE_P(
                  "s:2: world.tolerance: must be a finite number >= 0, got -1e-08"},
         BadScene{"world:\n  tolerance: .inf\n",
                  "s:2: world.tolerance: expected a finite number, got '.inf'"},
-        BadScene{"world:\n  stiffness_limit: .inf\n",
-                 "s:2: world.stiffness_limit: belongs to a method that does not exist yet"}));
+        BadScene{"world:\n  stiffness_limit: 0.0\n",
+                 "s:2: world.stiffness_limit: must be above 0, or .inf, got 0"}));
 
 /// A scene whose third line onwards is the one body.
 std::string with_body(const std::string& lines) { return "world: {}\nbodies:\n" + lines; }

@@ -133,8 +133,8 @@ std::vector<Island> World::islands() const {
 }
 
 const char* name(Method method) {
-  constexpr std::array<const char*, kMethodCount> kNames = {"auto", "runge_kutta",
-                                                            "sequential_impulses"};
+  constexpr std::array<const char*, kMethodCount> kNames = {
+      "auto", "runge_kutta", "energy_momentum", "sequential_impulses"};
   return kNames[static_cast<std::size_t>(method)];
 }
 

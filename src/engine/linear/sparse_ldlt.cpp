@@ -161,10 +161,22 @@ int SparseLdlt::factor_forest(double least, const Eliminate& eliminate) {
   return touched;
 }
 
+int SparseLdlt::factor_leaving_out(double least) {
+  left_out_.assign(n_, 0);
+  leaves_out_ = true;
+  const int left_out = factor(least);
+  leaves_out_ = false;
+  return left_out;
+}
+
 double SparseLdlt::touch(std::size_t k, double least, int* touched) {
   const double entry = values_[k];
   smallest_touched_ = std::min(smallest_touched_, pivot_[k] / entry);
   ++*touched;
+  if (leaves_out_) {
+    left_out_[k] = 1;
+    return 0.0;
+  }
   return pivot_[k] + least * entry;
 }
 

@@ -29,6 +29,11 @@ class SparseLdlt {
   int factor(double least);
   double smallest_touched() const { return smallest_touched_; }
 
+  /// The same, but leaves such rows out altogether, for is_left_out() by place(); solve() is then
+  /// not for use.
+  int factor_leaving_out(double least);
+  bool is_left_out(std::size_t place) const { return left_out_[place] != 0; }
+
   /// factor(), and A⁻¹ b in place of b if no pivot was touched; of forests only.
   int factor_and_solve(double least, double* b);
   /// Whether the graph of the pattern has no loops and no entry twice. Then no column of L has more
@@ -65,6 +70,8 @@ class SparseLdlt {
   std::vector<double> inverse_diagonal_;
   std::vector<double> work_;
   double smallest_touched_ = 1.0;
+  bool leaves_out_ = false;
+  std::vector<char> left_out_;  // by place; as of factor_leaving_out()
 };
 
 }  // namespace constraint_sim::engine

@@ -84,6 +84,7 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
   turn_.assign(turns_.size(), Vector3d::Zero());
   turn_response_ = turn_;
   impulses_.assign(rows_.size() + links_.size() - first_spring_, 0.0);
+  squares_.assign(bodies_.size(), 0.0);
   stage_forces_.assign(impulses_.size() * kMostStages, 0.0);
 }
 
@@ -362,6 +363,79 @@ Vector3d EquationsOfMotion::impulse(std::size_t l) const {
           impulses_[rows_[i + 2].unknown]};
 }
 
+// ---- for methods that step in their own way
+
+void EquationsOfMotion::look(double t) {
+  ask(t);
+  if (fixed_points_move_) place_fixed_points(t);
+}
+
+Vector3d EquationsOfMotion::offset(std::size_t ball) const {
+  for (const auto& [l, course] : courses_)
+    if (l == ball) return length_[l].value * course.offset();
+  return Vector3d::Zero();
+}
+
+int EquationsOfMotion::find_dependent(double t, const double* y, double least,
+                                      std::vector<char>* rows) {
+  ask(t);
+  place(t, y);
+  find_matrix();
+  const int dependent = ldlt_.factor_leaving_out(least);
+  factors_are_there_ = false;
+  rows->assign(rows_.size(), 0);
+  for (std::size_t i = 0; i < rows_.size(); ++i) (*rows)[i] = ldlt_.is_left_out(rows_[i].unknown);
+  dependent_rows_ = std::max(dependent_rows_, dependent);
+  return dependent;
+}
+
+void EquationsOfMotion::add_impulse(std::size_t l, const Vector3d& impulse) {
+  if (is_ball(l)) {
+    for (std::size_t k = 0; k < 3; ++k)
+      impulses_[rows_[first_row(l) + k].unknown] += impulse[static_cast<Eigen::Index>(k)];
+  } else {
+    impulses_[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_] += impulse.x();
+  }
+}
+
+double EquationsOfMotion::frequency() {
+  const double* const forces = stage_forces_.data();
+  std::fill(squares_.begin(), squares_.end(), 0.0);
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    const Link& link = links_[l];
+    double force = 0.0, across = 0.0;
+    if (is_ball(l)) {
+      for (std::size_t k = 0; k < 3; ++k)
+        force = std::hypot(force, forces[rows_[first_row(l) + k].unknown]);
+    } else {
+      force = std::abs(forces[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_]);
+      const double distance = is_rod(l) ? length_[l].value : d_[l].norm();
+      across = force / std::max(distance, 1e-9 * scale_);
+    }
+    for (const auto& [point, anchor] :
+         {std::pair(link.a, link.anchor_a), {link.b, link.anchor_b}}) {
+      if (point >= bodies_.size()) continue;
+      squares_[point] += 2.0 * across * inverse_mass_[point];
+      if (turns(point)) squares_[point] += force * anchor.norm() / inertia_[point].minCoeff();
+    }
+  }
+  return std::sqrt(*std::max_element(squares_.begin(), squares_.end()));
+}
+
+double EquationsOfMotion::kinetic_energy(const double* y) const {
+  const double* const v = y + 3 * bodies_.size();
+  const double* const q = v + 3 * bodies_.size();
+  const double* const L = q + 4 * turning_;
+  double energy = 0.0;
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
+    energy += 0.5 / inverse_mass_[i] * ConstVector(v + 3 * i).squaredNorm();
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const Vector3d in_body = rotation_matrix(q + 4 * i).transpose() * ConstVector(L + 3 * i);
+    energy += 0.5 * in_body.dot(in_body.cwiseQuotient(inertia_[i]));
+  }
+  return energy;
+}
+
 // ---- one evaluation
 
 // lengths and offsets at t, of the links where they change
@@ -442,9 +516,8 @@ void EquationsOfMotion::place_arms() {
     turn_response_[p].noalias() = inverse_inertia_[turns_[p].body] * turn_[p];
 }
 
-// A = G M⁻¹ Gᵀ here, and its factors
-void EquationsOfMotion::factor(double least) {
-  if (rows_.empty()) return;
+// A = G M⁻¹ Gᵀ here
+void EquationsOfMotion::find_matrix() {
   std::vector<double>& A = ldlt_.values();
   std::fill(A.begin(), A.end(), 0.0);
   for (std::size_t i = 0; i < rows_.size(); ++i)
@@ -453,6 +526,11 @@ void EquationsOfMotion::factor(double least) {
     A[c.slot] += c.inverse_mass * direction_[c.i].dot(direction_[c.j]);
   for (const AngularCoupling& c : angular_couplings_)
     A[c.slot] += turn_[c.p].dot(turn_response_[c.q]);
+}
+
+void EquationsOfMotion::factor(double least) {
+  if (rows_.empty()) return;
+  find_matrix();
   touched_ = ldlt_.factor(least);
   factors_are_there_ = true;
 }

@@ -41,6 +41,48 @@ class EquationsOfMotion {
   std::size_t turning() const { return turning_; }
   std::size_t rows() const { return rows_.size(); }
 
+  // ---- for methods that step these bodies and joints in their own way
+
+  /// A joint between two points: bodies in the order of the state, then fixed points.
+  struct Link {
+    std::size_t a, b;
+    Eigen::Vector3d anchor_a, anchor_b;
+    bool has_arms;  ///< either end turns
+    double stiffness = 0.0, damping = 0.0;
+  };
+  /// As joints().
+  const std::vector<Link>& links() const { return links_; }
+  bool is_rod(std::size_t l) const { return l < first_ball_; }
+  bool is_ball(std::size_t l) const { return l >= first_ball_ && l < first_spring_; }
+  /// Of a rod, or the first of a ball joint.
+  std::size_t row_of(std::size_t l) const { return is_rod(l) ? l : first_row(l); }
+  std::size_t points() const { return inverse_mass_.size(); }
+  double inverse_mass(std::size_t point) const { return inverse_mass_[point]; }
+  const Eigen::Vector3d& inertia(std::size_t turning) const { return inertia_[turning]; }
+  double radius_of_gyration(std::size_t turning) const { return radius_of_gyration_[turning]; }
+  /// What acts without the joints, since begin().
+  const Eigen::Vector3d& load_acceleration(std::size_t body) const {
+    return load_acceleration_[body];
+  }
+  const Eigen::Vector3d& load_torque(std::size_t turning) const { return load_torque_[turning]; }
+  /// Moves fixed points, lengths and offsets to time t, for the next three.
+  void look(double t);
+  const Eigen::Vector3d& position(std::size_t fixed_point) const { return position_[fixed_point]; }
+  const Course& length(std::size_t l) const { return length_[l]; }
+  Eigen::Vector3d offset(std::size_t ball) const;
+  /// Marks rows that follow from others at t and y, where a pivot falls below this share of its
+  /// entry; returns how many.
+  int find_dependent(double t, const double* y, double least, std::vector<char>* rows);
+  void add_impulse(std::size_t l, const Eigen::Vector3d& impulse);
+  /// What add_impulse() adds after the first can be taken back by the second.
+  void keep_impulses() { kept_impulses_ = impulses_; }
+  void restore_impulses() { impulses_ = kept_impulses_; }
+  /// Largest ω with which the joints' forces swing their bodies, as of the last first stage
+  /// [rad/s]: ω² = 2Σ|λ|/m of rods, Σ‖f‖‖r‖/I_min of a body that turns.
+  double frequency();
+  /// [J]
+  double kinetic_energy(const double* y) const;
+
   // ---- a span of time in which nothing jumps
 
   void load(const std::vector<BodyState>& states, double* y) const;
@@ -75,13 +117,6 @@ class EquationsOfMotion {
   double squared_size_of(const double* dy, double h) const;
 
  private:
-  /// A joint between two points: bodies in the order of the state, then fixed points.
-  struct Link {
-    std::size_t a, b;
-    Eigen::Vector3d anchor_a, anchor_b;
-    bool has_arms;  // either end turns
-    double stiffness = 0.0, damping = 0.0;
-  };
   /// One scalar equation; `turn_a`, `turn_b` into turns_, -1 where the end does not turn.
   struct Row {
     std::size_t a, b;
@@ -124,8 +159,6 @@ class EquationsOfMotion {
                  const std::vector<MassProperties>& masses);
   void add_rows(const Link& link, int count);
   void couple_rows();
-  bool is_rod(std::size_t l) const { return l < first_ball_; }
-  bool is_ball(std::size_t l) const { return l >= first_ball_ && l < first_spring_; }
   std::size_t first_row(std::size_t ball) const { return first_ball_ + 3 * (ball - first_ball_); }
   bool turns(std::size_t point) const { return point < turning_; }
 
@@ -137,6 +170,7 @@ class EquationsOfMotion {
   void place_fixed_points(double t);
   void place_links();
   void place_arms();
+  void find_matrix();
   void factor(double least);
   void set_velocities(const double* y);
   void accelerate(std::size_t stage, const double* y, double* dydt);
@@ -205,6 +239,8 @@ class EquationsOfMotion {
   std::vector<double> solution_, residual_, refined_;  // by unknown
   std::vector<double> stage_forces_;  // by unknown, then of springs; stage by stage
   std::vector<double> impulses_;      // the same, summed up
+  std::vector<double> kept_impulses_;
+  std::vector<double> squares_;  // ω² of bodies, for frequency()
 };
 
 }  // namespace constraint_sim::engine

@@ -47,6 +47,9 @@ struct Progress {
   double local_error = 0.0;  ///< estimate, sum of the substeps [m]
   int substeps = 0;
   int rejected = 0;
+  int iterations = 0;      ///< Newton's, where there are any
+  bool is_stiff = false;   ///< the other method is the better one; not done where it was so at once
+  double projected = 0.0;  ///< kinetic energy that velocities lost when they were made to fit [J]
 };
 
 namespace runge_kutta {

@@ -1,12 +1,16 @@
 #include "engine/methods/runge_kutta.h"
 
 #include <array>
+#include <cmath>
 #include <utility>
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
+
+// An island that needs no more substeps a tick is not asked whether it is stiff.
+constexpr int kFewSubsteps = 4;
 
 template <class System>
 Progress integrate(System& system, const StageMemory& memory, double t, double h,
@@ -71,18 +75,40 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
   if (span.is_disturbed) has_started_ = false;
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
+  double projected = 0.0;
   if (!has_started_) equations_.load(*states, y);
   if (!has_started_ || equations_.varies())
     equations_.begin(span.t, *states, span.gravity, span.loads, span.courses);
   if (!has_started_ || equations_.has_jumped() || !equations_.keeps_pace(span.t, y)) {
-    has_started_ = equations_.start(span.t, y, memory.derivatives());
-    if (!has_started_) return {false, 0.0, 0, 1};
+    const Progress progress = start(span, accuracy, memory);
+    if (!progress.done) return progress;
+    projected = progress.projected;
   }
-  const Progress progress = integrate(equations_, memory, span.t, span.h, accuracy, step_);
+  Progress progress = integrate(equations_, memory, span.t, span.h, accuracy, step_);
+  progress.projected = projected;
+  if (progress.substeps > kFewSubsteps || accuracy.tolerance == 0.0)
+    progress.is_stiff = is_stiff(accuracy);
   if (progress.done)
     equations_.store(y, states);
   else
     has_started_ = false;
+  return progress;
+}
+
+bool LinkedMotion::is_stiff(const Accuracy& accuracy) {
+  return std::isfinite(accuracy.most_frequency) && equations_.frequency() > accuracy.most_frequency;
+}
+
+Progress LinkedMotion::start(const SmoothSpan& span, const Accuracy& accuracy,
+                             const StageMemory& memory) {
+  Progress progress;
+  progress.projected = equations_.kinetic_energy(memory.state());
+  has_started_ = equations_.start(span.t, memory.state(), memory.derivatives());
+  progress.projected -= equations_.kinetic_energy(memory.state());
+  if (!has_started_) progress.rejected = 1;
+  progress.is_stiff = has_started_ && is_stiff(accuracy);
+  has_started_ = has_started_ && !progress.is_stiff;
+  progress.done = has_started_;
   return progress;
 }
 

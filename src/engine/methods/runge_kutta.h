@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <vector>
 
 #include "constraint_sim/body.h"
@@ -18,12 +19,15 @@ struct SmoothSpan {
   const std::vector<Load>& loads;
   const std::vector<JointCourse>& courses;  ///< of all joints of the world
   bool is_disturbed;                        ///< something may have jumped since the last span
+  bool is_edited;                           ///< also positions or velocities may have
 };
 
 /// How an integration is asked for.
 struct Accuracy {
   int order;         ///< 8 or 5
   double tolerance;  ///< [m] of local error per second; 0: one substep a span
+  /// What joints may swing bodies with before the island counts as stiff [rad/s].
+  double most_frequency = std::numeric_limits<double>::infinity();
 };
 
 /// An island with joints, carried through time by an embedded Runge-Kutta pair: Hairer, Nørsett &
@@ -34,6 +38,7 @@ class LinkedMotion {
   explicit LinkedMotion(EquationsOfMotion equations);
 
   const EquationsOfMotion& equations() const { return equations_; }
+  EquationsOfMotion& equations() { return equations_; }
   void begin_step() { equations_.clear(); }
   /// Carries the bodies through the span. Leaves them as they are where it cannot.
   Progress advance(const SmoothSpan& span, const Accuracy& accuracy,
@@ -42,6 +47,10 @@ class LinkedMotion {
   void forget() { has_started_ = false; }
 
  private:
+  Progress start(const SmoothSpan& span, const Accuracy& accuracy, const StageMemory& memory);
+
+  bool is_stiff(const Accuracy& accuracy);
+
   EquationsOfMotion equations_;
   std::vector<double> numbers_;  // of StageMemory
   double step_ = 0.0;            // what the next substep is tried with [s]

@@ -1,0 +1,122 @@
+#include "engine/methods/energy_momentum.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/methods/runge_kutta.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr int kMostNewtonSteps = 25;
+// Newton's steps end when a change moves nothing by more than this share of the scene, or by less
+// than the second and no longer half of the change before: then it is rounding.
+constexpr double kSolved = 1e-14;
+constexpr double kRounding = 1e-7;
+// What a row may be off then, as a share of the scene.
+constexpr double kRowSolved = 1e-11;
+
+constexpr int kMostHalvings = 8;
+constexpr int kSpansUntilLonger = 16;
+
+// Suzuki's coefficients
+const double kOuter = 1.0 / (4.0 - std::cbrt(4.0));
+const double kInner = 1.0 - 4.0 * kOuter;
+
+}  // namespace
+
+bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
+                           std::vector<BodyState>* states, Progress* progress) {
+  for (auto& unknowns : found_) unknowns.assign(midpoint_.size(), 0.0);
+  change_.assign(midpoint_.size(), 0.0);
+  numbers_.resize(2 * equations->size());
+  double* const y = numbers_.data();
+  equations->load(*states, y);
+  progress->projected = equations->kinetic_energy(y);
+  if (!equations->start(span.t, y, y + equations->size())) return false;
+  progress->projected -= equations->kinetic_energy(y);
+  equations->store(y, states);
+  refinement_ = -1;
+  spans_since_ = 0;
+  return true;
+}
+
+Progress EnergyMomentum::advance(const SmoothSpan& span, int order, EquationsOfMotion* equations,
+                                 std::vector<BodyState>* states) {
+  Progress progress;
+  const bool is_new = !has_started_ || span.is_edited;
+  equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
+  if (is_new || equations->has_jumped()) {
+    has_started_ = start(span, equations, states, &progress);
+    if (!has_started_) {
+      progress.done = false;
+      return progress;
+    }
+  }
+  const bool composes = order == 4 && !midpoint_.has_dampers();
+  const int least = composes ? -1 : 0;
+  if (++spans_since_ > kSpansUntilLonger) {
+    --refinement_;
+    spans_since_ = 0;
+  }
+  refinement_ = std::max(refinement_, least);
+  for (;; ++refinement_) {
+    if (refinement_ > kMostHalvings) {
+      has_started_ = false;
+      progress.done = false;
+      return progress;
+    }
+    midpoint_.load(*states, *equations);
+    const int parts = 1 << std::max(refinement_, 0);
+    const double h = span.h / parts;
+    equations->keep_impulses();
+    bool done = true;
+    for (int k = 0; k < parts && done; ++k)
+      done = refinement_ < 0 ? composition(span.t, h, equations, &progress)
+                             : step(span.t + k * h, h, 0, equations, &progress);
+    if (done) break;
+    equations->restore_impulses();
+    ++progress.rejected;
+    spans_since_ = 0;
+    for (auto& unknowns : found_) std::fill(unknowns.begin(), unknowns.end(), 0.0);
+  }
+  midpoint_.store(*equations, states);
+  return progress;
+}
+
+bool EnergyMomentum::composition(double t, double h, EquationsOfMotion* equations,
+                                 Progress* progress) {
+  for (std::size_t stage = 0; stage < kStages; ++stage) {
+    const double part = h * (stage == 2 ? kInner : kOuter);
+    if (!step(t, part, stage, equations, progress)) return false;
+    t += part;
+  }
+  return true;
+}
+
+bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
+                          Progress* progress) {
+  midpoint_.begin(t, h, equations);
+  unknowns_ = found_[stage];
+  ++progress->substeps;
+  double before = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < kMostNewtonSteps; ++i) {
+    midpoint_.evaluate(unknowns_);
+    const double worst_row = midpoint_.worst_row();
+    for (std::size_t u = 0; u < change_.size(); ++u) change_[u] = -midpoint_.residual()[u];
+    ++progress->iterations;
+    if (!midpoint_.solve(change_.data())) return false;
+    const double moved = midpoint_.add(change_.data(), &unknowns_) / midpoint_.scale();
+    if (!std::isfinite(moved)) return false;
+    const bool is_rounding = moved < kRounding && moved > 0.5 * before;
+    if ((moved < kSolved || is_rounding) && worst_row <= kRowSolved * midpoint_.scale()) {
+      found_[stage] = unknowns_;
+      midpoint_.finish(unknowns_, equations);
+      return true;
+    }
+    before = moved;
+  }
+  return false;
+}
+
+}  // namespace constraint_sim::engine

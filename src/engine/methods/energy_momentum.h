@@ -1,0 +1,51 @@
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "constraint_sim/body.h"
+#include "engine/methods/equations_of_motion.h"
+#include "engine/methods/integrate.h"
+#include "engine/methods/midpoint_equations.h"
+
+namespace constraint_sim::engine {
+
+struct SmoothSpan;
+
+/// An island with joints, carried through time by steps of MidpointEquations: one a span, or five
+/// of Suzuki's composition of order 4 (Phys. Lett. A 146 (1990) 319). Where Newton's method does
+/// not converge, first without the composition, then with shorter steps.
+class EnergyMomentum {
+ public:
+  explicit EnergyMomentum(const EquationsOfMotion& equations) : midpoint_(equations) {}
+
+  /// Carries the bodies through the span, with order 2 or 4; impulses add up in `equations`. Leaves
+  /// the bodies as they are where it cannot.
+  Progress advance(const SmoothSpan& span, int order, EquationsOfMotion* equations,
+                   std::vector<BodyState>* states);
+  /// Largest ω of the bodies by what held them in the last step [rad/s].
+  double frequency() const { return midpoint_.frequency(); }
+  /// Somebody else has moved the bodies.
+  void forget() { has_started_ = false; }
+
+ private:
+  static constexpr std::size_t kStages = 5;
+
+  bool start(const SmoothSpan& span, EquationsOfMotion* equations, std::vector<BodyState>* states,
+             Progress* progress);
+  bool step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
+            Progress* progress);
+  bool composition(double t, double h, EquationsOfMotion* equations, Progress* progress);
+
+  MidpointEquations midpoint_;
+  MidpointEquations::Unknowns unknowns_;
+  /// What was found last, by stage of the composition: where the next Newton steps begin.
+  std::array<MidpointEquations::Unknowns, kStages> found_;
+  std::vector<double> change_;
+  std::vector<double> numbers_;  // a state and its derivative, as EquationsOfMotion has them
+  bool has_started_ = false;
+  int refinement_ = 0;  // a span is made of this many halvings; -1: of a composition
+  int spans_since_ = 0;
+};
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,616 @@
+#include "engine/methods/midpoint_equations.h"
+
+#include <algorithm>
+#include <cmath>
+#include <queue>
+#include <utility>
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Block = Eigen::Matrix<double, 6, 3>;
+using ConstVector = Eigen::Map<const Vector3d>;
+using Vector = Eigen::Map<Vector3d>;
+
+// Rows whose pivot falls below this share of its entry follow from others in this step.
+constexpr double kDependentPivot = 1e-10;
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+Matrix3d cross_matrix(const Vector3d& a) {
+  Matrix3d m;
+  m << 0.0, -a.z(), a.y(), a.z(), 0.0, -a.x(), -a.y(), a.x(), 0.0;
+  return m;
+}
+
+// (1 − ½ŵ)⁻¹
+Matrix3d mean_rotation(const Vector3d& w) {
+  const Matrix3d B = Matrix3d::Identity() + 0.5 * cross_matrix(w) + 0.25 * w * w.transpose();
+  return B / (1.0 + 0.25 * w.squaredNorm());
+}
+
+double unit_stiffness(double k, double c, double h) { return 0.5 * k + c / h; }
+
+}  // namespace
+
+// ---- what is compiled
+
+MidpointEquations::MidpointEquations(const EquationsOfMotion& equations)
+    : bodies_(equations.bodies().size()), turning_(equations.turning()) {
+  for (std::size_t i = 0; i < bodies_; ++i) mass_.push_back(1.0 / equations.inverse_mass(i));
+  for (std::size_t i = 0; i < turning_; ++i) {
+    inertia_.push_back(equations.inertia(i));
+    radius_.push_back(equations.radius_of_gyration(i));
+  }
+  for (std::size_t l = 0; l < equations.links().size(); ++l) {
+    const EquationsOfMotion::Link& from = equations.links()[l];
+    Link link;
+    link.kind = equations.is_rod(l)    ? Kind::kRod
+                : equations.is_ball(l) ? Kind::kBall
+                                       : Kind::kSpring;
+    link.rows = link.kind == Kind::kBall ? 3 : 1;
+    const auto end = [&](std::size_t point, const Vector3d& anchor, double sign) {
+      End e;
+      e.point = point;
+      e.dofs = point < turning_ ? 6 : (point < bodies_ ? 3 : 0);
+      e.anchor = anchor;
+      e.sign = sign;
+      return e;
+    };
+    link.ends[0] = end(from.a, from.anchor_a, -1.0);
+    link.ends[1] = end(from.b, from.anchor_b, 1.0);
+    link.is_between_points =
+        link.kind == Kind::kRod && link.ends[0].dofs < 6 && link.ends[1].dofs < 6;
+    link.stiffness = from.stiffness;
+    link.damping = from.damping;
+    has_dampers_ = has_dampers_ || link.damping > 0.0;
+    links_.push_back(link);
+  }
+  make_nodes(equations);
+  find_slots();
+
+  const std::size_t points = equations.points();
+  for (auto* list : {&x_, &v_, &shift_}) list->assign(points, Vector3d::Zero());
+  for (auto* list : {&force_, &torque_}) list->assign(bodies_, Vector3d::Zero());
+  q_.assign(turning_, Eigen::Quaterniond::Identity());
+  spin_.assign(turning_, Vector3d::Zero());
+  turn_.resize(turning_);
+  shapes_.resize(links_.size());
+  left_.assign(lu_.size(), 1.0);
+  right_ = left_;
+  residual_ = left_;
+  squares_.assign(bodies_, 0.0);
+  numbers_.assign(equations.size(), 0.0);
+}
+
+// Bodies as nodes, from the leaves to a root that is held by the world if one is; the rows between
+// two bodies belong to the one further from the root.
+void MidpointEquations::make_nodes(const EquationsOfMotion& equations) {
+  std::vector<std::vector<std::size_t>> links_of(bodies_);
+  std::vector<std::size_t> roots;
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    const End* const ends = links_[l].ends;
+    for (int e = 0; e < 2; ++e) {
+      if (ends[e].dofs == 0) continue;
+      links_of[ends[e].point].push_back(l);
+      if (ends[1 - e].dofs == 0) roots.push_back(ends[e].point);
+    }
+  }
+  for (std::size_t i = 0; i < bodies_; ++i) roots.push_back(i);
+
+  std::vector<std::size_t> found;  // from a root on
+  std::vector<int> parent(bodies_, -1), place(bodies_, -1);
+  for (const std::size_t root : roots) {
+    if (place[root] >= 0) continue;
+    place[root] = static_cast<int>(found.size());
+    found.push_back(root);
+    for (std::size_t k = at(place[root]); k < found.size(); ++k) {
+      for (const std::size_t l : links_of[found[k]]) {
+        const End* const ends = links_[l].ends;
+        const std::size_t other = ends[0].point == found[k] ? ends[1].point : ends[0].point;
+        if (other >= bodies_ || place[other] >= 0) continue;
+        place[other] = static_cast<int>(found.size());
+        parent[other] = static_cast<int>(found[k]);
+        found.push_back(other);
+      }
+    }
+  }
+
+  // the node of a link, and whether it closes a loop
+  std::vector<SaddleLu::Node> nodes(bodies_);
+  const auto node_of = [&](std::size_t body) {
+    return static_cast<int>(bodies_) - 1 - place[body];
+  };
+  std::vector<std::vector<std::size_t>> rows_of(bodies_);  // links
+  std::vector<std::size_t> loops;
+  int tree_rows = 0;
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    const End& a = links_[l].ends[0];
+    const End& b = links_[l].ends[1];
+    std::size_t lower = a.dofs > 0 ? a.point : b.point;
+    if (a.dofs > 0 && b.dofs > 0) {
+      if (place[b.point] > place[a.point]) lower = b.point;
+      const std::size_t upper = lower == a.point ? b.point : a.point;
+      if (parent[lower] != static_cast<int>(upper)) loops.push_back(l);
+    }
+    rows_of[lower].push_back(l);
+  }
+  first_unknown_.assign(bodies_, 0);
+  int unknown = 0;
+  for (std::size_t k = bodies_; k-- > 0;) {
+    const std::size_t body = found[k];
+    SaddleLu::Node& node = nodes[at(node_of(body))];
+    node.dofs = body < turning_ ? 6 : 3;
+    node.parent = parent[body] < 0 ? -1 : node_of(at(parent[body]));
+    first_unknown_[body] = unknown;
+    unknown += node.dofs;
+    for (const std::size_t l : rows_of[body]) {
+      links_[l].unknown = unknown;
+      unknown += links_[l].rows;
+      node.rows += links_[l].rows;
+    }
+    tree_rows += static_cast<int>(rows_of[body].size());
+    may_depend_ = may_depend_ || rows_of[body].size() > 1;
+  }
+  may_depend_ = (may_depend_ || !loops.empty()) && equations.rows() > 0;
+  for (Link& link : links_)
+    for (End& end : link.ends)
+      if (end.dofs > 0) end.unknown = first_unknown_[end.point];
+
+  std::vector<std::pair<int, int>> entries;
+  for (const std::size_t l : loops) {
+    const Link& link = links_[l];
+    std::vector<int> unknowns;
+    for (const End& end : link.ends)
+      for (int k = 0; k < end.dofs; ++k) unknowns.push_back(end.unknown + k);
+    for (int k = 0; k < link.rows; ++k) unknowns.push_back(link.unknown + k);
+    for (const int i : unknowns)
+      for (const int j : unknowns) entries.emplace_back(i, j);
+  }
+  lu_.analyze(std::move(nodes), entries);
+}
+
+// where what a link adds goes, in the order in which it is added
+void MidpointEquations::find_slots() {
+  for (Link& link : links_) {
+    link.slot = slots_.size();
+    if (link.is_between_points) {
+      for (const End& row : link.ends) {
+        for (const End& column : link.ends)
+          for (int k = 0; k < 3 && row.dofs > 0 && column.dofs > 0; ++k)
+            slots_.push_back(lu_.slot(row.unknown + k, column.unknown + k));
+        for (int k = 0; k < row.dofs; ++k) {
+          slots_.push_back(lu_.slot(row.unknown + k, link.unknown));
+          slots_.push_back(lu_.slot(link.unknown, row.unknown + k));
+        }
+      }
+      slots_.push_back(lu_.slot(link.unknown, link.unknown));
+      continue;
+    }
+    for (const End& row : link.ends) {
+      for (const End& column : link.ends)
+        for (int i = 0; i < row.dofs; ++i)
+          for (int j = 0; j < column.dofs; ++j)
+            slots_.push_back(lu_.slot(row.unknown + i, column.unknown + j));
+      for (int i = 0; i < row.dofs; ++i) {
+        for (int k = 0; k < link.rows; ++k) {
+          slots_.push_back(lu_.slot(row.unknown + i, link.unknown + k));
+          slots_.push_back(lu_.slot(link.unknown + k, row.unknown + i));
+        }
+      }
+    }
+    for (int k = 0; k < link.rows; ++k)
+      slots_.push_back(lu_.slot(link.unknown + k, link.unknown + k));
+  }
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const int first = first_unknown_[i];
+    for (int k = 0; k < 3; ++k) diagonal_.push_back(lu_.slot(first + k, first + k));
+    if (i >= turning_) continue;
+    for (int k = 3; k < 6; ++k)
+      for (int m = 3; m < 6; ++m) diagonal_.push_back(lu_.slot(first + k, first + m));
+  }
+}
+
+// ---- the state that is carried
+
+void MidpointEquations::load(const std::vector<BodyState>& states,
+                             const EquationsOfMotion& equations) {
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const BodyState& state = states[at(equations.bodies()[i])];
+    x_[i] = state.position;
+    v_[i] = state.linear_velocity;
+    if (i >= turning_) continue;
+    q_[i] = state.orientation;
+    spin_[i] = state.angular_velocity;
+  }
+}
+
+void MidpointEquations::store(const EquationsOfMotion& equations,
+                              std::vector<BodyState>* states) const {
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    BodyState& state = (*states)[at(equations.bodies()[i])];
+    state.position = x_[i];
+    state.linear_velocity = v_[i];
+    if (i >= turning_) continue;
+    state.orientation = q_[i];
+    state.angular_velocity = spin_[i];
+  }
+}
+
+// ---- one step
+
+void MidpointEquations::begin(double t, double h, EquationsOfMotion* equations) {
+  h_ = h;
+  equations->look(t);
+  for (std::size_t p = bodies_; p < x_.size(); ++p) x_[p] = equations->position(p);
+  scale_ = 0.0;
+  for (std::size_t p = 0; p < x_.size(); ++p)
+    scale_ = std::max(scale_, x_[p].cwiseAbs().maxCoeff());
+  for (std::size_t i = 0; i < turning_; ++i) {
+    Turning& turn = turn_[i];
+    turn.R0 = q_[i].toRotationMatrix();
+    turn.J0 = turn.R0 * inertia_[i].asDiagonal() * turn.R0.transpose();
+  }
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    const Link& link = links_[l];
+    Shape& shape = shapes_[l];
+    shape.d0 = x_[link.ends[1].point] - x_[link.ends[0].point];
+    for (int e = 0; e < 2; ++e) {
+      const End& end = link.ends[e];
+      shape.r0[e].setZero();
+      if (end.dofs < 6) continue;
+      shape.r0[e] = turn_[end.point].R0 * end.anchor;
+      shape.d0 += end.sign * shape.r0[e];
+      scale_ = std::max(scale_, end.anchor.norm());
+    }
+    if (link.kind == Kind::kSpring)  // what its law has of the start; the rest once that is known
+      shape.target = equations->length(l).value;
+    // inverse of what 1 N moves, or of a rod λ = 1
+    double compliance = 0.0;
+    for (int e = 0; e < 2; ++e) {
+      const End& end = link.ends[e];
+      if (end.dofs == 0) continue;
+      compliance += 1.0 / mass_[end.point];
+      if (end.dofs == 6) compliance += shape.r0[e].squaredNorm() / inertia_[end.point].mean();
+    }
+    shape.scale = 1.0 / std::sqrt(compliance);
+    if (link.kind == Kind::kRod) shape.scale /= shape.d0.norm();
+    shape.is_left_out = false;
+  }
+  if (may_depend_) leave_out_dependent(t, equations);
+
+  equations->look(t + h);
+  for (std::size_t p = bodies_; p < x_.size(); ++p) shift_[p] = equations->position(p) - x_[p];
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    const Link& link = links_[l];
+    Shape& shape = shapes_[l];
+    if (link.kind == Kind::kBall) {
+      shape.offset = equations->offset(l);
+      continue;
+    }
+    const double length = equations->length(l).value;
+    scale_ = std::max(scale_, length);
+    if (link.kind == Kind::kRod) {
+      shape.target = 0.5 * length * length;
+      continue;
+    }
+    // σ = −k (½(s₀ + s₁) − ½(ℓ₀ + ℓ₁)) − (c/h)(s₁ − s₀ − (ℓ₁ − ℓ₀)), divided by κ
+    const double k = link.stiffness;
+    const double rate = link.damping / h;
+    shape.compliance = 1.0 / unit_stiffness(k, link.damping, h);
+    shape.target = length - shape.compliance * (0.5 * k - rate) * (shape.d0.norm() - shape.target);
+    shape.scale = 1.0 / std::sqrt(1.0 / (shape.scale * shape.scale) +
+                                  2.0 / (h * h) * std::abs(shape.compliance));
+  }
+
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    force_[i] = mass_[i] * equations->load_acceleration(i);
+    const auto first = at(first_unknown_[i]);
+    const double scale = 1.0 / std::sqrt(mass_[i]);
+    std::fill_n(left_.begin() + static_cast<std::ptrdiff_t>(first), 3, scale);
+    std::fill_n(right_.begin() + static_cast<std::ptrdiff_t>(first), 3, scale);
+    if (i >= turning_) continue;
+    torque_[i] = equations->load_torque(i);
+    const double turning = 1.0 / std::sqrt(inertia_[i].mean());
+    std::fill_n(left_.begin() + static_cast<std::ptrdiff_t>(first) + 3, 3, turning);
+    std::fill_n(right_.begin() + static_cast<std::ptrdiff_t>(first) + 3, 3, turning);
+  }
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    for (int k = 0; k < links_[l].rows; ++k) {
+      left_[at(links_[l].unknown + k)] = shapes_[l].scale;
+      right_[at(links_[l].unknown + k)] = 2.0 / (h * h) * shapes_[l].scale;
+    }
+  }
+}
+
+// Where rows depend on each other, the last of them have no λ in this step: with another one λ
+// would wander.
+void MidpointEquations::leave_out_dependent(double t, EquationsOfMotion* equations) {
+  double* const y = numbers_.data();
+  double* const v = y + 3 * bodies_;
+  double* const q = v + 3 * bodies_;
+  for (std::size_t i = 0; i < bodies_; ++i) Vector(y + 3 * i) = x_[i];
+  for (std::size_t i = 0; i < turning_; ++i)
+    Eigen::Map<Eigen::Vector4d>(q + 4 * i) = q_[i].coeffs();
+  if (equations->find_dependent(t, y, kDependentPivot, &is_dependent_) == 0) return;
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    if (links_[l].kind == Kind::kSpring) continue;
+    const std::size_t row = equations->row_of(l);
+    for (std::size_t k = 0; k < at(links_[l].rows); ++k)
+      if (is_dependent_[row + k]) shapes_[l].is_left_out = true;
+  }
+}
+
+void MidpointEquations::evaluate(const Unknowns& unknowns) {
+  std::fill(lu_.values().begin(), lu_.values().end(), 0.0);
+  worst_row_ = 0.0;
+  evaluate_bodies(unknowns);
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    if (links_[l].is_between_points)
+      evaluate_rod(links_[l], &shapes_[l], unknowns);
+    else
+      evaluate_link(links_[l], &shapes_[l], unknowns);
+  }
+  // of ½ w × T, now that all of T is known
+  std::size_t slot = 0;
+  for (std::size_t i = 0; i < turning_; ++i) {
+    slot += 3;
+    const double scale = left_[at(first_unknown_[i]) + 3] * right_[at(first_unknown_[i]) + 3];
+    const Matrix3d change = (-0.25 * h_ * h_ * scale) * cross_matrix(turn_[i].torque);
+    for (int k = 0; k < 3; ++k)
+      for (int m = 0; m < 3; ++m) lu_.values()[diagonal_[slot++]] += change(k, m);
+  }
+  for (std::size_t u = 0; u < residual_.size(); ++u) residual_[u] *= left_[u];
+}
+
+// what there is without the links
+void MidpointEquations::evaluate_bodies(const Unknowns& unknowns) {
+  double* const values = lu_.values().data();
+  const double half = 0.5 * h_ * h_;
+  std::size_t slot = 0;
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const auto first = at(first_unknown_[i]);
+    const ConstVector dx(unknowns.data() + first);
+    Vector(residual_.data() + first) = mass_[i] * (dx - h_ * v_[i]) - half * force_[i];
+    for (int k = 0; k < 3; ++k) values[diagonal_[slot++]] += 1.0;
+    if (i >= turning_) continue;
+
+    Turning& turn = turn_[i];
+    const ConstVector w(unknowns.data() + first + 3);
+    const Vector3d J_w = turn.J0 * w;
+    turn.B = mean_rotation(w);
+    turn.C = Matrix3d::Identity() - 0.5 * cross_matrix(w);
+    turn.torque = torque_[i];
+    Vector(residual_.data() + first + 3) =
+        J_w - h_ * (turn.J0 * spin_[i]) + 0.5 * w.cross(J_w) - half * (turn.C * torque_[i]);
+    const Matrix3d derivative = (turn.J0 + 0.5 * (cross_matrix(w) * turn.J0 - cross_matrix(J_w))) *
+                                (left_[first + 3] * right_[first + 3]);
+    for (int k = 0; k < 3; ++k)
+      for (int m = 0; m < 3; ++m) values[diagonal_[slot++]] += derivative(k, m);
+  }
+}
+
+// d at both ends of the step, and what pulls
+void MidpointEquations::evaluate_link(const Link& link, Shape* shape, const Unknowns& unknowns) {
+  double* const values = lu_.values().data();
+  const double half = 0.5 * h_ * h_;
+  Vector3d change = Vector3d::Zero();  // of d
+  Vector3d mean_arm[2];
+  Eigen::Matrix<double, 3, 6> E[2];  // of d_mean, without the sign of the end
+  for (int e = 0; e < 2; ++e) {
+    const End& end = link.ends[e];
+    if (end.dofs == 0) {
+      change += end.sign * shift_[end.point];
+      continue;
+    }
+    const auto first = at(end.unknown);
+    change += end.sign * ConstVector(unknowns.data() + first);
+    E[e].leftCols<3>() = 0.5 * Matrix3d::Identity();
+    if (end.dofs < 6) continue;
+    const Turning& turn = turn_[end.point];
+    mean_arm[e] = turn.B * shape->r0[e];
+    change += end.sign * ConstVector(unknowns.data() + first + 3).cross(mean_arm[e]);
+    E[e].rightCols<3>() = -0.5 * turn.B * cross_matrix(mean_arm[e]);
+  }
+  const Vector3d d1 = shape->d0 + change;
+  const Vector3d d_mean = shape->d_mean = shape->d0 + 0.5 * change;
+
+  // the force on B, its derivatives by d_mean and λ, the rows and their derivative by d1
+  Matrix3d P = Matrix3d::Zero();
+  Matrix3d pull = Matrix3d::Identity(), gradient = pull;  // columns; one of rods and springs
+  Vector3d value;
+  double compliance = 0.0;
+  const double lambda = unknowns[at(link.unknown)];
+  switch (link.kind) {
+    case Kind::kRod:
+      shape->force = lambda * d_mean;
+      P.diagonal().setConstant(lambda);
+      pull.col(0) = d_mean;
+      gradient.col(0) = d1;
+      value[0] = 0.5 * d1.squaredNorm() - shape->target;
+      note_row(std::abs(value[0]) / std::sqrt(2.0 * shape->target));
+      break;
+    case Kind::kBall:
+      shape->force = ConstVector(unknowns.data() + link.unknown);
+      value = d1 - shape->offset;
+      note_row(value.norm());
+      break;
+    case Kind::kSpring: {
+      const double s1 = d1.norm();
+      const double s = 0.5 * (shape->d0.norm() + s1);
+      const Vector3d n1 = s1 > 0.0 ? Vector3d(d1 / s1) : Vector3d(Vector3d::UnitX());
+      const Vector3d n = s > 0.0 ? Vector3d(d_mean / s) : Vector3d(Vector3d::UnitX());
+      compliance = shape->compliance;
+      shape->force = lambda * n;
+      if (s > 0.0) P = lambda / s * (Matrix3d::Identity() - n * n1.transpose());
+      pull.col(0) = n;
+      gradient.col(0) = n1;
+      value[0] = compliance * lambda + s1 - shape->target;
+      break;
+    }
+  }
+  if (shape->is_left_out) {
+    shape->force.setZero();
+    P.setZero();
+  }
+
+  // what the force does to each end: [1; C r̄ ×]
+  Eigen::Matrix<double, 6, 3> H[2];
+  for (int e = 0; e < 2; ++e) {
+    const End& end = link.ends[e];
+    if (end.dofs == 0) continue;
+    H[e].topRows<3>().setIdentity();
+    Vector(residual_.data() + end.unknown) -= half * end.sign * shape->force;
+    if (end.dofs < 6) continue;
+    Turning& turn = turn_[end.point];
+    H[e].bottomRows<3>() = turn.C * cross_matrix(mean_arm[e]);
+    Vector(residual_.data() + end.unknown + 3) -=
+        half * end.sign * (H[e].bottomRows<3>() * shape->force);
+    turn.torque += end.sign * mean_arm[e].cross(shape->force);
+  }
+
+  std::size_t slot = link.slot;
+  const double scale = shape->scale;
+  for (int e = 0; e < 2; ++e) {
+    const End& row = link.ends[e];
+    const double* const left = left_.data() + std::max(row.unknown, 0);
+    for (int f = 0; f < 2; ++f) {
+      const End& column = link.ends[f];
+      if (row.dofs == 0 || column.dofs == 0) continue;
+      Eigen::Matrix<double, 6, 6> K;
+      K.topLeftCorner(row.dofs, column.dofs).noalias() = (-half * row.sign * column.sign) *
+                                                         H[e].topRows(row.dofs) *
+                                                         (P * E[f].leftCols(column.dofs)).eval();
+      if (e == f && row.dofs == 6) {
+        const Turning& turn = turn_[row.point];
+        K.bottomRightCorner<3, 3>() +=
+            (half * row.sign) * turn.C * cross_matrix(shape->force) * E[e].rightCols<3>();
+      }
+      const double* const right = right_.data() + column.unknown;
+      for (int i = 0; i < row.dofs; ++i)
+        for (int j = 0; j < column.dofs; ++j)
+          values[slots_[slot++]] += left[i] * K(i, j) * right[j];
+    }
+    for (int i = 0; i < row.dofs; ++i) {
+      for (int k = 0; k < link.rows; ++k) {
+        // (h²/2) of the column and 2/h² of its scale cancel
+        const double column = -row.sign * H[e].row(i).dot(pull.col(k));
+        const double entry = 2.0 * row.sign * gradient.col(k).dot(E[e].col(i));
+        const bool is_in = !shape->is_left_out;
+        values[slots_[slot++]] += is_in ? left[i] * column * scale : 0.0;
+        values[slots_[slot++]] += is_in ? scale * entry * right_[at(row.unknown + i)] : 0.0;
+      }
+    }
+  }
+  for (int k = 0; k < link.rows; ++k) {
+    const double diagonal = scale * compliance * right_[at(link.unknown)];
+    values[slots_[slot++]] += shape->is_left_out ? 1.0 : diagonal;
+    residual_[at(link.unknown + k)] = shape->is_left_out ? 0.0 : value[k];
+  }
+}
+
+// The same of a rod whose ends do not turn, where it is worth the lines.
+void MidpointEquations::evaluate_rod(const Link& link, Shape* shape, const Unknowns& unknowns) {
+  double* const values = lu_.values().data();
+  Vector3d change = Vector3d::Zero();
+  for (const End& end : link.ends)
+    change += end.sign * (end.dofs > 0 ? Vector3d(ConstVector(unknowns.data() + end.unknown))
+                                       : shift_[end.point]);
+  const Vector3d d1 = shape->d0 + change;
+  shape->d_mean = shape->d0 + 0.5 * change;
+  const bool is_in = !shape->is_left_out;
+  const double lambda = is_in ? unknowns[at(link.unknown)] : 0.0;
+  shape->force = lambda * shape->d_mean;
+  const double value = 0.5 * d1.squaredNorm() - shape->target;
+  note_row(std::abs(value) / std::sqrt(2.0 * shape->target));
+
+  const double half = 0.5 * h_ * h_;
+  const double scale = is_in ? shape->scale : 0.0;
+  std::size_t slot = link.slot;
+  for (const End& row : link.ends) {
+    if (row.dofs == 0) continue;
+    const double left = left_[at(row.unknown)];
+    for (const End& column : link.ends) {
+      if (column.dofs == 0) continue;
+      const double K =
+          -0.5 * half * row.sign * column.sign * lambda * left * right_[at(column.unknown)];
+      for (int k = 0; k < 3; ++k) values[slots_[slot++]] += K;
+    }
+    const double weight = row.sign * left * scale;
+    for (int k = 0; k < 3; ++k) {
+      values[slots_[slot++]] += -weight * shape->d_mean[k];
+      values[slots_[slot++]] += weight * d1[k];
+    }
+    Vector(residual_.data() + row.unknown) -= (half * row.sign) * shape->force;
+  }
+  if (!is_in) values[slots_[slot]] += 1.0;
+  residual_[at(link.unknown)] = is_in ? value : 0.0;
+}
+
+double MidpointEquations::add(const double* change, Unknowns* unknowns) const {
+  double largest = 0.0;
+  const auto consider = [&](double square) {
+    if (!(square <= largest)) largest = square;  // a NaN stays
+  };
+  for (std::size_t u = 0; u < unknowns->size(); ++u) (*unknowns)[u] += right_[u] * change[u];
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const auto first = at(first_unknown_[i]);
+    consider(right_[first] * right_[first] * ConstVector(change + first).squaredNorm());
+    if (i >= turning_) continue;
+    const double scale = right_[first + 3] * radius_[i];
+    consider(scale * scale * ConstVector(change + first + 3).squaredNorm());
+  }
+  return std::sqrt(largest);
+}
+
+void MidpointEquations::finish(const Unknowns& unknowns, EquationsOfMotion* equations) {
+  std::fill(squares_.begin(), squares_.end(), 0.0);
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    const Link& link = links_[l];
+    const Shape& shape = shapes_[l];
+    const double length = std::sqrt(2.0 * std::max(shape.target, 0.0));
+    const double lambda = shape.is_left_out ? 0.0 : unknowns[at(link.unknown)];
+    double stiffness = 0.0;  // across the link
+    switch (link.kind) {
+      case Kind::kRod:
+        equations->add_impulse(l, {h_ * lambda * length, 0.0, 0.0});
+        stiffness = std::abs(lambda);
+        break;
+      case Kind::kBall:
+        equations->add_impulse(l, h_ * shape.force);
+        break;
+      case Kind::kSpring:
+        equations->add_impulse(l, {h_ * lambda, 0.0, 0.0});
+        stiffness = std::abs(lambda) / std::max(shape.d_mean.norm(), 1e-9 * scale_);
+        break;
+    }
+    for (int e = 0; e < 2; ++e) {
+      const End& end = link.ends[e];
+      if (end.dofs == 0) continue;
+      squares_[end.point] += 2.0 * stiffness / mass_[end.point];
+      if (end.dofs == 6)
+        squares_[end.point] +=
+            shape.force.norm() * shape.r0[e].norm() / inertia_[end.point].minCoeff();
+    }
+  }
+  frequency_ = std::sqrt(*std::max_element(squares_.begin(), squares_.end()));
+
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const auto first = at(first_unknown_[i]);
+    const ConstVector dx(unknowns.data() + first);
+    x_[i] += dx;
+    v_[i] = 2.0 / h_ * dx - v_[i];
+    if (i >= turning_) continue;
+    const Vector3d w(unknowns[first + 3], unknowns[first + 4], unknowns[first + 5]);
+    const Vector3d spin = 2.0 / h_ * w - spin_[i];
+    const Vector3d mean = mean_rotation(w) * spin;
+    spin_[i] = spin + w.cross(mean);
+    const Vector3d half = 0.5 * w;
+    const Eigen::Quaterniond turn(1.0, half.x(), half.y(), half.z());
+    q_[i] = (turn * q_[i]).normalized();
+  }
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,138 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <vector>
+
+#include "constraint_sim/body.h"
+#include "engine/linear/saddle_lu.h"
+#include "engine/methods/equations_of_motion.h"
+
+namespace constraint_sim::engine {
+
+/// One step of an island by the discrete-gradient midpoint rule, as a system of equations for
+/// Newton's method. It keeps rods, energy and momentum to rounding at any step, also where the
+/// motion is too fast to be resolved: Simo & Wong, IJNME 31 (1991) 19; Gonzalez, J. Nonlinear Sci.
+/// 6 (1996) 449; Betsch & Steinmann, IJNME 53 (2002) 1775.
+///
+/// Unknowns of a step h: Δx and, of a body that turns, w with R₁ = cay(w) R₀, so that an arm r
+/// changes by w × r̄ exactly (bars: means of both ends of the step); of each row its λ.
+///   r_x = m (Δx − h v₀) − (h²/2) f̄
+///   r_w = J₀(w − h ω₀) + ½ w × J₀w − (h²/2)(T̄ − ½ w × T̄)       J₀ = R₀ I R₀ᵀ
+///   g = 0 at the end of the step
+/// A rod has g = ½(d·d − ℓ²) and pulls with λ d̄; a ball joint has g = d and pulls with λ; a spring
+/// pulls with λ d̄/s̄, s = ‖d‖, and has for g its law divided by its stiffness, so that none is too
+/// stiff. Equations and unknowns are scaled: bodies by √m, rows to unit norm.
+class MidpointEquations {
+ public:
+  explicit MidpointEquations(const EquationsOfMotion& equations);
+
+  std::size_t size() const { return left_.size(); }
+  bool has_dampers() const { return has_dampers_; }
+
+  // ---- the state that is carried
+  void load(const std::vector<BodyState>& states, const EquationsOfMotion& equations);
+  void store(const EquationsOfMotion& equations, std::vector<BodyState>* states) const;
+
+  // ---- one step
+
+  /// Δx and w, body by body, then λ; what is not there is zero.
+  using Unknowns = std::vector<double>;
+
+  /// From time t to t + h [s], h of either sign; `equations` know what acts.
+  void begin(double t, double h, EquationsOfMotion* equations);
+  /// The residual and its derivative there.
+  void evaluate(const Unknowns& unknowns);
+  const std::vector<double>& residual() const { return residual_; }
+  /// Replaces b by the inverse of the derivative times b; false where it is singular. Once after
+  /// each evaluate().
+  bool solve(double* b) { return lu_.solve(b); }
+  /// Adds a scaled change, as solve() gives it, and tells how far it moves a point at most [m].
+  double add(const double* change, Unknowns* unknowns) const;
+  /// How far the rows are off, at the last evaluate() [m].
+  double worst_row() const { return worst_row_; }
+  /// Takes the end of the step for the state; its impulses go to `equations`.
+  void finish(const Unknowns& unknowns, EquationsOfMotion* equations);
+
+  /// Largest ω of the bodies by what held them in the last step [rad/s].
+  double frequency() const { return frequency_; }
+  /// The largest coordinate or length [m].
+  double scale() const { return scale_; }
+
+ private:
+  enum class Kind { kRod, kBall, kSpring };
+  /// An end of a link that moves: its body and that one's first unknown.
+  struct End {
+    std::size_t point = 0;
+    int unknown = -1;  // -1: a fixed point
+    int dofs = 0;      // 0, 3 or 6
+    Eigen::Vector3d anchor;
+    double sign = 0.0;
+  };
+  struct Link {
+    Kind kind = Kind::kRod;
+    End ends[2];
+    double stiffness = 0.0, damping = 0.0;
+    int unknown = 0;  // of its first row
+    int rows = 1;
+    std::size_t slot = 0;  // first of its slots
+    bool is_between_points = false;
+  };
+  /// What it is in a step.
+  struct Shape {
+    Eigen::Vector3d d0, r0[2];
+    double target = 0.0;      // ½ℓ² of a rod; of a spring what its law has of before [m]
+    double compliance = 0.0;  // of a spring [m/N]
+    Eigen::Vector3d offset;   // of a ball joint
+    double scale = 1.0;       // of its equations
+    bool is_left_out = false;
+    // at the last evaluate()
+    Eigen::Vector3d d_mean, force;
+  };
+  /// What a body that turns is in a step.
+  struct Turning {
+    Eigen::Matrix3d R0, J0;
+    Eigen::Vector3d torque;  // all of it
+    Eigen::Matrix3d B;       // B r₀ is the mean arm
+    Eigen::Matrix3d C;       // 1 − ½ ŵ
+  };
+
+  void make_nodes(const EquationsOfMotion& equations);
+  void find_slots();
+  void leave_out_dependent(double t, EquationsOfMotion* equations);
+  void evaluate_bodies(const Unknowns& unknowns);
+  void evaluate_link(const Link& link, Shape* shape, const Unknowns& unknowns);
+  void evaluate_rod(const Link& link, Shape* shape, const Unknowns& unknowns);
+  void note_row(double error) {
+    if (!(error <= worst_row_)) worst_row_ = error;  // a NaN stays
+  }
+
+  std::size_t bodies_ = 0, turning_ = 0;
+  std::vector<Link> links_;
+  std::vector<int> first_unknown_;  // of bodies
+  std::vector<double> mass_;
+  std::vector<Eigen::Vector3d> inertia_;
+  std::vector<double> radius_;  // of gyration
+  bool may_depend_ = false;     // more rows than a forest of bodies has
+  bool has_dampers_ = false;
+  SaddleLu lu_;
+  std::vector<SaddleLu::Slot> slots_, diagonal_;  // of links; of unknowns and blocks of bodies
+
+  std::vector<Eigen::Vector3d> x_, v_;  // of points; those that are fixed last
+  std::vector<Eigen::Quaterniond> q_;
+  std::vector<Eigen::Vector3d> spin_;
+
+  double h_ = 0.0;
+  std::vector<Eigen::Vector3d> force_, torque_;  // constant ones [N], [N m]
+  std::vector<Eigen::Vector3d> shift_;           // Δx of points that are fixed but move
+  std::vector<Turning> turn_;
+  std::vector<Shape> shapes_;
+  std::vector<double> left_, right_;  // scales of equations and unknowns
+  std::vector<double> residual_;
+  double worst_row_ = 0.0, scale_ = 1.0, frequency_ = 0.0;
+  std::vector<char> is_dependent_;
+  std::vector<double> numbers_;  // a state as EquationsOfMotion has it
+  std::vector<double> squares_;  // ω² of bodies
+};
+
+}  // namespace constraint_sim::engine

@@ -51,6 +51,26 @@ inline World chain(int links, double end_mass = 1.0, double mass = 1.0) {
   return world;
 }
 
+/// A heavy mass on ten links of 1 m with 0.1 kg each, straight down from the origin, and one link
+/// more. It starts with 1 m/s along x, all others in line with it or at rest.
+inline World heavy_chain(double end_mass, bool moves_in_line) {
+  constexpr int kLinks = 11;
+  World world;
+  BodyId last = kWorldBody;
+  for (int i = 1; i <= kLinks; ++i) {
+    Body body;
+    body.name = "mass_" + std::to_string(i);
+    body.mass = i == kLinks ? end_mass : 0.1;
+    body.state.position = {0.0, 0.0, -static_cast<double>(i)};
+    const bool moves = moves_in_line || i == kLinks;
+    body.state.linear_velocity = {moves ? static_cast<double>(i) / kLinks : 0.0, 0.0, 0.0};
+    const BodyId id = world.add_body(body);
+    add_rod(&world, last, id);
+    last = id;
+  }
+  return world;
+}
+
 /// The box of OSRF's benchmark 'boxes', complex: it tumbles in free fall.
 inline World free_box() {
   WorldOptions options;
@@ -140,15 +160,18 @@ Reals integrate(const Derivative& f, Reals y, Real duration, int steps, int colu
   return y;
 }
 
-/// Angles from the x axis and their rates of a chain of unit masses: Lagrange's equations,
+/// Angles from the x axis and their rates of a chain of masses: Lagrange's equations,
 ///   Σ_j m_max(i,j) (cos(φ_i − φ_j) φ̈_j + sin(φ_i − φ_j) φ̇_j²) = −m_i g cos φ_i,
 /// m_i the mass from link i to the end, solved by Cholesky.
 class ChainInAngles {
  public:
-  explicit ChainInAngles(std::size_t links, Real end_mass = 1) : n_(links), end_mass_(end_mass) {}
+  explicit ChainInAngles(std::size_t links, Real end_mass = 1, Real mass = 1)
+      : n_(links), end_mass_(end_mass), mass_(mass) {}
 
   Reals operator()(const Reals& y) const {
-    const auto mass_from = [&](std::size_t i) { return static_cast<Real>(n_ - 1 - i) + end_mass_; };
+    const auto mass_from = [&](std::size_t i) {
+      return static_cast<Real>(n_ - 1 - i) * mass_ + end_mass_;
+    };
     std::vector<Real> A(n_ * n_), b(n_), sine(n_), cosine(n_);
     for (std::size_t i = 0; i < n_; ++i) {
       sine[i] = std::sin(y[i]);
@@ -194,7 +217,20 @@ class ChainInAngles {
 
   std::size_t n_;
   Real end_mass_;
+  Real mass_;
 };
+
+/// Where a chain with these angles is [m].
+inline std::vector<Eigen::Vector3d> chain_positions(const Reals& angles) {
+  std::vector<Eigen::Vector3d> positions;
+  Real x = 0, z = 0;
+  for (std::size_t i = 0; i < angles.size() / 2; ++i) {
+    x += std::cos(angles[i]);
+    z += std::sin(angles[i]);
+    positions.emplace_back(static_cast<double>(x), 0.0, static_cast<double>(z));
+  }
+  return positions;
+}
 
 /// Where chain(links) is after `duration` [m]. Halving the step changes nothing above 1e-13 m.
 inline std::vector<Eigen::Vector3d> chain_reference(int links, double duration,
@@ -203,14 +239,24 @@ inline std::vector<Eigen::Vector3d> chain_reference(int links, double duration,
   const int steps = static_cast<int>(std::ceil(duration / step));
   const Reals y =
       integrate(ChainInAngles(n), Reals(2 * n, Real{0}), static_cast<Real>(duration), steps);
-  std::vector<Eigen::Vector3d> positions;
-  Real x = 0, z = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    x += std::cos(y[i]);
-    z += std::sin(y[i]);
-    positions.emplace_back(static_cast<double>(x), 0.0, static_cast<double>(z));
-  }
-  return positions;
+  return chain_positions(y);
+}
+
+/// Where heavy_chain() is after `duration` [m]; of a step of 1/(4 ω), ω the fastest motion of the
+/// links, halving changes nothing above 1e-11 m.
+inline std::vector<Eigen::Vector3d> heavy_chain_reference(double end_mass, bool moves_in_line,
+                                                          double duration) {
+  constexpr std::size_t kLinks = 11;
+  Reals y(2 * kLinks, -std::acos(Real{-1}) / 2);
+  for (std::size_t i = 0; i < kLinks; ++i) y[kLinks + i] = 0;
+  if (moves_in_line)
+    for (std::size_t i = 0; i < kLinks; ++i) y[kLinks + i] = Real{1} / kLinks;
+  else
+    y[2 * kLinks - 1] = 1;
+  const double fastest = std::sqrt(4.0 * end_mass * kGravity / 0.1);
+  const int steps = static_cast<int>(std::ceil(0.25 * fastest * duration));
+  return chain_positions(integrate(ChainInAngles(kLinks, static_cast<Real>(end_mass), 0.1L), y,
+                                   static_cast<Real>(duration), steps));
 }
 
 /// Where top k of four_bar(windows, is_loaded) is after `duration`, less its foot [m]: all uprights

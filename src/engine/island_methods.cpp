@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "engine/world_impl.h"
 
@@ -12,11 +13,14 @@ using Eigen::Vector3d;
 
 // What h ω one substep is stable up to, with some room.
 constexpr double kStable8 = 5.0, kStable5 = 0.9;
+// A jerk is over after a tick or two; what goes on for longer makes an island stiff.
+constexpr int kStiffFor = 4;  // [spans]
 // An island is no longer stiff when h ω stays below this share of the limit for so long.
 constexpr double kCalmShare = 0.5;
 constexpr std::uint64_t kCalmFor = 50;  // [steps]
 // How long an island that could not be integrated is left to the other method [steps].
 constexpr std::uint64_t kRefusedFor = 100;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
@@ -319,12 +323,20 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
       return false;
   }
   if (parts.linked >= 0) {
+    const bool chooses = options.method == Method::kAuto;
+    Progress progress;
+    progress.is_stiff = true;
     if (island.method == Method::kRungeKutta) {
-      const Progress progress = integrate_linked(i, span);
+      progress = integrate_by_substeps(i, span, chooses ? most_frequency() : kInfinity);
       if (add(progress)) return true;
-      if (island.method == Method::kRungeKutta) return false;
+      if (!chooses) return false;
+      carry_on_with(i, Method::kEnergyMomentum);
     }
-    return add(integrate_stiff(i, span));
+    if (add(integrate_by_gradients(i, span))) return true;
+    // a jerk: what no step of ordinary length gets across, substeps may
+    if (!progress.is_stiff) return false;
+    carry_on_with(i, Method::kRungeKutta);
+    return add(integrate_by_substeps(i, span, kInfinity));
   }
 
   const int body = parts.members.bodies.front();
@@ -342,28 +354,20 @@ double World::Impl::most_frequency() const {
   return limit / options.time_step;
 }
 
-// Where this was stiff all along, or could not be integrated, `auto` takes the other method at
-// once.
-Progress World::Impl::integrate_linked(std::size_t i, const SmoothSpan& span) {
+Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& span,
+                                            double most_frequency) {
   IslandParts& parts = island_parts[i];
-  Accuracy accuracy{options.order, options.tolerance};
-  const bool chooses = options.method == Method::kAuto;
-  if (chooses) accuracy.most_frequency = most_frequency();
+  const Accuracy accuracy{options.order, options.tolerance, most_frequency};
   const Progress progress = linked[at(parts.linked)].advance(span, accuracy, &states);
-  if (!chooses || (progress.done && !progress.is_stiff)) return progress;
+  parts.stiff_ticks = progress.is_stiff ? parts.stiff_ticks + 1 : 0;
+  if (progress.done && parts.stiff_ticks < kStiffFor) return progress;
+  if (!progress.done) linked[at(parts.linked)].begin_step();  // forgets what it did in vain
   parts.is_stiff = any_stiff = true;
   parts.stiff_until = step_count + (progress.is_stiff ? kCalmFor : kRefusedFor);
-  if (progress.done) return progress;
-  linked[at(parts.linked)].begin_step();  // what it did in vain
-  if (!is_fresh) ++report.changes;
-  --islands_by_method[static_cast<std::size_t>(Method::kRungeKutta)];
-  ++islands_by_method[static_cast<std::size_t>(Method::kEnergyMomentum)];
-  islands[i].method = Method::kEnergyMomentum;
-  islands[i].why = Why::kStiff;
   return progress;
 }
 
-Progress World::Impl::integrate_stiff(std::size_t i, const SmoothSpan& span) {
+Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& span) {
   IslandParts& parts = island_parts[i];
   LinkedMotion& motion = linked[at(parts.linked)];
   if (parts.stiff < 0) {
@@ -376,6 +380,17 @@ Progress World::Impl::integrate_stiff(std::size_t i, const SmoothSpan& span) {
     parts.stiff_until = std::max(parts.stiff_until, step_count + kCalmFor);
   parts.is_stiff = parts.is_stiff && step_count < parts.stiff_until;
   return progress;
+}
+
+// within a step
+void World::Impl::carry_on_with(std::size_t i, Method method) {
+  if (!is_fresh) ++report.changes;
+  --islands_by_method[static_cast<std::size_t>(islands[i].method)];
+  ++islands_by_method[static_cast<std::size_t>(method)];
+  islands[i].method = method;
+  islands[i].why = Why::kStiff;
+  linked[at(island_parts[i].linked)].forget();
+  any_stiff = true;  // to be asked again in the next step
 }
 
 // the other method takes this step, from its start, and some more

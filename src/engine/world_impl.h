@@ -42,6 +42,7 @@ struct IslandParts {
   int linked = -1;                  ///< into Impl::linked; -1: no joints, or never integrated
   int stiff = -1;                   ///< into Impl::stiff; -1: never was stiff
   bool is_stiff = false;            ///< as measured when it was last carried
+  int stiff_ticks = 0;              ///< how often in a row substeps found it so
   std::uint64_t stiff_until = 0;    ///< step before which it is not asked again
   std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
   std::uint64_t refused_until = 0;  ///< step
@@ -154,9 +155,10 @@ struct World::Impl {
   void split_step();
   void find_loads(double from, double to);
   bool integrate_island(std::size_t i, const SmoothSpan& span);
-  Progress integrate_linked(std::size_t i, const SmoothSpan& span);
+  Progress integrate_by_substeps(std::size_t i, const SmoothSpan& span, double most_frequency);
   double most_frequency() const;
-  Progress integrate_stiff(std::size_t i, const SmoothSpan& span);
+  Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span);
+  void carry_on_with(std::size_t i, Method method);
   void refuse_island(std::size_t i);
   void tell_of_islands();
   void prepare_rows();

@@ -16,8 +16,8 @@ constexpr double kRounding = 1e-7;
 // What a row may be off then, as a share of the scene.
 constexpr double kRowSolved = 1e-11;
 
-constexpr int kMostHalvings = 8;
-constexpr int kSpansUntilLonger = 16;
+constexpr int kMostHalvings = 5;
+constexpr int kSpansUntilLonger = 4;
 
 // Suzuki's coefficients
 const double kOuter = 1.0 / (4.0 - std::cbrt(4.0));

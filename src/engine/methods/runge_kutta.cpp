@@ -9,8 +9,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-// An island that needs no more substeps a tick is not asked whether it is stiff.
-constexpr int kFewSubsteps = 4;
+// No pair is stable beyond this h ω: with few enough substeps there is no need to ask for ω.
+constexpr double kMostStable = 8.0;
 
 template <class System>
 Progress integrate(System& system, const StageMemory& memory, double t, double h,
@@ -86,7 +86,7 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
   }
   Progress progress = integrate(equations_, memory, span.t, span.h, accuracy, step_);
   progress.projected = projected;
-  if (progress.substeps > kFewSubsteps || accuracy.tolerance == 0.0)
+  if (kMostStable * progress.substeps >= accuracy.most_frequency * span.h)
     progress.is_stiff = is_stiff(accuracy);
   if (progress.done)
     equations_.store(y, states);

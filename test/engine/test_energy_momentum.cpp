@@ -1,0 +1,669 @@
+// Stiff islands: the discrete-gradient midpoint rule against references in minimal coordinates,
+// conserved quantities and finite differences; when `auto` takes it, and what it takes on.
+
+#include <algorithm>
+#include <array>
+
+#include "counted_allocations.h"
+#include "engine/methods/midpoint_equations.h"
+#include "problems.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using problems::largest_distance;
+
+World with(World world, double time_step, Method method = Method::kAuto, int stiff_order = 4) {
+  WorldOptions options = world.options();
+  options.time_step = time_step;
+  options.method = method;
+  options.stiff_order = stiff_order;
+  world.set_options(options);
+  return world;
+}
+
+double round_off(const World& world) {
+  double coordinate = 0.0;
+  for (const BodyId id : world.body_ids())
+    coordinate = std::max(coordinate, world.state(id).position.cwiseAbs().maxCoeff());
+  return 1e-12 + 4.0 * kEpsilon * coordinate;
+}
+
+std::size_t index(Method method) { return static_cast<std::size_t>(method); }
+
+/// What a run of stiff islands showed.
+struct Record {
+  double drift = 0.0;       // largest of the energy, as a share of the largest kinetic one
+  double iterations = 0.0;  // Newton's, mean of all midpoint steps
+  double first = 0.0;       // and of those of the first tick
+  std::uint32_t changes = 0;
+  std::uint32_t stiff_steps = 0;  // ticks that discrete gradients carried
+};
+
+/// Runs, with every rod kept to round-off in every tick, and none left to impulses.
+Record run_exactly(World& world, double duration) {
+  Record record;
+  double iterations = 0.0, steps = 0.0;
+  const auto ticks = std::lround(duration / world.options().time_step);
+  for (long i = 0; i < ticks; ++i) {
+    const StepReport& report = world.step();
+    const bool is_exact = !report.failed &&
+                          report.islands[index(Method::kSequentialImpulses)] == 0 &&
+                          report.max_constraint_error <= round_off(world);
+    if (!is_exact) {
+      ADD_FAILURE() << "at t = " << world.time() << ": " << text(world.islands().front().why)
+                    << ", joints off by " << report.max_constraint_error;
+      return record;
+    }
+    record.drift = std::max(record.drift, std::abs(report.energy_drift));
+    record.changes += report.changes;
+    if (report.islands[index(Method::kEnergyMomentum)] == 0) continue;
+    ++record.stiff_steps;
+    iterations += report.iterations;
+    steps += report.substeps;
+    if (i == 0) record.first = iterations / steps;
+  }
+  record.iterations = steps > 0.0 ? iterations / steps : 0.0;
+  return record;
+}
+
+// ---- the equations of one step
+
+/// A tree of boxes and points on rods, ball joints and springs, in a random pose; with `is_closed`
+/// also a loop.
+struct Assembly {
+  std::vector<BodyState> states;
+  std::vector<MassProperties> masses;
+  std::vector<Joint> joints;
+  std::vector<std::pair<std::size_t, std::size_t>> ends;
+
+  explicit Assembly(bool is_closed) {
+    Random random;
+    for (int i = 0; i < 5; ++i) {
+      states.push_back(random.state());
+      MassProperties mass;
+      if (i > 0) {
+        mass.inverse_mass = 1.0 / (0.5 + i);
+        if (i < 4) mass.inertia = {0.1 * i, 0.15 * i, 0.2};
+        if (i < 4) mass.inverse_inertia = mass.inertia.cwiseInverse();
+      }
+      masses.push_back(mass);
+    }
+    const auto add = [&](std::size_t a, std::size_t b, const JointType& type, bool is_off_centre) {
+      Joint joint;
+      joint.type = type;
+      if (is_off_centre) joint.anchor_a = 0.3 * random.vector();
+      if (is_off_centre) joint.anchor_b = 0.3 * random.vector();
+      joints.push_back(joint);
+      ends.emplace_back(a, b);
+    };
+    add(0, 1, BallJoint{}, true);
+    add(1, 2, rod(1.0), true);
+    add(2, 3, spring(1.2, 50.0, 2.0), true);
+    add(3, 4, rod(0.8), false);
+    add(0, 4, spring(0.5, 80.0, 0.0), false);
+    if (!is_closed) return;
+    add(1, 4, rod(0.9), true);
+    add(3, 1, BallJoint{}, true);
+  }
+
+  EquationsOfMotion equations() const {
+    std::vector<int> all;
+    for (int j = 0; j < static_cast<int>(joints.size()); ++j) all.push_back(j);
+    return EquationsOfMotion(all, joints, ends, masses);
+  }
+};
+
+// The derivative D has D⁻¹ (r(u + εe) − r(u − εe))/2ε = e for every unknown; the difference is off
+// by ε² and by rounding over ε, together 1e-9 at ε = 1e-5, and D⁻¹ makes up to 1e3 of it.
+TEST(MidpointEquations, DerivativeAgreesWithFiniteDifferences) {
+  for (const bool is_closed : {false, true}) {
+    const Assembly assembly(is_closed);
+    EquationsOfMotion equations = assembly.equations();
+    std::vector<JointCourse> courses(assembly.joints.size());
+    for (std::size_t j = 0; j < courses.size(); ++j) {
+      JointState state;
+      courses[j] = JointCourse(assembly.joints[j], {0.0, 0.1, 0.1, 0.5}, state);
+    }
+    const std::vector<Load> loads{{1, {1.0, 2.0, 3.0}, {0.5, -0.3, 0.2}}};
+    equations.begin(0.0, assembly.states, {0.0, 0.0, -kGravity}, loads, courses);
+    MidpointEquations midpoint(equations);
+    midpoint.load(assembly.states, equations);
+    midpoint.begin(0.0, 0.1, &equations);
+
+    Random random;
+    MidpointEquations::Unknowns unknowns(midpoint.size());
+    for (double& unknown : unknowns) unknown = 0.3 * random();
+    const double epsilon = 1e-5;
+    for (std::size_t e = 0; e < unknowns.size(); ++e) {
+      std::vector<double> difference(unknowns.size());
+      for (const double sign : {-1.0, 1.0}) {
+        MidpointEquations::Unknowns moved = unknowns;
+        std::vector<double> change(unknowns.size(), 0.0);
+        change[e] = sign * epsilon;
+        midpoint.add(change.data(), &moved);
+        midpoint.evaluate(moved);
+        for (std::size_t i = 0; i < difference.size(); ++i)
+          difference[i] += sign * midpoint.residual()[i] / (2.0 * epsilon);
+      }
+      midpoint.evaluate(unknowns);
+      ASSERT_TRUE(midpoint.solve(difference.data()));
+      for (std::size_t i = 0; i < difference.size(); ++i)
+        EXPECT_NEAR(difference[i], i == e ? 1.0 : 0.0, 1e-6) << i << " by " << e;
+    }
+  }
+}
+
+double measured_order(int stiff_order, const std::vector<int>& rates) {
+  const auto reference = problems::chain_reference(2, 1.0);
+  std::vector<double> steps, errors;
+  for (const int rate : rates) {
+    World world = with(problems::chain(2), 1.0 / rate, Method::kEnergyMomentum, stiff_order);
+    run_exactly(world, 1.0);
+    steps.push_back(1.0 / rate);
+    errors.push_back(largest_distance(world, reference));
+  }
+  return order(steps, errors);
+}
+
+TEST(EnergyMomentum, HasOrder2AndOrder4) {
+  EXPECT_NEAR(measured_order(2, {100, 200, 400}), 2.0, 0.1);
+  EXPECT_NEAR(measured_order(4, {60, 120, 240}), 4.0, 0.2);
+}
+
+/// Boxes on ball joints and a rod, without weight, held by nothing, and turning.
+World linked_boxes() {
+  WorldOptions options;
+  options.gravity = Vector3d::Zero();
+  World world(options);
+  std::vector<BodyId> boxes;
+  for (int i = 0; i < 3; ++i) {
+    Body body =
+        make_body("box_" + std::to_string(i), Box{{0.2, 0.3, 0.6}}, 1.0 + i, {0.8 * i, 0.0, 0.0});
+    body.state.angular_velocity = {0.3 * i, 1.0 - i, 0.4};
+    body.no_collision = true;
+    boxes.push_back(world.add_body(body));
+  }
+  world.add_joint(
+      make_joint("ball", boxes[0], {0.4, 0.0, 0.1}, boxes[1], {-0.4, 0.0, 0.1}, BallJoint{}));
+  world.add_joint(make_joint("rod", boxes[1], {0.1, 0.15, 0.0}, boxes[2], {-0.1, 0.15, 0.0}));
+  return world;
+}
+
+TEST(EnergyMomentum, KeepsEnergyAndMomentumOfLinkedBoxes) {
+  World world = with(linked_boxes(), 0.05, Method::kEnergyMomentum, 2);
+  world.step();  // what the joints do to the velocities at first
+  const Vector3d p = momentum(world), L = angular_momentum(world);
+  const double energy = world.energy();
+  const Record record = run_exactly(world, 50.0);
+  EXPECT_EQ(record.stiff_steps, 1000u);
+  // a walk of rounding over 1000 steps
+  EXPECT_LE((momentum(world) - p).norm(), 1e-12 * p.norm() + 1e-12);
+  EXPECT_LE((angular_momentum(world) - L).norm(), 1e-11 * L.norm());
+  EXPECT_NEAR(world.energy(), energy, 1e-11 * energy);
+}
+
+TEST(EnergyMomentum, TurnsBodiesInItsOrder) {
+  World exact = linked_boxes();
+  WorldOptions options = exact.options();
+  options.time_step = 0.1;
+  options.tolerance = 1e-12;
+  exact.set_options(options);
+  run(exact, 10);
+  for (const int stiff_order : {2, 4}) {
+    std::vector<double> steps, errors;
+    for (const int rate : {40, 80, 160}) {
+      World world = with(linked_boxes(), 1.0 / rate, Method::kEnergyMomentum, stiff_order);
+      run_exactly(world, 1.0);
+      steps.push_back(1.0 / rate);
+      errors.push_back(problems::largest_difference(world, exact));
+    }
+    EXPECT_NEAR(order(steps, errors), stiff_order, 0.3) << stiff_order;
+  }
+}
+
+// ---- the heavy chain
+
+class HeavyChain : public ::testing::TestWithParam<double> {};
+INSTANTIATE_TEST_SUITE_P(EndMass, HeavyChain, ::testing::Values(1.0, 1e2, 1e3, 1e4, 1e6, 1e8, 1e9));
+
+// Rounding of a potential energy of m g 11 m is 1e-14 of the kinetic energy of m (1 m/s)²/2 per
+// step; what is asked for leaves a random walk of 1e4 steps room.
+TEST_P(HeavyChain, KeepsEnergyAndRods) {
+  for (const int rate : {30, 100, 240, 1000}) {
+    World world = with(problems::heavy_chain(GetParam(), true), 1.0 / rate);
+    const Record record = run_exactly(world, 3.0);
+    EXPECT_LE(record.drift, 1e-10) << rate;
+    EXPECT_LE(record.iterations, 6.0) << rate;
+    EXPECT_LE(record.first, 10.0) << rate;
+    const bool is_stiff = std::sqrt(4.0 * GetParam() * kGravity / 0.1) / rate > 60.0;
+    EXPECT_TRUE(!is_stiff || record.stiff_steps > 0) << rate;
+  }
+}
+
+TEST_P(HeavyChain, EndsWhereItShouldAtLongTicks) {
+  const double mass = GetParam();
+  if (mass > 1e4) return;  // the reference takes too long; the next test has them
+  World world = with(problems::heavy_chain(mass, true), 1.0 / 30.0);
+  run_exactly(world, 2.0);
+  const auto reference = problems::heavy_chain_reference(mass, true, 2.0);
+  EXPECT_LE((world.state(world.body_ids().back()).position - reference.back()).norm(), 1e-6);
+}
+
+TEST(EnergyMomentum, AHeavyLoadSwingsAsOnARigidRod) {
+  // links of 0.1 kg change where 1e6 kg are by 1e-7 of the way
+  const auto reference = problems::integrate(
+      [](const problems::Reals& y) {
+        return problems::Reals{y[1], -static_cast<problems::Real>(kGravity) / 11 * std::sin(y[0])};
+      },
+      {problems::Real{0}, problems::Real{1} / 11}, problems::Real{5}, 100);
+  const double angle = static_cast<double>(reference[0]);
+  const Vector3d end = 11.0 * Vector3d(std::sin(angle), 0.0, -std::cos(angle));
+  for (const double mass : {1e6, 1e7, 1e8, 1e9}) {
+    World world = with(problems::heavy_chain(mass, true), 1.0 / 30.0);
+    run_exactly(world, 5.0);
+    EXPECT_LE((world.state(world.body_ids().back()).position - end).norm(), 1e-6) << mass;
+  }
+}
+
+// Only the load moves at first: the links' own motion is not resolved, the load's is.
+TEST(EnergyMomentum, FollowsTheLoadWhereLinksAreNotResolved) {
+  struct Case {
+    double mass, duration;
+  };
+  for (const auto& [mass, duration] : {Case{1e3, 3.0}, Case{1e4, 2.0}, Case{1e6, 0.5}}) {
+    const auto reference = problems::heavy_chain_reference(mass, false, duration);
+    World world = with(problems::heavy_chain(mass, false), 1.0 / 30.0);
+    run_exactly(world, duration);
+    EXPECT_LE((world.state(world.body_ids().back()).position - reference.back()).norm(), 1e-5)
+        << mass;
+  }
+}
+
+TEST(EnergyMomentum, StaysBoundedForAnHour) {
+  World world = with(problems::heavy_chain(1e6, false), 1.0 / 30.0, Method::kAuto, 2);
+  const Record record = run_exactly(world, 3600.0);
+  EXPECT_LE(record.drift, 1e-9);
+  EXPECT_EQ(record.stiff_steps, 108000u);
+  // the links are in line but for their own small motion; 1 m/s lifts the load by v²/2g
+  const Vector3d end = world.state(world.body_ids().back()).position;
+  EXPECT_NEAR(end.norm(), 11.0, 1e-6);
+  EXPECT_LE(end.z() + 11.0, 0.5 / kGravity + 1e-6);
+}
+
+/// Ten slender rods on ball joints, and a heavy box below.
+World heavy_box(double mass) {
+  World world;
+  BodyId last = kWorldBody;
+  double top = 0.0, half = 0.0;
+  for (int i = 0; i <= 10; ++i) {
+    const bool is_load = i == 10;
+    const double length = is_load ? 2.0 : 1.0;
+    Body body = make_body("link_" + std::to_string(i),
+                          is_load ? Box{{1.0, 1.5, 2.0}} : Box{{0.02, 0.02, 1.0}},
+                          is_load ? mass : 0.1, {0.0, 0.0, top - 0.5 * length});
+    body.no_collision = true;
+    const double omega = 1.0 / 11.0;  // all turn about the origin as one
+    body.state.angular_velocity = {0.0, -omega, 0.0};
+    body.state.linear_velocity = {omega * -body.state.position.z(), 0.0, 0.0};
+    const BodyId id = world.add_body(body);
+    world.add_joint(make_joint("ball_" + std::to_string(i), last, {0.0, 0.0, -half}, id,
+                               {0.0, 0.0, 0.5 * length}, BallJoint{}));
+    half = 0.5 * length;
+    top -= length;
+    last = id;
+  }
+  return world;
+}
+
+TEST(EnergyMomentum, CarriesAHeavyBoxOnLightRods) {
+  for (const double mass : {1.0, 1e3, 1e5, 1e7, 1e9}) {
+    for (const int rate : {30, 240, 1000}) {
+      World world = with(heavy_box(mass), 1.0 / rate);
+      const Record record = run_exactly(world, 1.0);
+      EXPECT_LE(record.drift, 1e-10) << mass << " " << rate;
+      EXPECT_LE(record.iterations, 6.0) << mass << " " << rate;
+      EXPECT_LE(record.first, 10.0) << mass << " " << rate;
+    }
+  }
+}
+
+// ---- the switch
+
+TEST(EnergyMomentum, IsTakenWhereAnIslandIsStiffAndLeftWhereItIsNot) {
+  World world = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
+  world.step();
+  EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);  // from the first step on
+  EXPECT_EQ(world.islands().front().why, Why::kStiff);
+  EXPECT_EQ(world.report().changes, 0u);
+  run_exactly(world, 1.0);
+
+  // ω is 2e4/s: at shorter ticks h ω is 5
+  const double energy = world.energy();
+  world = with(world, 1.0 / 4000.0);
+  double projected = 0.0;
+  std::uint32_t changes = 0;
+  for (int i = 0; i < 300; ++i) {
+    projected += world.step().projected_energy;
+    changes += world.report().changes;
+  }
+  EXPECT_EQ(world.islands().front().method, Method::kRungeKutta);
+  EXPECT_GE(changes, 0u);
+  // what the change costs is what the report says
+  EXPECT_NEAR(world.energy(), energy - projected, 1e-9 * 5e5);
+
+  world = with(world, 1.0 / 30.0);
+  const Record record = run_exactly(world, 1.0);
+  EXPECT_EQ(record.stiff_steps, 30u);
+}
+
+TEST(EnergyMomentum, ComesAndGoesAsAnIslandGrowsStiffAndCalmAgain) {
+  // a winch pulls a mass on a stretched spring line: the links in it grow stiff with the tension
+  WorldOptions options;
+  options.gravity = Vector3d::Zero();
+  options.time_step = 0.02;
+  options.stiffness_limit = 4.0;
+  World world(options);
+  BodyId last = kWorldBody;
+  for (int i = 1; i <= 5; ++i) {
+    Body body =
+        make_body("m" + std::to_string(i), Point{}, i < 5 ? 0.1 : 10.0, {0.2 * i, 0.0, 0.0});
+    body.state.linear_velocity = {0.0, 0.01, 0.0};
+    const BodyId id = world.add_body(body);
+    world.add_joint(
+        make_joint("rod" + std::to_string(i), last, Vector3d::Zero(), id, Vector3d::Zero()));
+    last = id;
+  }
+  Joint line = make_joint("line", last, Vector3d::Zero(), kWorldBody, {2.0, 0.0, 0.0},
+                          spring(1.0, 5000.0, 0.0));
+  line.motor.amplitude = 0.06;
+  line.motor.frequency = 0.05;
+  line.motor.phase = kPi;  // first shorter, by 0.4 m, then back
+  world.add_joint(line);
+  std::uint32_t changes = 0;
+  std::array<int, kMethodCount> ticks{};
+  for (int i = 0; i < 2000; ++i) {
+    changes += world.step().changes;
+    ++ticks[index(world.islands().front().method)];
+    ASSERT_LE(world.report().max_constraint_error, round_off(world));
+  }
+  EXPECT_GT(ticks[index(Method::kEnergyMomentum)], 100);
+  EXPECT_GT(ticks[index(Method::kRungeKutta)], 100);
+  EXPECT_EQ(ticks[index(Method::kSequentialImpulses)], 0);
+  EXPECT_GE(changes, 2u);
+  EXPECT_LE(changes, 20u);  // with hysteresis, and not in every swing
+}
+
+TEST(EnergyMomentum, CopiesGoOnBitIdentically) {
+  for (const World& scene : {problems::heavy_chain(1e6, false), heavy_box(1e5)}) {
+    World world = with(scene, 1.0 / 30.0);
+    run(world, 20);
+    World copy = world;
+    run(world, 50);
+    run(copy, 50);
+    EXPECT_EQ(copy.state_hash(), world.state_hash());
+    World again = with(scene, 1.0 / 30.0);
+    run(again, 70);
+    EXPECT_EQ(again.state_hash(), world.state_hash());
+  }
+}
+
+TEST(EnergyMomentum, AllocatesNothingInAStepWithoutLoops) {
+  for (const World& scene : {problems::heavy_chain(1e6, false), heavy_box(1e5)}) {
+    World world = with(scene, 1.0 / 30.0);
+    run(world, 3);
+    const std::size_t before = counted_allocations();
+    for (int i = 0; i < 100; ++i) world.step();
+    EXPECT_EQ(counted_allocations(), before);
+  }
+}
+
+// ---- springs of any stiffness
+
+TEST(EnergyMomentum, SpringsOfAnyStiffnessAddNoEnergy) {
+  for (const double stiffness : {1e6, 1e9, 1e12}) {
+    for (const double time_step : {1.0, 0.1, 1.0 / 30.0, 1e-3}) {
+      World scene;
+      const BodyId bob = scene.add_body(make_body("bob", Point{}, 1.0, {1.0, 0.0, 0.0}));
+      const BodyId end = scene.add_body(make_body("end", Point{}, 1.0, {2.0, 0.0, 0.0}));
+      scene.add_joint(hang("spring", bob, spring(1.0, stiffness, 0.0)));
+      scene.add_joint(make_joint("rod", bob, Vector3d::Zero(), end, Vector3d::Zero()));
+      World world = with(scene, time_step);
+      const Record record = run_exactly(world, 10.0);
+      const bool is_stiff = time_step * std::sqrt(2.0 * stiffness) > 40.0;
+      EXPECT_EQ(record.stiff_steps > 0, is_stiff) << stiffness << " " << time_step;
+      // what rounding of a length of 1 m is worth in this spring, a hundred times
+      const double rounding = 100.0 * stiffness * kEpsilon * kEpsilon + 1e-10;
+      EXPECT_LE(record.drift, rounding) << stiffness << " " << time_step;
+    }
+  }
+}
+
+TEST(EnergyMomentum, AStiffSpringIsAsARodWhereItIsNotExcited) {
+  // hung straight and turned slowly, so that its own oscillation has nothing to start from
+  World sprung, rigid;
+  for (World* scene : {&sprung, &rigid}) {
+    Body body = make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.0});
+    body.state.linear_velocity = {0.1, 0.0, 0.0};
+    scene->add_body(body);
+  }
+  const double stretch = 9.82 / 1e12;  // by weight and turning
+  sprung.add_joint(hang("spring", sprung.find_body("bob"), spring(1.0 - stretch, 1e12, 0.0)));
+  rigid.add_joint(hang("rod", rigid.find_body("bob"), rod(1.0)));
+  sprung = with(sprung, 0.01);
+  rigid = with(rigid, 0.01);
+  run(sprung, 300);
+  run(rigid, 300);
+  // of order 4 at h ω = 0.03, and the motion is of 0.03 m
+  EXPECT_LE(problems::largest_difference(sprung, rigid), 1e-8);
+}
+
+TEST(EnergyMomentum, AStiffDamperTakesEnergyAndNeverGivesAny) {
+  for (const double damping : {1e3, 1e6, 1e9}) {
+    World scene;
+    const BodyId bob = scene.add_body(make_body("bob", Point{}, 1.0, {1.0, 0.0, 0.0}));
+    scene.add_joint(hang("damper", bob, spring(1.0, 100.0, damping)));
+    World world = with(scene, 0.1);
+    world.step();
+    EXPECT_EQ(world.islands().front().method,
+              damping < 201.0 ? Method::kRungeKutta : Method::kEnergyMomentum);
+    double energy = world.energy();
+    for (int i = 0; i < 200; ++i) {
+      ASSERT_FALSE(world.step().failed);
+      EXPECT_LE(world.energy(), energy + 1e-10);
+      energy = world.energy();
+    }
+  }
+}
+
+// ---- rows that depend on each other
+
+/// A bar on two uprights of the same length, with a third one in its middle; heavy, on light
+/// uprights.
+World parallelogram(bool has_third) {
+  World world;
+  Body bar = make_body("bar", Box{{2.0, 0.1, 0.1}}, 10.0, {0.0, 0.0, 1.0});
+  bar.state.linear_velocity = {1.0, 0.0, 0.0};
+  const BodyId id = world.add_body(bar);
+  for (const double x : {-1.0, 0.0, 1.0}) {
+    if (x == 0.0 && !has_third) continue;
+    world.add_joint(
+        make_joint("upright" + std::to_string(x), kWorldBody, {x, 0.0, 0.0}, id, {x, 0.0, 0.0}));
+  }
+  return world;
+}
+
+TEST(EnergyMomentum, AThirdUprightChangesNothingAndIsReported) {
+  for (const Method method : {Method::kAuto, Method::kEnergyMomentum}) {
+    World two = with(parallelogram(false), 0.01, method);
+    World three = with(parallelogram(true), 0.01, method);
+    std::uint32_t dependent = 0;
+    for (int i = 0; i < 500; ++i) {
+      two.step();
+      dependent = std::max(dependent, three.step().dependent_rows);
+      ASSERT_LE(three.report().max_constraint_error, round_off(three)) << three.time();
+    }
+    EXPECT_LE(problems::largest_difference(two, three), 1e-9) << name(method);
+    EXPECT_GE(dependent, 1u) << name(method);
+  }
+}
+
+TEST(EnergyMomentum, DoubledRodsOfAHeavyChainChangeNothing) {
+  World single = with(problems::heavy_chain(1e6, true), 1.0 / 30.0);
+  World scene = problems::heavy_chain(1e6, true);
+  const std::vector<BodyId> ids = scene.body_ids();
+  problems::add_rod(&scene, kWorldBody, ids[0]);
+  problems::add_rod(&scene, ids[3], ids[4]);
+  problems::add_rod(&scene, ids[9], ids[10]);
+  World doubled = with(scene, 1.0 / 30.0);
+  run_exactly(single, 3.0);
+  const Record record = run_exactly(doubled, 3.0);
+  EXPECT_EQ(record.stiff_steps, 90u);
+  EXPECT_EQ(doubled.report().dependent_rows, 3u);
+  EXPECT_LE(problems::largest_difference(single, doubled), 1e-9);
+}
+
+// ---- extremes
+
+/// A ring of light masses, hung from one rod, with a load at its lowest.
+World ring(bool has_crossbar) {
+  World world;
+  const double offset = has_crossbar ? 0.0 : 0.1;
+  const BodyId top = problems::add_mass(&world, "top", {0.0, 0.0, -1.0}, 0.1);
+  const BodyId left = problems::add_mass(&world, "left", {-0.5, offset, -2.0}, 0.1);
+  const BodyId right = problems::add_mass(&world, "right", {0.5, 0.0, -2.0 - offset}, 0.1);
+  const BodyId load = problems::add_mass(&world, "load", {0.0, 0.0, -3.0}, 1e6);
+  BodyState pushed = world.state(load);
+  pushed.linear_velocity = {0.0, 1.0, 0.0};
+  world.set_state(load, pushed);
+  problems::add_rod(&world, kWorldBody, top);
+  for (const BodyId side : {left, right}) {
+    problems::add_rod(&world, top, side);
+    problems::add_rod(&world, side, load);
+  }
+  if (has_crossbar) problems::add_rod(&world, left, right);
+  return world;
+}
+
+TEST(EnergyMomentum, CarriesLoopsOfHeavyAndLightBodies) {
+  World world = with(ring(true), 1.0 / 60.0);
+  world.step();
+  const double energy = world.energy();
+  const Record record = run_exactly(world, 5.0);
+  EXPECT_EQ(record.stiff_steps, 300u);
+  EXPECT_LE(record.iterations, 6.0);
+  EXPECT_NEAR(world.energy(), energy, 1e-10 * 0.5e6);
+}
+
+// Without the crossbar the load falls until one side is taut, and jerks up again: 5e7 N for a
+// millisecond. Substeps follow that; the island is not stiff before and after.
+TEST(EnergyMomentum, LeavesAJerkToSubsteps) {
+  World world = with(ring(false), 1.0 / 60.0);
+  world.step();
+  const double energy = world.energy();
+  double force = 0.0;
+  for (int i = 0; i < 300; ++i) {
+    ASSERT_EQ(world.step().islands[index(Method::kRungeKutta)], 1u);
+    ASSERT_LE(world.report().max_constraint_error, round_off(world));
+    force = std::max(force, std::abs(world.joint_state(world.joint_ids().front()).force));
+  }
+  EXPECT_GT(force, 1e7);
+  EXPECT_NEAR(world.energy(), energy, 1e-8 * 0.5e6);
+}
+
+TEST(EnergyMomentum, LongTicksAreBounded) {
+  for (const double time_step : {0.1, 0.5, 1.0}) {
+    for (const double mass : {1.0, 1e3, 1e6, 1e9}) {
+      World world = with(problems::heavy_chain(mass, false), time_step);
+      for (int i = 0; i < 100; ++i) {
+        const StepReport& report = world.step();
+        ASSERT_FALSE(report.failed);
+        ASSERT_LE(report.max_constraint_error, round_off(world)) << mass << " " << time_step;
+      }
+      EXPECT_LE(std::abs(world.report().energy_drift), 1e-6) << mass << " " << time_step;
+    }
+  }
+}
+
+TEST(EnergyMomentum, AScaledSceneMovesAlike) {
+  // lengths by s, masses by m, times by √s: the same angles
+  World unit = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
+  run_exactly(unit, 1.0);
+  for (const double s : {1e-6, 1e-3, 1e3, 1e6}) {
+    for (const double m : {1e-6, 1e6}) {
+      const World from = problems::heavy_chain(1e6, false);
+      WorldOptions options;
+      options.time_step = std::sqrt(s) / 30.0;
+      options.tolerance = 1e-8 * std::sqrt(s);
+      World world(options);
+      BodyId last = kWorldBody;
+      for (const BodyId id : from.body_ids()) {
+        Body body = from.body(id);
+        body.mass *= m;
+        body.state.position *= s;
+        body.state.linear_velocity *= std::sqrt(s);
+        const BodyId added = world.add_body(body);
+        problems::add_rod(&world, last, added);
+        last = added;
+      }
+      run(world, 30);
+      EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);
+      const Vector3d end = world.state(last).position / s;
+      EXPECT_LE((end - unit.state(unit.body_ids().back()).position).norm(), 1e-9) << s << " " << m;
+    }
+  }
+}
+
+TEST(EnergyMomentum, ABodySpinningAboutItsMiddleAxisKeepsItsEnergy) {
+  for (const double time_step : {1.0 / 30.0, 1e-3}) {
+    WorldOptions options;
+    options.gravity = Vector3d::Zero();
+    options.time_step = time_step;
+    World world(options);
+    Body box = make_body("box", Box{{0.1, 0.4, 0.9}}, 1.0, Vector3d::Zero());
+    box.state.angular_velocity = {1e-3, 1e4, 1e-3};
+    options.tolerance = 1e-9;
+    world.set_options(options);
+    const BodyId id = world.add_body(box);
+    const double energy = world.energy();
+    const auto ticks = std::lround(1.0 / time_step);
+    const Vector3d L = angular_momentum(world);
+    for (long i = 0; i < ticks; ++i) {
+      ASSERT_FALSE(world.step().failed);
+      ASSERT_EQ(world.islands().front().method, Method::kRungeKutta);
+    }
+    EXPECT_NEAR(world.energy(), energy, 1e-10 * energy) << time_step;
+    EXPECT_LE((angular_momentum(world) - L).norm(), 1e-12 * L.norm()) << time_step;
+    EXPECT_TRUE(world.state(id).orientation.coeffs().allFinite());
+  }
+}
+
+TEST(EnergyMomentum, InertiasMayDifferAMillionfold) {
+  for (const Vector3d& inertia :
+       {Vector3d(1e-6, 1.0, 1.0), Vector3d(1.0, 1e-3, 1.0), Vector3d(1e-3, 1e-3, 2e-3)}) {
+    World scene;
+    Body body = make_body("needle", Point{}, 1.0, {0.0, 0.0, -0.5});
+    body.inertia = inertia;
+    body.state.angular_velocity = {1.0, 0.3, 5.0};
+    const BodyId needle = scene.add_body(body);
+    scene.add_joint(
+        make_joint("ball", kWorldBody, {0.01, 0.0, 0.0}, needle, {0.01, 0.0, 0.5}, BallJoint{}));
+    Body load = make_body("load", Point{}, 1e3, {0.0, 0.0, -1.5});
+    load.inertia = Vector3d::Constant(1e3);
+    const BodyId end = scene.add_body(load);
+    scene.add_joint(
+        make_joint("low", needle, {0.0, 0.01, -0.5}, end, {0.0, 0.01, 0.5}, BallJoint{}));
+    World world = with(scene, 1.0 / 30.0);
+    world.step();  // makes the velocities fit
+    const double energy = world.energy();
+    const Record record = run_exactly(world, 5.0);
+    EXPECT_GT(record.stiff_steps, 100u) << inertia.transpose();
+    EXPECT_NEAR(world.energy(), energy, 1e-10 * 1e3) << inertia.transpose();
+  }
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

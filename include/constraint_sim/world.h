@@ -116,6 +116,9 @@ class World {
   /// In the order of their first bodies; methods and reasons as of the last step, before the first
   /// one as it will begin.
   std::vector<Island> islands() const;
+  /// Of stiff islands, those whose motion the last step was too long to show, h·ω > 2: they may be
+  /// off by 1e-4 of a joint's length or more, while what is heavy is not. In the order of adding.
+  std::vector<BodyId> unresolved_bodies() const;
   /// Kinetic energy plus that of gravity and springs [J], now.
   double energy() const;
   /// Every body and joint returns to what it was when added or loaded: state, motor, travel, torn

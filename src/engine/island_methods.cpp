@@ -18,6 +18,8 @@ constexpr int kStiffFor = 4;  // [spans]
 // An island is no longer stiff when h ω stays below this share of the limit for so long.
 constexpr double kCalmShare = 0.5;
 constexpr std::uint64_t kCalmFor = 50;  // [steps]
+// A step shows motions up to this h ω.
+constexpr double kResolved = 2.0;
 // How long an island that could not be integrated is left to the other method [steps].
 constexpr std::uint64_t kRefusedFor = 100;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -165,6 +167,7 @@ void World::Impl::sort_islands() {
     }
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.dependent_rows = 0;
+    island.unresolved_bodies = 0;
     const Method before = island.method;
     island.method = method_for(island.why);
     if (island.method == before && !is_fresh) continue;
@@ -216,7 +219,7 @@ void World::Impl::integrate() {
   for (const int i : smooth) {
     Island& island = islands[at(i)];
     island.local_error = 0.0;
-    island.substeps = island.rejected = island.iterations = 0;
+    island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
     if (island_parts[at(i)].linked >= 0) linked[at(island_parts[at(i)].linked)].begin_step();
   }
   split_step();
@@ -415,12 +418,28 @@ void World::Impl::tell_of_islands() {
     if (l >= 0)
       island.dependent_rows =
           static_cast<std::uint32_t>(linked[at(l)].equations().dependent_rows());
+    if (island.method == Method::kEnergyMomentum)
+      island.unresolved_bodies = find_unresolved(at(index), nullptr);
+    report.unresolved_bodies += island.unresolved_bodies;
     report.local_error = std::max(report.local_error, island.local_error);
     report.dependent_rows = std::max(report.dependent_rows, island.dependent_rows);
     report.substeps += island.substeps;
     report.rejected += island.rejected;
     report.iterations += island.iterations;
   }
+}
+
+// how many there are in an island, and if asked for which bodies
+std::uint32_t World::Impl::find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const {
+  const EnergyMomentum& method = stiff[at(island_parts[i].stiff)];
+  const std::vector<int>& held = linked[at(island_parts[i].linked)].equations().bodies();
+  std::uint32_t count = 0;
+  for (std::size_t k = 0; k < held.size(); ++k) {
+    if (options.time_step * method.frequency_of(k) <= kResolved) continue;
+    ++count;
+    if (bodies != nullptr) bodies->push_back(at(held[k]));
+  }
+  return count;
 }
 
 void World::Impl::read_smooth_joints(const JointStep& step) {

@@ -161,6 +161,7 @@ struct World::Impl {
   void carry_on_with(std::size_t i, Method method);
   void refuse_island(std::size_t i);
   void tell_of_islands();
+  std::uint32_t find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const;
   void prepare_rows();
   void prepare_contact(const TouchingPair& pair, std::size_t point);
   void update_velocities();

@@ -193,6 +193,7 @@ struct Outcome {
   double energy_drift = 0.0;                        ///< after the last step [1]
   double accumulated_local_error = 0.0;             ///< sum of the steps' estimates [m]
   std::set<std::string> methods;
+  std::set<std::string> unresolved_bodies;
   bool failed = false;
 };
 
@@ -214,6 +215,9 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
     outcome.accumulated_local_error += report.local_error;
     for (std::size_t i = 0; i < kMethodCount; ++i)
       if (report.islands[i] > 0) outcome.methods.insert(name(static_cast<Method>(i)));
+    if (report.unresolved_bodies > 0)
+      for (const BodyId id : world->unresolved_bodies())
+        outcome.unresolved_bodies.insert(world->body(id).name);
     outcome.failed = report.failed;
     if (csv->is_wanted()) write_csv_rows(*world, csv->stream());
     progress.update(step);
@@ -259,6 +263,7 @@ nlohmann::json report_of(const World& world, const Outcome& outcome,
       {"max_constraint_error", outcome.max_constraint_error},
       {"accumulated_local_error", outcome.accumulated_local_error},
       {"methods", outcome.methods},
+      {"unresolved_bodies", outcome.unresolved_bodies},
       {"left_out", left_out},
   };
 }
@@ -275,6 +280,9 @@ void print_summary(const World& world, const Outcome& outcome) {
   std::printf("sum of local errors    %.3g m\n", outcome.accumulated_local_error);
   std::printf("energy drift           %.3g of the largest kinetic energy\n", outcome.energy_drift);
   std::printf("method                 %s\n", methods.empty() ? "none" : methods.c_str());
+  if (!outcome.unresolved_bodies.empty())
+    std::printf("not resolved           %zu light bodies; the report names them\n",
+                outcome.unresolved_bodies.size());
   std::printf("state hash             %s\n", hash_text(world).c_str());
 }
 

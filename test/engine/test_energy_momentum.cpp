@@ -360,6 +360,18 @@ TEST(EnergyMomentum, IsTakenWhereAnIslandIsStiffAndLeftWhereItIsNot) {
   EXPECT_EQ(record.stiff_steps, 30u);
 }
 
+TEST(EnergyMomentum, NamesTheBodiesThatItsStepsCannotShow) {
+  World world = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
+  run(world, 3);
+  std::vector<BodyId> links = world.body_ids();
+  links.pop_back();  // the load itself swings slowly
+  EXPECT_EQ(world.unresolved_bodies(), links);
+  EXPECT_EQ(world.report().unresolved_bodies, 10u);
+  World calm = with(problems::chain(3), 1.0 / 30.0, Method::kEnergyMomentum);
+  run(calm, 3);
+  EXPECT_TRUE(calm.unresolved_bodies().empty());
+}
+
 TEST(EnergyMomentum, ComesAndGoesAsAnIslandGrowsStiffAndCalmAgain) {
   // a winch pulls a mass on a stretched spring line: the links in it grow stiff with the tension
   WorldOptions options;

@@ -132,6 +132,16 @@ std::vector<Island> World::islands() const {
   return next.islands;
 }
 
+std::vector<BodyId> World::unresolved_bodies() const {
+  std::vector<std::size_t> indices;
+  for (std::size_t i = 0; i < impl_->islands.size(); ++i)
+    if (impl_->islands[i].unresolved_bodies > 0) impl_->find_unresolved(i, &indices);
+  std::sort(indices.begin(), indices.end());
+  std::vector<BodyId> ids;
+  for (const std::size_t index : indices) ids.push_back(impl_->body_ids[index]);
+  return ids;
+}
+
 const char* name(Method method) {
   constexpr std::array<const char*, kMethodCount> kNames = {
       "auto", "runge_kutta", "energy_momentum", "sequential_impulses"};

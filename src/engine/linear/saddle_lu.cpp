@@ -2,38 +2,78 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace constraint_sim::engine {
 namespace {
 
 // Gauss's elimination with partial pivoting of the n × n part of n rows of m numbers; the other
-// columns become the solutions.
-bool eliminate(double* a, std::size_t n, std::size_t m) {
-  for (std::size_t k = 0; k < n; ++k) {
-    std::size_t pivot = k;
-    for (std::size_t i = k + 1; i < n; ++i)
-      if (std::abs(a[i * m + k]) > std::abs(a[pivot * m + k])) pivot = i;
-    if (!(std::abs(a[pivot * m + k]) > 0.0)) return false;
-    double* const __restrict row = a + k * m;
-    if (pivot != k) std::swap_ranges(row + k, row + m, a + pivot * m + k);
-    const double inverse = 1.0 / row[k];
-    for (std::size_t j = k; j < m; ++j) row[j] *= inverse;
-    for (std::size_t i = k + 1; i < n; ++i) {
-      double* const __restrict other = a + i * m;
-      const double factor = other[k];
-      if (factor == 0.0) continue;
-      for (std::size_t j = k + 1; j < m; ++j) other[j] -= factor * row[j];
-    }
-  }
-  for (std::size_t k = n; k-- > 1;) {
-    const double* const __restrict row = a + k * m;
-    for (std::size_t i = 0; i < k; ++i) {
-      double* const __restrict other = a + i * m;
-      const double factor = other[k];
-      for (std::size_t j = n; j < m; ++j) other[j] -= factor * row[j];
-    }
+// columns become the solutions. One step: row k becomes that of the pivot, and those below lose it.
+inline bool eliminate_column(double* a, std::size_t k, std::size_t n, std::size_t m) {
+  std::size_t pivot = k;
+  for (std::size_t i = k + 1; i < n; ++i)
+    if (std::abs(a[i * m + k]) > std::abs(a[pivot * m + k])) pivot = i;
+  if (!(std::abs(a[pivot * m + k]) > 0.0)) return false;
+  double* const __restrict row = a + k * m;
+  if (pivot != k) std::swap_ranges(row + k, row + m, a + pivot * m + k);
+  const double inverse = 1.0 / row[k];
+  for (std::size_t j = k + 1; j < m; ++j) row[j] *= inverse;
+  for (std::size_t i = k + 1; i < n; ++i) {
+    double* const __restrict other = a + i * m;
+    const double factor = other[k];
+    for (std::size_t j = k + 1; j < m; ++j) other[j] -= factor * row[j];
   }
   return true;
+}
+
+// and the way back: the solutions of the rows above lose that of row k
+inline void substitute_column(double* a, std::size_t k, std::size_t n, std::size_t m) {
+  const double* const __restrict row = a + k * m;
+  for (std::size_t i = 0; i < k; ++i) {
+    double* const __restrict other = a + i * m;
+    const double factor = other[k];
+    for (std::size_t j = n; j < m; ++j) other[j] -= factor * row[j];
+  }
+}
+
+bool eliminate_any(double* a, std::size_t n, std::size_t m) {
+  for (std::size_t k = 0; k < n; ++k)
+    if (!eliminate_column(a, k, n, m)) return false;
+  for (std::size_t k = n; k-- > 1;) substitute_column(a, k, n, m);
+  return true;
+}
+
+// The same with the sizes as constants, so that all loops are rolled out.
+template <std::size_t kM, std::size_t... kColumn>
+bool eliminate(double* a, std::index_sequence<kColumn...>) {
+  constexpr std::size_t kN = sizeof...(kColumn);
+  if (!(eliminate_column(a, kColumn, kN, kM) && ...)) return false;
+  (substitute_column(a, kN - 1 - kColumn, kN, kM), ...);
+  return true;
+}
+
+// sizes of points on rods, and of bodies on ball joints, are worth code of their own
+bool eliminate(double* a, std::size_t n, std::size_t m) {
+  if (n == 4 && m == 8) return eliminate<8>(a, std::make_index_sequence<4>());
+  if (n == 9 && m == 16) return eliminate<16>(a, std::make_index_sequence<9>());
+  return eliminate_any(a, n, m);
+}
+
+// rows of `above` times the solutions, off the parent's matrix and right-hand side
+template <std::size_t kDofs, std::size_t kN>
+void pass_up(const double* above, const double* solutions, std::size_t some_dofs,
+             std::size_t some_n, std::size_t m, double* to, std::size_t stride, double* b) {
+  const std::size_t dofs = kDofs > 0 ? kDofs : some_dofs;
+  const std::size_t n = kN > 0 ? kN : some_n;
+  for (std::size_t i = 0; i < dofs; ++i) {
+    double* const __restrict row = to + i * stride;
+    for (std::size_t k = 0; k < n; ++k) {
+      const double factor = above[i * n + k];
+      const double* const __restrict solution = solutions + k * m;
+      for (std::size_t j = 0; j < dofs; ++j) row[j] -= factor * solution[j];
+      b[i] -= factor * solution[dofs];
+    }
+  }
 }
 
 }  // namespace
@@ -129,16 +169,9 @@ bool SaddleLu::solve_forest(double* b) {
     if (!eliminate(a, block.n, m)) return false;
     if (block.parent_dofs == 0) continue;
     const Block& parent = blocks_[block.parent];
-    for (std::size_t i = 0; i < block.parent_dofs; ++i) {
-      double* const __restrict to = values + parent.matrix + i * parent.stride;
-      for (std::size_t k = 0; k < block.n; ++k) {
-        const double factor = values[block.above + i * block.n + k];
-        if (factor == 0.0) continue;
-        const double* const __restrict row = a + k * m + block.n;
-        for (std::size_t j = 0; j < block.parent_dofs; ++j) to[j] -= factor * row[j];
-        b[parent.first + i] -= factor * row[block.parent_dofs];
-      }
-    }
+    const auto pass = block.parent_dofs == 3 && block.n == 4 ? pass_up<3, 4> : pass_up<0, 0>;
+    pass(values + block.above, a + block.n, block.parent_dofs, block.n, m, values + parent.matrix,
+         parent.stride, b + parent.first);
   }
   for (std::size_t k = blocks_.size(); k-- > 0;) {
     const Block& block = blocks_[k];

@@ -13,6 +13,7 @@ constexpr int kMostNewtonSteps = 25;
 // than the second and no longer half of the change before: then it is rounding.
 constexpr double kSolved = 1e-14;
 constexpr double kRounding = 1e-7;
+constexpr double kSquared = 1e-16;
 // What a row may be off then, as a share of the scene.
 constexpr double kRowSolved = 1e-11;
 
@@ -109,7 +110,11 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
     const double moved = midpoint_.add(change_.data(), &unknowns_) / midpoint_.scale();
     if (!std::isfinite(moved)) return false;
     const bool is_rounding = moved < kRounding && moved > 0.5 * before;
-    if ((moved < kSolved || is_rounding) && worst_row <= kRowSolved * midpoint_.scale()) {
+    const bool is_solved =
+        (moved < kSolved || is_rounding) && worst_row <= kRowSolved * midpoint_.scale();
+    // of changes that go down as squares, the next one is known
+    const double next = i > 0 ? moved * (moved / before) * (moved / before) : 1.0;
+    if (is_solved || (moved < kRounding && next < kSquared)) {
       found_[stage] = unknowns_;
       midpoint_.finish(unknowns_, equations);
       return true;

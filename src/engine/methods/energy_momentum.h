@@ -25,6 +25,7 @@ class EnergyMomentum {
                    std::vector<BodyState>* states);
   /// Largest ω of the bodies by what held them in the last step [rad/s].
   double frequency() const { return midpoint_.frequency(); }
+  double frequency_of(std::size_t body) const { return midpoint_.frequency_of(body); }
   /// Somebody else has moved the bodies.
   void forget() { has_started_ = false; }
 

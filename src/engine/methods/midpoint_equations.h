@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cmath>
 #include <vector>
 
 #include "constraint_sim/body.h"
@@ -56,6 +57,8 @@ class MidpointEquations {
 
   /// Largest ω of the bodies by what held them in the last step [rad/s].
   double frequency() const { return frequency_; }
+  /// The same of one body, in the order of EquationsOfMotion.
+  double frequency_of(std::size_t body) const { return std::sqrt(squares_[body]); }
   /// The largest coordinate or length [m].
   double scale() const { return scale_; }
 

@@ -31,11 +31,11 @@ struct Island {
   Why why = Why::kAskedFor;
   double local_error = 0.0;  ///< estimate for the step [m]; 0 where the method has none
   std::uint32_t substeps = 0;
-  std::uint32_t rejected = 0;        ///< substeps tried in vain
-  std::uint32_t iterations = 0;      ///< Newton's; 0 where the method has none
+  std::uint32_t rejected = 0;           ///< substeps tried in vain
+  std::uint32_t iterations = 0;         ///< Newton's; 0 where the method has none
   std::uint32_t unresolved_bodies = 0;  ///< that are moved faster than the step can show: they are
                                         ///< off, though joints and energy are kept
-  std::uint32_t dependent_rows = 0;  ///< most equations at once that followed from others
+  std::uint32_t dependent_rows = 0;     ///< most equations at once that followed from others
 };
 
 }  // namespace constraint_sim::engine

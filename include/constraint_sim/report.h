@@ -50,12 +50,12 @@ struct StepReport {
                               ///< count as well
   double local_error = 0.0;   ///< largest estimate of an island for this step [m]; 0 where no
                               ///< method has one
-  std::uint32_t dependent_rows = 0;  ///< equations that followed from others, at most at once
+  std::uint32_t dependent_rows = 0;     ///< equations that followed from others, at most at once
   std::uint32_t unresolved_bodies = 0;  ///< of stiff islands, that move faster than a step can show
-  std::uint32_t torn_joints = 0;     ///< that broke in this step
-  double projected_energy = 0.0;     ///< kinetic energy lost where velocities were made to fit the
-                                     ///< joints, when a method took over or an edit came [J]
-  bool failed = false;  ///< the result was not finite: the state before the step was kept
+  std::uint32_t torn_joints = 0;        ///< that broke in this step
+  double projected_energy = 0.0;  ///< kinetic energy lost where velocities were made to fit the
+                                  ///< joints, when a method took over or an edit came [J]
+  bool failed = false;            ///< the result was not finite: the state before the step was kept
 
   // what it cost
   std::array<std::uint32_t, kMethodCount> islands{};  ///< carried by each method

@@ -32,7 +32,9 @@ struct WorldOptions {
                             ///< of gyration; 0: one substep a tick
 
   // energy_momentum
-  int stiff_order = 4;  ///< 4 or 2
+  int stiff_order = 4;       ///< 4 or 2
+  bool dissipation = false;  ///< take the energy out of motions that are too fast to be shown; of
+                             ///< order 2, whatever stiff_order is
   /// `auto` takes it for islands whose bodies are moved with ω above this share of a tick, h·ω > 0.
   double stiffness_limit = 40.0;
 

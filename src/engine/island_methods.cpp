@@ -378,7 +378,8 @@ Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& sp
     stiff.emplace_back(motion.equations());
   }
   EnergyMomentum& method = stiff[at(parts.stiff)];
-  const Progress progress = method.advance(span, options.stiff_order, &motion.equations(), &states);
+  const Progress progress =
+      method.advance(span, options.stiff_order, options.dissipation, &motion.equations(), &states);
   if (method.frequency() > kCalmShare * most_frequency())
     parts.stiff_until = std::max(parts.stiff_until, step_count + kCalmFor);
   parts.is_stiff = parts.is_stiff && step_count < parts.stiff_until;

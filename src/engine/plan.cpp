@@ -89,7 +89,7 @@ std::string explain(const World& world) {
   const WorldOptions& options = world.options();
   out << "method: {asked_for: " << name(options.method) << ", order: " << options.order
       << ", tolerance: " << shortest(options.tolerance) << ", stiff_order: " << options.stiff_order
-      << ", stiffness_limit: "
+      << ", dissipation: " << (options.dissipation ? "true" : "false") << ", stiffness_limit: "
       << (std::isinf(options.stiffness_limit) ? ".inf" : shortest(options.stiffness_limit))
       << "}\n";
   write_islands(world, out);

@@ -18,7 +18,8 @@ namespace {
 
 WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults) {
   item.expect_keys({"gravity", "time_step", "method", "closing_time", "order", "tolerance",
-                    "stiff_order", "stiffness_limit", "iterations", "warm_starting", "baumgarte"});
+                    "stiff_order", "dissipation", "stiffness_limit", "iterations", "warm_starting",
+                    "baumgarte"});
   WorldOptions options = defaults;
   item.read("gravity", &options.gravity);
   item.read("time_step", &options.time_step);
@@ -29,6 +30,7 @@ WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults)
   item.read("order", &options.order);
   item.read("tolerance", &options.tolerance);
   item.read("stiff_order", &options.stiff_order);
+  item.read("dissipation", &options.dissipation);
   if (const auto limit = item.find("stiffness_limit"))
     options.stiffness_limit = limit->number_or_infinity();
   item.read("iterations", &options.iterations);

@@ -37,6 +37,7 @@ void write_options(YAML::Emitter* out, const WorldOptions& options) {
   *out << YAML::Key << "order" << YAML::Value << options.order;
   write(out, "tolerance", options.tolerance);
   *out << YAML::Key << "stiff_order" << YAML::Value << options.stiff_order;
+  write(out, "dissipation", options.dissipation);
   if (std::isinf(options.stiffness_limit))
     *out << YAML::Key << "stiffness_limit" << YAML::Value << ".inf";
   else

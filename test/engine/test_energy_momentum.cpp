@@ -5,7 +5,7 @@
 #include <array>
 
 #include "counted_allocations.h"
-#include "engine/methods/midpoint_equations.h"
+#include "engine/methods/implicit_step.h"
 #include "problems.h"
 #include "support.h"
 
@@ -119,8 +119,10 @@ struct Assembly {
 
 // The derivative D has D⁻¹ (r(u + εe) − r(u − εe))/2ε = e for every unknown; the difference is off
 // by ε² and by rounding over ε, together 1e-9 at ε = 1e-5, and D⁻¹ makes up to 1e3 of it.
-TEST(MidpointEquations, DerivativeAgreesWithFiniteDifferences) {
-  for (const bool is_closed : {false, true}) {
+TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
+  for (const auto& [is_closed, rule] : {std::pair(false, ImplicitRule::kMidpoint),
+                                        {true, ImplicitRule::kMidpoint},
+                                        {false, ImplicitRule::kBdf2}}) {
     const Assembly assembly(is_closed);
     EquationsOfMotion equations = assembly.equations();
     std::vector<JointCourse> courses(assembly.joints.size());
@@ -130,27 +132,31 @@ TEST(MidpointEquations, DerivativeAgreesWithFiniteDifferences) {
     }
     const std::vector<Load> loads{{1, {1.0, 2.0, 3.0}, {0.5, -0.3, 0.2}}};
     equations.begin(0.0, assembly.states, {0.0, 0.0, -kGravity}, loads, courses);
-    MidpointEquations midpoint(equations);
-    midpoint.load(assembly.states, equations);
-    midpoint.begin(0.0, 0.1, &equations);
+    ImplicitStep step(equations);
+    step.load(assembly.states, equations);
+    step.begin(0.0, 0.1, ImplicitRule::kMidpoint, &equations);
+    if (rule == ImplicitRule::kBdf2) {  // with a step before it, whatever that found
+      step.finish(ImplicitStep::Unknowns(step.size(), 0.01), &equations);
+      step.begin(0.1, 0.1, rule, &equations);
+    }
 
     Random random;
-    MidpointEquations::Unknowns unknowns(midpoint.size());
+    ImplicitStep::Unknowns unknowns(step.size());
     for (double& unknown : unknowns) unknown = 0.3 * random();
     const double epsilon = 1e-5;
     for (std::size_t e = 0; e < unknowns.size(); ++e) {
       std::vector<double> difference(unknowns.size());
       for (const double sign : {-1.0, 1.0}) {
-        MidpointEquations::Unknowns moved = unknowns;
+        ImplicitStep::Unknowns moved = unknowns;
         std::vector<double> change(unknowns.size(), 0.0);
         change[e] = sign * epsilon;
-        midpoint.add(change.data(), &moved);
-        midpoint.evaluate(moved);
+        step.add(change.data(), &moved);
+        step.evaluate(moved);
         for (std::size_t i = 0; i < difference.size(); ++i)
-          difference[i] += sign * midpoint.residual()[i] / (2.0 * epsilon);
+          difference[i] += sign * step.residual()[i] / (2.0 * epsilon);
       }
-      midpoint.evaluate(unknowns);
-      ASSERT_TRUE(midpoint.solve(difference.data()));
+      step.evaluate(unknowns);
+      ASSERT_TRUE(step.solve(difference.data()));
       for (std::size_t i = 0; i < difference.size(); ++i)
         EXPECT_NEAR(difference[i], i == e ? 1.0 : 0.0, 1e-6) << i << " by " << e;
     }
@@ -222,6 +228,67 @@ TEST(EnergyMomentum, TurnsBodiesInItsOrder) {
       errors.push_back(problems::largest_difference(world, exact));
     }
     EXPECT_NEAR(order(steps, errors), stiff_order, 0.3) << stiff_order;
+  }
+}
+
+// ---- BDF2
+
+World dissipating(World world, double time_step) {
+  WorldOptions options = world.options();
+  options.time_step = time_step;
+  options.method = Method::kEnergyMomentum;
+  options.dissipation = true;
+  world.set_options(options);
+  return world;
+}
+
+TEST(EnergyMomentum, HasOrder2WithDissipation) {
+  const auto reference = problems::chain_reference(2, 1.0);
+  World exact = linked_boxes();
+  WorldOptions options = exact.options();
+  options.time_step = 0.1;
+  options.tolerance = 1e-12;
+  exact.set_options(options);
+  run(exact, 10);
+  std::vector<double> steps, of_chain, of_boxes;
+  for (const int rate : {200, 400, 800}) {
+    World chain = dissipating(problems::chain(2), 1.0 / rate);
+    World boxes = dissipating(linked_boxes(), 1.0 / rate);
+    run_exactly(chain, 1.0);
+    run_exactly(boxes, 1.0);
+    steps.push_back(1.0 / rate);
+    of_chain.push_back(largest_distance(chain, reference));
+    of_boxes.push_back(problems::largest_difference(boxes, exact));
+  }
+  EXPECT_NEAR(order(steps, of_chain), 2.0, 0.2);
+  EXPECT_NEAR(order(steps, of_boxes), 2.0, 0.2);
+}
+
+// A spring of 1e6 N/m, stretched by 1 mm, at h ω = 100: BDF2 halves such a motion in every step.
+TEST(EnergyMomentum, DissipationTakesOutWhatIsTooFastToBeShown) {
+  for (const bool dissipation : {false, true}) {
+    World world = with(World(), 0.1);
+    Body body = make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.001});
+    body.state.linear_velocity = {0.1, 0.0, 0.0};
+    const BodyId bob = world.add_body(body);
+    const JointId line = world.add_joint(hang("line", bob, spring(1.0, 1e6, 0.0)));
+    WorldOptions options = world.options();
+    options.dissipation = dissipation;
+    world.set_options(options);
+    double energy = world.energy();
+    const double at_first = energy;
+    for (int i = 0; i < 100; ++i) {
+      ASSERT_FALSE(world.step().failed);
+      EXPECT_TRUE(!dissipation || i < 2 || world.energy() <= energy + 1e-9) << i;
+      energy = world.energy();
+    }
+    ASSERT_EQ(world.islands().front().method, Method::kEnergyMomentum);
+    const double left = world.joint_state(line).error - kGravity / 1e6;  // beside the weight's
+    if (dissipation) {
+      EXPECT_LE(std::abs(left), 1e-6);
+    } else {
+      EXPECT_NEAR(energy, at_first, 1e-9);
+    }
   }
 }
 

@@ -28,8 +28,8 @@ const double kInner = 1.0 - 4.0 * kOuter;
 
 bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
                            std::vector<BodyState>* states, Progress* progress) {
-  for (auto& unknowns : found_) unknowns.assign(midpoint_.size(), 0.0);
-  change_.assign(midpoint_.size(), 0.0);
+  for (auto& unknowns : found_) unknowns.assign(step_equations_.size(), 0.0);
+  change_.assign(step_equations_.size(), 0.0);
   numbers_.resize(2 * equations->size());
   double* const y = numbers_.data();
   equations->load(*states, y);
@@ -39,11 +39,12 @@ bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
   equations->store(y, states);
   refinement_ = -1;
   spans_since_ = 0;
+  step_before_ = 0.0;
   return true;
 }
 
-Progress EnergyMomentum::advance(const SmoothSpan& span, int order, EquationsOfMotion* equations,
-                                 std::vector<BodyState>* states) {
+Progress EnergyMomentum::advance(const SmoothSpan& span, int order, bool dissipates,
+                                 EquationsOfMotion* equations, std::vector<BodyState>* states) {
   Progress progress;
   const bool is_new = !has_started_ || span.is_edited;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
@@ -54,7 +55,8 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, int order, EquationsOfM
       return progress;
     }
   }
-  const bool composes = order == 4 && !midpoint_.has_dampers();
+  rule_ = dissipates ? ImplicitRule::kBdf2 : ImplicitRule::kMidpoint;
+  const bool composes = order == 4 && !dissipates && !step_equations_.has_dampers();
   const int least = composes ? -1 : 0;
   if (++spans_since_ > kSpansUntilLonger) {
     --refinement_;
@@ -67,7 +69,7 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, int order, EquationsOfM
       progress.done = false;
       return progress;
     }
-    midpoint_.load(*states, *equations);
+    step_equations_.load(*states, *equations);
     const int parts = 1 << std::max(refinement_, 0);
     const double h = span.h / parts;
     equations->keep_impulses();
@@ -79,9 +81,10 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, int order, EquationsOfM
     equations->restore_impulses();
     ++progress.rejected;
     spans_since_ = 0;
+    step_before_ = 0.0;
     for (auto& unknowns : found_) std::fill(unknowns.begin(), unknowns.end(), 0.0);
   }
-  midpoint_.store(*equations, states);
+  step_equations_.store(*equations, states);
   return progress;
 }
 
@@ -97,26 +100,29 @@ bool EnergyMomentum::composition(double t, double h, EquationsOfMotion* equation
 
 bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
                           Progress* progress) {
-  midpoint_.begin(t, h, equations);
+  const bool goes_on = std::abs(h - step_before_) <= 1e-9 * h;
+  const ImplicitRule rule = goes_on ? rule_ : ImplicitRule::kMidpoint;
+  step_equations_.begin(t, h, rule, equations);
   unknowns_ = found_[stage];
   ++progress->substeps;
   double before = std::numeric_limits<double>::infinity();
   for (int i = 0; i < kMostNewtonSteps; ++i) {
-    midpoint_.evaluate(unknowns_);
-    const double worst_row = midpoint_.worst_row();
-    for (std::size_t u = 0; u < change_.size(); ++u) change_[u] = -midpoint_.residual()[u];
+    step_equations_.evaluate(unknowns_);
+    const double worst_row = step_equations_.worst_row();
+    for (std::size_t u = 0; u < change_.size(); ++u) change_[u] = -step_equations_.residual()[u];
     ++progress->iterations;
-    if (!midpoint_.solve(change_.data())) return false;
-    const double moved = midpoint_.add(change_.data(), &unknowns_) / midpoint_.scale();
+    if (!step_equations_.solve(change_.data())) return false;
+    const double moved = step_equations_.add(change_.data(), &unknowns_) / step_equations_.scale();
     if (!std::isfinite(moved)) return false;
     const bool is_rounding = moved < kRounding && moved > 0.5 * before;
     const bool is_solved =
-        (moved < kSolved || is_rounding) && worst_row <= kRowSolved * midpoint_.scale();
+        (moved < kSolved || is_rounding) && worst_row <= kRowSolved * step_equations_.scale();
     // of changes that go down as squares, the next one is known
     const double next = i > 0 ? moved * (moved / before) * (moved / before) : 1.0;
     if (is_solved || (moved < kRounding && next < kSquared)) {
       found_[stage] = unknowns_;
-      midpoint_.finish(unknowns_, equations);
+      step_equations_.finish(unknowns_, equations);
+      step_before_ = h;
       return true;
     }
     before = moved;

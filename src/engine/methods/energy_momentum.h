@@ -5,27 +5,27 @@
 
 #include "constraint_sim/body.h"
 #include "engine/methods/equations_of_motion.h"
+#include "engine/methods/implicit_step.h"
 #include "engine/methods/integrate.h"
-#include "engine/methods/midpoint_equations.h"
 
 namespace constraint_sim::engine {
 
 struct SmoothSpan;
 
-/// An island with joints, carried through time by steps of MidpointEquations: one a span, or five
+/// An island with joints, carried through time by steps of ImplicitStep: one a span, or five
 /// of Suzuki's composition of order 4 (Phys. Lett. A 146 (1990) 319). Where Newton's method does
 /// not converge, first without the composition, then with shorter steps.
 class EnergyMomentum {
  public:
-  explicit EnergyMomentum(const EquationsOfMotion& equations) : midpoint_(equations) {}
+  explicit EnergyMomentum(const EquationsOfMotion& equations) : step_equations_(equations) {}
 
-  /// Carries the bodies through the span, with order 2 or 4; impulses add up in `equations`. Leaves
-  /// the bodies as they are where it cannot.
-  Progress advance(const SmoothSpan& span, int order, EquationsOfMotion* equations,
+  /// Carries the bodies through the span, with order 2 or 4, or with BDF2 where energy is to be
+  /// taken out; impulses add up in `equations`. Leaves the bodies as they are where it cannot.
+  Progress advance(const SmoothSpan& span, int order, bool dissipates, EquationsOfMotion* equations,
                    std::vector<BodyState>* states);
   /// Largest ω of the bodies by what held them in the last step [rad/s].
-  double frequency() const { return midpoint_.frequency(); }
-  double frequency_of(std::size_t body) const { return midpoint_.frequency_of(body); }
+  double frequency() const { return step_equations_.frequency(); }
+  double frequency_of(std::size_t body) const { return step_equations_.frequency_of(body); }
   /// Somebody else has moved the bodies.
   void forget() { has_started_ = false; }
 
@@ -38,14 +38,16 @@ class EnergyMomentum {
             Progress* progress);
   bool composition(double t, double h, EquationsOfMotion* equations, Progress* progress);
 
-  MidpointEquations midpoint_;
-  MidpointEquations::Unknowns unknowns_;
+  ImplicitStep step_equations_;
+  ImplicitStep::Unknowns unknowns_;
   /// What was found last, by stage of the composition: where the next Newton steps begin.
-  std::array<MidpointEquations::Unknowns, kStages> found_;
+  std::array<ImplicitStep::Unknowns, kStages> found_;
   std::vector<double> change_;
   std::vector<double> numbers_;  // a state and its derivative, as EquationsOfMotion has them
   bool has_started_ = false;
-  int refinement_ = 0;  // a span is made of this many halvings; -1: of a composition
+  ImplicitRule rule_ = ImplicitRule::kMidpoint;
+  double step_before_ = 0.0;  // [s], where BDF2 can go on from it; else 0
+  int refinement_ = 0;        // a span is made of this many halvings; -1: of a composition
   int spans_since_ = 0;
 };
 

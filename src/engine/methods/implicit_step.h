@@ -11,22 +11,34 @@
 
 namespace constraint_sim::engine {
 
-/// One step of an island by the discrete-gradient midpoint rule, as a system of equations for
-/// Newton's method. It keeps rods, energy and momentum to rounding at any step, also where the
-/// motion is too fast to be resolved: Simo & Wong, IJNME 31 (1991) 19; Gonzalez, J. Nonlinear Sci.
-/// 6 (1996) 449; Betsch & Steinmann, IJNME 53 (2002) 1775.
-///
-/// Unknowns of a step h: Δx and, of a body that turns, w with R₁ = cay(w) R₀, so that an arm r
-/// changes by w × r̄ exactly (bars: means of both ends of the step); of each row its λ.
-///   r_x = m (Δx − h v₀) − (h²/2) f̄
-///   r_w = J₀(w − h ω₀) + ½ w × J₀w − (h²/2)(T̄ − ½ w × T̄)       J₀ = R₀ I R₀ᵀ
+/// How a step is made.
+enum class ImplicitRule {
+  /// Keeps rods, energy and momentum to rounding at any step, also where the motion is too fast to
+  /// be
+  /// resolved: Simo & Wong, IJNME 31 (1991) 19; Gonzalez, J. Nonlinear Sci. 6 (1996) 449; Betsch &
+  /// Steinmann, IJNME 53 (2002) 1775.
+  kMidpoint,
+  /// Takes the energy out of such motions: backward differences of order 2. Hairer & Wanner II,
+  /// section V.1.
+  kBdf2,
+};
+
+/// One step of an island as a system of equations for Newton's method. Unknowns: Δx and, of a body
+/// that turns, w with R₁ = cay(w) R₀, so that an arm r changes by w × r̄ exactly (bars: means of
+/// both ends of the step); of each row its λ.
+///   r_x = m (Δx − p) − s f
+///   r_w = (1 + ½ŵ) J₀ (w − a) − (1 − ½ŵ)(b + s T)       J₀ = R₀ I R₀ᵀ
 ///   g = 0 at the end of the step
-/// A rod has g = ½(d·d − ℓ²) and pulls with λ d̄; a ball joint has g = d and pulls with λ; a spring
-/// pulls with λ d̄/s̄, s = ‖d‖, and has for g its law divided by its stiffness, so that none is too
-/// stiff. Equations and unknowns are scaled: bodies by √m, rows to unit norm.
-class MidpointEquations {
+/// with forces f and torques T at the mean d̄, r̄ (midpoint) or at the end (BDF2), and
+///   midpoint: s = h²/2,  p = h v₀,                          a = ½ h ω₀,  b = ½ h L₀
+///   BDF2:     s = 4h²/9, p = Δx₋/3 + (8 v₀ − 2 v₋) h/9,     a = w₋/3,    b = (8 L₀ − 2 L₋) h/9
+/// where minus is of the step before. A rod has g = ½(d·d − ℓ²) and pulls with λ d; a ball joint
+/// has g = d and pulls with λ; a spring pulls with λ d/‖d‖ (midpoint: d̄ over the mean of ‖d‖), and
+/// has for g its law divided by its stiffness, so that none is too stiff. Equations and unknowns
+/// are scaled: bodies by √m, rows to unit norm.
+class ImplicitStep {
  public:
-  explicit MidpointEquations(const EquationsOfMotion& equations);
+  explicit ImplicitStep(const EquationsOfMotion& equations);
 
   std::size_t size() const { return left_.size(); }
   bool has_dampers() const { return has_dampers_; }
@@ -40,8 +52,9 @@ class MidpointEquations {
   /// Δx and w, body by body, then λ; what is not there is zero.
   using Unknowns = std::vector<double>;
 
-  /// From time t to t + h [s], h of either sign; `equations` know what acts.
-  void begin(double t, double h, EquationsOfMotion* equations);
+  /// From time t to t + h [s], h of either sign; `equations` know what acts. BDF2 goes on from a
+  /// finish() of the same h, whatever its rule, with the state as it was left.
+  void begin(double t, double h, ImplicitRule rule, EquationsOfMotion* equations);
   /// The residual and its derivative there.
   void evaluate(const Unknowns& unknowns);
   const std::vector<double>& residual() const { return residual_; }
@@ -88,13 +101,15 @@ class MidpointEquations {
     double compliance = 0.0;  // of a spring [m/N]
     Eigen::Vector3d offset;   // of a ball joint
     double scale = 1.0;       // of its equations
+    double before = 0.0;      // ‖d‖ of a spring a step ago [m]
     bool is_left_out = false;
     // at the last evaluate()
-    Eigen::Vector3d d_mean, force;
+    Eigen::Vector3d d, force;
   };
   /// What a body that turns is in a step.
   struct Turning {
     Eigen::Matrix3d R0, J0;
+    Eigen::Vector3d a, b;
     Eigen::Vector3d torque;  // all of it
     Eigen::Matrix3d B;       // B r₀ is the mean arm
     Eigen::Matrix3d C;       // 1 − ½ ŵ
@@ -125,7 +140,13 @@ class MidpointEquations {
   std::vector<Eigen::Quaterniond> q_;
   std::vector<Eigen::Vector3d> spin_;
 
-  double h_ = 0.0;
+  // ---- what BDF2 needs of the step before, of bodies
+  std::vector<Eigen::Vector3d> dx_before_, v_before_, w_before_, L_before_;
+
+  ImplicitRule rule_ = ImplicitRule::kMidpoint;
+  double h_ = 0.0, s_ = 0.0;
+  double share_ = 0.5;  // of the step at which forces are taken
+  std::vector<Eigen::Vector3d> p_;
   std::vector<Eigen::Vector3d> force_, torque_;  // constant ones [N], [N m]
   std::vector<Eigen::Vector3d> shift_;           // Δx of points that are fixed but move
   std::vector<Turning> turn_;

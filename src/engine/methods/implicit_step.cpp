@@ -1,4 +1,4 @@
-#include "engine/methods/midpoint_equations.h"
+#include "engine/methods/implicit_step.h"
 
 #include <algorithm>
 #include <cmath>
@@ -31,13 +31,11 @@ Matrix3d mean_rotation(const Vector3d& w) {
   return B / (1.0 + 0.25 * w.squaredNorm());
 }
 
-double unit_stiffness(double k, double c, double h) { return 0.5 * k + c / h; }
-
 }  // namespace
 
 // ---- what is compiled
 
-MidpointEquations::MidpointEquations(const EquationsOfMotion& equations)
+ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
     : bodies_(equations.bodies().size()), turning_(equations.turning()) {
   for (std::size_t i = 0; i < bodies_; ++i) mass_.push_back(1.0 / equations.inverse_mass(i));
   for (std::size_t i = 0; i < turning_; ++i) {
@@ -73,7 +71,8 @@ MidpointEquations::MidpointEquations(const EquationsOfMotion& equations)
 
   const std::size_t points = equations.points();
   for (auto* list : {&x_, &v_, &shift_}) list->assign(points, Vector3d::Zero());
-  for (auto* list : {&force_, &torque_}) list->assign(bodies_, Vector3d::Zero());
+  for (auto* list : {&force_, &torque_, &p_, &dx_before_, &v_before_, &w_before_, &L_before_})
+    list->assign(bodies_, Vector3d::Zero());
   q_.assign(turning_, Eigen::Quaterniond::Identity());
   spin_.assign(turning_, Vector3d::Zero());
   turn_.resize(turning_);
@@ -87,7 +86,7 @@ MidpointEquations::MidpointEquations(const EquationsOfMotion& equations)
 
 // Bodies as nodes, from the leaves to a root that is held by the world if one is; the rows between
 // two bodies belong to the one further from the root.
-void MidpointEquations::make_nodes(const EquationsOfMotion& equations) {
+void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
   std::vector<std::vector<std::size_t>> links_of(bodies_);
   std::vector<std::size_t> roots;
   for (std::size_t l = 0; l < links_.size(); ++l) {
@@ -173,7 +172,7 @@ void MidpointEquations::make_nodes(const EquationsOfMotion& equations) {
 }
 
 // where what a link adds goes, in the order in which it is added
-void MidpointEquations::find_slots() {
+void ImplicitStep::find_slots() {
   for (Link& link : links_) {
     link.slot = slots_.size();
     if (link.is_between_points) {
@@ -215,8 +214,7 @@ void MidpointEquations::find_slots() {
 
 // ---- the state that is carried
 
-void MidpointEquations::load(const std::vector<BodyState>& states,
-                             const EquationsOfMotion& equations) {
+void ImplicitStep::load(const std::vector<BodyState>& states, const EquationsOfMotion& equations) {
   for (std::size_t i = 0; i < bodies_; ++i) {
     const BodyState& state = states[at(equations.bodies()[i])];
     x_[i] = state.position;
@@ -227,8 +225,7 @@ void MidpointEquations::load(const std::vector<BodyState>& states,
   }
 }
 
-void MidpointEquations::store(const EquationsOfMotion& equations,
-                              std::vector<BodyState>* states) const {
+void ImplicitStep::store(const EquationsOfMotion& equations, std::vector<BodyState>* states) const {
   for (std::size_t i = 0; i < bodies_; ++i) {
     BodyState& state = (*states)[at(equations.bodies()[i])];
     state.position = x_[i];
@@ -241,8 +238,12 @@ void MidpointEquations::store(const EquationsOfMotion& equations,
 
 // ---- one step
 
-void MidpointEquations::begin(double t, double h, EquationsOfMotion* equations) {
+void ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotion* equations) {
+  rule_ = rule;
   h_ = h;
+  const bool is_midpoint = rule == ImplicitRule::kMidpoint;
+  s_ = is_midpoint ? 0.5 * h * h : 4.0 / 9.0 * h * h;
+  share_ = is_midpoint ? 0.5 : 1.0;
   equations->look(t);
   for (std::size_t p = bodies_; p < x_.size(); ++p) x_[p] = equations->position(p);
   scale_ = 0.0;
@@ -252,6 +253,17 @@ void MidpointEquations::begin(double t, double h, EquationsOfMotion* equations) 
     Turning& turn = turn_[i];
     turn.R0 = q_[i].toRotationMatrix();
     turn.J0 = turn.R0 * inertia_[i].asDiagonal() * turn.R0.transpose();
+    const Vector3d L = turn.J0 * spin_[i];
+    turn.a = is_midpoint ? Vector3d(0.5 * h * spin_[i]) : Vector3d(w_before_[i] / 3.0);
+    turn.b =
+        is_midpoint ? Vector3d(0.5 * h * L) : Vector3d(h / 9.0 * (8.0 * L - 2.0 * L_before_[i]));
+    L_before_[i] = L;
+  }
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    p_[i] = is_midpoint
+                ? Vector3d(h * v_[i])
+                : Vector3d(dx_before_[i] / 3.0 + h / 9.0 * (8.0 * v_[i] - 2.0 * v_before_[i]));
+    v_before_[i] = v_[i];
   }
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
@@ -296,13 +308,23 @@ void MidpointEquations::begin(double t, double h, EquationsOfMotion* equations) 
       shape.target = 0.5 * length * length;
       continue;
     }
-    // σ = −k (½(s₀ + s₁) − ½(ℓ₀ + ℓ₁)) − (c/h)(s₁ − s₀ − (ℓ₁ − ℓ₀)), divided by κ
+    // midpoint: σ = −k (½(s₀ + s₁) − ½(ℓ₀ + ℓ₁)) − (c/h)(s₁ − s₀ − (ℓ₁ − ℓ₀))
+    // BDF2:     σ = −k (s₁ − ℓ₁) − (c/2h)(3 s₁ − 4 s₀ + s₋) + c ℓ̇₁,  both divided by that of s₁
     const double k = link.stiffness;
     const double rate = link.damping / h;
-    shape.compliance = 1.0 / unit_stiffness(k, link.damping, h);
-    shape.target = length - shape.compliance * (0.5 * k - rate) * (shape.d0.norm() - shape.target);
-    shape.scale = 1.0 / std::sqrt(1.0 / (shape.scale * shape.scale) +
-                                  2.0 / (h * h) * std::abs(shape.compliance));
+    const double s0 = shape.d0.norm();
+    if (is_midpoint) {
+      shape.compliance = 1.0 / (0.5 * k + rate);
+      shape.target = length - shape.compliance * (0.5 * k - rate) * (s0 - shape.target);
+    } else {
+      shape.compliance = 1.0 / (k + 1.5 * rate);
+      const double speed = equations->length(l).rate;
+      shape.target = shape.compliance *
+                     (k * length + link.damping * speed + rate * (2.0 * s0 - 0.5 * shape.before));
+    }
+    shape.before = s0;
+    shape.scale =
+        1.0 / std::sqrt(1.0 / (shape.scale * shape.scale) + std::abs(shape.compliance) / s_);
   }
 
   for (std::size_t i = 0; i < bodies_; ++i) {
@@ -320,14 +342,14 @@ void MidpointEquations::begin(double t, double h, EquationsOfMotion* equations) 
   for (std::size_t l = 0; l < links_.size(); ++l) {
     for (int k = 0; k < links_[l].rows; ++k) {
       left_[at(links_[l].unknown + k)] = shapes_[l].scale;
-      right_[at(links_[l].unknown + k)] = 2.0 / (h * h) * shapes_[l].scale;
+      right_[at(links_[l].unknown + k)] = shapes_[l].scale / s_;
     }
   }
 }
 
 // Where rows depend on each other, the last of them have no λ in this step: with another one λ
 // would wander.
-void MidpointEquations::leave_out_dependent(double t, EquationsOfMotion* equations) {
+void ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
   double* const y = numbers_.data();
   double* const v = y + 3 * bodies_;
   double* const q = v + 3 * bodies_;
@@ -343,7 +365,7 @@ void MidpointEquations::leave_out_dependent(double t, EquationsOfMotion* equatio
   }
 }
 
-void MidpointEquations::evaluate(const Unknowns& unknowns) {
+void ImplicitStep::evaluate(const Unknowns& unknowns) {
   std::fill(lu_.values().begin(), lu_.values().end(), 0.0);
   worst_row_ = 0.0;
   evaluate_bodies(unknowns);
@@ -353,12 +375,12 @@ void MidpointEquations::evaluate(const Unknowns& unknowns) {
     else
       evaluate_link(links_[l], &shapes_[l], unknowns);
   }
-  // of ½ w × T, now that all of T is known
+  // of ½ŵ T, now that all of T is known
   std::size_t slot = 0;
   for (std::size_t i = 0; i < turning_; ++i) {
     slot += 3;
     const double scale = left_[at(first_unknown_[i]) + 3] * right_[at(first_unknown_[i]) + 3];
-    const Matrix3d change = (-0.25 * h_ * h_ * scale) * cross_matrix(turn_[i].torque);
+    const Matrix3d change = (-0.5 * s_ * scale) * cross_matrix(turn_[i].torque);
     for (int k = 0; k < 3; ++k)
       for (int m = 0; m < 3; ++m) lu_.values()[diagonal_[slot++]] += change(k, m);
   }
@@ -366,39 +388,38 @@ void MidpointEquations::evaluate(const Unknowns& unknowns) {
 }
 
 // what there is without the links
-void MidpointEquations::evaluate_bodies(const Unknowns& unknowns) {
+void ImplicitStep::evaluate_bodies(const Unknowns& unknowns) {
   double* const values = lu_.values().data();
-  const double half = 0.5 * h_ * h_;
   std::size_t slot = 0;
   for (std::size_t i = 0; i < bodies_; ++i) {
     const auto first = at(first_unknown_[i]);
     const ConstVector dx(unknowns.data() + first);
-    Vector(residual_.data() + first) = mass_[i] * (dx - h_ * v_[i]) - half * force_[i];
+    Vector(residual_.data() + first) = mass_[i] * (dx - p_[i]) - s_ * force_[i];
     for (int k = 0; k < 3; ++k) values[diagonal_[slot++]] += 1.0;
     if (i >= turning_) continue;
 
     Turning& turn = turn_[i];
     const ConstVector w(unknowns.data() + first + 3);
-    const Vector3d J_w = turn.J0 * w;
+    const Vector3d J_w = turn.J0 * (w - turn.a);
     turn.B = mean_rotation(w);
     turn.C = Matrix3d::Identity() - 0.5 * cross_matrix(w);
     turn.torque = torque_[i];
     Vector(residual_.data() + first + 3) =
-        J_w - h_ * (turn.J0 * spin_[i]) + 0.5 * w.cross(J_w) - half * (turn.C * torque_[i]);
-    const Matrix3d derivative = (turn.J0 + 0.5 * (cross_matrix(w) * turn.J0 - cross_matrix(J_w))) *
-                                (left_[first + 3] * right_[first + 3]);
+        J_w + 0.5 * w.cross(J_w) - turn.C * (turn.b + s_ * torque_[i]);
+    const Matrix3d derivative =
+        (turn.J0 + 0.5 * (cross_matrix(w) * turn.J0 - cross_matrix(J_w + turn.b))) *
+        (left_[first + 3] * right_[first + 3]);
     for (int k = 0; k < 3; ++k)
       for (int m = 0; m < 3; ++m) values[diagonal_[slot++]] += derivative(k, m);
   }
 }
 
 // d at both ends of the step, and what pulls
-void MidpointEquations::evaluate_link(const Link& link, Shape* shape, const Unknowns& unknowns) {
+void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns& unknowns) {
   double* const values = lu_.values().data();
-  const double half = 0.5 * h_ * h_;
   Vector3d change = Vector3d::Zero();  // of d
-  Vector3d mean_arm[2];
-  Eigen::Matrix<double, 3, 6> E[2];  // of d_mean, without the sign of the end
+  Vector3d arm[2];                     // where forces are taken
+  Eigen::Matrix<double, 3, 6> E[2];    // of d at the end, without the sign of the body's end
   for (int e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
     if (end.dofs == 0) {
@@ -407,17 +428,19 @@ void MidpointEquations::evaluate_link(const Link& link, Shape* shape, const Unkn
     }
     const auto first = at(end.unknown);
     change += end.sign * ConstVector(unknowns.data() + first);
-    E[e].leftCols<3>() = 0.5 * Matrix3d::Identity();
+    E[e].leftCols<3>().setIdentity();
     if (end.dofs < 6) continue;
     const Turning& turn = turn_[end.point];
-    mean_arm[e] = turn.B * shape->r0[e];
-    change += end.sign * ConstVector(unknowns.data() + first + 3).cross(mean_arm[e]);
-    E[e].rightCols<3>() = -0.5 * turn.B * cross_matrix(mean_arm[e]);
+    const Vector3d mean_arm = turn.B * shape->r0[e];
+    const Vector3d arm_change = ConstVector(unknowns.data() + first + 3).cross(mean_arm);
+    change += end.sign * arm_change;
+    arm[e] = shape->r0[e] + share_ * arm_change;
+    E[e].rightCols<3>() = -turn.B * cross_matrix(mean_arm);
   }
   const Vector3d d1 = shape->d0 + change;
-  const Vector3d d_mean = shape->d_mean = shape->d0 + 0.5 * change;
+  const Vector3d d = shape->d = shape->d0 + share_ * change;
 
-  // the force on B, its derivatives by d_mean and λ, the rows and their derivative by d1
+  // the force on B, its derivatives by d and λ, the rows and their derivative by d1
   Matrix3d P = Matrix3d::Zero();
   Matrix3d pull = Matrix3d::Identity(), gradient = pull;  // columns; one of rods and springs
   Vector3d value;
@@ -425,9 +448,9 @@ void MidpointEquations::evaluate_link(const Link& link, Shape* shape, const Unkn
   const double lambda = unknowns[at(link.unknown)];
   switch (link.kind) {
     case Kind::kRod:
-      shape->force = lambda * d_mean;
+      shape->force = lambda * d;
       P.diagonal().setConstant(lambda);
-      pull.col(0) = d_mean;
+      pull.col(0) = d;
       gradient.col(0) = d1;
       value[0] = 0.5 * d1.squaredNorm() - shape->target;
       note_row(std::abs(value[0]) / std::sqrt(2.0 * shape->target));
@@ -439,9 +462,9 @@ void MidpointEquations::evaluate_link(const Link& link, Shape* shape, const Unkn
       break;
     case Kind::kSpring: {
       const double s1 = d1.norm();
-      const double s = 0.5 * (shape->d0.norm() + s1);
+      const double s = (1.0 - share_) * shape->d0.norm() + share_ * s1;
       const Vector3d n1 = s1 > 0.0 ? Vector3d(d1 / s1) : Vector3d(Vector3d::UnitX());
-      const Vector3d n = s > 0.0 ? Vector3d(d_mean / s) : Vector3d(Vector3d::UnitX());
+      const Vector3d n = s > 0.0 ? Vector3d(d / s) : Vector3d(Vector3d::UnitX());
       compliance = shape->compliance;
       shape->force = lambda * n;
       if (s > 0.0) P = lambda / s * (Matrix3d::Identity() - n * n1.transpose());
@@ -456,19 +479,19 @@ void MidpointEquations::evaluate_link(const Link& link, Shape* shape, const Unkn
     P.setZero();
   }
 
-  // what the force does to each end: [1; C r̄ ×]
+  // what the force does to each end: [1; C r ×]
   Eigen::Matrix<double, 6, 3> H[2];
   for (int e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
     if (end.dofs == 0) continue;
     H[e].topRows<3>().setIdentity();
-    Vector(residual_.data() + end.unknown) -= half * end.sign * shape->force;
+    Vector(residual_.data() + end.unknown) -= s_ * end.sign * shape->force;
     if (end.dofs < 6) continue;
     Turning& turn = turn_[end.point];
-    H[e].bottomRows<3>() = turn.C * cross_matrix(mean_arm[e]);
+    H[e].bottomRows<3>() = turn.C * cross_matrix(arm[e]);
     Vector(residual_.data() + end.unknown + 3) -=
-        half * end.sign * (H[e].bottomRows<3>() * shape->force);
-    turn.torque += end.sign * mean_arm[e].cross(shape->force);
+        s_ * end.sign * (H[e].bottomRows<3>() * shape->force);
+    turn.torque += end.sign * arm[e].cross(shape->force);
   }
 
   std::size_t slot = link.slot;
@@ -480,13 +503,13 @@ void MidpointEquations::evaluate_link(const Link& link, Shape* shape, const Unkn
       const End& column = link.ends[f];
       if (row.dofs == 0 || column.dofs == 0) continue;
       Eigen::Matrix<double, 6, 6> K;
-      K.topLeftCorner(row.dofs, column.dofs).noalias() = (-half * row.sign * column.sign) *
+      K.topLeftCorner(row.dofs, column.dofs).noalias() = (-s_ * share_ * row.sign * column.sign) *
                                                          H[e].topRows(row.dofs) *
                                                          (P * E[f].leftCols(column.dofs)).eval();
       if (e == f && row.dofs == 6) {
         const Turning& turn = turn_[row.point];
         K.bottomRightCorner<3, 3>() +=
-            (half * row.sign) * turn.C * cross_matrix(shape->force) * E[e].rightCols<3>();
+            (s_ * share_ * row.sign) * turn.C * cross_matrix(shape->force) * E[e].rightCols<3>();
       }
       const double* const right = right_.data() + column.unknown;
       for (int i = 0; i < row.dofs; ++i)
@@ -495,9 +518,9 @@ void MidpointEquations::evaluate_link(const Link& link, Shape* shape, const Unkn
     }
     for (int i = 0; i < row.dofs; ++i) {
       for (int k = 0; k < link.rows; ++k) {
-        // (h²/2) of the column and 2/h² of its scale cancel
+        // s of the column and 1/s of its scale cancel
         const double column = -row.sign * H[e].row(i).dot(pull.col(k));
-        const double entry = 2.0 * row.sign * gradient.col(k).dot(E[e].col(i));
+        const double entry = row.sign * gradient.col(k).dot(E[e].col(i));
         const bool is_in = !shape->is_left_out;
         values[slots_[slot++]] += is_in ? left[i] * column * scale : 0.0;
         values[slots_[slot++]] += is_in ? scale * entry * right_[at(row.unknown + i)] : 0.0;
@@ -512,21 +535,20 @@ void MidpointEquations::evaluate_link(const Link& link, Shape* shape, const Unkn
 }
 
 // The same of a rod whose ends do not turn, where it is worth the lines.
-void MidpointEquations::evaluate_rod(const Link& link, Shape* shape, const Unknowns& unknowns) {
+void ImplicitStep::evaluate_rod(const Link& link, Shape* shape, const Unknowns& unknowns) {
   double* const values = lu_.values().data();
   Vector3d change = Vector3d::Zero();
   for (const End& end : link.ends)
     change += end.sign * (end.dofs > 0 ? Vector3d(ConstVector(unknowns.data() + end.unknown))
                                        : shift_[end.point]);
   const Vector3d d1 = shape->d0 + change;
-  shape->d_mean = shape->d0 + 0.5 * change;
+  shape->d = shape->d0 + share_ * change;
   const bool is_in = !shape->is_left_out;
   const double lambda = is_in ? unknowns[at(link.unknown)] : 0.0;
-  shape->force = lambda * shape->d_mean;
+  shape->force = lambda * shape->d;
   const double value = 0.5 * d1.squaredNorm() - shape->target;
   note_row(std::abs(value) / std::sqrt(2.0 * shape->target));
 
-  const double half = 0.5 * h_ * h_;
   const double scale = is_in ? shape->scale : 0.0;
   std::size_t slot = link.slot;
   for (const End& row : link.ends) {
@@ -535,21 +557,21 @@ void MidpointEquations::evaluate_rod(const Link& link, Shape* shape, const Unkno
     for (const End& column : link.ends) {
       if (column.dofs == 0) continue;
       const double K =
-          -0.5 * half * row.sign * column.sign * lambda * left * right_[at(column.unknown)];
+          -share_ * s_ * row.sign * column.sign * lambda * left * right_[at(column.unknown)];
       for (int k = 0; k < 3; ++k) values[slots_[slot++]] += K;
     }
     const double weight = row.sign * left * scale;
     for (int k = 0; k < 3; ++k) {
-      values[slots_[slot++]] += -weight * shape->d_mean[k];
+      values[slots_[slot++]] += -weight * shape->d[k];
       values[slots_[slot++]] += weight * d1[k];
     }
-    Vector(residual_.data() + row.unknown) -= (half * row.sign) * shape->force;
+    Vector(residual_.data() + row.unknown) -= (s_ * row.sign) * shape->force;
   }
   if (!is_in) values[slots_[slot]] += 1.0;
   residual_[at(link.unknown)] = is_in ? value : 0.0;
 }
 
-double MidpointEquations::add(const double* change, Unknowns* unknowns) const {
+double ImplicitStep::add(const double* change, Unknowns* unknowns) const {
   double largest = 0.0;
   const auto consider = [&](double square) {
     if (!(square <= largest)) largest = square;  // a NaN stays
@@ -565,7 +587,7 @@ double MidpointEquations::add(const double* change, Unknowns* unknowns) const {
   return std::sqrt(largest);
 }
 
-void MidpointEquations::finish(const Unknowns& unknowns, EquationsOfMotion* equations) {
+void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations) {
   std::fill(squares_.begin(), squares_.end(), 0.0);
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
@@ -583,7 +605,7 @@ void MidpointEquations::finish(const Unknowns& unknowns, EquationsOfMotion* equa
         break;
       case Kind::kSpring:
         equations->add_impulse(l, {h_ * lambda, 0.0, 0.0});
-        stiffness = std::abs(lambda) / std::max(shape.d_mean.norm(), 1e-9 * scale_);
+        stiffness = std::abs(lambda) / std::max(shape.d.norm(), 1e-9 * scale_);
         break;
     }
     for (int e = 0; e < 2; ++e) {
@@ -597,16 +619,20 @@ void MidpointEquations::finish(const Unknowns& unknowns, EquationsOfMotion* equa
   }
   frequency_ = std::sqrt(*std::max_element(squares_.begin(), squares_.end()));
 
+  const bool is_midpoint = rule_ == ImplicitRule::kMidpoint;
   for (std::size_t i = 0; i < bodies_; ++i) {
     const auto first = at(first_unknown_[i]);
     const ConstVector dx(unknowns.data() + first);
     x_[i] += dx;
-    v_[i] = 2.0 / h_ * dx - v_[i];
+    v_[i] = is_midpoint ? Vector3d(2.0 / h_ * dx - v_[i])
+                        : Vector3d((1.5 * dx - 0.5 * dx_before_[i]) / h_);
+    dx_before_[i] = dx;
     if (i >= turning_) continue;
-    const Vector3d w(unknowns[first + 3], unknowns[first + 4], unknowns[first + 5]);
-    const Vector3d spin = 2.0 / h_ * w - spin_[i];
-    const Vector3d mean = mean_rotation(w) * spin;
-    spin_[i] = spin + w.cross(mean);
+    const ConstVector w(unknowns.data() + first + 3);
+    const Vector3d spin = is_midpoint ? Vector3d(2.0 / h_ * w - spin_[i])
+                                      : Vector3d((1.5 * w - 0.5 * w_before_[i]) / h_);
+    w_before_[i] = w;
+    spin_[i] = spin + w.cross(mean_rotation(w) * spin);
     const Vector3d half = 0.5 * w;
     const Eigen::Quaterniond turn(1.0, half.x(), half.y(), half.z());
     q_[i] = (turn * q_[i]).normalized();

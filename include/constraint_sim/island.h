@@ -15,7 +15,8 @@ enum class Why {
   kLimit,       ///< a joint with limits: rope, strut
   kForceLimit,  ///< a motor with a force limit
   kStiff,       ///< joints or springs move its bodies faster than substeps are worth
-  kRefused,     ///< no substep was small enough, or its rows contradict each other
+  kConflict,    ///< joints contradict each other: all give way a little, by least squares
+  kRefused,     ///< nothing else could carry it
 };
 
 /// In words.

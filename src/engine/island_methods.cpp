@@ -44,6 +44,8 @@ const char* text(Why why) {
       return "stiff";
     case Why::kRefused:
       return "could not be integrated to the tolerance";
+    case Why::kConflict:
+      return "its joints cannot all be met";
   }
   return "";
 }
@@ -120,7 +122,8 @@ Why World::Impl::nature_of(const IslandMembers& members) const {
 Method World::Impl::method_for(Why why) const {
   if (why == Why::kAskedFor) return options.method;
   if (why == Why::kSmooth) return Method::kRungeKutta;
-  return why == Why::kStiff ? Method::kEnergyMomentum : Method::kSequentialImpulses;
+  const bool is_stiff = why == Why::kStiff || why == Why::kConflict;
+  return is_stiff ? Method::kEnergyMomentum : Method::kSequentialImpulses;
 }
 
 void World::Impl::link(IslandParts* parts) {
@@ -161,7 +164,12 @@ void World::Impl::sort_islands() {
       island.why = Why::kRefused;
       any_refused = true;
     }
-    if (parts.is_stiff && island.why == Why::kSmooth) {
+    if (method_for(island.why) == Method::kSequentialImpulses) {
+      parts.gives_way_until = 0;
+    } else if (step_count < parts.gives_way_until) {
+      island.why = Why::kConflict;
+      any_stiff = true;
+    } else if (parts.is_stiff && island.why == Why::kSmooth) {
       island.why = Why::kStiff;
       any_stiff = true;
     }
@@ -332,14 +340,21 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
     if (island.method == Method::kRungeKutta) {
       progress = integrate_by_substeps(i, span, chooses ? most_frequency() : kInfinity);
       if (add(progress)) return true;
-      if (!chooses) return false;
-      carry_on_with(i, Method::kEnergyMomentum);
+      if (chooses)
+        carry_on_with(i, Method::kEnergyMomentum, Why::kStiff);
+      else
+        carry_on_with(i, Method::kEnergyMomentum, Why::kConflict);
     }
-    if (add(integrate_by_gradients(i, span))) return true;
-    // a jerk: what no step of ordinary length gets across, substeps may
-    if (!progress.is_stiff) return false;
-    carry_on_with(i, Method::kRungeKutta);
-    return add(integrate_by_substeps(i, span, kInfinity));
+    if (island.why != Why::kConflict) {
+      if (add(integrate_by_gradients(i, span, false))) return true;
+      // a jerk: what no step of ordinary length gets across, substeps may
+      if (progress.is_stiff) {
+        carry_on_with(i, Method::kRungeKutta, Why::kStiff);
+        if (add(integrate_by_substeps(i, span, kInfinity))) return true;
+      }
+      carry_on_with(i, Method::kEnergyMomentum, Why::kConflict);
+    }
+    return add(integrate_by_gradients(i, span, true));
   }
 
   const int body = parts.members.bodies.front();
@@ -370,7 +385,8 @@ Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& spa
   return progress;
 }
 
-Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& span) {
+Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& span,
+                                             bool gives_way) {
   IslandParts& parts = island_parts[i];
   LinkedMotion& motion = linked[at(parts.linked)];
   if (parts.stiff < 0) {
@@ -378,21 +394,35 @@ Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& sp
     stiff.emplace_back(motion.equations());
   }
   EnergyMomentum& method = stiff[at(parts.stiff)];
-  const Progress progress =
-      method.advance(span, options.stiff_order, options.dissipation, &motion.equations(), &states);
+  if (gives_way) wait_for_agreement(i);
+  ImplicitMode mode = options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
+  if (options.dissipation) mode = ImplicitMode::kDissipate;
+  if (gives_way) mode = ImplicitMode::kGiveWay;
+  const Progress progress = method.advance(span, mode, &motion.equations(), &states);
   if (method.frequency() > kCalmShare * most_frequency())
     parts.stiff_until = std::max(parts.stiff_until, step_count + kCalmFor);
   parts.is_stiff = parts.is_stiff && step_count < parts.stiff_until;
   return progress;
 }
 
+// an island whose joints contradict each other goes on giving way until they do not
+void World::Impl::wait_for_agreement(std::size_t i) {
+  const auto is_met = [&](int index) {
+    const std::size_t j = at(index);
+    return !is_rigid(joints[j]) || fits(joint_states[j], joint_step());
+  };
+  const std::vector<int>& members = island_parts[i].members.joints;
+  if (!std::all_of(members.begin(), members.end(), is_met))
+    island_parts[i].gives_way_until = step_count + kRefusedFor;
+}
+
 // within a step
-void World::Impl::carry_on_with(std::size_t i, Method method) {
+void World::Impl::carry_on_with(std::size_t i, Method method, Why why) {
   if (!is_fresh) ++report.changes;
   --islands_by_method[static_cast<std::size_t>(islands[i].method)];
   ++islands_by_method[static_cast<std::size_t>(method)];
   islands[i].method = method;
-  islands[i].why = Why::kStiff;
+  islands[i].why = why;
   linked[at(island_parts[i].linked)].forget();
   any_stiff = true;  // to be asked again in the next step
 }

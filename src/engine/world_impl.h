@@ -38,14 +38,15 @@ struct JointStart {
 /// What an island is made of, and what is kept for it from step to step.
 struct IslandParts {
   IslandMembers members;
-  Why nature = Why::kSmooth;        ///< of its joints and options; contacts come and go
-  int linked = -1;                  ///< into Impl::linked; -1: no joints, or never integrated
-  int stiff = -1;                   ///< into Impl::stiff; -1: never was stiff
-  bool is_stiff = false;            ///< as measured when it was last carried
-  int stiff_ticks = 0;              ///< how often in a row substeps found it so
-  std::uint64_t stiff_until = 0;    ///< step before which it is not asked again
-  std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
-  std::uint64_t refused_until = 0;  ///< step
+  Why nature = Why::kSmooth;          ///< of its joints and options; contacts come and go
+  int linked = -1;                    ///< into Impl::linked; -1: no joints, or never integrated
+  int stiff = -1;                     ///< into Impl::stiff; -1: never was stiff
+  bool is_stiff = false;              ///< as measured when it was last carried
+  int stiff_ticks = 0;                ///< how often in a row substeps found it so
+  std::uint64_t stiff_until = 0;      ///< step before which it is not asked again
+  std::vector<int> turning_freely;    ///< bodies whose rotation no joint acts on
+  std::uint64_t refused_until = 0;    ///< step
+  std::uint64_t gives_way_until = 0;  ///< step
 };
 
 /// What stands behind a World. Lists of one kind run in parallel: entry i of each is the same body,
@@ -157,8 +158,9 @@ struct World::Impl {
   bool integrate_island(std::size_t i, const SmoothSpan& span);
   Progress integrate_by_substeps(std::size_t i, const SmoothSpan& span, double most_frequency);
   double most_frequency() const;
-  Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span);
-  void carry_on_with(std::size_t i, Method method);
+  Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span, bool gives_way);
+  void wait_for_agreement(std::size_t i);
+  void carry_on_with(std::size_t i, Method method, Why why);
   void refuse_island(std::size_t i);
   void tell_of_islands();
   std::uint32_t find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const;

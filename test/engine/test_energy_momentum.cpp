@@ -120,9 +120,14 @@ struct Assembly {
 // The derivative D has D⁻¹ (r(u + εe) − r(u − εe))/2ε = e for every unknown; the difference is off
 // by ε² and by rounding over ε, together 1e-9 at ε = 1e-5, and D⁻¹ makes up to 1e3 of it.
 TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
-  for (const auto& [is_closed, rule] : {std::pair(false, ImplicitRule::kMidpoint),
-                                        {true, ImplicitRule::kMidpoint},
-                                        {false, ImplicitRule::kBdf2}}) {
+  struct Case {
+    bool is_closed;
+    ImplicitRule rule;
+    double softness;
+  };
+  for (const auto& [is_closed, rule, softness] :
+       {Case{false, ImplicitRule::kMidpoint, 0.0}, Case{true, ImplicitRule::kMidpoint, 0.0},
+        Case{false, ImplicitRule::kBdf1, 0.0}, Case{true, ImplicitRule::kBdf2, 0.1}}) {
     const Assembly assembly(is_closed);
     EquationsOfMotion equations = assembly.equations();
     std::vector<JointCourse> courses(assembly.joints.size());
@@ -134,10 +139,10 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
     equations.begin(0.0, assembly.states, {0.0, 0.0, -kGravity}, loads, courses);
     ImplicitStep step(equations);
     step.load(assembly.states, equations);
-    step.begin(0.0, 0.1, ImplicitRule::kMidpoint, &equations);
-    if (rule == ImplicitRule::kBdf2) {  // with a step before it, whatever that found
+    step.begin(0.0, 0.1, ImplicitRule::kMidpoint, 0.0, &equations);
+    if (rule != ImplicitRule::kMidpoint) {  // with a step before it, whatever that found
       step.finish(ImplicitStep::Unknowns(step.size(), 0.01), &equations);
-      step.begin(0.1, 0.1, rule, &equations);
+      step.begin(0.1, 0.1, rule, softness, &equations);
     }
 
     Random random;
@@ -603,6 +608,66 @@ TEST(EnergyMomentum, DoubledRodsOfAHeavyChainChangeNothing) {
   EXPECT_EQ(record.stiff_steps, 90u);
   EXPECT_EQ(doubled.report().dependent_rows, 3u);
   EXPECT_LE(problems::largest_difference(single, doubled), 1e-9);
+}
+
+// ---- joints that contradict each other
+
+Why only_reason(const World& world) { return world.islands().front().why; }
+
+TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
+  World world = with(World(), 0.01);
+  const BodyId bob = problems::add_mass(&world, "bob", {1.0, 0.0, 0.0});
+  const JointId shorter = world.add_joint(hang("shorter", bob, rod(1.0)));
+  const JointId longer = world.add_joint(hang("longer", bob, rod(1.2)));
+  run(world, 100);
+  EXPECT_EQ(only_reason(world), Why::kConflict);
+  // ½(d² − 1)² + ½(d² − 1.44)² is least where d² = 1.22; the weight moves that by 1e-9 of it
+  const double middle = std::sqrt(1.22);
+  double highest = -kInfinity, lowest = kInfinity;
+  for (int i = 0; i < 1000; ++i) {
+    ASSERT_FALSE(world.step().failed);
+    EXPECT_NEAR(world.joint_state(shorter).error, middle - 1.0, 1e-6);
+    EXPECT_NEAR(world.joint_state(longer).error, middle - 1.2, 1e-6);
+    highest = std::max(highest, world.energy());
+    lowest = std::min(lowest, world.energy());
+  }
+  EXPECT_LE(highest - lowest, 0.05);  // BDF2 on a swing of 10 J: no shaking
+  EXPECT_EQ(only_reason(world), Why::kConflict);
+
+  world.remove_joint(longer);
+  run(world, 100);
+  EXPECT_EQ(only_reason(world), Why::kSmooth);
+  EXPECT_LE(std::abs(world.joint_state(shorter).error), 1e-12);
+}
+
+TEST(EnergyMomentum, WhatIsOutOfReachIsPulledStraight) {
+  World world = with(World(), 0.01);
+  const BodyId bob = problems::add_mass(&world, "bob", {1.0, 0.0, -0.2});
+  world.add_joint(hang("left", bob, rod(1.0)));
+  world.add_joint(
+      make_joint("right", kWorldBody, {3.0, 0.0, 0.0}, bob, Vector3d::Zero(), rod(1.0)));
+  run(world, 300);
+  EXPECT_EQ(only_reason(world), Why::kConflict);
+  // straight, and below the line by its weight over what holds it there
+  EXPECT_LE((world.state(bob).position - Vector3d(1.5, 0.0, 0.0)).norm(), 1e-6);
+  EXPECT_LE(world.state(bob).linear_velocity.norm(), 1e-6);
+}
+
+TEST(EnergyMomentum, MotorsAgainstEachOtherShareTheDifference) {
+  World world = with(World(), 0.01);
+  const BodyId bob = problems::add_mass(&world, "bob", {1.0, 0.0, 0.0});
+  Joint out = hang("out", bob, rod(1.0));
+  out.motor.bias = 0.1;
+  Joint in = hang("in", bob, rod(1.0));
+  in.motor.bias = -0.1;
+  const JointId a = world.add_joint(out), b = world.add_joint(in);
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_FALSE(world.step().failed);
+    EXPECT_EQ(only_reason(world), Why::kConflict);
+  }
+  const double middle = std::sqrt(0.5 * (1.1 * 1.1 + 0.9 * 0.9));
+  EXPECT_NEAR(world.joint_state(a).error, middle - 1.1, 1e-4);  // it moves on, a little behind
+  EXPECT_NEAR(world.joint_state(b).error, middle - 0.9, 1e-4);
 }
 
 // ---- extremes

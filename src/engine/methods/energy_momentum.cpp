@@ -18,6 +18,8 @@ constexpr double kSquared = 1e-16;
 constexpr double kRowSolved = 1e-11;
 
 constexpr int kMostHalvings = 5;
+// What rigid rows give way where they may: the square of their step over their period.
+constexpr double kSoftness = 1e-6;
 constexpr int kSpansUntilLonger = 4;
 
 // Suzuki's coefficients
@@ -33,20 +35,23 @@ bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
   numbers_.resize(2 * equations->size());
   double* const y = numbers_.data();
   equations->load(*states, y);
-  progress->projected = equations->kinetic_energy(y);
-  if (!equations->start(span.t, y, y + equations->size())) return false;
-  progress->projected -= equations->kinetic_energy(y);
-  equations->store(y, states);
+  if (mode_ != ImplicitMode::kGiveWay) {
+    progress->projected = equations->kinetic_energy(y);
+    if (!equations->start(span.t, y, y + equations->size())) return false;
+    progress->projected -= equations->kinetic_energy(y);
+    equations->store(y, states);
+  }
   refinement_ = -1;
   spans_since_ = 0;
   step_before_ = 0.0;
   return true;
 }
 
-Progress EnergyMomentum::advance(const SmoothSpan& span, int order, bool dissipates,
+Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode,
                                  EquationsOfMotion* equations, std::vector<BodyState>* states) {
   Progress progress;
-  const bool is_new = !has_started_ || span.is_edited;
+  const bool is_new = !has_started_ || span.is_edited || mode != mode_;
+  mode_ = mode;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
   if (is_new || equations->has_jumped()) {
     has_started_ = start(span, equations, states, &progress);
@@ -55,8 +60,7 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, int order, bool dissipa
       return progress;
     }
   }
-  rule_ = dissipates ? ImplicitRule::kBdf2 : ImplicitRule::kMidpoint;
-  const bool composes = order == 4 && !dissipates && !step_equations_.has_dampers();
+  const bool composes = mode == ImplicitMode::kOrder4 && !step_equations_.has_dampers();
   const int least = composes ? -1 : 0;
   if (++spans_since_ > kSpansUntilLonger) {
     --refinement_;
@@ -100,9 +104,12 @@ bool EnergyMomentum::composition(double t, double h, EquationsOfMotion* equation
 
 bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
                           Progress* progress) {
+  const bool gives_way = mode_ == ImplicitMode::kGiveWay;
+  ImplicitRule rule = ImplicitRule::kMidpoint;
+  if (gives_way) rule = ImplicitRule::kBdf1;
   const bool goes_on = std::abs(h - step_before_) <= 1e-9 * h;
-  const ImplicitRule rule = goes_on ? rule_ : ImplicitRule::kMidpoint;
-  step_equations_.begin(t, h, rule, equations);
+  if (goes_on && (gives_way || mode_ == ImplicitMode::kDissipate)) rule = ImplicitRule::kBdf2;
+  step_equations_.begin(t, h, rule, gives_way ? kSoftness : 0.0, equations);
   unknowns_ = found_[stage];
   ++progress->substeps;
   double before = std::numeric_limits<double>::infinity();

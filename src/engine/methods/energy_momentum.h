@@ -12,6 +12,14 @@ namespace constraint_sim::engine {
 
 struct SmoothSpan;
 
+/// What is asked of the steps.
+enum class ImplicitMode {
+  kOrder2,     ///< the midpoint rule
+  kOrder4,     ///< composed; of order 2 where there are dampers, which take no steps back
+  kDissipate,  ///< BDF2
+  kGiveWay,    ///< BDF2 with rigid rows a little soft, for those that contradict each other
+};
+
 /// An island with joints, carried through time by steps of ImplicitStep: one a span, or five
 /// of Suzuki's composition of order 4 (Phys. Lett. A 146 (1990) 319). Where Newton's method does
 /// not converge, first without the composition, then with shorter steps.
@@ -19,9 +27,9 @@ class EnergyMomentum {
  public:
   explicit EnergyMomentum(const EquationsOfMotion& equations) : step_equations_(equations) {}
 
-  /// Carries the bodies through the span, with order 2 or 4, or with BDF2 where energy is to be
-  /// taken out; impulses add up in `equations`. Leaves the bodies as they are where it cannot.
-  Progress advance(const SmoothSpan& span, int order, bool dissipates, EquationsOfMotion* equations,
+  /// Carries the bodies through the span; impulses add up in `equations`. Leaves the bodies as they
+  /// are where it cannot.
+  Progress advance(const SmoothSpan& span, ImplicitMode mode, EquationsOfMotion* equations,
                    std::vector<BodyState>* states);
   /// Largest ω of the bodies by what held them in the last step [rad/s].
   double frequency() const { return step_equations_.frequency(); }
@@ -45,7 +53,7 @@ class EnergyMomentum {
   std::vector<double> change_;
   std::vector<double> numbers_;  // a state and its derivative, as EquationsOfMotion has them
   bool has_started_ = false;
-  ImplicitRule rule_ = ImplicitRule::kMidpoint;
+  ImplicitMode mode_ = ImplicitMode::kOrder4;
   double step_before_ = 0.0;  // [s], where BDF2 can go on from it; else 0
   int refinement_ = 0;        // a span is made of this many halvings; -1: of a composition
   int spans_since_ = 0;

@@ -238,33 +238,66 @@ void ImplicitStep::store(const EquationsOfMotion& equations, std::vector<BodySta
 
 // ---- one step
 
-void ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotion* equations) {
+void ImplicitStep::set_rule(double h, ImplicitRule rule) {
   rule_ = rule;
   h_ = h;
-  const bool is_midpoint = rule == ImplicitRule::kMidpoint;
-  s_ = is_midpoint ? 0.5 * h * h : 4.0 / 9.0 * h * h;
-  share_ = is_midpoint ? 0.5 : 1.0;
-  equations->look(t);
-  for (std::size_t p = bodies_; p < x_.size(); ++p) x_[p] = equations->position(p);
-  scale_ = 0.0;
-  for (std::size_t p = 0; p < x_.size(); ++p)
-    scale_ = std::max(scale_, x_[p].cwiseAbs().maxCoeff());
+  switch (rule) {
+    case ImplicitRule::kMidpoint:
+      s_ = 0.5 * h * h;
+      share_ = 0.5;
+      break;
+    case ImplicitRule::kBdf2:
+      s_ = 4.0 / 9.0 * h * h;
+      share_ = 1.0;
+      break;
+    case ImplicitRule::kBdf1:
+      s_ = h * h;
+      share_ = 1.0;
+      break;
+  }
+}
+
+// what a step would do without forces, and what it has to add up to
+void ImplicitStep::predict() {
+  const double h = h_;
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    p_[i] = h * v_[i];
+    if (rule_ == ImplicitRule::kBdf2)
+      p_[i] = dx_before_[i] / 3.0 + h / 9.0 * (8.0 * v_[i] - 2.0 * v_before_[i]);
+    v_before_[i] = v_[i];
+  }
   for (std::size_t i = 0; i < turning_; ++i) {
     Turning& turn = turn_[i];
     turn.R0 = q_[i].toRotationMatrix();
     turn.J0 = turn.R0 * inertia_[i].asDiagonal() * turn.R0.transpose();
     const Vector3d L = turn.J0 * spin_[i];
-    turn.a = is_midpoint ? Vector3d(0.5 * h * spin_[i]) : Vector3d(w_before_[i] / 3.0);
-    turn.b =
-        is_midpoint ? Vector3d(0.5 * h * L) : Vector3d(h / 9.0 * (8.0 * L - 2.0 * L_before_[i]));
+    switch (rule_) {
+      case ImplicitRule::kMidpoint:
+        turn.a = 0.5 * h * spin_[i];
+        turn.b = 0.5 * h * L;
+        break;
+      case ImplicitRule::kBdf2:
+        turn.a = w_before_[i] / 3.0;
+        turn.b = h / 9.0 * (8.0 * L - 2.0 * L_before_[i]);
+        break;
+      case ImplicitRule::kBdf1:
+        turn.a.setZero();
+        turn.b = h * L;
+        break;
+    }
     L_before_[i] = L;
   }
-  for (std::size_t i = 0; i < bodies_; ++i) {
-    p_[i] = is_midpoint
-                ? Vector3d(h * v_[i])
-                : Vector3d(dx_before_[i] / 3.0 + h / 9.0 * (8.0 * v_[i] - 2.0 * v_before_[i]));
-    v_before_[i] = v_[i];
-  }
+}
+
+void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
+                         EquationsOfMotion* equations) {
+  set_rule(h, rule);
+  predict();
+  equations->look(t);
+  for (std::size_t p = bodies_; p < x_.size(); ++p) x_[p] = equations->position(p);
+  scale_ = 0.0;
+  for (std::size_t p = 0; p < x_.size(); ++p)
+    scale_ = std::max(scale_, x_[p].cwiseAbs().maxCoeff());
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
     Shape& shape = shapes_[l];
@@ -291,13 +324,14 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
     if (link.kind == Kind::kRod) shape.scale /= shape.d0.norm();
     shape.is_left_out = false;
   }
-  if (may_depend_) leave_out_dependent(t, equations);
+  if (may_depend_ && softness == 0.0) leave_out_dependent(t, equations);
 
   equations->look(t + h);
   for (std::size_t p = bodies_; p < x_.size(); ++p) shift_[p] = equations->position(p) - x_[p];
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
     Shape& shape = shapes_[l];
+    if (link.kind != Kind::kSpring) shape.compliance = softness * s_ / (shape.scale * shape.scale);
     if (link.kind == Kind::kBall) {
       shape.offset = equations->offset(l);
       continue;
@@ -309,18 +343,26 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
       continue;
     }
     // midpoint: σ = −k (½(s₀ + s₁) − ½(ℓ₀ + ℓ₁)) − (c/h)(s₁ − s₀ − (ℓ₁ − ℓ₀))
-    // BDF2:     σ = −k (s₁ − ℓ₁) − (c/2h)(3 s₁ − 4 s₀ + s₋) + c ℓ̇₁,  both divided by that of s₁
+    // BDF2:     σ = −k (s₁ − ℓ₁) − (c/2h)(3 s₁ − 4 s₀ + s₋) + c ℓ̇₁, of BDF1 alike;
+    // each divided by what it has of s₁
     const double k = link.stiffness;
     const double rate = link.damping / h;
     const double s0 = shape.d0.norm();
-    if (is_midpoint) {
-      shape.compliance = 1.0 / (0.5 * k + rate);
-      shape.target = length - shape.compliance * (0.5 * k - rate) * (s0 - shape.target);
-    } else {
-      shape.compliance = 1.0 / (k + 1.5 * rate);
-      const double speed = equations->length(l).rate;
-      shape.target = shape.compliance *
-                     (k * length + link.damping * speed + rate * (2.0 * s0 - 0.5 * shape.before));
+    const double speed = equations->length(l).rate;
+    switch (rule) {
+      case ImplicitRule::kMidpoint:
+        shape.compliance = 1.0 / (0.5 * k + rate);
+        shape.target = length - shape.compliance * (0.5 * k - rate) * (s0 - shape.target);
+        break;
+      case ImplicitRule::kBdf2:
+        shape.compliance = 1.0 / (k + 1.5 * rate);
+        shape.target = shape.compliance *
+                       (k * length + link.damping * speed + rate * (2.0 * s0 - 0.5 * shape.before));
+        break;
+      case ImplicitRule::kBdf1:
+        shape.compliance = 1.0 / (k + rate);
+        shape.target = shape.compliance * (k * length + link.damping * speed + rate * s0);
+        break;
     }
     shape.before = s0;
     shape.scale =
@@ -444,7 +486,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
   Matrix3d P = Matrix3d::Zero();
   Matrix3d pull = Matrix3d::Identity(), gradient = pull;  // columns; one of rods and springs
   Vector3d value;
-  double compliance = 0.0;
+  const double compliance = shape->compliance;
   const double lambda = unknowns[at(link.unknown)];
   switch (link.kind) {
     case Kind::kRod:
@@ -452,12 +494,12 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
       P.diagonal().setConstant(lambda);
       pull.col(0) = d;
       gradient.col(0) = d1;
-      value[0] = 0.5 * d1.squaredNorm() - shape->target;
+      value[0] = 0.5 * d1.squaredNorm() - shape->target + compliance * lambda;
       note_row(std::abs(value[0]) / std::sqrt(2.0 * shape->target));
       break;
     case Kind::kBall:
       shape->force = ConstVector(unknowns.data() + link.unknown);
-      value = d1 - shape->offset;
+      value = d1 - shape->offset + compliance * shape->force;
       note_row(value.norm());
       break;
     case Kind::kSpring: {
@@ -465,7 +507,6 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
       const double s = (1.0 - share_) * shape->d0.norm() + share_ * s1;
       const Vector3d n1 = s1 > 0.0 ? Vector3d(d1 / s1) : Vector3d(Vector3d::UnitX());
       const Vector3d n = s > 0.0 ? Vector3d(d / s) : Vector3d(Vector3d::UnitX());
-      compliance = shape->compliance;
       shape->force = lambda * n;
       if (s > 0.0) P = lambda / s * (Matrix3d::Identity() - n * n1.transpose());
       pull.col(0) = n;
@@ -546,7 +587,7 @@ void ImplicitStep::evaluate_rod(const Link& link, Shape* shape, const Unknowns& 
   const bool is_in = !shape->is_left_out;
   const double lambda = is_in ? unknowns[at(link.unknown)] : 0.0;
   shape->force = lambda * shape->d;
-  const double value = 0.5 * d1.squaredNorm() - shape->target;
+  const double value = 0.5 * d1.squaredNorm() - shape->target + shape->compliance * lambda;
   note_row(std::abs(value) / std::sqrt(2.0 * shape->target));
 
   const double scale = is_in ? shape->scale : 0.0;
@@ -567,7 +608,7 @@ void ImplicitStep::evaluate_rod(const Link& link, Shape* shape, const Unknowns& 
     }
     Vector(residual_.data() + row.unknown) -= (s_ * row.sign) * shape->force;
   }
-  if (!is_in) values[slots_[slot]] += 1.0;
+  values[slots_[slot]] += is_in ? scale * shape->compliance * right_[at(link.unknown)] : 1.0;
   residual_[at(link.unknown)] = is_in ? value : 0.0;
 }
 
@@ -619,18 +660,26 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
   }
   frequency_ = std::sqrt(*std::max_element(squares_.begin(), squares_.end()));
 
-  const bool is_midpoint = rule_ == ImplicitRule::kMidpoint;
+  // of Δx or w, its like of the step before, and the velocity there
+  const auto rate = [&](const Vector3d& change, const Vector3d& before, const Vector3d& velocity) {
+    switch (rule_) {
+      case ImplicitRule::kMidpoint:
+        return Vector3d(2.0 / h_ * change - velocity);
+      case ImplicitRule::kBdf2:
+        return Vector3d((1.5 * change - 0.5 * before) / h_);
+      default:
+        return Vector3d(change / h_);
+    }
+  };
   for (std::size_t i = 0; i < bodies_; ++i) {
     const auto first = at(first_unknown_[i]);
     const ConstVector dx(unknowns.data() + first);
     x_[i] += dx;
-    v_[i] = is_midpoint ? Vector3d(2.0 / h_ * dx - v_[i])
-                        : Vector3d((1.5 * dx - 0.5 * dx_before_[i]) / h_);
+    v_[i] = rate(dx, dx_before_[i], v_[i]);
     dx_before_[i] = dx;
     if (i >= turning_) continue;
     const ConstVector w(unknowns.data() + first + 3);
-    const Vector3d spin = is_midpoint ? Vector3d(2.0 / h_ * w - spin_[i])
-                                      : Vector3d((1.5 * w - 0.5 * w_before_[i]) / h_);
+    const Vector3d spin = rate(w, w_before_[i], spin_[i]);
     w_before_[i] = w;
     spin_[i] = spin + w.cross(mean_rotation(w) * spin);
     const Vector3d half = 0.5 * w;

@@ -21,6 +21,8 @@ enum class ImplicitRule {
   /// Takes the energy out of such motions: backward differences of order 2. Hairer & Wanner II,
   /// section V.1.
   kBdf2,
+  /// The same of order 1, implicit Euler: needs no step before it.
+  kBdf1,
 };
 
 /// One step of an island as a system of equations for Newton's method. Unknowns: Δx and, of a body
@@ -29,13 +31,15 @@ enum class ImplicitRule {
 ///   r_x = m (Δx − p) − s f
 ///   r_w = (1 + ½ŵ) J₀ (w − a) − (1 − ½ŵ)(b + s T)       J₀ = R₀ I R₀ᵀ
 ///   g = 0 at the end of the step
-/// with forces f and torques T at the mean d̄, r̄ (midpoint) or at the end (BDF2), and
+/// with forces f and torques T at the mean d̄, r̄ (midpoint) or at the end, and
 ///   midpoint: s = h²/2,  p = h v₀,                          a = ½ h ω₀,  b = ½ h L₀
+///   BDF1:     s = h²,    p = h v₀,                          a = 0,       b = h L₀
 ///   BDF2:     s = 4h²/9, p = Δx₋/3 + (8 v₀ − 2 v₋) h/9,     a = w₋/3,    b = (8 L₀ − 2 L₋) h/9
 /// where minus is of the step before. A rod has g = ½(d·d − ℓ²) and pulls with λ d; a ball joint
 /// has g = d and pulls with λ; a spring pulls with λ d/‖d‖ (midpoint: d̄ over the mean of ‖d‖), and
 /// has for g its law divided by its stiffness, so that none is too stiff. Equations and unknowns
-/// are scaled: bodies by √m, rows to unit norm.
+/// are scaled: bodies by √m, rows to unit norm. With a `softness` rigid rows give way, g + ελ = 0,
+/// so that those that contradict each other meet where the sum of m_eff g² is least.
 class ImplicitStep {
  public:
   explicit ImplicitStep(const EquationsOfMotion& equations);
@@ -54,7 +58,8 @@ class ImplicitStep {
 
   /// From time t to t + h [s], h of either sign; `equations` know what acts. BDF2 goes on from a
   /// finish() of the same h, whatever its rule, with the state as it was left.
-  void begin(double t, double h, ImplicitRule rule, EquationsOfMotion* equations);
+  /// `softness` is ε in units of s/m_eff.
+  void begin(double t, double h, ImplicitRule rule, double softness, EquationsOfMotion* equations);
   /// The residual and its derivative there.
   void evaluate(const Unknowns& unknowns);
   const std::vector<double>& residual() const { return residual_; }
@@ -98,7 +103,7 @@ class ImplicitStep {
   struct Shape {
     Eigen::Vector3d d0, r0[2];
     double target = 0.0;      // ½ℓ² of a rod; of a spring what its law has of before [m]
-    double compliance = 0.0;  // of a spring [m/N]
+    double compliance = 0.0;  // ε, of a spring [m/N]
     Eigen::Vector3d offset;   // of a ball joint
     double scale = 1.0;       // of its equations
     double before = 0.0;      // ‖d‖ of a spring a step ago [m]
@@ -116,6 +121,8 @@ class ImplicitStep {
   };
 
   void make_nodes(const EquationsOfMotion& equations);
+  void set_rule(double h, ImplicitRule rule);
+  void predict();
   void find_slots();
   void leave_out_dependent(double t, EquationsOfMotion* equations);
   void evaluate_bodies(const Unknowns& unknowns);

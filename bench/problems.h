@@ -242,10 +242,12 @@ inline std::vector<Eigen::Vector3d> chain_reference(int links, double duration,
   return chain_positions(y);
 }
 
-/// Where heavy_chain() is after `duration` [m]; of a step of 1/(4 ω), ω the fastest motion of the
-/// links, halving changes nothing above 1e-11 m.
-inline std::vector<Eigen::Vector3d> heavy_chain_reference(double end_mass, bool moves_in_line,
-                                                          double duration) {
+/// Where heavy_chain() is at `samples` times until `duration` [m]; of a step of 4/ω, ω the fastest
+/// motion of the links, halving changes nothing above 1e-11 m.
+inline std::vector<std::vector<Eigen::Vector3d>> heavy_chain_references(double end_mass,
+                                                                        bool moves_in_line,
+                                                                        double duration,
+                                                                        int samples) {
   constexpr std::size_t kLinks = 11;
   Reals y(2 * kLinks, -std::acos(Real{-1}) / 2);
   for (std::size_t i = 0; i < kLinks; ++i) y[kLinks + i] = 0;
@@ -254,9 +256,21 @@ inline std::vector<Eigen::Vector3d> heavy_chain_reference(double end_mass, bool 
   else
     y[2 * kLinks - 1] = 1;
   const double fastest = std::sqrt(4.0 * end_mass * kGravity / 0.1);
-  const int steps = static_cast<int>(std::ceil(0.25 * fastest * duration));
-  return chain_positions(integrate(ChainInAngles(kLinks, static_cast<Real>(end_mass), 0.1L), y,
-                                   static_cast<Real>(duration), steps));
+  const Real interval = static_cast<Real>(duration) / samples;
+  const int steps = static_cast<int>(std::ceil(0.25 * fastest * duration / samples));
+  const ChainInAngles chain(kLinks, static_cast<Real>(end_mass), 0.1L);
+  std::vector<std::vector<Eigen::Vector3d>> positions;
+  for (int i = 0; i < samples; ++i) {
+    y = integrate(chain, y, interval, steps);
+    positions.push_back(chain_positions(y));
+  }
+  return positions;
+}
+
+/// The same at the end alone.
+inline std::vector<Eigen::Vector3d> heavy_chain_reference(double end_mass, bool moves_in_line,
+                                                          double duration) {
+  return heavy_chain_references(end_mass, moves_in_line, duration, 1).back();
 }
 
 /// Where top k of four_bar(windows, is_loaded) is after `duration`, less its foot [m]: all uprights

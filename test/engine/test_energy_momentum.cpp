@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 
 #include "counted_allocations.h"
 #include "engine/methods/implicit_step.h"
@@ -111,8 +112,8 @@ struct Assembly {
   }
 
   EquationsOfMotion equations() const {
-    std::vector<int> all;
-    for (int j = 0; j < static_cast<int>(joints.size()); ++j) all.push_back(j);
+    std::vector<int> all(joints.size());
+    std::iota(all.begin(), all.end(), 0);
     return EquationsOfMotion(all, joints, ends, masses);
   }
 };

@@ -296,8 +296,7 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
   equations->look(t);
   for (std::size_t p = bodies_; p < x_.size(); ++p) x_[p] = equations->position(p);
   scale_ = 0.0;
-  for (std::size_t p = 0; p < x_.size(); ++p)
-    scale_ = std::max(scale_, x_[p].cwiseAbs().maxCoeff());
+  for (const Vector3d& x : x_) scale_ = std::max(scale_, x.cwiseAbs().maxCoeff());
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
     Shape& shape = shapes_[l];

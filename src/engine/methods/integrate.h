@@ -1,9 +1,11 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <limits>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -16,7 +18,7 @@ namespace constraint_sim::engine {
 // A System has a state of size() numbers and these functions, t in simulated seconds:
 //   void derivative(std::size_t stage, double t, const double* y, double* dydt);
 //   bool project(double t, double* y);             onto what positions have to keep; false: cannot
-//   void accept(double h, const double* weights, std::size_t stages);  they have made a step
+//   template <class Pair> void accept(double h);   the stages have made a step
 //   bool restart(double* y, double* dydt);         after project(): projects velocities, stage 0
 //   double squared_size_of(const double* dy, double h);  of an error over a step of h [m²]
 
@@ -78,28 +80,39 @@ struct FourthOrderError {
   static constexpr double at(std::size_t j) { return DormandPrince5::kE4[j]; }
 };
 
-/// Σ w_j k_j of one element over j < kTerms; w_0 is not zero.
-template <class Weights, std::size_t kTerms = Weights::kTerms>
-double sum(const double* k, std::size_t n) {
+using Two = Eigen::Array2d;
+
+template <class Number>
+Number read(const double* numbers) {
+  if constexpr (std::is_same_v<Number, double>)
+    return *numbers;
+  else
+    return Eigen::Map<const Number>(numbers);
+}
+
+/// Σ w_j k_j over j < kTerms of one element, or of several as one Number; w_0 is not zero.
+template <class Weights, class Number = double, std::size_t kTerms = Weights::kTerms>
+Number sum(const double* k, std::size_t n) {
   constexpr double kWeight = Weights::at(kTerms - 1);
   if constexpr (kTerms == 1)
-    return kWeight * k[0];
+    return kWeight * read<Number>(k);
   else if constexpr (kWeight == 0.0)
-    return sum<Weights, kTerms - 1>(k, n);
+    return sum<Weights, Number, kTerms - 1>(k, n);
   else
-    return sum<Weights, kTerms - 1>(k, n) + kWeight * k[(kTerms - 1) * n];
+    return sum<Weights, Number, kTerms - 1>(k, n) + kWeight * read<Number>(k + (kTerms - 1) * n);
 }
 
+/// n is even.
 template <class Weights>
-void weigh(const double* __restrict k, std::size_t n, double* __restrict result) {
-  for (std::size_t e = 0; e < n; ++e) result[e] = sum<Weights>(k + e, n);
+void weigh(const double* k, std::size_t n, double* result) {
+  for (std::size_t e = 0; e < n; e += 2) Eigen::Map<Two>(result + e) = sum<Weights, Two>(k + e, n);
 }
 
-/// y = y0 + h Σ kA[stage][j] k_j.
+/// y = y0 + h Σ kA[stage][j] k_j; n is even.
 template <class Pair, std::size_t kStage>
-void combine(const double* __restrict y0, const double* __restrict k, std::size_t n, double h,
-             double* __restrict y) {
-  for (std::size_t e = 0; e < n; ++e) y[e] = y0[e] + h * sum<StageWeights<Pair, kStage>>(k + e, n);
+void combine(const double* y0, const double* k, std::size_t n, double h, double* y) {
+  for (std::size_t e = 0; e < n; e += 2)
+    Eigen::Map<Two>(y + e) = read<Two>(y0 + e) + h * sum<StageWeights<Pair, kStage>, Two>(k + e, n);
 }
 
 template <class Pair, std::size_t kStage>
@@ -184,8 +197,8 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
   double left = duration;
   if (tolerance == 0.0) step = duration;
   while (left > 0.0) {
-    const double parts = std::ceil(left / step);
-    const double h = parts > 1.0 ? left / parts : left;
+    const bool is_last = left <= step;
+    const double h = is_last ? left : left / std::ceil(left / step);
     if (progress.substeps + progress.rejected > runge_kutta::kMostAttempts || t + h == t) {
       progress.done = false;
       return progress;
@@ -197,16 +210,16 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
       ++progress.rejected;
       continue;
     }
-    left = parts > 1.0 ? left - h : 0.0;
+    left = is_last ? 0.0 : left - h;
     t = end - left;
     ++progress.substeps;
     progress.local_error += error;
-    system.accept(h, Pair::kA[Pair::kStages], Pair::kStages);
-    std::copy(memory.candidate(), memory.candidate() + system.size(), memory.state());
-    if (!system.restart(memory.state(), memory.derivatives())) {
+    system.template accept<Pair>(h);
+    if (!system.restart(memory.candidate(), memory.derivatives())) {
       progress.done = false;
       return progress;
     }
+    std::copy(memory.candidate(), memory.candidate() + system.size(), memory.state());
   }
   return progress;
 }

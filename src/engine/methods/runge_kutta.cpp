@@ -3,6 +3,8 @@
 #include <array>
 #include <utility>
 
+#include "engine/methods/chain_of_rods.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -45,7 +47,8 @@ class Turning {
     Eigen::Map<Eigen::Vector4d>(y).normalize();
     return true;
   }
-  void accept(double, const double*, std::size_t) {}
+  template <class Pair>
+  void accept(double) {}
   bool restart(const double* y, double* dydt) const {
     derivative(0, end_, y, dydt);
     return true;
@@ -78,12 +81,19 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
     has_started_ = equations_.start(span.t, y, memory.derivatives());
     if (!has_started_) return {false, 0.0, 0, 1};
   }
-  const Progress progress = integrate(equations_, memory, span.t, span.h, accuracy, step_);
+  const Progress progress = integrate_equations(memory, span, accuracy);
   if (progress.done)
     equations_.store(y, states);
   else
     has_started_ = false;
   return progress;
+}
+
+Progress LinkedMotion::integrate_equations(const StageMemory& memory, const SmoothSpan& span,
+                                           const Accuracy& accuracy) {
+  if (!equations_.is_chain()) return integrate(equations_, memory, span.t, span.h, accuracy, step_);
+  ChainOfRods chain(equations_);
+  return integrate(chain, memory, span.t, span.h, accuracy, step_);
 }
 
 Progress FreeRotation::advance(double h, const Vector3d& torque, const MassProperties& mass,

@@ -42,6 +42,9 @@ class LinkedMotion {
   void forget() { has_started_ = false; }
 
  private:
+  Progress integrate_equations(const StageMemory& memory, const SmoothSpan& span,
+                               const Accuracy& accuracy);
+
   EquationsOfMotion equations_;
   std::vector<double> numbers_;  // of StageMemory
   double step_ = 0.0;            // what the next substep is tried with [s]

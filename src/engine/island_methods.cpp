@@ -221,6 +221,7 @@ void World::Impl::integrate() {
 // islands that were not integrated in the step before, or were edited: what does not fit begins to
 // be closed
 void World::Impl::enter() {
+  if (entering.empty()) return;
   const JointStep step = joint_step();
   for (const int i : entering) {
     IslandParts& parts = island_parts[at(i)];
@@ -231,7 +232,6 @@ void World::Impl::enter() {
         begin_joint(joints[j], state_a(j), state_b(j), step.t, joint_states[j]);
     }
   }
-  if (entering.empty()) return;
   changing_courses.clear();
   courses.assign(joints.size(), JointCourse{});
   for (const int i : smooth) {
@@ -248,12 +248,11 @@ void World::Impl::enter() {
 
 // where forces or biases jump within the step
 void World::Impl::split_step() {
-  const double t = time();
-  const double t_next = time_of(step_count + 1);
-  span_ends.assign({t, t_next});
+  span_ends.assign({step_start, step_end});
+  if (wrenches.empty() && changing_courses.empty()) return;
   const double margin = 1e-9 * options.time_step;  // nearer to the ends is at the ends
   const auto split_at = [&](double time) {
-    if (time > t + margin && time < t_next - margin) span_ends.push_back(time);
+    if (time > step_start + margin && time < step_end - margin) span_ends.push_back(time);
   };
   for (const Wrench& wrench : wrenches) {
     split_at(wrench.start);

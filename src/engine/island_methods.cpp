@@ -76,7 +76,8 @@ void World::Impl::classify_islands() {
   }
 }
 
-// of each body, what its springs and dampers move it with: ω² ≤ 2 Σk/m, and 2 Σc/m [1/s]
+// of each body, what its springs and dampers move it with: ω² ≤ 2 Σk (1/m + r²/I_min), and the same
+// of c [1/s]
 void World::Impl::find_fastest_springs() {
   fastest_spring.assign(bodies.size(), 0.0);
   std::vector<double> damping;
@@ -84,10 +85,14 @@ void World::Impl::find_fastest_springs() {
     const auto* distance = std::get_if<DistanceJoint>(&joints[j].type);
     if (distance == nullptr || !distance->is_soft() || joint_states[j].broken) continue;
     if (damping.empty()) damping.assign(bodies.size(), 0.0);
-    for (const std::size_t body : {joint_ends[j].first, joint_ends[j].second}) {
-      fastest_spring[body] += 2.0 * masses[body].inverse_mass * distance->stiffness;
-      damping[body] += 2.0 * masses[body].inverse_mass * distance->damping;
-    }
+    const auto add = [&](std::size_t body, const Vector3d& anchor) {
+      const double inverse_mass = masses[body].inverse_mass +
+                                  anchor.squaredNorm() * masses[body].inverse_inertia.maxCoeff();
+      fastest_spring[body] += 2.0 * inverse_mass * distance->stiffness;
+      damping[body] += 2.0 * inverse_mass * distance->damping;
+    };
+    add(joint_ends[j].first, joints[j].anchor_a);
+    add(joint_ends[j].second, joints[j].anchor_b);
   }
   for (std::size_t i = 0; i < damping.size(); ++i)
     fastest_spring[i] = std::max(std::sqrt(fastest_spring[i]), damping[i]);
@@ -228,7 +233,7 @@ void World::Impl::enter() {
     if (parts.linked >= 0) linked[at(parts.linked)].forget();
     for (const int index : parts.members.joints) {
       const std::size_t j = at(index);
-      if (is_rigid(joints[j]) && !fits(joint_states[j], step))
+      if (is_rigid(joints[j]) && !fits(joints[j], state_a(j), state_b(j), step, joint_states[j]))
         begin_joint(joints[j], state_a(j), state_b(j), step.t, joint_states[j]);
     }
   }

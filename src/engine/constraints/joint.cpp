@@ -230,10 +230,13 @@ Course JointCourse::share_to_close(double t) const {
   return is_closing() ? closing_course(t - closing_since_, closing_time_) : Course{};
 }
 
-bool fits(const JointState& state, const JointStep& step) {
+bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+          const JointState& state) {
   if (!state.closing) return std::abs(state.error) <= kFits;
-  const Course share = closing_course(step.t - state.closing_since, step.closing_time);
-  return std::abs(state.error - share.value * state.initial_error) <= kFits;
+  const double share = closing_course(step.t - state.closing_since, step.closing_time).value;
+  if (std::holds_alternative<BallJoint>(joint.type))  // may be off by this, but not elsewhere
+    return (AnchorPair(joint, a, b).d - share * state.closing_offset).norm() <= kFits;
+  return std::abs(state.error - share * state.initial_error) <= kFits;
 }
 
 void finish_span(const JointStep& span, JointState& state) { state.travel += state.bias * span.h; }

@@ -8,7 +8,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kDuration = 2.5;  // [s]
+constexpr double kDuration = 5.0;  // [s]
 
 World with(World world, double time_step, double tolerance, int order) {
   WorldOptions options = world.options();
@@ -34,8 +34,11 @@ void print_line(const char* name, World world) {
               options.tolerance, ratios.size());
   if (ratios.size() >= 20) {
     const std::size_t twentieth = ratios.size() / 20;
-    std::printf(" %10.2f %10.2f %10.2f", ratios[twentieth], ratios[ratios.size() / 2],
-                ratios[ratios.size() - 1 - twentieth]);
+    const auto is_within = [](double ratio) { return ratio >= 0.1 && ratio <= 30.0; };
+    const auto within = std::count_if(ratios.begin(), ratios.end(), is_within);
+    std::printf(" %10.2f %10.2f %10.2f %10.2f %10.2f %9.1f %%", ratios.front(), ratios[twentieth],
+                ratios[ratios.size() / 2], ratios[ratios.size() - 1 - twentieth], ratios.back(),
+                100.0 * static_cast<double>(within) / static_cast<double>(ratios.size()));
   }
   std::printf("\n");
 }
@@ -45,8 +48,8 @@ void print_line(const char* name, World world) {
 
 int main() {
   using namespace constraint_sim::engine;
-  std::printf("%-16s %5s %8s %9s %6s %10s %10s %10s\n", "scene", "order", "tick", "tolerance",
-              "ticks", "5 %", "median", "95 %");
+  std::printf("%-16s %5s %8s %9s %6s %10s %10s %10s %10s %10s %11s\n", "scene", "order", "tick",
+              "tolerance", "ticks", "least", "5 %", "median", "95 %", "most", "0.1 to 30");
   const std::pair<const char*, World> scenes[] = {{"free_box", problems::free_box()},
                                                   {"pendulum", problems::chain(1)},
                                                   {"double_pendulum", problems::chain(2)},

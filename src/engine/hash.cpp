@@ -74,6 +74,9 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   hash.add(joint.break_force);
   hash.add(std::uint64_t{joint.collide_connected});
   hash.add(std::uint64_t{state.broken});
+  if (!state.closing) return;
+  hash.add(state.closing_since);
+  hash.add(state.closing_offset);
 }
 
 void add(Fnv1a& hash, const Wrench& wrench, const std::string& body) {

@@ -87,7 +87,8 @@ void World::Impl::classify_islands() {
   }
 }
 
-// of each body, what its springs and dampers move it with: ω² ≤ 2 Σk/m, and 2 Σc/m [1/s]
+// of each body, what its springs and dampers move it with: ω² ≤ 2 Σk (1/m + r²/I_min), and the same
+// of c [1/s]
 void World::Impl::find_fastest_springs() {
   fastest_spring.assign(bodies.size(), 0.0);
   std::vector<double> damping;
@@ -95,10 +96,14 @@ void World::Impl::find_fastest_springs() {
     const auto* distance = std::get_if<DistanceJoint>(&joints[j].type);
     if (distance == nullptr || !distance->is_soft() || joint_states[j].broken) continue;
     if (damping.empty()) damping.assign(bodies.size(), 0.0);
-    for (const std::size_t body : {joint_ends[j].first, joint_ends[j].second}) {
-      fastest_spring[body] += 2.0 * masses[body].inverse_mass * distance->stiffness;
-      damping[body] += 2.0 * masses[body].inverse_mass * distance->damping;
-    }
+    const auto add = [&](std::size_t body, const Vector3d& anchor) {
+      const double inverse_mass = masses[body].inverse_mass +
+                                  anchor.squaredNorm() * masses[body].inverse_inertia.maxCoeff();
+      fastest_spring[body] += 2.0 * inverse_mass * distance->stiffness;
+      damping[body] += 2.0 * inverse_mass * distance->damping;
+    };
+    add(joint_ends[j].first, joints[j].anchor_a);
+    add(joint_ends[j].second, joints[j].anchor_b);
   }
   for (std::size_t i = 0; i < damping.size(); ++i)
     fastest_spring[i] = std::max(std::sqrt(fastest_spring[i]), damping[i]);
@@ -259,16 +264,16 @@ void World::Impl::integrate() {
 // islands that were not integrated in the step before, or were edited: what does not fit begins to
 // be closed
 void World::Impl::enter() {
+  if (entering.empty()) return;
   const JointStep step = joint_step();
   for (const int i : entering) {
     IslandParts& parts = island_parts[at(i)];
     for (const int index : parts.members.joints) {
       const std::size_t j = at(index);
-      if (is_rigid(joints[j]) && !fits(joint_states[j], step))
+      if (is_rigid(joints[j]) && !fits(joints[j], state_a(j), state_b(j), step, joint_states[j]))
         begin_joint(joints[j], state_a(j), state_b(j), step.t, joint_states[j]);
     }
   }
-  if (entering.empty()) return;
   changing_courses.clear();
   courses.assign(joints.size(), JointCourse{});
   for (const int i : smooth) {
@@ -285,12 +290,11 @@ void World::Impl::enter() {
 
 // where forces or biases jump within the step
 void World::Impl::split_step() {
-  const double t = time();
-  const double t_next = time_of(step_count + 1);
-  span_ends.assign({t, t_next});
+  span_ends.assign({step_start, step_end});
+  if (wrenches.empty() && changing_courses.empty()) return;
   const double margin = 1e-9 * options.time_step;  // nearer to the ends is at the ends
   const auto split_at = [&](double time) {
-    if (time > t + margin && time < t_next - margin) span_ends.push_back(time);
+    if (time > step_start + margin && time < step_end - margin) span_ends.push_back(time);
   };
   for (const Wrench& wrench : wrenches) {
     split_at(wrench.start);
@@ -409,7 +413,8 @@ Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& sp
 void World::Impl::wait_for_agreement(std::size_t i) {
   const auto is_met = [&](int index) {
     const std::size_t j = at(index);
-    return !is_rigid(joints[j]) || fits(joint_states[j], joint_step());
+    return !is_rigid(joints[j]) ||
+           fits(joints[j], state_a(j), state_b(j), joint_step(), joint_states[j]);
   };
   const std::vector<int>& members = island_parts[i].members.joints;
   if (!std::all_of(members.begin(), members.end(), is_met))

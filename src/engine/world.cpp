@@ -32,6 +32,8 @@ void World::Impl::begin_step() {
   if (edited) recompile();
   states_before = states;
   joint_states_before = joint_states;
+  step_start = time();
+  step_end = time_of(step_count + 1);
   report = StepReport{};
 }
 
@@ -78,8 +80,9 @@ void World::Impl::recompile() {
   classify_islands();
   is_fresh = true;
 
-  largest_kinetic_energy = kinetic_energy();
-  reference_energy = largest_kinetic_energy + potential_energy();
+  const Energy now = energy();
+  largest_kinetic_energy = now.kinetic;
+  reference_energy = now.kinetic + now.potential;
 }
 
 void World::Impl::find_pairs() {
@@ -186,12 +189,10 @@ void World::Impl::update_velocities() {
 
 void World::Impl::apply_wrenches() {
   const double h = options.time_step;
-  const double t = time();
-  const double t_next = time_of(step_count + 1);
   for (const Wrench& wrench : wrenches) {
-    const bool acts_throughout = wrench.start <= t && wrench.end >= t_next;
+    const bool acts_throughout = wrench.start <= step_start && wrench.end >= step_end;
     const double duration =
-        acts_throughout ? h : std::min(wrench.end, t_next) - std::max(wrench.start, t);
+        acts_throughout ? h : std::min(wrench.end, step_end) - std::max(wrench.start, step_start);
     if (duration <= 0.0) continue;  // not yet
     const std::size_t i = index(wrench.body);
     if (islands[static_cast<std::size_t>(island_of[i])].method != Method::kSequentialImpulses)
@@ -228,25 +229,28 @@ void World::Impl::finish_step() {
     contacts.clear();
     report.failed = true;
   } else {
-    read_joints(joint_step());
-    read_smooth_joints(joint_step());
+    const JointStep step = joint_step();
+    read_joints(step);
+    read_smooth_joints(step);
     read_contacts();
     ++step_count;
     drop_spent_wrenches();
     is_fresh = false;
   }
   report.step = step_count;
-  report.time = time();
+  report.time = report.failed ? step_start : step_end;
   measure();
 }
 
 // a sum that a single NaN or infinity spoils
 bool World::Impl::is_finite() const {
-  double sum = 0.0;
-  for (const BodyState& body : states)
-    sum += body.position.sum() + body.orientation.coeffs().sum() + body.linear_velocity.sum() +
-           body.angular_velocity.sum();
-  return std::isfinite(sum);
+  Vector3d sum = Vector3d::Zero();
+  Eigen::Vector4d turned = Eigen::Vector4d::Zero();
+  for (std::size_t i = 1; i < states.size(); ++i) {
+    sum += states[i].position + states[i].linear_velocity + states[i].angular_velocity;
+    turned += states[i].orientation.coeffs();
+  }
+  return std::isfinite(sum.sum() + turned.sum());
 }
 
 void World::Impl::read_joints(const JointStep& step) {
@@ -282,8 +286,9 @@ void World::Impl::read_contacts() {
 }
 
 void World::Impl::drop_spent_wrenches() {
-  const auto is_spent = [now = time()](const Wrench& wrench) {
-    return wrench.end <= std::max(now, wrench.start);
+  if (wrenches.empty()) return;
+  const auto is_spent = [this](const Wrench& wrench) {
+    return wrench.end <= std::max(step_end, wrench.start);
   };
   wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_spent), wrenches.end());
 }
@@ -296,35 +301,30 @@ void World::Impl::measure() {
     report.max_constraint_error = error;
     report.worst_joint = joint_ids[j];
   }
-  const double kinetic = kinetic_energy();
-  largest_kinetic_energy = std::max(largest_kinetic_energy, kinetic);
-  report.energy = kinetic + potential_energy();
+  const Energy now = energy();
+  largest_kinetic_energy = std::max(largest_kinetic_energy, now.kinetic);
+  report.energy = now.kinetic + now.potential;
   if (largest_kinetic_energy > 0.0)
     report.energy_drift = (report.energy - reference_energy) / largest_kinetic_energy;
 }
 
-double World::Impl::kinetic_energy() const {
-  double energy = 0.0;
+Energy World::Impl::energy() const {
+  Energy energy;
   for (std::size_t i = 1; i < states.size(); ++i) {
     if (!is_movable(i)) continue;
-    energy += 0.5 / masses[i].inverse_mass * states[i].linear_velocity.squaredNorm();
+    const double mass = 1.0 / masses[i].inverse_mass;
+    energy.kinetic += 0.5 * mass * states[i].linear_velocity.squaredNorm();
+    energy.potential -= mass * options.gravity.dot(states[i].position);
     if (!masses[i].can_turn()) continue;
     const Vector3d w = states[i].orientation.conjugate() * states[i].angular_velocity;
-    energy += 0.5 * w.dot(masses[i].inertia.cwiseProduct(w));
+    energy.kinetic += 0.5 * w.dot(masses[i].inertia.cwiseProduct(w));
   }
-  return energy;
-}
-
-double World::Impl::potential_energy() const {
-  double energy = 0.0;
-  for (std::size_t i = 1; i < states.size(); ++i)
-    if (is_movable(i)) energy -= options.gravity.dot(states[i].position) / masses[i].inverse_mass;
   for (std::size_t j = 0; j < joints.size(); ++j)
-    energy += elastic_energy(joints[j], joint_states[j]);
+    energy.potential += elastic_energy(joints[j], joint_states[j]);
   return energy;
 }
 
-JointStep World::Impl::joint_step() const { return span_from(time(), options.time_step); }
+JointStep World::Impl::joint_step() const { return span_from(step_start, options.time_step); }
 
 JointStep World::Impl::span_from(double t, double h) const {
   const bool by_baumgarte = options.method == Method::kSequentialImpulses;

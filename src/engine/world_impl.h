@@ -35,6 +35,11 @@ struct JointStart {
   bool broken = false;
 };
 
+/// Of gravity, with 0 at the height 0, and of springs where potential [J].
+struct Energy {
+  double kinetic = 0.0, potential = 0.0;
+};
+
 /// What an island is made of, and what is kept for it from step to step.
 struct IslandParts {
   IslandMembers members;
@@ -105,9 +110,10 @@ struct World::Impl {
   std::vector<int> changing_courses;  // joints whose course is not constant
 
   // ---- what one stage hands to the next, and one step to the following
-  std::vector<double> span_ends;  // of the spans of a step in which nothing jumps [s]
-  std::vector<Load> loads;        // of wrenches, in a span
-  bool had_loads = false;         // in the span before
+  double step_start = 0.0, step_end = 0.0;  // simulated [s]
+  std::vector<double> span_ends;            // of the spans of a step in which nothing jumps [s]
+  std::vector<Load> loads;                  // of wrenches, in a span
+  bool had_loads = false;                   // in the span before
   Broadphase broadphase;
   std::vector<Proxy> proxies;
   std::vector<TouchingPair> touching;         // sorted by bodies
@@ -189,8 +195,7 @@ struct World::Impl {
   bool is_movable(std::size_t body) const { return masses[body].is_movable(); }
   const BodyState& state_a(std::size_t j) const;
   const BodyState& state_b(std::size_t j) const;
-  double kinetic_energy() const;
-  double potential_energy() const;
+  Energy energy() const;
 };
 
 /// Times one stage, from construction to destruction, where there is a clock.

@@ -97,6 +97,20 @@ TEST(Islands, HaveTheMethodThatTheirJointsAskFor) {
   EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 100.0, 1.0)))).why, Why::kSmooth);
 }
 
+TEST(Islands, SpringsOffCentreAreStifferOnSlimBodies) {
+  // pushed at 0.5 m from the centre, 1/m + r²/I_min is far above 1/m
+  const auto why = [](const Vector3d& anchor) {
+    World world(automatic());
+    Joint joint = hang("j", {}, spring(1.0, 1e6, 0.0));
+    joint.body_b = world.add_body(make_body("rod", Box{{0.02, 0.02, 1.0}}, 1.0, {1.0, 0.0, 0.0}));
+    joint.anchor_b = anchor;
+    world.add_joint(joint);
+    return only_island(world).why;
+  };
+  EXPECT_EQ(why({0.0, 0.0, 0.0}), Why::kSmooth);
+  EXPECT_EQ(why({0.0, 0.0, 0.5}), Why::kStiff);
+}
+
 TEST(Islands, SpringsAreIntegratedWhileSubstepsArePaying) {
   // one spring on one mass: ω = √(2k/m) is the bound, 40 of it in a tick the limit
   const double limit = 0.5 * std::pow(40.0 / 0.01, 2);

@@ -1,5 +1,6 @@
 // Motors, springs, ropes, struts, breaking, and joints of no length.
 
+#include "engine/constraints/joint.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -514,6 +515,27 @@ WorldOptions closing_options(double time_step) {
 double quintic(double u) {
   return u >= 1.0 ? 0.0
                   : 1.0 - 10.0 * std::pow(u, 3) + 15.0 * std::pow(u, 4) - 6.0 * std::pow(u, 5);
+}
+
+TEST(Closing, ABallJointOffElsewhereThanItMayBeDoesNotFit) {
+  Joint joint;
+  joint.type = BallJoint{};
+  BodyState a, b;
+  b.position = {0.01, 0.0, 0.0};
+  JointState state;
+  begin_joint(joint, a, b, 0.0, state);
+  const JointStep start{0.0, 0.01, 0.1, 0.4};
+  EXPECT_TRUE(fits(joint, a, b, start, state));
+  b.position = {0.0, 0.01, 0.0};
+  EXPECT_FALSE(fits(joint, a, b, start, state));
+}
+
+TEST(Closing, IsPartOfTheStateThatIsHashed) {
+  Hanging hanging(closing_options(0.01), 5.0, 1.5, rod(1.0));
+  hanging.world.step();
+  World again = hanging.world;  // nothing moves, but the closing begins anew
+  for (const BodyId id : again.body_ids()) again.set_state(id, again.state(id));
+  EXPECT_NE(again.state_hash(), hanging.world.state_hash());
 }
 
 TEST(Closing, ARodTooShortClosesByTheQuintic) {

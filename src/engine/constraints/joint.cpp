@@ -85,18 +85,14 @@ int prepare_rows(const BallJoint&, const Joint& joint, const AnchorPair& anchors
   return count;
 }
 
-void measure(const DistanceJoint& distance, const AnchorPair& anchors, const Eigen::Vector3d& d_dot,
-             double zeta, JointState& state) {
-  state.error = distance_error(distance, anchors.d.norm(), state.travel);
-  state.reached_rate = direction(anchors).dot(d_dot);
+void measure(const DistanceJoint& distance, double length, double zeta, JointState& state) {
+  state.error = distance_error(distance, length, state.travel);
   const bool is_slack = is_between_limits(distance) && state.error == 0.0;
   state.error_rate = is_slack ? 0.0 : state.reached_rate - zeta;
 }
 
-void measure(const BallJoint&, const AnchorPair& anchors, const Eigen::Vector3d& d_dot, double,
-             JointState& state) {
-  state.error = anchors.d.norm();
-  state.reached_rate = direction(anchors).dot(d_dot);
+void measure(const BallJoint&, double length, double, JointState& state) {
+  state.error = length;
   state.error_rate = state.reached_rate;
 }
 
@@ -106,7 +102,9 @@ void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, d
                    JointState& state) {
   const AnchorPair anchors(joint, a, b);
   const Eigen::Vector3d d_dot = anchors.d_dot(a, b);
-  std::visit([&](const auto& type) { measure(type, anchors, d_dot, zeta, state); }, joint.type);
+  const double length = anchors.d.norm();
+  state.reached_rate = length > 0.0 ? anchors.d.dot(d_dot) / length : direction(anchors).dot(d_dot);
+  std::visit([&](const auto& type) { measure(type, length, zeta, state); }, joint.type);
 }
 
 // what the step added to the motor's travel; a motor at its force limit gives way, and holds from
@@ -232,10 +230,13 @@ Course JointCourse::share_to_close(double t) const {
   return is_closing() ? closing_course(t - closing_since_, closing_time_) : Course{};
 }
 
-bool fits(const JointState& state, const JointStep& step) {
+bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+          const JointState& state) {
   if (!state.closing) return std::abs(state.error) <= kFits;
-  const Course share = closing_course(step.t - state.closing_since, step.closing_time);
-  return std::abs(state.error - share.value * state.initial_error) <= kFits;
+  const double share = closing_course(step.t - state.closing_since, step.closing_time).value;
+  if (std::holds_alternative<BallJoint>(joint.type))  // may be off by this, but not elsewhere
+    return (AnchorPair(joint, a, b).d - share * state.closing_offset).norm() <= kFits;
+  return std::abs(state.error - share * state.initial_error) <= kFits;
 }
 
 void finish_span(const JointStep& span, JointState& state) { state.travel += state.bias * span.h; }

@@ -67,7 +67,8 @@ class JointCourse {
 };
 
 /// Whether a joint is off by no more than what it is closing, and so can be kept exactly from here.
-bool fits(const JointState& state, const JointStep& step);
+bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+          const JointState& state);
 
 /// Adds what the motor moved in a span.
 void finish_span(const JointStep& span, JointState& state);

@@ -122,7 +122,10 @@ void World::reset() {
 
 const StepReport& World::report() const { return impl_->report; }
 const std::vector<Contact>& World::contacts() const { return impl_->contacts; }
-double World::energy() const { return impl_->kinetic_energy() + impl_->potential_energy(); }
+double World::energy() const {
+  const Energy now = impl_->energy();
+  return now.kinetic + now.potential;
+}
 
 std::vector<Island> World::islands() const {
   if (!impl_->edited) return impl_->islands;

@@ -108,7 +108,6 @@ void SparseLdlt::analyze(int n, const std::vector<std::pair<int, int>>& entries)
       is_updated_[row_of_[p]] = true;
   values_.assign(size + row_of_.size(), 0.0);
   inverse_diagonal_.assign(size, 0.0);
-  pivot_.assign(size, 0.0);
   work_.assign(size, 0.0);
 }
 
@@ -124,39 +123,29 @@ SparseLdlt::Slot SparseLdlt::slot(int i, int j) const {
 }
 
 int SparseLdlt::factor(double least) {
-  return is_forest_ ? factor_forest(least, [](std::size_t, std::size_t, double) {})
-                    : factor_any(least);
-}
-
-int SparseLdlt::factor_and_solve(double least, double* b) {
-  const int touched = factor_forest(
-      least, [b](std::size_t k, std::size_t parent, double L) { b[parent] -= L * b[k]; });
-  substitute_back(b);
-  return touched;
+  return is_forest_ ? factor_forest(least) : factor_any(least);
 }
 
 // No column has more than one entry, so none but its parent's pivot changes.
-template <class Eliminate>
-int SparseLdlt::factor_forest(double least, const Eliminate& eliminate) {
+int SparseLdlt::factor_forest(double least) {
   const double* const diagonal = values_.data();
   double* lower = values_.data() + n_;
-  double* const pivots = pivot_.data();
+  double* const taken = work_.data();  // off the pivots by their children; zero before and after
   double* const inverses = inverse_diagonal_.data();
   const std::size_t* const parents = parent_.data();
   const std::size_t n = n_;
   int touched = 0;
   smallest_touched_ = 1.0;
-  std::copy(diagonal, diagonal + n, pivots);
   for (std::size_t k = 0; k < n; ++k) {
-    double pivot = pivots[k];
-    if (pivot < least * diagonal[k]) pivot = touch(k, least, &touched);
+    double pivot = diagonal[k] - taken[k];
+    taken[k] = 0.0;
+    if (pivot < least * diagonal[k]) pivot = touch(k, pivot, least, &touched);
     if (pivot == 0.0) pivot = kInfinity;  // of an empty row
     // two divisions, since the next pivot waits for the second alone
     inverses[k] = 1.0 / pivot;
     if (parents[k] == n) continue;
-    pivots[parents[k]] -= *lower * *lower / pivot;
-    *lower *= inverses[k];
-    eliminate(k, parents[k], *lower++);
+    taken[parents[k]] += *lower * *lower / pivot;
+    *lower++ *= inverses[k];
   }
   return touched;
 }
@@ -169,15 +158,15 @@ int SparseLdlt::factor_leaving_out(double least) {
   return left_out;
 }
 
-double SparseLdlt::touch(std::size_t k, double least, int* touched) {
+double SparseLdlt::touch(std::size_t k, double pivot, double least, int* touched) {
   const double entry = values_[k];
-  smallest_touched_ = std::min(smallest_touched_, pivot_[k] / entry);
+  smallest_touched_ = std::min(smallest_touched_, pivot / entry);
   ++*touched;
   if (leaves_out_) {
     left_out_[k] = 1;
     return 0.0;
   }
-  return pivot_[k] + least * entry;
+  return pivot + least * entry;
 }
 
 int SparseLdlt::factor_any(double least) {
@@ -200,8 +189,7 @@ int SparseLdlt::factor_any(double least) {
       for (std::size_t p = at + 1; p < column_start_[k + 1]; ++p)
         work_[row_of_[p]] -= lower[p] * scaled;
     }
-    pivot_[j] = pivot;
-    if (pivot < least * diagonal[j]) pivot = touch(j, least, &touched);
+    if (pivot < least * diagonal[j]) pivot = touch(j, pivot, least, &touched);
     const double inverse = pivot != 0.0 ? 1.0 / pivot : 0.0;  // 0 of an empty row
     diagonal[j] = pivot;
     inverse_diagonal_[j] = inverse;
@@ -216,18 +204,11 @@ void SparseLdlt::solve(double* b) const { is_forest_ ? solve_forest(b) : solve_a
 
 void SparseLdlt::solve_forest(double* b) const {
   const double* lower = values_.data() + n_;
+  const double* const inverses = inverse_diagonal_.data();
   const std::size_t* const parents = parent_.data();
   const std::size_t n = n_;
   for (std::size_t k = 0; k < n; ++k)
     if (parents[k] < n) b[parents[k]] -= *lower++ * b[k];
-  substitute_back(b);
-}
-
-void SparseLdlt::substitute_back(double* b) const {
-  const double* lower = values_.data() + values_.size();
-  const double* const inverses = inverse_diagonal_.data();
-  const std::size_t* const parents = parent_.data();
-  const std::size_t n = n_;
   for (std::size_t k = n; k-- > 0;) {
     const double x = b[k] * inverses[k];
     b[k] = parents[k] < n ? x - *--lower * b[parents[k]] : x;

@@ -34,23 +34,15 @@ class SparseLdlt {
   int factor_leaving_out(double least);
   bool is_left_out(std::size_t place) const { return left_out_[place] != 0; }
 
-  /// factor(), and A⁻¹ b in place of b if no pivot was touched; of forests only.
-  int factor_and_solve(double least, double* b);
-  /// Whether the graph of the pattern has no loops and no entry twice. Then no column of L has more
-  /// than one entry, every value is one of A, and none needs to be zero before.
-  bool is_forest() const { return is_forest_; }
-
   /// Where row i stands in the elimination, and so in what solve() takes.
   int place(int i) const { return order_[static_cast<std::size_t>(i)]; }
   /// Replaces b by A⁻¹ b, both in the order of the elimination.
   void solve(double* b) const;
 
  private:
-  template <class Eliminate>
-  int factor_forest(double least, const Eliminate& eliminate);
-  void substitute_back(double* b) const;
+  int factor_forest(double least);
   int factor_any(double least);
-  double touch(std::size_t k, double least, int* touched);
+  double touch(std::size_t k, double pivot, double least, int* touched);
   void solve_forest(double* b) const;
   void solve_any(double* b) const;
 
@@ -58,7 +50,7 @@ class SparseLdlt {
   std::vector<int> order_;                 // of original rows: place in the elimination
   std::vector<std::size_t> column_start_;  // of L without diagonal, by columns
   std::vector<std::size_t> row_of_;
-  bool is_forest_ = true;
+  bool is_forest_ = true;  // no loops, no entry twice: no column of L has more than one entry
   std::vector<std::size_t> parent_;     // the first row of each column; n_ where there is none
   std::vector<char> is_updated_;        // whether columns before change this one below the diagonal
   std::vector<std::size_t> row_start_;  // of L without diagonal, by rows
@@ -66,7 +58,6 @@ class SparseLdlt {
   std::vector<std::size_t> place_of_;   // and where it lies among the columns
   // the diagonal in elimination order, then L by columns; A before factor()
   std::vector<double> values_;
-  std::vector<double> pivot_;
   std::vector<double> inverse_diagonal_;
   std::vector<double> work_;
   double smallest_touched_ = 1.0;

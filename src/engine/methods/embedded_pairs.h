@@ -76,6 +76,20 @@ struct DormandPrince8 {
                                           -0.1521609496625161,
                                           0.20136540080403034,
                                           0.02265179219836082};
+  // and of order 4, of the stages at 0, 1/3, 3/5 and 6/7, whose order is that of its quadrature,
+  // since Σ_j a_ij c_j^k = c_i^(k+1)/(k+1) there for k up to 2
+  static constexpr double kE4[kStages] = {-0.05218774736491272,
+                                          0.0,
+                                          0.0,
+                                          0.0,
+                                          0.0,
+                                          3.9900856200251362,
+                                          1.8915178993145003,
+                                          -5.801203960010585,
+                                          0.3111643669578199,
+                                          -0.24861156694646672,
+                                          -0.13547522770326484,
+                                          0.04471061572777259};
 };
 
 /// Dormand & Prince 5(4), J. Comp. Appl. Math. 6 (1980) 19. Stable on the imaginary axis up to
@@ -84,7 +98,7 @@ struct DormandPrince5 {
   static constexpr int kOrder = 5;
   static constexpr std::size_t kStages = 6;
   static constexpr bool kNeedsNext = true;
-  static constexpr int kErrorOrder = 5;
+  static constexpr int kErrorOrder = 6;  // of the estimate of one step
   static constexpr double kC[kStages] = {0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0};
   static constexpr double kA[kStages + 1][kStages] = {
       {0.0},
@@ -95,11 +109,18 @@ struct DormandPrince5 {
       {9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0},
       {35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0},
   };
-  // of the difference to the embedded formula of order 4; the last of the derivative at the new
-  // state
+  // of the differences to embedded formulas; the last of the derivative at the new state. That of
+  // order 4 is theirs.
   static constexpr double kE4[kStages + 1] = {
       -71.0 / 57600.0,    0.0,           71.0 / 16695.0, -71.0 / 1920.0,
       17253.0 / 339200.0, -22.0 / 525.0, 1.0 / 40.0};
+  // To the formula of order 3 of the stages at 0, 3/10 and 4/5, whose order is that of its
+  // quadrature, since Σ_j a_ij c_j = c_i²/2 there; and to the trapezoidal rule, of order 2.
+  static constexpr double kE3[kStages + 1] = {
+      -7.0 / 1152.0, 0.0, 16.0 / 3339.0, 37.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0, 0.0};
+  static constexpr double kE2[kStages + 1] = {
+      -157.0 / 384.0,   0.0,         500.0 / 1113.0, 125.0 / 192.0,
+      -2187.0 / 6784.0, 11.0 / 84.0, -1.0 / 2.0};
 };
 
 }  // namespace constraint_sim::engine

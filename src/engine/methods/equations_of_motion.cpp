@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <unordered_map>
 
 #include "engine/methods/embedded_pairs.h"
 
@@ -18,9 +19,8 @@ using Vector = Eigen::Map<Vector3d>;
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr std::size_t kMostStages = DormandPrince8::kStages + 1;
 
-// Dependent rows: pivots below this share of their diagonal entry get it added, and the solution
-// is refined. Below the second one they are taken for dependent and not for a mass ratio.
-constexpr double kLeastPivot = 1e-8;
+// Pivots below this share of their diagonal entry are taken for dependent rows and not for a mass
+// ratio.
 constexpr double kRoundOffPivot = 1e-13;
 constexpr int kRefinements = 3;
 constexpr double kSolved = 1e-6;  // of the right-hand side
@@ -63,9 +63,21 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
                                      const Ends& ends, const std::vector<MassProperties>& masses)
     : joints_(std::move(joints)) {
   find_bodies(all_joints, ends, masses);
+  is_chain_ = order_as_chain(all_joints, ends, masses);
+  for (const int body : bodies_) inverse_mass_.push_back(masses[at(body)].inverse_mass);
+  for (std::size_t i = 0; i < turning_; ++i) {
+    inertia_.push_back(masses[at(bodies_[i])].inertia);
+    radius_of_gyration_.push_back(masses[at(bodies_[i])].radius_of_gyration());
+  }
+  const auto even = [](std::size_t n) { return n + n % 2; };
+  v_at_ = even(3 * bodies_.size());
+  q_at_ = 2 * v_at_;
+  L_at_ = q_at_ + 4 * turning_;
+  size_ = even(L_at_ + 3 * turning_);
   add_links(all_joints, ends, masses);
   couple_rows();
-  has_rods_only_ = first_armed_ == links_.size() && ldlt_.is_forest();
+
+  if (is_chain_) tridiagonal_.resize(rows_.size());
 
   const std::size_t points = inverse_mass_.size();
   for (auto* list : {&position_, &velocity_, &acceleration_, &push_, &load_acceleration_})
@@ -111,21 +123,17 @@ void EquationsOfMotion::find_bodies(const std::vector<Joint>& all_joints, const 
   turning_ = turning.size();
   std::set_difference(others.begin(), others.end(), turning.begin(), turning.end(),
                       std::back_inserter(bodies_));
-  for (const int body : bodies_) inverse_mass_.push_back(masses[at(body)].inverse_mass);
-  for (const int body : turning) {
-    inertia_.push_back(masses[at(body)].inertia);
-    radius_of_gyration_.push_back(masses[at(body)].radius_of_gyration());
-  }
 }
 
 void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const Ends& ends,
                                   const std::vector<MassProperties>& masses) {
+  std::unordered_map<std::size_t, std::size_t> place_of;  // of movable bodies
+  for (std::size_t i = 0; i < bodies_.size(); ++i) place_of[at(bodies_[i])] = i;
   const auto turns_an_end = [&](int j) {
-    const auto turns = [&](std::size_t body) {
-      const auto middle = bodies_.begin() + static_cast<std::ptrdiff_t>(turning_);
-      return std::binary_search(bodies_.begin(), middle, static_cast<int>(body));
+    const auto turns_body = [&](std::size_t body) {
+      return masses[body].is_movable() && turns(place_of.at(body));
     };
-    return turns(ends[at(j)].first) || turns(ends[at(j)].second);
+    return turns_body(ends[at(j)].first) || turns_body(ends[at(j)].second);
   };
   const auto kind = [&](int j) {  // rods between centres, other rods, ball joints, springs
     const auto* distance = std::get_if<DistanceJoint>(&all_joints[at(j)].type);
@@ -142,16 +150,9 @@ void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const En
   first_ball_ = count_below(2);
   first_spring_ = count_below(3);
 
-  const auto middle = bodies_.begin() + static_cast<std::ptrdiff_t>(turning_);
   const auto point_of = [&](std::size_t body, const Vector3d& anchor) {
-    const int index = static_cast<int>(body);
-    if (masses[body].is_movable()) {
-      auto place = std::lower_bound(bodies_.begin(), middle, index);
-      if (place == middle || *place != index)
-        place = std::lower_bound(middle, bodies_.end(), index);
-      return static_cast<std::size_t>(place - bodies_.begin());
-    }
-    fixed_points_.push_back({index, anchor, BodyState{}});
+    if (masses[body].is_movable()) return place_of.at(body);
+    fixed_points_.push_back({static_cast<int>(body), anchor, BodyState{}});
     inverse_mass_.push_back(0.0);
     return inverse_mass_.size() - 1;
   };
@@ -167,10 +168,10 @@ void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const En
       link.stiffness = distance->stiffness;
       link.damping = distance->damping;
     }
-    const std::size_t l = links_.size();
     links_.push_back(link);
-    if (l < first_spring_) add_rows(link, is_rod(l) ? 1 : 3);
   }
+  if (is_chain_) turn_along_chain();
+  for (std::size_t l = 0; l < first_spring_; ++l) add_rows(links_[l], is_rod(l) ? 1 : 3);
 }
 
 void EquationsOfMotion::add_rows(const Link& link, int count) {
@@ -248,9 +249,9 @@ void EquationsOfMotion::couple_rows() {
 // ---- a span of time in which nothing jumps
 
 void EquationsOfMotion::load(const std::vector<BodyState>& states, double* y) const {
-  double* v = y + 3 * bodies_.size();
-  double* q = v + 3 * bodies_.size();
-  double* L = q + 4 * turning_;
+  double* v = y + v_at_;
+  double* q = y + q_at_;
+  double* L = y + L_at_;
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     const BodyState& state = states[at(bodies_[i])];
     Vector(y + 3 * i) = state.position;
@@ -263,9 +264,9 @@ void EquationsOfMotion::load(const std::vector<BodyState>& states, double* y) co
 
 void EquationsOfMotion::store(const double* y, std::vector<BodyState>* states) {
   scale_ = std::max(fixed_scale_, largest_coordinate(y));
-  const double* v = y + 3 * bodies_.size();
-  const double* q = v + 3 * bodies_.size();
-  const double* L = q + 4 * turning_;
+  const double* v = y + v_at_;
+  const double* q = y + q_at_;
+  const double* L = y + L_at_;
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     BodyState& state = (*states)[at(bodies_[i])];
     state.position = ConstVector(y + 3 * i);
@@ -365,21 +366,21 @@ Vector3d EquationsOfMotion::impulse(std::size_t l) const {
 
 // ---- for methods that step in their own way
 
-void EquationsOfMotion::look(double t) {
-  ask(t);
-  if (fixed_points_move_) place_fixed_points(t);
-}
-
 Vector3d EquationsOfMotion::offset(std::size_t ball) const {
   for (const auto& [l, course] : courses_)
     if (l == ball) return length_[l].value * course.offset();
   return Vector3d::Zero();
 }
 
-int EquationsOfMotion::find_dependent(double t, const double* y, double least,
+int EquationsOfMotion::find_dependent(double t, const std::vector<Vector3d>& positions,
+                                      const std::vector<Quaterniond>& orientations, double least,
                                       std::vector<char>* rows) {
+  pose_.resize(size());
+  for (std::size_t i = 0; i < bodies_.size(); ++i) Vector(pose_.data() + 3 * i) = positions[i];
+  for (std::size_t i = 0; i < turning_; ++i)
+    Eigen::Map<Eigen::Vector4d>(pose_.data() + q_at_ + 4 * i) = orientations[i].coeffs();
   ask(t);
-  place(t, y);
+  place(t, pose_.data());
   find_matrix();
   const int dependent = ldlt_.factor_leaving_out(least);
   factors_are_there_ = false;
@@ -423,9 +424,9 @@ double EquationsOfMotion::frequency() {
 }
 
 double EquationsOfMotion::kinetic_energy(const double* y) const {
-  const double* const v = y + 3 * bodies_.size();
-  const double* const q = v + 3 * bodies_.size();
-  const double* const L = q + 4 * turning_;
+  const double* const v = y + v_at_;
+  const double* const q = y + q_at_;
+  const double* const L = y + L_at_;
   double energy = 0.0;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
     energy += 0.5 / inverse_mass_[i] * ConstVector(v + 3 * i).squaredNorm();
@@ -457,6 +458,12 @@ void EquationsOfMotion::ask(double t) {
   }
 }
 
+// what does not hang on the state
+void EquationsOfMotion::move_with_time(double t) {
+  ask(t);
+  if (fixed_points_move_) place_fixed_points(t);
+}
+
 void EquationsOfMotion::place(double t, const double* y) {
   place_bodies(y);
   if (fixed_points_move_) place_fixed_points(t);
@@ -466,7 +473,7 @@ void EquationsOfMotion::place(double t, const double* y) {
 
 void EquationsOfMotion::place_bodies(const double* y) {
   copy(y, 3 * bodies_.size(), position_.front().data());
-  const double* q = y + 6 * bodies_.size();
+  const double* q = y + q_at_;
   for (std::size_t i = 0; i < turning_; ++i) {
     const Matrix3d R = rotation_matrix(q + 4 * i);
     orientation_[i] = R;
@@ -536,9 +543,8 @@ void EquationsOfMotion::factor(double least) {
 }
 
 void EquationsOfMotion::set_velocities(const double* y) {
-  const double* v = y + 3 * bodies_.size();
-  copy(v, 3 * bodies_.size(), velocity_.front().data());
-  const double* L = v + 3 * bodies_.size() + 4 * turning_;
+  copy(y + v_at_, 3 * bodies_.size(), velocity_.front().data());
+  const double* L = y + L_at_;
   for (std::size_t i = 0; i < turning_; ++i) {
     const ConstVector momentum(L + 3 * i);
     spin_[i].noalias() = inverse_inertia_[i] * momentum;
@@ -632,13 +638,13 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
   weigh_by_length(lambda);
 
   const std::size_t bodies = bodies_.size();
-  copy(y + 3 * bodies, 3 * bodies, dydt);
+  copy(y + v_at_, 3 * bodies, dydt);
   for (std::size_t i = 0; i < bodies; ++i)
-    Vector(dydt + 3 * (bodies + i)) = free[i] + inverse_mass_[i] * push_[i];
-  const double* q = y + 6 * bodies;
+    Vector(dydt + v_at_ + 3 * i) = free[i] + inverse_mass_[i] * push_[i];
+  const double* q = y + q_at_;
   for (std::size_t i = 0; i < turning_; ++i) {
-    write_quaternion_rate(spin_[i], q + 4 * i, dydt + 6 * bodies + 4 * i);
-    Vector(dydt + 6 * bodies + 4 * turning_ + 3 * i) = torque_[i] + twist_[i];
+    write_quaternion_rate(spin_[i], q + 4 * i, dydt + q_at_ + 4 * i);
+    Vector(dydt + L_at_ + 3 * i) = torque_[i] + twist_[i];
   }
 }
 
@@ -649,62 +655,10 @@ void EquationsOfMotion::weigh_by_length(double* lambda) const {
 
 void EquationsOfMotion::derivative(std::size_t stage, double t, const double* y, double* dydt) {
   ask(t);
-  if (has_rods_only_) {
-    swing_rods(stage, t, y, dydt);
-    return;
-  }
   place(t, y);
   factor(kLeastPivot);
   set_velocities(y);
   accelerate(stage, y, dydt);
-}
-
-// The same for rods between centres alone, where it is worth the lines: one loop for all that is
-// known of a row, and one elimination that factors and solves.
-void EquationsOfMotion::swing_rods(std::size_t stage, double t, const double* y, double* dydt) {
-  const std::size_t bodies = bodies_.size();
-  const double* const v = y + 3 * bodies;
-  double* const lambda = stage_forces_.data() + stage * impulses_.size();
-  if (fixed_points_move_) place_fixed_points(t);
-  const auto position = [&](std::size_t p) {
-    return ConstVector(p < bodies ? y + 3 * p : position_[p].data());
-  };
-  const auto velocity = [&](std::size_t p) {
-    return ConstVector(p < bodies ? v + 3 * p : velocity_[p].data());
-  };
-
-  double* const A = ldlt_.values().data();
-  const Vector3d* const free = load_acceleration_.data();
-  for (std::size_t l = 0; l < rows_.size(); ++l) {
-    const Row& row = rows_[l];
-    const Vector3d d = position(row.b) - position(row.a);
-    const Vector3d d_dot = velocity(row.b) - velocity(row.a);
-    direction_[l] = d;
-    A[row.diagonal] = row.inverse_mass * d.squaredNorm();
-    lambda[row.unknown] =
-        acceleration_target_[l] - d_dot.squaredNorm() - d.dot(free[row.b] - free[row.a]);
-  }
-  for (const LinearCoupling& c : linear_couplings_)
-    A[c.slot] = c.inverse_mass * direction_[c.i].dot(direction_[c.j]);
-  touched_ = ldlt_.factor_and_solve(kLeastPivot, lambda);
-  factors_are_there_ = true;
-  if (touched_ > 0) {  // rare: the whole way
-    place(t, y);
-    factor(kLeastPivot);
-    set_velocities(y);
-    accelerate(stage, y, dydt);
-    return;
-  }
-
-  std::size_t pull = 0;
-  for (std::size_t i = 0; i < bodies; ++i) {
-    Vector3d force = Vector3d::Zero();
-    for (; pull < pulls_end_[i]; ++pull)
-      force += pulls_[pull].sign * lambda[pulls_[pull].unknown] * direction_[pulls_[pull].row];
-    Vector(dydt + 3 * i) = ConstVector(v + 3 * i);
-    Vector(dydt + 3 * (bodies + i)) = free[i] + inverse_mass_[i] * force;
-  }
-  weigh_by_length(lambda);
 }
 
 // ---- projections
@@ -759,7 +713,7 @@ bool EquationsOfMotion::project(double t, double* y) {
   contradicts_ = false;
   if (cannot) return false;
   const std::size_t bodies = bodies_.size();
-  double* const q = y + 6 * bodies;
+  double* const q = y + q_at_;
   ask(t);
   double before = std::numeric_limits<double>::infinity();
   double rounding = 0.0;
@@ -802,8 +756,8 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
       solution_[rows_[i].unknown] = rate_target_[i] - rate_[i];
     solve(solution_.data());
     respond(solution_.data());
-    double* const v = y + 3 * bodies;
-    double* const L = v + 3 * bodies + 4 * turning_;
+    double* const v = y + v_at_;
+    double* const L = y + L_at_;
     for (std::size_t k = 0; k < bodies; ++k) Vector(v + 3 * k) += inverse_mass_[k] * push_[k];
     for (std::size_t k = 0; k < turning_; ++k) Vector(L + 3 * k) += twist_[k];
     weigh_by_length(solution_.data());
@@ -815,16 +769,6 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
   return true;
 }
 
-void EquationsOfMotion::accept(double h, const double* weights, std::size_t stages) {
-  const std::size_t n = impulses_.size();
-  for (std::size_t stage = 0; stage < stages; ++stage) {
-    if (weights[stage] == 0.0) continue;
-    const double weight = h * weights[stage];
-    const double* const forces = stage_forces_.data() + stage * n;
-    for (std::size_t i = 0; i < n; ++i) impulses_[i] += weight * forces[i];
-  }
-}
-
 double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
   const std::size_t bodies = bodies_.size();
   double largest = 0.0;
@@ -833,9 +777,9 @@ double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
   };
   for (std::size_t i = 0; i < bodies; ++i) {
     consider(ConstVector(dy + 3 * i).squaredNorm());
-    consider(h * h * ConstVector(dy + 3 * (bodies + i)).squaredNorm());
+    consider(h * h * ConstVector(dy + v_at_ + 3 * i).squaredNorm());
   }
-  const double* dq = dy + 6 * bodies;
+  const double* dq = dy + q_at_;
   for (std::size_t i = 0; i < turning_; ++i) {
     const double turned = 2.0 * radius_of_gyration_[i];
     const double norm = Eigen::Map<const Eigen::Vector4d>(dq + 4 * i).squaredNorm();

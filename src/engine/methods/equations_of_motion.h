@@ -9,7 +9,9 @@
 #include "constraint_sim/body.h"
 #include "engine/constraints/joint.h"
 #include "engine/linear/sparse_ldlt.h"
+#include "engine/linear/tridiagonal_ldlt.h"
 #include "engine/mass_properties.h"
+#include "engine/methods/integrate.h"
 
 namespace constraint_sim::engine {
 
@@ -40,6 +42,8 @@ class EquationsOfMotion {
   const std::vector<int>& bodies() const { return bodies_; }
   std::size_t turning() const { return turning_; }
   std::size_t rows() const { return rows_.size(); }
+  /// Rods between centres alone, one after the other; joints and bodies are then in this order.
+  bool is_chain() const { return is_chain_; }
 
   // ---- for methods that step these bodies and joints in their own way
 
@@ -66,13 +70,15 @@ class EquationsOfMotion {
   }
   const Eigen::Vector3d& load_torque(std::size_t turning) const { return load_torque_[turning]; }
   /// Moves fixed points, lengths and offsets to time t, for the next three.
-  void look(double t);
+  void move_with_time(double t);
   const Eigen::Vector3d& position(std::size_t fixed_point) const { return position_[fixed_point]; }
   const Course& length(std::size_t l) const { return length_[l]; }
   Eigen::Vector3d offset(std::size_t ball) const;
-  /// Marks rows that follow from others at t and y, where a pivot falls below this share of its
-  /// entry; returns how many.
-  int find_dependent(double t, const double* y, double least, std::vector<char>* rows);
+  /// Marks rows that follow from others where a pivot falls below this share of its entry, with the
+  /// bodies there and those that turn so; returns how many.
+  int find_dependent(double t, const std::vector<Eigen::Vector3d>& positions,
+                     const std::vector<Eigen::Quaterniond>& orientations, double least,
+                     std::vector<char>* rows);
   void add_impulse(std::size_t l, const Eigen::Vector3d& impulse);
   /// What add_impulse() adds after the first can be taken back by the second.
   void keep_impulses() { kept_impulses_ = impulses_; }
@@ -109,14 +115,22 @@ class EquationsOfMotion {
 
   // ---- System
 
-  std::size_t size() const { return 6 * bodies_.size() + 7 * turning_; }
+  std::size_t size() const { return size_; }
   void derivative(std::size_t stage, double t, const double* y, double* dydt);
   bool project(double t, double* y);
-  void accept(double h, const double* weights, std::size_t stages);
+  template <class Pair>
+  void accept(double h) {
+    using Weights = runge_kutta::StageWeights<Pair, Pair::kStages>;
+    const std::size_t n = impulses_.size();
+    for (std::size_t i = 0; i < n; ++i)
+      impulses_[i] += h * runge_kutta::sum<Weights>(stage_forces_.data() + i, n);
+  }
   bool restart(double* y, double* dydt);
   double squared_size_of(const double* dy, double h) const;
 
  private:
+  friend class ChainOfRods;
+
   /// One scalar equation; `turn_a`, `turn_b` into turns_, -1 where the end does not turn.
   struct Row {
     std::size_t a, b;
@@ -152,9 +166,16 @@ class EquationsOfMotion {
   };
   using Ends = std::vector<std::pair<std::size_t, std::size_t>>;
 
+  // Dependent rows: pivots below this share of their diagonal entry get it added, and the solution
+  // is refined.
+  static constexpr double kLeastPivot = 1e-8;
+
   // ---- what is compiled
   void find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
                    const std::vector<MassProperties>& masses);
+  bool order_as_chain(const std::vector<Joint>& all_joints, const Ends& ends,
+                      const std::vector<MassProperties>& masses);
+  void turn_along_chain();
   void add_links(const std::vector<Joint>& all_joints, const Ends& ends,
                  const std::vector<MassProperties>& masses);
   void add_rows(const Link& link, int count);
@@ -165,7 +186,6 @@ class EquationsOfMotion {
   // ---- what happens in one evaluation, in this order
   void ask(double t);
   void place(double t, const double* y);
-  void swing_rods(std::size_t stage, double t, const double* y, double* dydt);
   void place_bodies(const double* y);
   void place_fixed_points(double t);
   void place_links();
@@ -193,6 +213,8 @@ class EquationsOfMotion {
   std::vector<int> joints_;
   std::vector<int> bodies_;
   std::size_t turning_ = 0;
+  // in a state, where x is at 0; even, so that no pair of numbers is of two kinds
+  std::size_t v_at_ = 0, q_at_ = 0, L_at_ = 0, size_ = 0;
   std::vector<Link> links_;
   std::size_t first_armed_ = 0, first_ball_ = 0, first_spring_ = 0;  // among links_
   std::vector<Row> rows_;  // of rods one each, of ball joints three
@@ -206,7 +228,8 @@ class EquationsOfMotion {
   std::vector<Eigen::Vector3d> inertia_;    // of those that turn
   std::vector<double> radius_of_gyration_;  // of those that turn
   SparseLdlt ldlt_;
-  bool has_rods_only_ = false;  // between centres, and without loops
+  bool is_chain_ = false;
+  TridiagonalLdlt tridiagonal_;  // of a chain, where no rows depend on each other
 
   // ---- what acts in this span
   double start_time_ = 0.0;
@@ -240,6 +263,7 @@ class EquationsOfMotion {
   std::vector<double> stage_forces_;  // by unknown, then of springs; stage by stage
   std::vector<double> impulses_;      // the same, summed up
   std::vector<double> kept_impulses_;
+  std::vector<double> pose_;  // a state, for find_dependent()
   std::vector<double> squares_;  // ω² of bodies, for frequency()
 };
 

@@ -81,7 +81,6 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
   right_ = left_;
   residual_ = left_;
   squares_.assign(bodies_, 0.0);
-  numbers_.assign(equations.size(), 0.0);
 }
 
 // Bodies as nodes, from the leaves to a root that is held by the world if one is; the rows between
@@ -293,7 +292,7 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
                          EquationsOfMotion* equations) {
   set_rule(h, rule);
   predict();
-  equations->look(t);
+  equations->move_with_time(t);
   for (std::size_t p = bodies_; p < x_.size(); ++p) x_[p] = equations->position(p);
   scale_ = 0.0;
   for (const Vector3d& x : x_) scale_ = std::max(scale_, x.cwiseAbs().maxCoeff());
@@ -325,7 +324,7 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
   }
   if (may_depend_ && softness == 0.0) leave_out_dependent(t, equations);
 
-  equations->look(t + h);
+  equations->move_with_time(t + h);
   for (std::size_t p = bodies_; p < x_.size(); ++p) shift_[p] = equations->position(p) - x_[p];
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
@@ -391,13 +390,7 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
 // Where rows depend on each other, the last of them have no λ in this step: with another one λ
 // would wander.
 void ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
-  double* const y = numbers_.data();
-  double* const v = y + 3 * bodies_;
-  double* const q = v + 3 * bodies_;
-  for (std::size_t i = 0; i < bodies_; ++i) Vector(y + 3 * i) = x_[i];
-  for (std::size_t i = 0; i < turning_; ++i)
-    Eigen::Map<Eigen::Vector4d>(q + 4 * i) = q_[i].coeffs();
-  if (equations->find_dependent(t, y, kDependentPivot, &is_dependent_) == 0) return;
+  if (equations->find_dependent(t, x_, q_, kDependentPivot, &is_dependent_) == 0) return;
   for (std::size_t l = 0; l < links_.size(); ++l) {
     if (links_[l].kind == Kind::kSpring) continue;
     const std::size_t row = equations->row_of(l);

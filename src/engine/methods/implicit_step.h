@@ -162,7 +162,6 @@ class ImplicitStep {
   std::vector<double> residual_;
   double worst_row_ = 0.0, scale_ = 1.0, frequency_ = 0.0;
   std::vector<char> is_dependent_;
-  std::vector<double> numbers_;  // a state as EquationsOfMotion has it
   std::vector<double> squares_;  // ω² of bodies
 };
 

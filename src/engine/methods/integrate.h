@@ -1,9 +1,12 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <limits>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -16,23 +19,23 @@ namespace constraint_sim::engine {
 // A System has a state of size() numbers and these functions, t in simulated seconds:
 //   void derivative(std::size_t stage, double t, const double* y, double* dydt);
 //   bool project(double t, double* y);             onto what positions have to keep; false: cannot
-//   void accept(double h, const double* weights, std::size_t stages);  they have made a step
+//   template <class Pair> void accept(double h);   the stages have made a step
 //   bool restart(double* y, double* dydt);         after project(): projects velocities, stage 0
 //   double squared_size_of(const double* dy, double h);  of an error over a step of h [m²]
 
-/// Where the numbers are: the state, the candidate for the next one, errors, and the derivatives of
-/// the stages one after the other.
+/// Where the numbers are: the state, the candidate for the next one, an error, and the derivatives
+/// of the stages one after the other.
 class StageMemory {
  public:
-  static constexpr std::size_t kRows = 4 + DormandPrince8::kStages + 1;
+  static constexpr std::size_t kRows = 3 + DormandPrince8::kStages + 1;
 
   /// On `numbers`, kRows times `size` of them.
   StageMemory(double* numbers, std::size_t size) : numbers_(numbers), size_(size) {}
 
   double* state() const { return row(0); }
   double* candidate() const { return row(1); }
-  double* error(std::size_t i) const { return row(2 + i); }
-  double* derivatives() const { return row(4); }
+  double* error() const { return row(2); }
+  double* derivatives() const { return row(3); }
 
  private:
   double* row(std::size_t i) const { return numbers_ + i * size_; }
@@ -68,41 +71,46 @@ struct StageWeights {
   static constexpr std::size_t kTerms = kStage;
   static constexpr double at(std::size_t j) { return Pair::kA[kStage][j]; }
 };
-struct FifthOrderError {
-  static constexpr std::size_t kTerms = DormandPrince8::kStages;
-  static constexpr double at(std::size_t j) { return DormandPrince8::kE5[j]; }
-};
-struct ThirdOrderError {
-  static constexpr std::size_t kTerms = DormandPrince8::kStages;
-  static constexpr double at(std::size_t j) { return DormandPrince8::kE3[j]; }
-};
-struct FourthOrderError {
-  static constexpr std::size_t kTerms = DormandPrince5::kStages + 1;
-  static constexpr double at(std::size_t j) { return DormandPrince5::kE4[j]; }
+/// Of the differences to the embedded formulas.
+template <const auto& kE>
+struct ErrorWeights {
+  static constexpr std::size_t kTerms = std::size(kE);
+  static constexpr double at(std::size_t j) { return kE[j]; }
 };
 
-/// Σ w_j k_j of one element over j < kTerms; w_0 is not zero.
-template <class Weights, std::size_t kTerms = Weights::kTerms>
-double sum(const double* k, std::size_t n) {
+using Two = Eigen::Array2d;
+
+template <class Number>
+Number read(const double* numbers) {
+  if constexpr (std::is_same_v<Number, double>)
+    return *numbers;
+  else
+    return Eigen::Map<const Number>(numbers);
+}
+
+/// Σ w_j k_j over j < kTerms of one element, or of several as one Number; w_0 is not zero.
+template <class Weights, class Number = double, std::size_t kTerms = Weights::kTerms>
+Number sum(const double* k, std::size_t n) {
   constexpr double kWeight = Weights::at(kTerms - 1);
   if constexpr (kTerms == 1)
-    return kWeight * k[0];
+    return kWeight * read<Number>(k);
   else if constexpr (kWeight == 0.0)
-    return sum<Weights, kTerms - 1>(k, n);
+    return sum<Weights, Number, kTerms - 1>(k, n);
   else
-    return sum<Weights, kTerms - 1>(k, n) + kWeight * k[(kTerms - 1) * n];
+    return sum<Weights, Number, kTerms - 1>(k, n) + kWeight * read<Number>(k + (kTerms - 1) * n);
 }
 
+/// n is even.
 template <class Weights>
-void weigh(const double* __restrict k, std::size_t n, double* __restrict result) {
-  for (std::size_t e = 0; e < n; ++e) result[e] = sum<Weights>(k + e, n);
+void weigh(const double* k, std::size_t n, double* result) {
+  for (std::size_t e = 0; e < n; e += 2) Eigen::Map<Two>(result + e) = sum<Weights, Two>(k + e, n);
 }
 
-/// y = y0 + h Σ kA[stage][j] k_j.
+/// y = y0 + h Σ kA[stage][j] k_j; n is even.
 template <class Pair, std::size_t kStage>
-void combine(const double* __restrict y0, const double* __restrict k, std::size_t n, double h,
-             double* __restrict y) {
-  for (std::size_t e = 0; e < n; ++e) y[e] = y0[e] + h * sum<StageWeights<Pair, kStage>>(k + e, n);
+void combine(const double* y0, const double* k, std::size_t n, double h, double* y) {
+  for (std::size_t e = 0; e < n; e += 2)
+    Eigen::Map<Two>(y + e) = read<Two>(y0 + e) + h * sum<StageWeights<Pair, kStage>, Two>(k + e, n);
 }
 
 template <class Pair, std::size_t kStage>
@@ -125,28 +133,38 @@ void all_stages(System& system, const StageMemory& memory, double t, double h,
   (stage<Pair, kBefore + 1>(system, memory, t, h), ...);
 }
 
-/// Hairer's combination of the two embedded formulas falls with h⁸, the error itself with h⁹. What
-/// is missing, h over the time in which the motion changes, is in the ratio of the two, which falls
-/// with h². The factor is fitted to pendulums, chains and free bodies; bench/error_estimates.cpp
-/// prints how well.
-template <class System>
-double estimate(DormandPrince8, const System& system, const StageMemory& memory, double h) {
-  constexpr double kFitted = 10.0;
-  const std::size_t n = system.size();
-  weigh<FifthOrderError>(memory.derivatives(), n, memory.error(0));
-  weigh<ThirdOrderError>(memory.derivatives(), n, memory.error(1));
-  const double fifth2 = system.squared_size_of(memory.error(0), h);
-  const double third2 = system.squared_size_of(memory.error(1), h);
-  if (fifth2 == 0.0) return 0.0;
-  const double combined = h * fifth2 / std::sqrt(fifth2 + 0.01 * third2);
-  return combined * std::min(1.0, kFitted * std::sqrt(std::sqrt(fifth2 / third2)));
+/// Squared size of Σ kE[j] k_j.
+template <const auto& kE, class System>
+double squared_error(const System& system, const StageMemory& memory, double h) {
+  weigh<ErrorWeights<kE>>(memory.derivatives(), system.size(), memory.error());
+  return system.squared_size_of(memory.error(), h);
 }
 
-/// Of the formula of order 4, and so on the safe side.
+// The errors of the embedded formulas fall more slowly than that of the step. The powers of h that
+// are missing are in their ratios; which ones is chosen so that all falls and rises together where
+// a motion turns back, or passes its middle, and every other derivative vanishes. Never more than
+// the error of the best of them. bench/error_estimates.cpp prints how well that works.
+
+/// h⁶ (h⁶/h⁵)(h⁶/h⁴), times a factor fitted to pendulums, chains and free bodies.
+template <class System>
+double estimate(DormandPrince8, const System& system, const StageMemory& memory, double h) {
+  constexpr double kFitted = 4.3;
+  const double fifth2 = squared_error<DormandPrince8::kE5>(system, memory, h);
+  const double fourth2 = squared_error<DormandPrince8::kE4>(system, memory, h);
+  const double third2 = squared_error<DormandPrince8::kE3>(system, memory, h);
+  if (fifth2 == 0.0) return 0.0;
+  const double share2 = kFitted * kFitted * (fifth2 / fourth2) * (fifth2 / third2);
+  return h * std::sqrt(fifth2 * std::min(1.0, share2));
+}
+
+/// h⁵ (h⁴/h³); it needs no factor.
 template <class System>
 double estimate(DormandPrince5, const System& system, const StageMemory& memory, double h) {
-  weigh<FourthOrderError>(memory.derivatives(), system.size(), memory.error(0));
-  return h * std::sqrt(system.squared_size_of(memory.error(0), h));
+  const double fourth2 = squared_error<DormandPrince5::kE4>(system, memory, h);
+  const double third2 = squared_error<DormandPrince5::kE3>(system, memory, h);
+  const double second2 = squared_error<DormandPrince5::kE2>(system, memory, h);
+  if (fourth2 == 0.0) return 0.0;
+  return h * std::sqrt(fourth2 * std::min(1.0, third2 / second2));
 }
 
 /// One step, in candidate(); negative where there is none, else the estimate of its error [m].
@@ -187,8 +205,8 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
   double left = duration;
   if (tolerance == 0.0) step = duration;
   while (left > 0.0) {
-    const double parts = std::ceil(left / step);
-    const double h = parts > 1.0 ? left / parts : left;
+    const bool is_last = left <= step;
+    const double h = is_last ? left : left / std::ceil(left / step);
     if (progress.substeps + progress.rejected > runge_kutta::kMostAttempts || t + h == t) {
       progress.done = false;
       return progress;
@@ -200,16 +218,16 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
       ++progress.rejected;
       continue;
     }
-    left = parts > 1.0 ? left - h : 0.0;
+    left = is_last ? 0.0 : left - h;
     t = end - left;
     ++progress.substeps;
     progress.local_error += error;
-    system.accept(h, Pair::kA[Pair::kStages], Pair::kStages);
-    std::copy(memory.candidate(), memory.candidate() + system.size(), memory.state());
-    if (!system.restart(memory.state(), memory.derivatives())) {
+    system.template accept<Pair>(h);
+    if (!system.restart(memory.candidate(), memory.derivatives())) {
       progress.done = false;
       return progress;
     }
+    std::copy(memory.candidate(), memory.candidate() + system.size(), memory.state());
   }
   return progress;
 }

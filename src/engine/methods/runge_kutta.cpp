@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/methods/chain_of_rods.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -49,7 +51,8 @@ class Turning {
     Eigen::Map<Eigen::Vector4d>(y).normalize();
     return true;
   }
-  void accept(double, const double*, std::size_t) {}
+  template <class Pair>
+  void accept(double) {}
   bool restart(const double* y, double* dydt) const {
     derivative(0, end_, y, dydt);
     return true;
@@ -84,7 +87,7 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
     if (!progress.done) return progress;
     projected = progress.projected;
   }
-  Progress progress = integrate(equations_, memory, span.t, span.h, accuracy, step_);
+  Progress progress = integrate_equations(memory, span, accuracy);
   progress.projected = projected;
   if (kMostStable * progress.substeps >= accuracy.most_frequency * span.h)
     progress.is_stiff = is_stiff(accuracy);
@@ -110,6 +113,13 @@ Progress LinkedMotion::start(const SmoothSpan& span, const Accuracy& accuracy,
   has_started_ = has_started_ && !progress.is_stiff;
   progress.done = has_started_;
   return progress;
+}
+
+Progress LinkedMotion::integrate_equations(const StageMemory& memory, const SmoothSpan& span,
+                                           const Accuracy& accuracy) {
+  if (!equations_.is_chain()) return integrate(equations_, memory, span.t, span.h, accuracy, step_);
+  ChainOfRods chain(equations_);
+  return integrate(chain, memory, span.t, span.h, accuracy, step_);
 }
 
 Progress FreeRotation::advance(double h, const Vector3d& torque, const MassProperties& mass,

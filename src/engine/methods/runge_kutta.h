@@ -50,6 +50,8 @@ class LinkedMotion {
   Progress start(const SmoothSpan& span, const Accuracy& accuracy, const StageMemory& memory);
 
   bool is_stiff(const Accuracy& accuracy);
+  Progress integrate_equations(const StageMemory& memory, const SmoothSpan& span,
+                               const Accuracy& accuracy);
 
   EquationsOfMotion equations_;
   std::vector<double> numbers_;  // of StageMemory

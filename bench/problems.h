@@ -116,6 +116,34 @@ inline World four_bar(int windows, bool is_loaded = false) {
   return world;
 }
 
+/// n × n unit masses 1 m apart, joined to their neighbours by rods, two corners held by rods to the
+/// world; sagging to its middle by about `sag` times n/2.
+inline World net(int n, double sag) {
+  World world;
+  std::vector<BodyId> ids;
+  const auto at = [&](int i, int k) { return ids[static_cast<std::size_t>(i * n + k)]; };
+  const auto depth = [&](int i) { return static_cast<double>(i * (n - 1 - i)) / n; };
+  for (int i = 0; i < n; ++i)
+    for (int k = 0; k < n; ++k)
+      ids.push_back(
+          add_mass(&world, "mass_" + std::to_string(i) + "_" + std::to_string(k),
+                   {static_cast<double>(i), static_cast<double>(k), -sag * (depth(i) + depth(k))}));
+  for (int i = 0; i < n; ++i) {
+    for (int k = 0; k < n; ++k) {
+      if (i + 1 < n) add_rod(&world, at(i, k), at(i + 1, k));
+      if (k + 1 < n) add_rod(&world, at(i, k), at(i, k + 1));
+    }
+  }
+  for (const int k : {0, n - 1}) {
+    Joint corner;
+    corner.name = "corner_" + std::to_string(k);
+    corner.body_b = at(0, k);
+    corner.anchor_a = world.state(at(0, k)).position + Eigen::Vector3d(-1.0, 0.0, 0.0);
+    world.add_joint(corner);
+  }
+  return world;
+}
+
 // ---- references
 
 using Real = long double;

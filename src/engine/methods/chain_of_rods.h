@@ -97,6 +97,7 @@ class ChainOfRods {
     return true;
   }
 
+  double rounding() const { return equations_.rounding(); }
   double squared_size_of(const double* dy, double h) const {
     return equations_.squared_size_of(dy, h);
   }

@@ -769,6 +769,8 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
   return true;
 }
 
+double EquationsOfMotion::rounding() const { return 4.0 * kEpsilon * scale_; }
+
 double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
   const std::size_t bodies = bodies_.size();
   double largest = 0.0;

@@ -126,6 +126,8 @@ class EquationsOfMotion {
       impulses_[i] += h * runge_kutta::sum<Weights>(stage_forces_.data() + i, n);
   }
   bool restart(double* y, double* dydt);
+  /// What no estimate can be below [m].
+  double rounding() const;
   double squared_size_of(const double* dy, double h) const;
 
  private:
@@ -263,7 +265,7 @@ class EquationsOfMotion {
   std::vector<double> stage_forces_;  // by unknown, then of springs; stage by stage
   std::vector<double> impulses_;      // the same, summed up
   std::vector<double> kept_impulses_;
-  std::vector<double> pose_;  // a state, for find_dependent()
+  std::vector<double> pose_;     // a state, for find_dependent()
   std::vector<double> squares_;  // ω² of bodies, for frequency()
 };
 

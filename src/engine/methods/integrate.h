@@ -63,6 +63,7 @@ inline constexpr double kMostShrinking = 0.2;
 inline constexpr double kLeastShrinking = 0.73;
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr int kMostAttempts = 50000;  // in one call: beyond it a step counts as refused
+inline constexpr int kMostFailures = 100;  // of them without any result: rows contradict each other
 
 // Weights of the derivatives, as types, so that what is zero costs nothing.
 
@@ -204,6 +205,7 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
   const double end = t + duration;
   double left = duration;
   if (tolerance == 0.0) step = duration;
+  int failures = 0;
   while (left > 0.0) {
     const bool is_last = left <= step;
     const double h = is_last ? left : left / std::ceil(left / step);
@@ -212,10 +214,15 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
       return progress;
     }
     const double error = runge_kutta::attempt<Pair>(system, memory, t, h);
-    const double allowed = tolerance > 0.0 ? tolerance * h : runge_kutta::kInfinity;
+    const double allowed =
+        tolerance > 0.0 ? std::max(tolerance * h, system.rounding()) : runge_kutta::kInfinity;
     step = h * runge_kutta::stretch<Pair>(error, allowed);
     if (error < 0.0 || error > allowed) {
       ++progress.rejected;
+      if (error < 0.0 && ++failures > runge_kutta::kMostFailures) {
+        progress.done = false;
+        return progress;
+      }
       continue;
     }
     left = is_last ? 0.0 : left - h;

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "engine/methods/chain_of_rods.h"
@@ -57,6 +58,7 @@ class Turning {
     derivative(0, end_, y, dydt);
     return true;
   }
+  double rounding() const { return 4.0 * std::numeric_limits<double>::epsilon() * radius_; }
   double squared_size_of(const double* dy, double) const {
     return 4.0 * radius_ * radius_ * Eigen::Map<const Eigen::Vector4d>(dy).squaredNorm();
   }

@@ -402,7 +402,8 @@ Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& sp
   ImplicitMode mode = options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
   if (options.dissipation) mode = ImplicitMode::kDissipate;
   if (gives_way) mode = ImplicitMode::kGiveWay;
-  const Progress progress = method.advance(span, mode, &motion.equations(), &states);
+  const Progress progress =
+      method.advance(span, mode, options.tolerance, &motion.equations(), &states);
   if (method.frequency() > kCalmShare * most_frequency())
     parts.stiff_until = std::max(parts.stiff_until, step_count + kCalmFor);
   parts.is_stiff = parts.is_stiff && step_count < parts.stiff_until;

@@ -29,8 +29,10 @@ class EnergyMomentum {
 
   /// Carries the bodies through the span; impulses add up in `equations`. Leaves the bodies as they
   /// are where it cannot.
-  Progress advance(const SmoothSpan& span, ImplicitMode mode, EquationsOfMotion* equations,
-                   std::vector<BodyState>* states);
+  /// `tolerance` [m/s] is for the turning of bodies, whose other motion the span is short enough
+  /// for.
+  Progress advance(const SmoothSpan& span, ImplicitMode mode, double tolerance,
+                   EquationsOfMotion* equations, std::vector<BodyState>* states);
   /// Largest ω of the bodies by what held them in the last step [rad/s].
   double frequency() const { return step_equations_.frequency(); }
   double frequency_of(std::size_t body) const { return step_equations_.frequency_of(body); }
@@ -44,6 +46,7 @@ class EnergyMomentum {
              Progress* progress);
   bool step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
             Progress* progress);
+  int parts_for_turning(double h, bool composes, double tolerance) const;
   bool composition(double t, double h, EquationsOfMotion* equations, Progress* progress);
 
   ImplicitStep step_equations_;

@@ -296,6 +296,7 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
   for (std::size_t p = bodies_; p < x_.size(); ++p) x_[p] = equations->position(p);
   scale_ = 0.0;
   for (const Vector3d& x : x_) scale_ = std::max(scale_, x.cwiseAbs().maxCoeff());
+  if (scale_ == 0.0) scale_ = 1.0;  // of points in one place
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
     Shape& shape = shapes_[l];
@@ -602,6 +603,16 @@ void ImplicitStep::evaluate_rod(const Link& link, Shape* shape, const Unknowns& 
   }
   values[slots_[slot]] += is_in ? scale * shape->compliance * right_[at(link.unknown)] : 1.0;
   residual_[at(link.unknown)] = is_in ? value : 0.0;
+}
+
+std::pair<double, double> ImplicitStep::largest_spin(double most_frequency) const {
+  double spin = 0.0, speed = 0.0;
+  for (std::size_t i = 0; i < turning_; ++i) {
+    if (frequency_of(i) > most_frequency) continue;
+    spin = std::max(spin, spin_[i].norm());
+    speed = std::max(speed, spin_[i].norm() * radius_[i]);
+  }
+  return {spin, speed};
 }
 
 double ImplicitStep::add(const double* change, Unknowns* unknowns) const {

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "constraint_sim/body.h"
@@ -77,6 +78,9 @@ class ImplicitStep {
   double frequency() const { return frequency_; }
   /// The same of one body, in the order of EquationsOfMotion.
   double frequency_of(std::size_t body) const { return std::sqrt(squares_[body]); }
+  /// What is largest of those that turn and are swung with an ω of no more than this [rad/s]: spin
+  /// [rad/s], and spin times radius of gyration [m/s].
+  std::pair<double, double> largest_spin(double most_frequency) const;
   /// The largest coordinate or length [m].
   double scale() const { return scale_; }
 

@@ -59,7 +59,7 @@ struct StepReport {
 
   // what it cost
   std::array<std::uint32_t, kMethodCount> islands{};  ///< carried by each method
-  std::uint32_t changes = 0;           ///< islands that have another method than in the step before
+  std::uint32_t changes = 0;           ///< of islands' methods, since the step before or within it
   std::uint32_t substeps = 0;          ///< of all islands
   std::uint32_t rejected = 0;          ///< substeps tried in vain
   std::uint32_t iterations = 0;        ///< sweeps over the rows, and Newton's of stiff islands

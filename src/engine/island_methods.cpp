@@ -424,7 +424,7 @@ void World::Impl::wait_for_agreement(std::size_t i) {
 
 // within a step
 void World::Impl::carry_on_with(std::size_t i, Method method, Why why) {
-  if (!is_fresh) ++report.changes;
+  ++report.changes;
   --islands_by_method[static_cast<std::size_t>(islands[i].method)];
   ++islands_by_method[static_cast<std::size_t>(method)];
   islands[i].method = method;

@@ -70,8 +70,11 @@ Publishers::~Publishers() {
 void Publishers::stepped(const World& world, double seconds) {
   ticks_.add(world, seconds);
   stepped_ = true;
-  // two things change the plan without an edit: a joint tears, a wrench is over
-  if (world.report().torn_joints > 0 || world.wrenches().size() != wrenches_) plan_changed_ = true;
+  // what changes the plan without an edit: a joint tears, a wrench is over, an island has another
+  // method
+  const engine::StepReport& report = world.report();
+  if (report.torn_joints > 0 || report.changes > 0 || world.wrenches().size() != wrenches_)
+    plan_changed_ = true;
   wrenches_ = world.wrenches().size();
 }
 

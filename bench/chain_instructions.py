@@ -1,4 +1,4 @@
-#!/ usr / bin / env python3
+#!/usr/bin/env python3
 """Counts the instructions of a step of chains from 100 to 100 000 links with valgrind.
 
 Usage: chain_instructions.py PATH/TO/constraint_sim_chain_scaling

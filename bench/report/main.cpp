@@ -141,10 +141,14 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
     std::fprintf(stderr, "%s %s %g: %s\n", problem.name.c_str(), variant.name.c_str(), setting.tick,
                  error.what());
   }
-  if (motion.states.empty()) motion = {{0}, {States(problem.bodies.size())}};
   if (result.outcome == "not_finite") {
     motion.sample.pop_back();
     motion.states.pop_back();
+  }
+  if (motion.states.size() < 2) {  // nothing was simulated
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    result.errors = {none, none, none, none, none, none};
+    return result;
   }
   result.errors = errors(problem, motion, reference);
   const States& first = motion.states.front();

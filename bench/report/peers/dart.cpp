@@ -25,6 +25,9 @@ class DartSimulation : public Simulation {
     if (problem.has_shapes())
       world_->getConstraintSolver()->setCollisionDetector(
           dart::collision::DARTCollisionDetector::create());
+    for (const Body& body : problem.bodies)  // DART takes the lower of two
+      if (body.friction != problem.bodies.front().friction)
+        throw Unsupported("friction by the geometric mean");
     nodes_.resize(problem.bodies.size());
     for (const Link& link : tree_of(problem)) add(link);
     for (std::size_t i = 0; i < nodes_.size(); ++i)

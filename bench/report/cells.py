@@ -32,7 +32,8 @@ COLUMNS = {
     'value': 'of the knob: a tick in seconds, a tolerance in the terms of the engine',
     'outcome': '`ok`; `not_finite`; `too_slow`: beyond the budget, errors are those until then; '
                '`refused` by the engine; `unsupported` by the adapter; `crashed`; `hung`',
-    'run_time': 'run time over simulated time, building and measuring left out [µs/s]',
+    'run_time': 'run time over simulated time, without building, measuring, and what other processes '
+                'had of the processor meanwhile [µs/s]',
     'ticks': 'steps asked of the engine',
     'position': 'largest distance of a centre of mass from the reference [m]',
     'orientation': 'largest angle from the reference [rad]',
@@ -44,7 +45,6 @@ COLUMNS = {
     'penetration': 'deepest overlap of spheres, of spheres or boxes and planes [m]',
     'distance': 'how far a body came from its start at most [m]',
 }
-MEMORY = 4 << 30  # [bytes] that a process may use
 GRACE = 5.0  # [s] that a process may take for a setting beyond twice the budget
 
 
@@ -120,7 +120,7 @@ def lines_within(process, limit):
             yield line.decode()
 
 
-def run_batch(batch, references, budget, repeats, perturbation):
+def run_batch(batch, references, budget, repeats, perturbation, memory):
     """Rows of the CSV files. A setting that crashes or hangs is noted, and the rest goes on."""
     variant, values, rows = batch.variant, list(batch.values), []
     label = f'{variant.engine} {variant.name}' + (' perturbed' if perturbation else '')
@@ -129,10 +129,9 @@ def run_batch(batch, references, budget, repeats, perturbation):
                    variant.name, '--budget', str(budget), '--repeats', str(repeats),
                    '--perturb', str(perturbation), *(['--grid'] if batch.grid else []),
                    '--values', *(f'{value:.12g}' for value in values)]
-        # more memory than any problem needs, so that what grows without end is stopped
         process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
-            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)))
+            preexec_fn=lambda: memory and resource.setrlimit(resource.RLIMIT_AS, (memory, memory)))
         current, outcome, finished = None, None, 0
         for line in lines_within(process, 2.0 * budget + GRACE):
             if line is None:

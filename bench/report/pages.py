@@ -181,6 +181,18 @@ HONESTY = [
 ]
 
 
+def exploded_of(grid, contestant):
+    """A sentence on the cells of a contestant that exploded: each case with its ticks."""
+    cases = {}
+    for case, found in sorted(grid.items()):
+        ticks = [f'{tick:.2g}' for tick, kind, _ in found.get(contestant, []) if kind == 'exploded']
+        if ticks:
+            cases[case] = ', '.join(ticks)
+    count = sum(ticks.count(',') + 1 for ticks in cases.values())
+    listed = '; '.join(f'{case} at {ticks} s' for case, ticks in cases.items())
+    return f'{short(contestant)}: {count} exploded' + (f' ({listed}).' if cases else '.')
+
+
 def write(output, rows, grid_rows, problems, variants, own_errors, facts):
     runs = figures.runs_of(rows)
     contestants = sorted({name for found in runs.values() for name in found},
@@ -222,12 +234,8 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
         f'{max((own_errors.get(name, 0.0) for name in runs), default=0.0):.1g} m (references.csv)']
     texts = judgement(lines)
     header, counted = count_lines(counts, in_grid)
-    ours_exploded = sum(counts[name]['exploded'] for name in in_grid if figures.is_ours(name))
-    exploded = sorted({f'{case} ({short(name)}, tick {tick:.2g})' for case, found in grid.items()
-                       for name, found_cells in found.items() if figures.is_ours(name)
-                       for tick, kind, _ in found_cells if kind == 'exploded'})
-    stability = (f'{len(grid)} cases. Ours has {ours_exploded} exploded cells'
-                 + (': ' + ', '.join(exploded) if exploded else '') + '.')
+    stability = f'{len(grid)} cases. ' + ' '.join(exploded_of(grid, name) for name in in_grid
+                                                  if figures.is_ours(name))
     beside, factor = published_lines(runs)
 
     write_markdown(output, facts, texts, lines, stability, header, counted, scaling, conditions)
@@ -261,7 +269,7 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
         kept = [row for row in micro if row['name'].endswith('_median')]
         body += ['<h2>Micro figures</h2>', table(
             ['benchmark (median of 5)', 'ns', 'ns per item'],
-            [[row['name'], brief(float(row['real_time'])),
+            [[row['name'], brief(float(row['cpu_time'])),
               brief(1e9 / float(row['items_per_second']) if row['items_per_second'] else math.nan)]
              for row in kept])]
     if beside:

@@ -175,7 +175,7 @@ Problem cradle() {
       const bool stays = left > run && i + 1 < kCount;
       State& state = states[static_cast<std::size_t>(i)];
       state.position.x() += stays ? run : std::max(0.0, left);
-      state.velocity.x() = !stays && left > 0.0 ? 1.0 : 0.0;
+      state.velocity.x() = !stays && (left > 0.0 || i == 0) ? 1.0 : 0.0;
       left -= run;
     }
     return states;

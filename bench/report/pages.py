@@ -132,7 +132,7 @@ def grid_page(grid, problems, contestants):
             for tick in ticks[name]:
                 kind, worst = found.get(tick, ('n/a', math.nan))
                 text = '' if math.isnan(worst) else '∞' if math.isinf(worst) else \
-                    '0' if worst == 0.0 else f'{math.log10(worst):.0f}'
+                    '0' if worst == 0.0 else str(round(math.log10(worst)))
                 line += (f'<td style="background:{figures.CLASSES[kind]}" '
                          f'title="tick {tick:.3g} s: {kind} {worst:.2g}">{text}</td>')
         rows.append(line + '</tr>')
@@ -146,7 +146,7 @@ rad, whichever is larger), or where there is no reference of energy and constrai
 position error ≤ 1e-6 L; <i>exploded</i>: not finite, position error above 10 L or energy above 10 times
 its scale; <i>stretched</i>: constraint error above 1e-2 L; <i>drifting</i>: energy above 1 %; <i>too
 slow</i>: not done within the budget; <i>n/a</i>: cannot be expressed. Input that is invalid is
-exact where it is refused. Error-controlled engines take ticks as the times between which they
+exact where it is refused and exploded where it is accepted. Error-controlled engines take ticks as the times between which they
 choose their own steps. The mouse shows a cell's figures.</p>
 <table class="grid">{chr(10).join(rows)}</table>""")
 

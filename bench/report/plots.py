@@ -38,7 +38,8 @@ def save(figure, path):
     text = io.StringIO()
     figure.savefig(text, format='svg', metadata={'Date': None})
     plt.close(figure)
-    svg = re.sub(r'(\d+\.\d)\d+', r'\1', text.getvalue())
+    svg = re.sub(r'<[^>]*>', lambda tag: re.sub(r'(\d+\.\d)\d+', r'\1', tag.group(0)),
+                 text.getvalue())
     names = {}
 
     def shared(match):

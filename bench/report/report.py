@@ -35,8 +35,8 @@ QUICK = {
     'grid_ticks': (0.1, 1 / 30, 1 / 240),
     'budget': 0.1, 'grid_budget': 0.04, 'most': 2000,
 }
-FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'budget': 10.0,
-        'grid_budget': 5.0, 'most': 100000}
+FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'budget': 3.0,
+        'grid_budget': 3.0, 'most': 100000}
 TINY = {'problems': ('pendulum', 'oscillator'),
         'leave_out': re.compile('^(?!constraint_sim (auto|runge|sequential_impulses_10))'),
         'grid_ticks': (0.1, 1 / 30), 'budget': 0.02, 'grid_budget': 0.02, 'most': 100}

@@ -263,7 +263,7 @@ std::vector<Problem> make() {
     all.push_back(spinning("inertia_" + power(small), inertia, {small, 0.6, 0.600001},
                            {1.0, 2.0, 3.0}, 1.0 / 64.0));
   for (const double small : {1e-3, 1e-6})
-    all.push_back(hung("hung_inertia_" + power(small), inertia, {small, 1.0, 1.1}, {0.5, 0.5, 1.0},
+    all.push_back(hung("hung_inertia_" + power(small), inertia, {small, 1.0, 1.0 + small / 2.0}, {0.5, 0.5, 1.0},
                        small < 1e-5 ? 1.0 / 4096.0 : 1.0 / 256.0));
   for (const double rate : {1e2, 1e3, 1e4})
     all.push_back(spinning("spin_" + power(rate), spin, {0.1, 0.2, 0.25},

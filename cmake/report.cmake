@@ -65,3 +65,9 @@ foreach(source IN LISTS peer_sources)
     endif()
   endif()
 endforeach()
+
+# what scripts/report builds
+add_custom_target(report_programs DEPENDS ${report_programs})
+if(CONSTRAINT_SIM_BENCH)
+  add_dependencies(report_programs constraint_sim_scaling constraint_sim_micro)
+endif()

@@ -97,8 +97,10 @@ class ProgressBar:
             self.shown = now
             left = (now - self.start) * (self.total - self.done) / self.done
             width = 30 * self.done // self.total
-            end = '\r' if sys.stderr.isatty() and self.done < self.total else '\n'
-            print(f'\x1b[K{self.title} [{"#" * width}{" " * (30 - width)}] '
+            is_terminal = sys.stderr.isatty()
+            start = '\x1b[K' if is_terminal else ''
+            end = '\r' if is_terminal and self.done < self.total else '\n'
+            print(f'{start}{self.title} [{"#" * width}{" " * (30 - width)}] '
                   f'{self.done}/{self.total}, {left // 60:.0f} min {left % 60:.0f} s left',
                   end=end, file=sys.stderr, flush=True)
 

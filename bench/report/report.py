@@ -33,7 +33,7 @@ QUICK = {
     # one number of sweeps of each iterative solver, one of two equal solvers
     'leave_out': re.compile(r'_(10|200)$|^ode step$|^mujoco tendon_rk4$'),
     'grid_ticks': (0.1, 1 / 30, 1 / 240),
-    'budget': 0.1, 'grid_budget': 0.04, 'most': 2000,
+    'budget': 0.08, 'grid_budget': 0.03, 'most': 1000,
 }
 FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'budget': 3.0,
         'grid_budget': 3.0, 'most': 100000}
@@ -189,7 +189,7 @@ def main():
     if not options.tiny and not micro.exists():
         micro.write_text(cells.output_of(
             pathlib.Path(options.programs) / 'constraint_sim_micro', '--benchmark_format=csv',
-            '--benchmark_min_time=0.05', '--benchmark_repetitions=5',
+            '--benchmark_min_time=0.02', '--benchmark_repetitions=5',
             '--benchmark_report_aggregates_only=true'))
     for path in (diagrams.path, grid.path, scaling, micro):
         if path.exists():

@@ -127,12 +127,14 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
     const std::unique_ptr<Simulation> simulation = Contestant::make(reality, variant, setting);
     keep(0, *simulation);
     result.run_time = 0.0;
-    const double processor_start = processor_time();
-    const auto wall_start = SteadyClock::now();
     for (int k = stride; k <= problem.samples(); k += stride) {
+      const double processor_start = processor_time();
       const auto start = SteadyClock::now();
       simulation->advance(ticks, k * problem.sample);
-      result.run_time += seconds_since(start);
+      const double wall = seconds_since(start);
+      // both are at least what it took: the one counts what others had of the processor, the other
+      // what it takes to ask for it
+      result.run_time += std::min(wall, processor_time() - processor_start);
       result.ticks += ticks;
       result.simulated = k * problem.sample;
       if (!keep(k, *simulation)) {
@@ -144,9 +146,6 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
         break;
       }
     }
-    // less what others had of the processor meanwhile; its clock is too slow to ask each sample
-    const double share = (processor_time() - processor_start) / seconds_since(wall_start);
-    result.run_time *= std::min(1.0, share);
   } catch (const Unsupported&) {
     result.outcome = "unsupported";
   } catch (const std::exception& error) {  // peers throw what they like

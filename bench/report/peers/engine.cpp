@@ -141,9 +141,9 @@ std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Varia
   for (std::size_t i = 0; i < engine::kMethodCount; ++i)
     if (variant.name.rfind(engine::name(static_cast<Method>(i)), 0) == 0)
       options.method = static_cast<Method>(i);
+  if (variant.knob == Knob::kTick && setting.is_swept) options.tolerance = 0.0;
   if (options.method == Method::kRungeKutta) {
     options.order = number_after(variant.name, "runge_kutta_order_");
-    if (setting.is_swept) options.tolerance = 0.0;
   } else if (options.method == Method::kSequentialImpulses) {
     options.iterations = number_after(variant.name, "sequential_impulses_");
   }

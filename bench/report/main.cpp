@@ -108,7 +108,7 @@ struct Result {
 
 /// One run to the end, to a state that is not finite, or until `limit` seconds are used up.
 Result run(const Problem& problem, const Problem& reality, const Trajectory& reference,
-           const Variant& variant, const Setting& setting, double limit) {
+           const Variant& variant, Setting setting, double limit) {
   Result result;
   Motion motion;
   const auto keep = [&](int sample, const Simulation& simulation) {
@@ -123,6 +123,12 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
   const double ratio = problem.sample / setting.tick;
   const int stride = ratio >= 1.0 ? 1 : static_cast<int>(std::lround(1.0 / ratio));
   const long ticks = ratio >= 1.0 ? std::lround(ratio) : 1;
+  // a tick as it is printed has too few digits to end on the samples
+  const double tick = problem.sample * stride / static_cast<double>(ticks);
+  if (std::abs(tick - setting.tick) > 1e-4 * tick)
+    throw std::invalid_argument("ticks must divide the " + std::to_string(problem.sample) +
+                                " s between samples, or be multiples of them");
+  setting.tick = tick;
   try {
     const std::unique_ptr<Simulation> simulation = Contestant::make(reality, variant, setting);
     keep(0, *simulation);
@@ -178,7 +184,7 @@ constexpr char kHeader[] =
 void print(const Problem& problem, const std::string& contestant, const Variant& variant,
            double value, const Result& result) {
   const Errors& e = result.errors;
-  std::printf("%s,%s,%s,%.10g,%s,%.4g,%ld,%.3g,%.3g,%.3g,%.3g,%.3g,%.3g,%.3g\n",
+  std::printf("%s,%s,%s,%.6g,%s,%.4g,%ld,%.3g,%.3g,%.3g,%.3g,%.3g,%.3g,%.3g\n",
               problem.name.c_str(), contestant.c_str(),
               variant.knob == Knob::kTick ? "tick" : "tolerance", value, result.outcome.c_str(),
               1e6 * result.run_time / result.simulated, result.ticks, e.position, e.orientation,

@@ -19,7 +19,7 @@ std::vector<Maker>& makers() {
 Registration::Registration(Maker make) { makers().push_back(make); }
 
 const std::vector<Problem>& problems() {
-  static const std::vector<Problem> all = [] {
+  static const std::vector<Problem> kAll = [] {
     std::vector<Problem> list;
     for (const Maker make : makers())
       for (Problem& problem : make()) list.push_back(std::move(problem));
@@ -27,7 +27,7 @@ const std::vector<Problem>& problems() {
               [](const Problem& a, const Problem& b) { return a.name < b.name; });
     return list;
   }();
-  return all;
+  return kAll;
 }
 
 const Problem& problem_named(const std::string& name) {

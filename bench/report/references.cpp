@@ -105,7 +105,7 @@ using Quaternion = Eigen::Quaternion<Real>;
 }  // namespace
 
 std::function<Trajectory(int)> closed_form(const Problem& problem,
-                                           std::function<States(long double)> states) {
+                                           const std::function<States(long double)>& states) {
   const int samples = problem.samples();
   const double interval = problem.sample;
   return [=](int) {
@@ -189,9 +189,9 @@ std::function<Trajectory(int)> rigid_motion(const Problem& problem, bool is_free
   };
 }
 
-std::function<Trajectory(int)> one_angle(const Problem& problem, double a, double b, double angle,
-                                         double rate, double step,
-                                         std::function<States(long double, long double)> states) {
+std::function<Trajectory(int)> one_angle(
+    const Problem& problem, double a, double b, double angle, double rate, double step,
+    const std::function<States(long double, long double)>& states) {
   const int samples = problem.samples();
   const double interval = problem.sample;
   return [=](int refinement) {

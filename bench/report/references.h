@@ -11,7 +11,7 @@ namespace constraint_sim::report {
 
 /// states(t) at all sample times of the problem.
 std::function<Trajectory(int)> closed_form(const Problem& problem,
-                                           std::function<States(long double t)> states);
+                                           const std::function<States(long double t)>& states);
 
 /// Point masses on rods from the origin, in the x-z plane: angles from the x axis at the start and
 /// their rates. `step` [s] is that of the integration.
@@ -32,6 +32,6 @@ std::function<Trajectory(int)> rigid_motion(const Problem& problem, bool is_free
 /// One angle θ from the x axis with θ̈ = a cos θ + b sin θ, from which `states` makes all bodies.
 std::function<Trajectory(int)> one_angle(
     const Problem& problem, double a, double b, double angle, double rate, double step,
-    std::function<States(long double angle, long double rate)> states);
+    const std::function<States(long double angle, long double rate)>& states);
 
 }  // namespace constraint_sim::report

@@ -208,7 +208,7 @@ std::vector<Variant> Contestant::variants() {
 
 std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Variant& variant,
                                              const Setting& setting) {
-  static const Library library;
+  static const Library kLibrary;
   return std::make_unique<OdeSimulation>(problem, variant.name, setting.tick);
 }
 

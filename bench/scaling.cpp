@@ -16,7 +16,11 @@ namespace constraint_sim::engine {
 namespace {
 
 double allocated_bytes() {
+#if __GLIBC_PREREQ(2, 33)
   const struct mallinfo2 info = mallinfo2();
+#else
+  const struct mallinfo info = mallinfo();
+#endif
   return static_cast<double>(info.uordblks + info.hblkhd);
 }
 

@@ -70,6 +70,8 @@ def variants(folder):
 
 
 def problems(program):
+    if output_of(program, 'header').strip().split(',') != list(COLUMNS)[1:]:
+        raise RuntimeError(f'{program} prints other columns than COLUMNS describes')
     found = {}
     for line in output_of(program, 'problems').splitlines():
         name, group, graded, duration, length, scale, invalid, conflict, reference, source = \
@@ -133,6 +135,7 @@ def run_batch(batch, references, budget, repeats, perturbation, memory):
                    '--values', *(f'{value:.12g}' for value in values)]
         process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is for us: what runs then is ended properly
             preexec_fn=lambda: memory and resource.setrlimit(resource.RLIMIT_AS, (memory, memory)))
         current, outcome, finished = None, None, 0
         for line in lines_within(process, 2.0 * budget + GRACE):
@@ -194,6 +197,20 @@ class Table:
                     in self.done]
 
 
+def finish(workers, function, items):
+    """Calls the function for each item on so many threads. Once one fails, or the user interrupts,
+    what has begun is finished and the rest is left."""
+    with concurrent.futures.ThreadPoolExecutor(workers) as pool:
+        futures = [pool.submit(function, item) for item in items]
+        try:
+            for future in futures:
+                future.result()
+        except BaseException:
+            for future in futures:
+                future.cancel()
+            raise
+
+
 def run_all(title, batches, table, workers, **settings):
     left = [batch for batch in batches if not table.has(batch)]
     if not left:
@@ -204,9 +221,7 @@ def run_all(title, batches, table, workers, **settings):
         table.add(batch, run_batch(batch, **settings))
         progress.step()
 
-    with concurrent.futures.ThreadPoolExecutor(workers) as pool:
-        for future in [pool.submit(run, batch) for batch in left]:
-            future.result()
+    finish(workers, run, left)
 
 
 def worth_repeating(table, round_1):
@@ -240,8 +255,6 @@ def make_references(program, folder, names, sources):
         errors[name] = float(line.split('\t')[1])
         progress.step()
 
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        for future in [pool.submit(make, name) for name in missing]:
-            future.result()
+    finish(os.cpu_count(), make, missing)
     errors_path.write_text(json.dumps(errors))
     return errors

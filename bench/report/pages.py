@@ -10,6 +10,15 @@ import plots
 import published
 
 AIM = 10.0  # times less run time than the best peer, at 1e-4 and 1e-6
+REFERENCE_COLUMNS = {
+    'problem': 'the scene', 'source': 'where its motion is known from',
+    'own_error': 'largest difference of a position, or of an orientation times the size of the scene, '
+                 'to the same with steps half as long [m]; 0 for closed forms'}
+SCALING_COLUMNS = {
+    'kind': 'what there is ever more of: links of a chain, free bodies, balls in contact with a plane',
+    'count': 'how many', 'time': 'run time of a step of order 8, of impulses where there are contacts '
+    '[µs]', 'instructions': 'of a step, counted by valgrind; 0: not counted',
+    'bytes': 'memory of the world after some steps'}
 STYLE = """body{font:14px/1.5 sans-serif;max-width:1200px;margin:2em auto;padding:0 1em}
 table{border-collapse:collapse;margin:1em 0}td,th{padding:2px 8px;border:1px solid #ddd}
 td{text-align:right}td:first-child,th:first-child{text-align:left}.win{background:#dff2df}
@@ -213,13 +222,16 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
     (output / 'grid.html').write_text(grid_page(grid, problems, in_grid))
     with open(output / 'references.csv', 'w', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
-        writer.writerow(['problem', 'source', 'own_error'])
+        writer.writerow(REFERENCE_COLUMNS)
         writer.writerows([name, problems[name].source, f'{own_errors[name]:.2g}']
                          for name in sorted(own_errors))
+    described = [('cells.csv and grid.csv', cells.COLUMNS), ('references.csv', REFERENCE_COLUMNS),
+                 ('scaling.csv', SCALING_COLUMNS)]
     (output / 'columns.md').write_text(
-        '# Columns of cells.csv and grid.csv\n\n`nan`: there is nothing to compare with.\n\n' +
-        markdown_table(['column', 'meaning'], [[f'`{name}`', text]
-                                               for name, text in cells.COLUMNS.items()]))
+        '`nan`: there is nothing to compare with. micro.csv is as Google Benchmark writes it.\n\n' +
+        '\n'.join(f'# Columns of {name}\n\n' + markdown_table(
+            ['column', 'meaning'], [[f'`{column}`', text] for column, text in columns.items()])
+            for name, columns in described))
 
     versions = sorted({f'{variant.engine} {variant.version}' for variant in variants})
     median, worst = figures.spread(runs)

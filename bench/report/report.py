@@ -6,7 +6,6 @@ scripts/report calls this with what it has built. A run that was interrupted goe
 stopped, as long as its options and the commit are the same; --fresh begins anew.
 """
 import argparse
-import concurrent.futures
 import csv
 import json
 import os
@@ -15,6 +14,7 @@ import platform
 import re
 import shutil
 import subprocess
+import sys
 import time
 
 import cells
@@ -161,10 +161,9 @@ def measure_scaling(program, most, path):
                                    instructions(program, *size, 0)) // steps
         progress.step()
 
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(count, rows))
+    cells.finish(os.cpu_count(), count, rows)
     with open(path, 'w', newline='') as file:
-        writer = csv.DictWriter(file, ['kind', 'count', 'time', 'instructions', 'bytes'],
+        writer = csv.DictWriter(file, list(pages.SCALING_COLUMNS),
                                 lineterminator='\n')
         writer.writeheader()
         writer.writerows(rows)
@@ -205,4 +204,7 @@ def main():
 
 
 if __name__ == '__main__':
-    main()
+    try:
+        main()
+    except KeyboardInterrupt:
+        sys.exit('report: interrupted; the same command goes on from here')

@@ -25,7 +25,8 @@ Batch = collections.namedtuple('Batch', 'round problem variant values grid')
 
 # what `header` of a program prints, and the round
 COLUMNS = {
-    'round': 'which of the interleaved rounds this run belongs to; from 1',
+    'round': 'which of the interleaved rounds this run belongs to, from 1; errors stand in the first '
+             'only. 0: a perturbed method',
     'problem': 'the scene, a name of bench/report/problems',
     'contestant': 'the engine and the way it is used',
     'knob': '`tick`: value is the length of a step; `tolerance`: what its error control is asked for',
@@ -45,6 +46,7 @@ COLUMNS = {
     'penetration': 'deepest overlap of spheres, of spheres or boxes and planes [m]',
     'distance': 'how far a body came from its start at most [m]',
 }
+TIMED = list(COLUMNS).index('position')  # columns before the errors
 GRACE = 5.0  # [s] that a process may take for a setting beyond twice the budget
 
 
@@ -218,7 +220,10 @@ def run_all(title, batches, table, workers, **settings):
     progress = ProgressBar(title, len(left))
 
     def run(batch):
-        table.add(batch, run_batch(batch, **settings))
+        rows = run_batch(batch, **settings)
+        if batch.round > 1:  # the errors are those of the first
+            rows = [row[:TIMED] + [''] * (len(row) - TIMED) for row in rows]
+        table.add(batch, rows)
         progress.step()
 
     finish(workers, run, left)

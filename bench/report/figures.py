@@ -116,8 +116,9 @@ def verdict(row, problem):
     worst = position if known else max(constraint, energy)
     if outcome == 'not_finite':
         return 'exploded', math.inf
-    if (known and position > 10.0) or energy > 10.0:
-        return 'exploded', max(worst, energy)
+    far = position if known else number(row['distance']) / problem.length
+    if far > 10.0 or energy > 10.0:
+        return 'exploded', max(far, energy)
     if known and position <= 1e-6:
         return 'exact', worst
     if constraint > 1e-2:

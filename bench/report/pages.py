@@ -142,18 +142,20 @@ def grid_page(grid, problems, contestants):
                 kind, worst = found.get(tick, ('n/a', math.nan))
                 text = '' if math.isnan(worst) else '∞' if math.isinf(worst) else \
                     '0' if worst == 0.0 else str(round(math.log10(worst)))
-                line += (f'<td style="background:{figures.CLASSES[kind]}" '
+                line += (f'<td class="{kind[:3]}" '
                          f'title="tick {tick:.3g} s: {kind} {worst:.2g}">{text}</td>')
         rows.append(line + '</tr>')
+    colours = ''.join(f'.{kind[:3]}{{background:{colour}}}'
+                      for kind, colour in figures.CLASSES.items()).replace('n/a', 'n\\/a')
     legend = ' '.join(f'<span style="background:{colour};padding:2px 8px">{kind}</span>'
                       for kind, colour in figures.CLASSES.items())
-    return page('Stability', f"""
+    return page('Stability', f"""<style>{colours}</style>
 <p>{legend}</p>
 <p>A cell is one run of two seconds (longer where ticks are scaled); for each contestant from the longest tick on. The number is the
 decimal logarithm of the worst figure: position error over the size L of the scene (orientation in
 rad, whichever is larger), or where there is no reference of energy and constraint error. <i>exact</i>:
-position error ≤ 1e-6 L; <i>exploded</i>: not finite, position error above 10 L or energy above 10 times
-its scale; <i>stretched</i>: constraint error above 1e-2 L; <i>drifting</i>: energy above 1 %; <i>too
+position error ≤ 1e-6 L; <i>exploded</i>: not finite, position error (without a reference the way from
+the start) above 10 L or energy above 10 times its scale; <i>stretched</i>: constraint error above 1e-2 L; <i>drifting</i>: energy above 1 %; <i>too
 slow</i>: not done within the budget; <i>n/a</i>: cannot be expressed. Input that is invalid is
 exact where it is refused and exploded where it is accepted. Error-controlled engines take ticks as the times between which they
 choose their own steps. The mouse shows a cell's figures.</p>

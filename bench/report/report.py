@@ -33,7 +33,7 @@ QUICK = {
     # one number of sweeps of each iterative solver, one of two equal solvers
     'leave_out': re.compile(r'_(10|200)$|^ode step$|^mujoco tendon_rk4$'),
     'grid_ticks': (0.1, 1 / 30, 1 / 240),
-    'budget': 0.08, 'grid_budget': 0.03, 'most': 1000,
+    'budget': 0.06, 'grid_budget': 0.03, 'most': 1000,
 }
 FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'budget': 3.0,
         'grid_budget': 3.0, 'most': 100000}

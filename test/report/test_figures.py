@@ -72,7 +72,8 @@ class Figures(unittest.TestCase):
                 'too slow': {'outcome': 'hung'}, 'n/a': {'outcome': 'unsupported'}}.items():
             self.assertEqual(figures.verdict(row(**values), problem())[0], expected, values)
         for values in ({'outcome': 'not_finite'}, {'position': '20.1'},
-                       {'position': '1e-9', 'energy': '10.1'}):
+                       {'position': '1e-9', 'energy': '10.1'},
+                       {'distance': '20.1'}):  # without a reference: from where it was
             self.assertEqual(figures.verdict(row(**values), problem())[0], 'exploded', values)
         # without a reference nothing is exact, and a conflict says nothing of the joints
         self.assertEqual(figures.verdict(row(energy='0'), problem())[0], 'stable')

@@ -42,6 +42,9 @@ std::string text(double x) {
 }
 std::string name_of(const char* kind, std::size_t i) { return kind + std::to_string(i); }
 
+/// Bodies in one file of the model: its parser goes a hundred elements deep, across files it does
+/// not count.
+constexpr int kDeepest = 50;
 constexpr int kMostPairs = 40;  // of bodies for which every pair is listed with its own friction
 
 class Writer {
@@ -57,7 +60,7 @@ class Writer {
          << "' integrator='" << (is_rk4 ? "RK4" : "Euler")
          << "' solver='Newton' iterations='100' tolerance='1e-14' cone='elliptic'>"
          << "<flag warmstart='enable'/></option>"
-         << "<size nstack='" << (bodies > 300 ? "200000000" : "20000000") << "' njmax='"
+         << "<size nstack='" << (bodies > 300 ? "60000000" : "20000000") << "' njmax='"
          << static_cast<int>(6 * bodies) + 300 << "' nconmax='"
          << static_cast<int>(6 * bodies) + 100 << "'/><worldbody>";
     if (is_jointed_)
@@ -68,9 +71,12 @@ class Writer {
     if (!is_jointed_) write_joints();
     if (has_shapes) write_pairs();
     xml_ << "</mujoco>";
+    files_.push_back(xml_.str());
   }
 
-  std::string xml() const { return xml_.str(); }
+  /// The model is the last of the files; it includes the others.
+  const std::vector<std::string>& files() const { return files_; }
+  static std::string file_name(std::size_t i) { return "part_" + std::to_string(i) + ".xml"; }
 
  private:
   void write_inertia(const Body& body, const Vector3d& centre) {
@@ -219,14 +225,29 @@ class Writer {
       write_inertia(body, link.centre);
     }
     write_shape(body, i);
+    const bool is_deep = ++depth_ % kDeepest == 0 && !children[i].empty();
+    std::ostringstream outer;
+    if (is_deep) {
+      std::swap(outer, xml_);
+      xml_ << "<mujocoinclude>";
+    }
     for (const Link* child : children[i])
       write_link(*child, link.centre, body.start.orientation, children);
+    if (is_deep) {
+      xml_ << "</mujocoinclude>";
+      files_.push_back(xml_.str());
+      std::swap(outer, xml_);
+      xml_ << "<include file='" << file_name(files_.size() - 1) << "'/>";
+    }
+    --depth_;
     xml_ << "</body>";
   }
 
   const Problem& problem_;
   double tick_;
   bool is_jointed_;
+  int depth_ = 0;
+  std::vector<std::string> files_;
   std::ostringstream xml_;
 };
 
@@ -236,14 +257,20 @@ class MujocoSimulation : public Simulation {
       : problem_(problem) {
     mju_user_error = throw_error;
     mju_user_warning = be_silent;
-    const std::string xml = Writer(problem, variant, tick).xml();
-    const auto files = std::make_unique<mjVFS>();
-    mj_defaultVFS(files.get());
-    mj_makeEmptyFileVFS(files.get(), "problem.xml", static_cast<int>(xml.size()));
-    std::memcpy(files->filedata[0], xml.data(), xml.size());
+    const Writer writer(problem, variant, tick);
+    const auto folder = std::make_unique<mjVFS>();
+    mj_defaultVFS(folder.get());
+    for (std::size_t i = 0; i < writer.files().size(); ++i) {
+      const std::string& file = writer.files()[i];
+      if (mj_makeEmptyFileVFS(folder.get(), Writer::file_name(i).c_str(),
+                              static_cast<int>(file.size())) != 0)
+        throw Unsupported("more files than MuJoCo keeps in memory");
+      std::memcpy(folder->filedata[i], file.data(), file.size());
+    }
     char error[500] = "";
-    model_ = mj_loadXML("problem.xml", files.get(), error, sizeof error);
-    mj_deleteVFS(files.get());
+    model_ = mj_loadXML(Writer::file_name(writer.files().size() - 1).c_str(), folder.get(), error,
+                        sizeof error);
+    mj_deleteVFS(folder.get());
     if (model_ == nullptr) throw Refused(error);
     data_ = mj_makeData(model_);
     copy_ = mj_makeData(model_);

@@ -263,8 +263,8 @@ std::vector<Problem> make() {
     all.push_back(spinning("inertia_" + power(small), inertia, {small, 0.6, 0.600001},
                            {1.0, 2.0, 3.0}, 1.0 / 64.0));
   for (const double small : {1e-3, 1e-6})
-    all.push_back(hung("hung_inertia_" + power(small), inertia, {small, 1.0, 1.0 + small / 2.0}, {0.5, 0.5, 1.0},
-                       small < 1e-5 ? 1.0 / 4096.0 : 1.0 / 256.0));
+    all.push_back(hung("hung_inertia_" + power(small), inertia, {small, 1.0, 1.0 + small / 2.0},
+                       {0.5, 0.5, 1.0}, small < 1e-5 ? 1.0 / 4096.0 : 1.0 / 256.0));
   for (const double rate : {1e2, 1e3, 1e4})
     all.push_back(spinning("spin_" + power(rate), spin, {0.1, 0.2, 0.25},
                            {0.1 * rate, rate, 0.1 * rate}, 0.5 / rate));
@@ -319,7 +319,8 @@ std::vector<Problem> make() {
   all.push_back(invalid("mass_zero", 0.0, Vector3d::UnitX(), -1.0));
   all.push_back(invalid("mass_negative", -1.0, Vector3d::UnitX(), -1.0));
   all.push_back(invalid("mass_nan", kNaN, Vector3d::UnitX(), -1.0));
-  all.push_back(invalid("mass_infinite", 1.0 / 0.0, Vector3d::UnitX(), -1.0));
+  all.push_back(
+      invalid("mass_infinite", std::numeric_limits<double>::infinity(), Vector3d::UnitX(), -1.0));
   all.push_back(invalid("position_nan", 1.0, {kNaN, 0.0, 0.0}, 1.0));
   all.push_back(invalid("length_nan", 1.0, Vector3d::UnitX(), kNaN));
   return all;

@@ -94,8 +94,8 @@ def judgement(lines):
                                                 for line in missed) + '.')
     texts.append('A peer wins: ' + (', '.join(f'{name(line)} ({line[3][0]}, ratio {line[4]:.2g})'
                                               for line in lost) or 'nowhere') + '.')
-    texts.append('Reached by us alone: ' + (', '.join(map(name, alone)) or 'nothing') + '.')
-    texts.append('Reached by a peer alone: ' + (', '.join(
+    texts.append('Reached within the budget by us alone: ' + (', '.join(map(name, alone)) or 'nothing') + '.')
+    texts.append('Reached within the budget by a peer alone: ' + (', '.join(
         f'{name(line)} ({line[3][0]})' for line in behind) or 'nothing') + '.')
     return texts
 

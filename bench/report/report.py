@@ -135,8 +135,11 @@ def measure(options, size, work, variants, problems):
     common['repeats'] = 1
     cells.run_all('stability', batches, grid, os.cpu_count(), budget=size['grid_budget'],
                   perturbation=0.0, **common)
-    started = json.loads(state_path.read_text())['started']
-    return diagrams, grid, own_errors, time.time() - started
+    state = json.loads(state_path.read_text())
+    if 'taken' not in state:  # when pages alone are written anew, it stays
+        state['taken'] = time.time() - state['started']
+        state_path.write_text(json.dumps(state))
+    return diagrams, grid, own_errors, state['taken']
 
 
 def instructions(program, kind, count, steps):

@@ -107,7 +107,7 @@ class Processes(unittest.TestCase):
             program.chmod(0o755)
             variant = cells.Variant(program, 'v', 'joint', 'tick', 'peer', '1', [])
             batch = cells.Batch(1, 'p', variant, values, False)
-            grace, cells.GRACE = cells.GRACE, 0.5
+            grace, cells.GRACE = cells.GRACE, 3.0  # a busy machine starts a shell in that
             try:
                 return cells.run_batch(batch, folder, budget=0.1, repeats=1, perturbation=0.0,
                                        memory=0)

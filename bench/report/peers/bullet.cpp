@@ -250,7 +250,7 @@ class FeatherstoneSimulation : public Simulation {
     for (const auto& tree : trees_) tree->forwardKinematics(turns, origins);
     for (std::size_t k = 0; k < trees_.size(); ++k) {
       const btMultiBody& tree = *trees_[k];
-      const auto count = static_cast<std::size_t>(tree.getNumLinks() + 1);
+      const auto count = static_cast<std::size_t>(tree.getNumLinks()) + 1;
       std::vector<btVector3> omega(count), velocity(count);
       tree.compTreeLinkVelocities(omega.data(), velocity.data());
       for (std::size_t i = 0; i < place_.size(); ++i) {
@@ -258,7 +258,7 @@ class FeatherstoneSimulation : public Simulation {
         const int link = place_[i].link;
         const btTransform pose =
             link < 0 ? tree.getBaseWorldTransform() : tree.getLink(link).m_cachedWorldTransform;
-        const auto at = static_cast<std::size_t>(link + 1);
+        const std::size_t at = link < 0 ? 0 : static_cast<std::size_t>(link) + 1;
         (*states)[i] = {from_bullet(pose.getOrigin()), from_bullet(pose.getRotation()),
                         from_bullet(pose.getBasis() * velocity[at]),
                         from_bullet(pose.getBasis() * omega[at])};

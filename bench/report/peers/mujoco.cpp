@@ -307,10 +307,9 @@ class MujocoSimulation : public Simulation {
     mj_comPos(model_, copy_);
     mj_comVel(model_, copy_);
     states->clear();
-    for (std::size_t i = 0; i < ids_.size(); ++i) {
-      const int id = ids_[i];
-      const double* x = copy_->xipos + 3 * id;
-      const double* q = copy_->xquat + 4 * id;
+    for (const int id : ids_) {
+      const double* x = copy_->xipos + std::ptrdiff_t{3} * id;
+      const double* q = copy_->xquat + std::ptrdiff_t{4} * id;
       double velocity[6];
       mj_objectVelocity(model_, copy_, mjOBJ_BODY, id, velocity, 0);
       State state;

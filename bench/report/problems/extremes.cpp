@@ -184,7 +184,8 @@ Problem scaled(const std::string& name, double length, double mass, int links) {
   made.tick_scale = std::sqrt(length);
   made.duration *= made.tick_scale;
   made.sample *= made.tick_scale;
-  return with_chain(std::move(made), chain, made.tick_scale / 64.0);
+  const double step = made.tick_scale / 64.0;
+  return with_chain(std::move(made), chain, step);
 }
 
 Problem slow(Problem made, const std::string& name, double factor) {

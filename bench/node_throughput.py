@@ -1,4 +1,4 @@
-#!/ usr / bin / env python3
+#!/usr/bin/env python3
 """How many bodies the node carries at a tick of 1 ms and 50 rounds of messages per second.
 
 For each number of bodies it starts a master and a node of its own on a scene of chains, ten balls on

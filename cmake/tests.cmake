@@ -37,6 +37,14 @@ add_dependencies(engine_tests constraint_sim_run)
 constraint_sim_add_gtest(sim_tests ${sim_tests})
 target_link_libraries(sim_tests constraint_sim_stepper)
 
+constraint_sim_add_gtest(report_tests test/report/test_report.cpp)
+target_include_directories(report_tests PRIVATE bench)
+target_link_libraries(report_tests constraint_sim_report_common constraint_sim_engine)
+target_compile_definitions(report_tests PRIVATE
+  CONSTRAINT_SIM_SOURCE_DIR="${CMAKE_CURRENT_SOURCE_DIR}"
+  CONSTRAINT_SIM_REPORT="$<TARGET_FILE:constraint_sim_report_engine>")
+add_dependencies(report_tests constraint_sim_report_engine)
+
 if(CONSTRAINT_SIM_ROS)
   constraint_sim_add_gtest(conversions_test test/ros/test_conversions.cpp)
   target_link_libraries(conversions_test constraint_sim_ros)

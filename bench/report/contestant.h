@@ -1,0 +1,62 @@
+#pragma once
+
+// What a program of the report has to know of an engine: one file of peers/ each.
+
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+#include "problem.h"
+
+namespace constraint_sim::report {
+
+/// The engine cannot express the problem in these coordinates or with this method: no result.
+struct Unsupported : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+/// The engine can, and says that it will not; so does std::invalid_argument.
+struct Refused : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// What makes a run more exact and dearer.
+enum class Knob { kTick, kTolerance };
+
+/// One way to use an engine. Its name is that of a curve in the report.
+struct Variant {
+  std::string name;
+  bool has_joint_coordinates = false;  ///< else all bodies have their own, and joints are rows
+  Knob knob = Knob::kTick;
+  std::vector<double> values{};  ///< of a tolerance, from the coarsest; ticks are the report's
+};
+
+struct Setting {
+  double tick = 0.01;      ///< [s]
+  double tolerance = 0.0;  ///< in the engine's own terms; 0: its default
+  bool is_swept = true;    ///< in a diagram: what the knob does not set is made not to matter
+};
+
+/// One scene in one engine. Building it is not timed.
+class Simulation {
+ public:
+  Simulation() = default;
+  Simulation(const Simulation&) = delete;
+  Simulation& operator=(const Simulation&) = delete;
+  virtual ~Simulation() = default;
+  /// Takes so many ticks, which end at `time` [s].
+  virtual void advance(long ticks, double time) = 0;
+  virtual void read(States* states) const = 0;
+};
+
+/// Defined by the one file of peers/ that a program is built with.
+struct Contestant {
+  static std::string name();
+  static std::string version();
+  static std::vector<Variant> variants();
+  /// Throws Unsupported, Refused or std::invalid_argument.
+  static std::unique_ptr<Simulation> make(const Problem& problem, const Variant& variant,
+                                          const Setting& setting);
+};
+
+}  // namespace constraint_sim::report

@@ -1,0 +1,320 @@
+// Runs problems in one engine and prints how wrong and how dear each run was. scripts/report calls
+// one such program per engine, so that none can harm another.
+//
+//   PROGRAM list                    ways to use the engine: name, coordinates, knob, engine,
+//   version PROGRAM problems                name, group, graded, duration, length, has reference,
+//   source, ... PROGRAM references FOLDER [--problem P]   computes the references and prints their
+//   own errors PROGRAM header                  of the lines that `run` prints PROGRAM run FOLDER
+//   --problem P --variant V [--grid] [--values X ...] [--budget S]
+//                                   [--repeats N] [--perturb SHARE]
+//
+// `run` announces each setting as `begin VALUE` before it starts, so that whoever reads knows in
+// which of them the engine crashed or hung.
+
+#include <algorithm>
+#include <boost/program_options.hpp>
+#include <chrono>
+#include <cmath>
+#include <cstdint>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <limits>
+
+#include "contestant.h"
+#include "measures.h"
+
+namespace constraint_sim::report {
+namespace {
+
+using SteadyClock = std::chrono::steady_clock;
+
+double seconds_since(SteadyClock::time_point start) {
+  return std::chrono::duration<double>(SteadyClock::now() - start).count();
+}
+
+/// Of this process [s].
+double processor_time() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+// ---- references in files, since the programs of all engines use them
+
+std::string path_of(const std::string& folder, const Problem& problem) {
+  return (std::filesystem::path(folder) / (problem.name + ".reference")).string();
+}
+
+/// Of one state, in a row.
+using Numbers = Eigen::Matrix<double, 13, 1>;
+
+void write_reference(const std::string& path, const Trajectory& trajectory) {
+  std::ofstream file(path, std::ios::binary);
+  for (const States& states : trajectory)
+    for (const State& state : states) {
+      Numbers numbers;
+      numbers << state.position, state.orientation.coeffs(), state.velocity, state.angular_velocity;
+      file.write(reinterpret_cast<const char*>(numbers.data()), sizeof(double) * 13);
+    }
+  if (!file.flush()) throw std::runtime_error("cannot write '" + path + "'");
+}
+
+Trajectory read_reference(const std::string& folder, const Problem& problem) {
+  if (!problem.reference) return {};
+  const std::string path = path_of(folder, problem);
+  std::ifstream file(path, std::ios::binary);
+  Trajectory trajectory(static_cast<std::size_t>(problem.samples()) + 1);
+  for (States& states : trajectory)
+    for (std::size_t i = 0; i < problem.bodies.size(); ++i) {
+      Numbers numbers;
+      file.read(reinterpret_cast<char*>(numbers.data()), sizeof(double) * 13);
+      State state;
+      state.position = numbers.head<3>();
+      state.orientation.coeffs() = numbers.segment<4>(3);
+      state.velocity = numbers.segment<3>(7);
+      state.angular_velocity = numbers.tail<3>();
+      states.push_back(state);
+    }
+  if (!file) throw std::runtime_error("cannot read '" + path + "'");
+  return trajectory;
+}
+
+/// With its own error: the difference to steps half as long.
+void make_references(const std::string& folder, const std::string& only) {
+  std::filesystem::create_directories(folder);
+  for (const Problem& problem : problems()) {
+    if (!problem.reference || (!only.empty() && problem.name != only)) continue;
+    const Trajectory trajectory = problem.reference(2);
+    write_reference(path_of(folder, problem), trajectory);
+    const double error = largest_difference(problem, problem.reference(1), trajectory);
+    std::printf("%s\t%.3g\n", problem.name.c_str(), error);
+    std::fflush(stdout);
+  }
+}
+
+// ---- runs
+
+struct Result {
+  std::string outcome = "ok";
+  double run_time = std::numeric_limits<double>::quiet_NaN();  // [s]
+  double simulated = 0.0;                                      // [s]
+  long ticks = 0;
+  Errors errors{};
+  double largest_distance = 0.0;  // from where a body started [m]
+};
+
+/// One run to the end, to a state that is not finite, or until `limit` seconds are used up.
+Result run(const Problem& problem, const Problem& reality, const Trajectory& reference,
+           const Variant& variant, Setting setting, double limit) {
+  Result result;
+  Motion motion;
+  const auto keep = [&](int sample, const Simulation& simulation) {
+    States states;
+    simulation.read(&states);
+    const bool is_good = is_finite(states);
+    motion.sample.push_back(sample);
+    motion.states.push_back(std::move(states));
+    return is_good;
+  };
+  // so many ticks between samples, or so many samples between ticks
+  const double ratio = problem.sample / setting.tick;
+  const int stride = ratio >= 1.0 ? 1 : static_cast<int>(std::lround(1.0 / ratio));
+  const long ticks = ratio >= 1.0 ? std::lround(ratio) : 1;
+  // a tick as it is printed has too few digits to end on the samples
+  const double tick = problem.sample * stride / static_cast<double>(ticks);
+  if (std::abs(tick - setting.tick) > 1e-4 * tick)
+    throw std::invalid_argument("ticks must divide the " + std::to_string(problem.sample) +
+                                " s between samples, or be multiples of them");
+  setting.tick = tick;
+  try {
+    const std::unique_ptr<Simulation> simulation = Contestant::make(reality, variant, setting);
+    keep(0, *simulation);
+    result.run_time = 0.0;
+    for (int k = stride; k <= problem.samples(); k += stride) {
+      const double processor_start = processor_time();
+      const auto start = SteadyClock::now();
+      simulation->advance(ticks, k * problem.sample);
+      const double wall = seconds_since(start);
+      // both are at least what it took: the one counts what others had of the processor, the other
+      // what it takes to ask for it
+      result.run_time += std::min(wall, processor_time() - processor_start);
+      result.ticks += ticks;
+      result.simulated = k * problem.sample;
+      if (!keep(k, *simulation)) {
+        result.outcome = "not_finite";
+        break;
+      }
+      if (result.run_time > limit && k + stride <= problem.samples()) {
+        result.outcome = "too_slow";
+        break;
+      }
+    }
+  } catch (const Unsupported&) {
+    result.outcome = "unsupported";
+  } catch (const std::exception& error) {  // peers throw what they like
+    result.outcome = "refused";
+    std::fprintf(stderr, "%s %s %g: %s\n", problem.name.c_str(), variant.name.c_str(), setting.tick,
+                 error.what());
+  }
+  if (result.outcome == "not_finite") {
+    motion.sample.pop_back();
+    motion.states.pop_back();
+  }
+  if (motion.states.size() < 2) {  // nothing was simulated
+    const double none = std::numeric_limits<double>::quiet_NaN();
+    result.errors = {none, none, none, none, none, none};
+    return result;
+  }
+  result.errors = errors(problem, motion, reference);
+  const States& first = motion.states.front();
+  for (const States& states : motion.states)
+    for (std::size_t i = 0; i < states.size(); ++i)
+      result.largest_distance =
+          std::max(result.largest_distance, (states[i].position - first[i].position).norm());
+  return result;
+}
+
+constexpr char kHeader[] =
+    "problem,contestant,knob,value,outcome,run_time,ticks,position,orientation,energy,momentum,"
+    "constraint,penetration,distance";
+
+void print(const Problem& problem, const std::string& contestant, const Variant& variant,
+           double value, const Result& result) {
+  const Errors& e = result.errors;
+  std::printf("%s,%s,%s,%.6g,%s,%.4g,%ld,%.3g,%.3g,%.3g,%.3g,%.3g,%.3g,%.3g\n",
+              problem.name.c_str(), contestant.c_str(),
+              variant.knob == Knob::kTick ? "tick" : "tolerance", value, result.outcome.c_str(),
+              1e6 * result.run_time / result.simulated, result.ticks, e.position, e.orientation,
+              e.energy, e.momentum, e.constraint, e.penetration, result.largest_distance);
+  std::fflush(stdout);
+}
+
+struct Arguments {
+  std::string command, folder, problem, variant;
+  std::vector<double> values;
+  bool is_grid = false;
+  double budget = 1.0;
+  int repeats = 5;
+  double perturbation = 0.0;
+};
+
+/// The best of the repeats; long runs are not repeated here, the rounds of the report do that.
+Result best_run(const Problem& problem, const Problem& reality, const Trajectory& reference,
+                const Variant& variant, const Setting& setting, const Arguments& arguments) {
+  constexpr double kLongEnough = 0.02;  // [s]; noise of a timer tick or an interrupt is below 1 %
+  Result best = run(problem, reality, reference, variant, setting, arguments.budget);
+  double spent = best.run_time;
+  for (int i = 1; i < arguments.repeats && best.outcome == "ok" && spent < kLongEnough; ++i) {
+    const Result again = run(problem, reality, reference, variant, setting, arguments.budget);
+    spent += again.run_time;
+    best.run_time = std::min(best.run_time, again.run_time);
+  }
+  return best;
+}
+
+/// From the coarsest setting on, until one is dearer than the budget or exact to rounding.
+int run(const Arguments& arguments) {
+  const Problem& problem = problem_named(arguments.problem);
+  const Trajectory reference = read_reference(arguments.folder, problem);
+  Problem reality = problem;
+  reality.gravity *= 1.0 + arguments.perturbation;
+  for (const Variant& variant : Contestant::variants()) {
+    if (variant.name != arguments.variant) continue;
+    const bool is_tick = variant.knob == Knob::kTick || arguments.is_grid;
+    const std::string contestant = Contestant::name() + " " + variant.name +
+                                   (arguments.perturbation != 0.0 ? " perturbed" : "");
+    for (const double value : arguments.values) {
+      Setting setting;
+      setting.is_swept = !arguments.is_grid;
+      setting.tick = is_tick ? value : problem.sample;
+      if (!is_tick) setting.tolerance = value;
+      std::printf("begin %.10g\n", value);
+      std::fflush(stdout);
+      const Result result = best_run(problem, reality, reference, variant, setting, arguments);
+      print(problem, contestant, variant, value, result);
+      if (arguments.is_grid) continue;
+      if (result.outcome == "unsupported" || result.outcome == "too_slow" ||
+          result.run_time > arguments.budget)
+        break;
+      const double error = std::max(
+          {std::isnan(result.errors.position) ? 1.0 : 0.0, result.errors.position,
+           std::isnan(result.errors.orientation) ? 0.0
+                                                 : problem.length * result.errors.orientation});
+      if (error < 1e-11 * problem.length) break;
+    }
+    return 0;
+  }
+  throw std::invalid_argument("there is no variant '" + arguments.variant + "'");
+}
+
+void list_problems() {
+  for (const Problem& problem : problems())
+    std::printf("%s\t%s\t%d\t%g\t%g\t%g\t%d\t%d\t%d\t%s\n", problem.name.c_str(),
+                problem.group.c_str(), problem.is_graded, problem.duration, problem.length,
+                problem.tick_scale, problem.is_invalid, problem.has_conflict,
+                static_cast<int>(static_cast<bool>(problem.reference)), problem.source.c_str());
+}
+
+void list_variants() {
+  for (const Variant& variant : Contestant::variants()) {
+    std::printf("%s\t%s\t%s\t%s\t%s\t", variant.name.c_str(),
+                variant.has_joint_coordinates ? "joint" : "cartesian",
+                variant.knob == Knob::kTick ? "tick" : "tolerance", Contestant::name().c_str(),
+                Contestant::version().c_str());
+    for (const double value : variant.values) std::printf("%.3g ", value);
+    std::printf("\n");
+  }
+}
+
+Arguments parse(int argc, char** argv) {
+  namespace po = boost::program_options;
+  Arguments arguments;
+  po::options_description options;
+  auto add = options.add_options();
+  add("command", po::value(&arguments.command)->required());
+  add("folder", po::value(&arguments.folder));
+  add("problem", po::value(&arguments.problem));
+  add("variant", po::value(&arguments.variant));
+  add("values", po::value(&arguments.values)->multitoken(), "of the variant's knob");
+  add("grid", po::bool_switch(&arguments.is_grid), "the values are ticks, whatever the knob");
+  add("budget", po::value(&arguments.budget), "longest run [s]");
+  add("repeats", po::value(&arguments.repeats), "of short runs");
+  add("perturb", po::value(&arguments.perturbation), "gravity is wrong by this share");
+  po::positional_options_description positions;
+  positions.add("command", 1).add("folder", 1);
+  po::variables_map values;
+  po::store(po::command_line_parser(argc, argv).options(options).positional(positions).run(),
+            values);
+  po::notify(values);
+  return arguments;
+}
+
+}  // namespace
+}  // namespace constraint_sim::report
+
+int main(int argc, char** argv) {
+  using namespace constraint_sim::report;
+  try {
+    const Arguments arguments = parse(argc, argv);
+    if (arguments.command == "list") {
+      list_variants();
+    } else if (arguments.command == "problems") {
+      list_problems();
+    } else if (arguments.command == "references") {
+      make_references(arguments.folder, arguments.problem);
+    } else if (arguments.command == "header") {
+      std::printf("%s\n", kHeader);
+    } else if (arguments.command == "run") {
+      return run(arguments);
+    } else {
+      throw std::invalid_argument("there is no command '" + arguments.command + "'");
+    }
+    return 0;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
+}

@@ -1,0 +1,367 @@
+// needs: pkg-config bullet-float64
+//
+// Bullet in double precision: sequential impulses and Dantzig's solver in Cartesian coordinates,
+// and Featherstone's articulated bodies with RK4 in joint coordinates.
+
+#include <BulletDynamics/Featherstone/btMultiBody.h>
+#include <BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h>
+#include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
+#include <BulletDynamics/MLCPSolvers/btDantzigSolver.h>
+#include <BulletDynamics/MLCPSolvers/btMLCPSolver.h>
+#include <btBulletDynamicsCommon.h>
+
+#include <cmath>
+
+#include "../tree.h"
+
+namespace constraint_sim::report {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+constexpr double kAnyInertia = 0.01;  // [m²] of a point mass; rods at its centre do not turn it
+
+btVector3 to_bullet(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+btQuaternion to_bullet(const Quaterniond& q) { return {q.x(), q.y(), q.z(), q.w()}; }
+Vector3d from_bullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
+Quaterniond from_bullet(const btQuaternion& q) { return {q.w(), q.x(), q.y(), q.z()}; }
+
+/// Bullet has no rod between rigid bodies: one row along the line between the anchors.
+class Rod : public btTypedConstraint {
+ public:
+  Rod(btRigidBody& a, btRigidBody& b, const Vector3d& anchor_a, const Vector3d& anchor_b,
+      double length)
+      : btTypedConstraint(MAX_CONSTRAINT_TYPE, a, b),
+        anchor_a_(to_bullet(anchor_a)),
+        anchor_b_(to_bullet(anchor_b)),
+        length_(length) {}
+
+  void set_length(double length) { length_ = length; }
+
+  void getInfo1(btConstraintInfo1* info) override {
+    info->m_numConstraintRows = 1;
+    info->nub = 5;
+  }
+
+  void getInfo2(btConstraintInfo2* info) override {
+    const btVector3 r_a = m_rbA.getCenterOfMassTransform().getBasis() * anchor_a_;
+    const btVector3 r_b = m_rbB.getCenterOfMassTransform().getBasis() * anchor_b_;
+    const btVector3 d =
+        m_rbB.getCenterOfMassPosition() + r_b - m_rbA.getCenterOfMassPosition() - r_a;
+    const btScalar distance = d.length();
+    const btVector3 n = d / distance, turn_a = -r_a.cross(n), turn_b = r_b.cross(n);
+    for (int i = 0; i < 3; ++i) {
+      info->m_J1linearAxis[i] = -n[i];
+      info->m_J1angularAxis[i] = turn_a[i];
+      info->m_J2linearAxis[i] = n[i];
+      info->m_J2angularAxis[i] = turn_b[i];
+    }
+    info->m_constraintError[0] = -info->erp * info->fps * (distance - length_);
+    info->m_lowerLimit[0] = -SIMD_INFINITY;
+    info->m_upperLimit[0] = SIMD_INFINITY;
+  }
+
+  void setParam(int, btScalar, int) override {}
+  btScalar getParam(int, int) const override { return 0.0; }
+
+ private:
+  btVector3 anchor_a_, anchor_b_;
+  btScalar length_;
+};
+
+struct Collisions {
+  btDefaultCollisionConfiguration configuration;
+  btCollisionDispatcher dispatcher{&configuration};
+  btDbvtBroadphase broadphase;
+};
+
+class BulletSimulation : public Simulation {
+ public:
+  BulletSimulation(const Problem& problem, const std::string& variant, double tick)
+      : problem_(problem), tick_(tick) {
+    const std::string impulses = "sequential_impulses_";
+    if (variant == "dantzig")
+      solver_ = std::make_unique<btMLCPSolver>(&dantzig_);
+    else
+      solver_ = std::make_unique<btSequentialImpulseConstraintSolver>();
+    world_ =
+        std::make_unique<btDiscreteDynamicsWorld>(&collisions_.dispatcher, &collisions_.broadphase,
+                                                  solver_.get(), &collisions_.configuration);
+    world_->setGravity(to_bullet(problem.gravity));
+    if (variant == "dantzig")
+      world_->getSolverInfo().m_minimumSolverBatchSize = 1;  // islands apart
+    else
+      world_->getSolverInfo().m_numIterations = std::stoi(variant.substr(impulses.size()));
+    for (const Body& body : problem.bodies) add(body);
+    for (const Joint& joint : problem.joints) add(joint);
+  }
+
+  ~BulletSimulation() override {
+    for (const auto& joint : joints_) world_->removeConstraint(joint.get());
+    for (const auto& body : bodies_) world_->removeRigidBody(body.get());
+  }
+
+  void advance(long ticks, double) override {
+    for (long i = 0; i < ticks; ++i) {
+      time_ += tick_;
+      for (const Motor& motor : motors_) motor.rod->set_length(motor.length + motor.rate * time_);
+      for (std::size_t k = 0; k < bodies_.size(); ++k)
+        if (!problem_.bodies[k].force.isZero(0.0))
+          bodies_[k]->applyCentralForce(to_bullet(problem_.bodies[k].force));
+      world_->stepSimulation(tick_, 0);
+    }
+  }
+
+  void read(States* states) const override {
+    states->clear();
+    for (const auto& body : bodies_)
+      states->push_back(
+          {from_bullet(body->getCenterOfMassPosition()), from_bullet(body->getOrientation()),
+           from_bullet(body->getLinearVelocity()), from_bullet(body->getAngularVelocity())});
+  }
+
+ private:
+  struct Motor {
+    Rod* rod;
+    double length, rate;
+  };
+
+  btCollisionShape* shape_of(const Body& body) {
+    switch (body.shape) {
+      case Shape::kPoint:
+        shapes_.push_back(std::make_unique<btEmptyShape>());
+        break;
+      case Shape::kSphere:
+        shapes_.push_back(std::make_unique<btSphereShape>(body.size.x()));
+        break;
+      case Shape::kBox:
+        shapes_.push_back(std::make_unique<btBoxShape>(to_bullet(body.size / 2.0)));
+        break;
+      case Shape::kPlane:
+        shapes_.push_back(std::make_unique<btStaticPlaneShape>(btVector3(0, 0, 1), 0.0));
+        break;
+    }
+    return shapes_.back().get();
+  }
+
+  void add(const Body& body) {
+    const Vector3d inertia = body.inertia.isZero(0.0)
+                                 ? Vector3d(Vector3d::Constant(kAnyInertia * body.mass))
+                                 : body.inertia;
+    btRigidBody::btRigidBodyConstructionInfo info(body.is_static ? 0.0 : body.mass, nullptr,
+                                                  shape_of(body), to_bullet(inertia));
+    info.m_startWorldTransform =
+        btTransform(to_bullet(body.start.orientation), to_bullet(body.start.position));
+    info.m_friction = std::sqrt(body.friction);  // Bullet multiplies; a pair has the geometric mean
+    bodies_.push_back(std::make_unique<btRigidBody>(info));
+    btRigidBody& added = *bodies_.back();
+    added.setLinearVelocity(to_bullet(body.start.velocity));
+    added.setAngularVelocity(to_bullet(body.start.angular_velocity));
+    added.setRestitution(body.restitution);  // the same on all bodies of a scene that has one
+    added.setDamping(0.0, 0.0);
+    added.setActivationState(DISABLE_DEACTIVATION);
+    if (body.shape == Shape::kPoint)
+      world_->addRigidBody(&added, 0, 0);
+    else
+      world_->addRigidBody(&added);
+  }
+
+  btRigidBody& body(int i) {
+    return i == kWorld ? btTypedConstraint::getFixedBody() : *bodies_[static_cast<std::size_t>(i)];
+  }
+
+  Vector3d in_world(int i, const Vector3d& anchor) const {
+    if (i == kWorld) return anchor;
+    const State& start = problem_.bodies[static_cast<std::size_t>(i)].start;
+    return start.position + start.orientation * anchor;
+  }
+
+  void add(const Joint& joint) {
+    if (joint.kind == JointKind::kSpring || joint.max_force != 0.0)
+      throw Unsupported("springs and motors with a force limit");
+    if (joint.kind == JointKind::kBall) {
+      joints_.push_back(std::make_unique<btPoint2PointConstraint>(
+          body(joint.a), body(joint.b), to_bullet(joint.anchor_a), to_bullet(joint.anchor_b)));
+    } else {
+      const double start =
+          (in_world(joint.b, joint.anchor_b) - in_world(joint.a, joint.anchor_a)).norm();
+      const double length = joint.length >= 0.0 ? joint.length : start;
+      auto rod = std::make_unique<Rod>(body(joint.a), body(joint.b), joint.anchor_a, joint.anchor_b,
+                                       length);
+      if (joint.rate != 0.0) motors_.push_back({rod.get(), length, joint.rate});
+      joints_.push_back(std::move(rod));
+    }
+    world_->addConstraint(joints_.back().get());
+  }
+
+  Problem problem_;
+  double tick_;
+  double time_ = 0.0;
+  Collisions collisions_;
+  btDantzigSolver dantzig_;
+  std::unique_ptr<btConstraintSolver> solver_;
+  std::unique_ptr<btDiscreteDynamicsWorld> world_;
+  std::vector<std::unique_ptr<btCollisionShape>> shapes_;
+  std::vector<std::unique_ptr<btRigidBody>> bodies_;
+  std::vector<std::unique_ptr<btTypedConstraint>> joints_;
+  std::vector<Motor> motors_;
+};
+
+/// Links are numbered as in the tree, one multi-body for each that hangs on the world or is free.
+class FeatherstoneSimulation : public Simulation {
+ public:
+  FeatherstoneSimulation(const Problem& problem, double tick) : problem_(problem), tick_(tick) {
+    if (problem.has_shapes()) throw Unsupported("contacts in joint coordinates");
+    world_.setGravity(to_bullet(problem.gravity));
+    place_.resize(problem.bodies.size());
+    const std::vector<Link> tree = tree_of(problem);
+    for (const Link& link : tree) {
+      Place& place = place_[static_cast<std::size_t>(link.body)];
+      if (link.parent == kWorld) {
+        place.tree = counts_.size();
+        counts_.push_back(link.is_hung ? 1 : 0);
+        place.link = link.is_hung ? 0 : -1;
+      } else {
+        place.tree = place_[static_cast<std::size_t>(link.parent)].tree;
+        place.link = counts_[place.tree]++;
+      }
+    }
+    for (const Link& link : tree) add(link);
+    for (const auto& tree_body : trees_) {
+      tree_body->finalizeMultiDof();
+      world_.addMultiBody(tree_body.get());
+    }
+    for (const Link& link : tree) set_velocity(link);
+  }
+
+  ~FeatherstoneSimulation() override {
+    for (const auto& tree : trees_) world_.removeMultiBody(tree.get());
+  }
+
+  void advance(long ticks, double) override {
+    for (long i = 0; i < ticks; ++i) world_.stepSimulation(tick_, 0);
+  }
+
+  void read(States* states) const override {
+    states->assign(place_.size(), State());
+    btAlignedObjectArray<btQuaternion> turns;
+    btAlignedObjectArray<btVector3> origins;
+    for (const auto& tree : trees_) tree->forwardKinematics(turns, origins);
+    for (std::size_t k = 0; k < trees_.size(); ++k) {
+      const btMultiBody& tree = *trees_[k];
+      const auto count = static_cast<std::size_t>(tree.getNumLinks()) + 1;
+      std::vector<btVector3> omega(count), velocity(count);
+      tree.compTreeLinkVelocities(omega.data(), velocity.data());
+      for (std::size_t i = 0; i < place_.size(); ++i) {
+        if (place_[i].tree != k) continue;
+        const int link = place_[i].link;
+        const btTransform pose =
+            link < 0 ? tree.getBaseWorldTransform() : tree.getLink(link).m_cachedWorldTransform;
+        const std::size_t at = link < 0 ? 0 : static_cast<std::size_t>(link) + 1;
+        (*states)[i] = {from_bullet(pose.getOrigin()), from_bullet(pose.getRotation()),
+                        from_bullet(pose.getBasis() * velocity[at]),
+                        from_bullet(pose.getBasis() * omega[at])};
+      }
+    }
+  }
+
+ private:
+  struct Place {
+    std::size_t tree = 0;
+    int link = 0;  // -1: the base
+  };
+
+  const Body& body(int i) const { return problem_.bodies[static_cast<std::size_t>(i)]; }
+
+  void add(const Link& link) {
+    const Body& added = body(link.body);
+    const Place& place = place_[static_cast<std::size_t>(link.body)];
+    const btVector3 inertia = to_bullet(inertia_of(added));
+    if (link.parent == kWorld) {
+      if (!link.is_hung && added.inertia.isZero(0.0))
+        throw Unsupported("a free point mass as the root of joint coordinates");
+      trees_.push_back(std::make_unique<btMultiBody>(
+          counts_[place.tree], link.is_hung ? 0.0 : added.mass, inertia, link.is_hung, false));
+      btMultiBody& tree = *trees_.back();
+      tree.useRK4Integration(true);
+      tree.setLinearDamping(0.0);
+      tree.setAngularDamping(0.0);
+      tree.setUseGyroTerm(true);
+      tree.setHasSelfCollision(false);
+      tree.setMaxCoordinateVelocity(1e300);
+      tree.setMaxAppliedImpulse(1e300);
+      if (!link.is_hung) {
+        tree.setBasePos(to_bullet(added.start.position));
+        tree.setWorldToBaseRot(to_bullet(added.start.orientation.conjugate()));
+        return;
+      }
+    }
+    const int parent =
+        link.parent == kWorld ? -1 : place_[static_cast<std::size_t>(link.parent)].link;
+    const Quaterniond turn =
+        added.start.orientation.conjugate() *
+        (link.parent == kWorld ? Quaterniond::Identity() : body(link.parent).start.orientation);
+    btMultiBody& tree = *trees_[place.tree];
+    if (problem_.is_planar)
+      tree.setupRevolute(place.link, added.mass, inertia, parent, to_bullet(turn),
+                         btVector3(0, 1, 0), to_bullet(link.anchor), to_bullet(link.centre), true);
+    else
+      tree.setupSpherical(place.link, added.mass, inertia, parent, to_bullet(turn),
+                          to_bullet(link.anchor), to_bullet(link.centre), true);
+    spins_.resize(problem_.bodies.size(), Vector3d::Zero());
+    spins_[static_cast<std::size_t>(link.body)] = start_spin(problem_, link);
+  }
+
+  void set_velocity(const Link& link) {
+    const Body& moved = body(link.body);
+    const Place& place = place_[static_cast<std::size_t>(link.body)];
+    btMultiBody& tree = *trees_[place.tree];
+    if (!link.is_hung) {
+      tree.setBaseVel(to_bullet(moved.start.velocity));
+      tree.setBaseOmega(to_bullet(moved.start.angular_velocity));
+      return;
+    }
+    Vector3d spin = spins_[static_cast<std::size_t>(link.body)];
+    if (link.parent != kWorld) spin -= spins_[static_cast<std::size_t>(link.parent)];
+    if (problem_.is_planar) {
+      tree.setJointVel(place.link, spin.y());
+    } else {
+      const Vector3d local = moved.start.orientation.conjugate() * spin;
+      tree.setJointVelMultiDof(place.link, local.data());
+    }
+  }
+
+  Problem problem_;
+  double tick_;
+  Collisions collisions_;
+  btMultiBodyConstraintSolver solver_;
+  btMultiBodyDynamicsWorld world_{&collisions_.dispatcher, &collisions_.broadphase, &solver_,
+                                  &collisions_.configuration};
+  std::vector<Place> place_;
+  std::vector<int> counts_;
+  std::vector<Vector3d> spins_;
+  std::vector<std::unique_ptr<btMultiBody>> trees_;
+};
+
+}  // namespace
+
+std::string Contestant::name() { return "bullet"; }
+std::string Contestant::version() { return CONSTRAINT_SIM_PEER_VERSION; }
+
+std::vector<Variant> Contestant::variants() {
+  return {{"sequential_impulses_10"},
+          {"sequential_impulses_50"},
+          {"sequential_impulses_200"},
+          {"dantzig"},
+          {"featherstone_rk4", true}};
+}
+
+std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Variant& variant,
+                                             const Setting& setting) {
+  if (variant.has_joint_coordinates)
+    return std::make_unique<FeatherstoneSimulation>(problem, setting.tick);
+  return std::make_unique<BulletSimulation>(problem, variant.name, setting.tick);
+}
+
+}  // namespace constraint_sim::report

@@ -1,0 +1,153 @@
+// The engine of this package: every method it has by name, with every order.
+
+#include "../contestant.h"
+#include "constraint_sim/world.h"
+
+namespace constraint_sim::report {
+namespace {
+
+using engine::BodyId;
+using engine::Method;
+using engine::World;
+
+constexpr double kAutoTick = 0.1;  // [s] of ours, where the tolerance decides how long substeps are
+
+engine::Shape shape_of(const Body& body) {
+  switch (body.shape) {
+    case Shape::kSphere:
+      return engine::Sphere{body.size.x()};
+    case Shape::kBox:
+      return engine::Box{body.size};
+    case Shape::kPlane:
+      return engine::Plane{};
+    case Shape::kPoint:
+      break;
+  }
+  return engine::Point{};
+}
+
+BodyId add(const Body& body, std::size_t number, World* world) {
+  engine::Body added;
+  added.name = "body_" + std::to_string(number);
+  added.type = body.is_static ? engine::BodyType::kStatic : engine::BodyType::kDynamic;
+  added.shape = shape_of(body);
+  added.mass = body.mass;
+  added.inertia = body.inertia;
+  added.state = {body.start.position, body.start.orientation, body.start.velocity,
+                 body.start.angular_velocity};
+  added.friction = body.friction;
+  added.restitution = body.restitution;
+  const BodyId id = world->add_body(added);
+  if (!body.force.isZero(0.0)) {
+    engine::Wrench push;
+    push.body = id;
+    push.force = body.force;
+    world->add_wrench(push);
+  }
+  return id;
+}
+
+void add(const Joint& joint, const std::vector<BodyId>& ids, World* world) {
+  const auto id = [&](int i) {
+    return i == kWorld ? engine::kWorldBody : ids[static_cast<std::size_t>(i)];
+  };
+  engine::Joint added;
+  added.name = "joint_" + std::to_string(world->joint_ids().size());
+  added.body_a = id(joint.a);
+  added.anchor_a = joint.anchor_a;
+  added.body_b = id(joint.b);
+  added.anchor_b = joint.anchor_b;
+  if (joint.kind == JointKind::kBall) {
+    added.type = engine::BallJoint{};
+  } else {
+    engine::DistanceJoint distance;
+    if (!(joint.length < 0.0)) distance.length = joint.length;  // NaN is passed on
+    if (joint.kind == JointKind::kSpring) distance.stiffness = joint.stiffness;
+    added.type = distance;
+  }
+  added.motor.bias = joint.rate;
+  added.motor.max_force = joint.max_force;
+  world->add_joint(added);
+}
+
+class EngineSimulation : public Simulation {
+ public:
+  EngineSimulation(const Problem& problem, const engine::WorldOptions& options) : world_(options) {
+    for (std::size_t i = 0; i < problem.bodies.size(); ++i)
+      ids_.push_back(add(problem.bodies[i], i, &world_));
+    for (const Joint& joint : problem.joints) add(joint, ids_, &world_);
+  }
+
+  void advance(long ticks, double) override {
+    for (long i = 0; i < ticks; ++i)
+      if (world_.step().failed) throw Refused("the engine says that the step failed");
+  }
+
+  void read(States* states) const override {
+    states->clear();
+    for (const BodyId id : ids_) {
+      const engine::BodyState& state = world_.state(id);
+      states->push_back(
+          {state.position, state.orientation, state.linear_velocity, state.angular_velocity});
+    }
+  }
+
+ private:
+  World world_;
+  std::vector<BodyId> ids_;
+};
+
+/// The number at the end of a variant's name; 0 where there is none.
+int number_after(const std::string& name, const std::string& start) {
+  return name.rfind(start, 0) == 0 ? std::stoi(name.substr(start.size())) : 0;
+}
+
+}  // namespace
+
+std::string Contestant::name() { return "constraint_sim"; }
+std::string Contestant::version() { return CONSTRAINT_SIM_COMMIT; }
+
+std::vector<Variant> Contestant::variants() {
+  std::vector<Variant> variants;
+  for (std::size_t i = 0; i < engine::kMethodCount; ++i) {
+    const auto method = static_cast<Method>(i);
+    const std::string name = engine::name(method);
+    Variant variant{name};
+    if (method == Method::kAuto) {
+      variant.knob = Knob::kTolerance;
+      for (double tolerance = 1e-1; tolerance > 3e-14; tolerance *= 0.1)
+        variant.values.push_back(tolerance);
+      variants.push_back(variant);
+    } else if (method == Method::kRungeKutta) {
+      for (const char* order : {"_order_8", "_order_5"}) variants.push_back({name + order});
+    } else if (method == Method::kSequentialImpulses) {
+      for (const char* sweeps : {"_10", "_50", "_200"}) variants.push_back({name + sweeps});
+    } else {
+      variants.push_back(variant);
+    }
+  }
+  return variants;
+}
+
+std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Variant& variant,
+                                             const Setting& setting) {
+  engine::WorldOptions options;
+  options.gravity = problem.gravity;
+  options.time_step = setting.tick;
+  if (variant.knob == Knob::kTolerance && setting.is_swept) {
+    options.time_step = std::min(kAutoTick, problem.sample);
+    options.tolerance = setting.tolerance;
+  }
+  for (std::size_t i = 0; i < engine::kMethodCount; ++i)
+    if (variant.name.rfind(engine::name(static_cast<Method>(i)), 0) == 0)
+      options.method = static_cast<Method>(i);
+  if (variant.knob == Knob::kTick && setting.is_swept) options.tolerance = 0.0;
+  if (options.method == Method::kRungeKutta) {
+    options.order = number_after(variant.name, "runge_kutta_order_");
+  } else if (options.method == Method::kSequentialImpulses) {
+    options.iterations = number_after(variant.name, "sequential_impulses_");
+  }
+  return std::make_unique<EngineSimulation>(problem, options);
+}
+
+}  // namespace constraint_sim::report

@@ -1,0 +1,387 @@
+// needs: library mujoco
+//
+// MuJoCo: joint coordinates, and Cartesian ones with tendons for rods, each with its semi-implicit
+// Euler and RK4.
+
+#include <mujoco/mujoco.h>
+
+#include <cmath>
+#include <cstring>
+#include <sstream>
+
+#include "../tree.h"
+
+namespace constraint_sim::report {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+/// MuJoCo calls abort() where it cannot go on; an exception is a refusal.
+void throw_error(const char* text) { throw Refused(text); }
+void be_silent(const char*) {}
+
+/// Text of numbers without loss.
+std::string text(const Vector3d& v) {
+  std::ostringstream out;
+  out.precision(17);
+  out << v.x() << ' ' << v.y() << ' ' << v.z();
+  return out.str();
+}
+std::string text(const Quaterniond& q) {
+  std::ostringstream out;
+  out.precision(17);
+  out << q.w() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z();
+  return out.str();
+}
+std::string text(double x) {
+  std::ostringstream out;
+  out.precision(17);
+  out << x;
+  return out.str();
+}
+std::string name_of(const char* kind, std::size_t i) { return kind + std::to_string(i); }
+
+/// Bodies in one file of the model: its parser goes a hundred elements deep, across files it does
+/// not count.
+constexpr int kDeepest = 50;
+constexpr int kMostPairs = 40;  // of bodies for which every pair is listed with its own friction
+
+class Writer {
+ public:
+  Writer(const Problem& problem, const Variant& variant, double tick)
+      : problem_(problem), tick_(tick), is_jointed_(variant.has_joint_coordinates) {
+    const bool is_rk4 = variant.name.find("rk4") != std::string::npos;
+    const auto bodies = static_cast<double>(problem.bodies.size());
+    const bool has_shapes = problem.has_shapes();
+    xml_ << "<mujoco><compiler angle='radian' inertiafromgeom='false' boundmass='0' "
+            "boundinertia='0'/>"
+         << "<option timestep='" << text(tick) << "' gravity='" << text(problem.gravity)
+         << "' integrator='" << (is_rk4 ? "RK4" : "Euler")
+         << "' solver='Newton' iterations='100' tolerance='1e-14' cone='elliptic'>"
+         << "<flag warmstart='enable'/></option>"
+         << "<size nstack='" << (bodies > 300 ? "60000000" : "20000000") << "' njmax='"
+         << static_cast<int>(6 * bodies) + 300 << "' nconmax='"
+         << static_cast<int>(6 * bodies) + 100 << "'/><worldbody>";
+    if (is_jointed_)
+      write_tree();
+    else
+      write_bodies();
+    xml_ << "</worldbody>";
+    if (!is_jointed_) write_joints();
+    if (has_shapes) write_pairs();
+    xml_ << "</mujoco>";
+    files_.push_back(xml_.str());
+  }
+
+  /// The model is the last of the files; it includes the others.
+  const std::vector<std::string>& files() const { return files_; }
+  static std::string file_name(std::size_t i) { return "part_" + std::to_string(i) + ".xml"; }
+
+ private:
+  void write_inertia(const Body& body, const Vector3d& centre) {
+    xml_ << "<inertial pos='" << text(centre) << "' mass='" << text(body.mass) << "' diaginertia='"
+         << text(inertia_of(body)) << "'/>";
+  }
+
+  void write_slides(bool is_planar) {
+    for (const char* axis : {"1 0 0", "0 1 0", "0 0 1"})
+      if (!is_planar || std::strcmp(axis, "0 1 0") != 0)
+        xml_ << "<joint type='slide' axis='" << axis << "'/>";
+  }
+
+  void write_shape(const Body& body, std::size_t i) {
+    if (body.shape == Shape::kPoint) return;
+    if (body.restitution != 0.0) throw Unsupported("restitution");
+    xml_ << "<geom name='" << name_of("geom", i) << "' ";
+    if (body.shape == Shape::kSphere)
+      xml_ << "type='sphere' size='" << text(body.size.x()) << "'";
+    else if (body.shape == Shape::kBox)
+      xml_ << "type='box' size='" << text(body.size / 2.0) << "'";
+    else
+      xml_ << "type='plane' size='100 100 1'";
+    if (is_small())
+      xml_ << " contype='0' conaffinity='0'";
+    else if (body.friction != 0.0)
+      throw Unsupported("friction of many bodies");
+    else
+      xml_ << " condim='1' solref='" << text(2.0 * tick_) << " 1'";
+    xml_ << "/>";
+  }
+
+  bool is_small() const { return problem_.bodies.size() <= kMostPairs; }
+
+  void write_pairs() {
+    if (!is_small()) return;
+    xml_ << "<contact>";
+    for (std::size_t i = 0; i < problem_.bodies.size(); ++i)
+      for (std::size_t j = 0; j < i; ++j) {
+        const Body& a = problem_.bodies[i];
+        const Body& b = problem_.bodies[j];
+        if (a.shape == Shape::kPoint || b.shape == Shape::kPoint || (a.is_static && b.is_static))
+          continue;
+        const double mu = std::sqrt(a.friction * b.friction);
+        xml_ << "<pair geom1='" << name_of("geom", j) << "' geom2='" << name_of("geom", i)
+             << "' condim='" << (mu > 0.0 ? 3 : 1) << "' friction='" << text(mu) << ' ' << text(mu)
+             << " 0 0 0' solref='" << text(2.0 * tick_) << " 1'/>";
+      }
+    xml_ << "</contact>";
+  }
+
+  void write_bodies() {
+    for (std::size_t i = 0; i < problem_.bodies.size(); ++i) {
+      const Body& body = problem_.bodies[i];
+      xml_ << "<body name='" << name_of("body", i) << "' pos='" << text(body.start.position)
+           << "' quat='" << text(body.start.orientation) << "'>";
+      if (!body.is_static) {
+        if (body.inertia.isZero(0.0))
+          write_slides(false);
+        else
+          xml_ << "<freejoint/>";
+        write_inertia(body, Vector3d::Zero());
+      }
+      write_shape(body, i);
+      for (std::size_t k = 0; k < problem_.joints.size(); ++k) {
+        const Joint& joint = problem_.joints[k];
+        if (joint.a == static_cast<int>(i)) write_site(name_of("a", k), joint.anchor_a);
+        if (joint.b == static_cast<int>(i)) write_site(name_of("b", k), joint.anchor_b);
+      }
+      xml_ << "</body>";
+    }
+    for (std::size_t k = 0; k < problem_.joints.size(); ++k)
+      if (problem_.joints[k].a == kWorld) write_site(name_of("a", k), problem_.joints[k].anchor_a);
+  }
+
+  void write_site(const std::string& name, const Vector3d& position) {
+    xml_ << "<site name='" << name << "' pos='" << text(position) << "'/>";
+  }
+
+  void write_joints() {
+    // as stiff as MuJoCo recommends at most
+    const std::string solver =
+        " solref='" + text(2.0 * tick_) + " 1' solimp='0.9999 0.9999 0.001 0.5 2'/>";
+    std::ostringstream equality;
+    xml_ << "<tendon>";
+    for (std::size_t k = 0; k < problem_.joints.size(); ++k) {
+      const Joint& joint = problem_.joints[k];
+      if (joint.rate != 0.0) throw Unsupported("motors");
+      if (joint.kind == JointKind::kBall) {
+        equality << "<connect body1='" << name_of("body", static_cast<std::size_t>(joint.b))
+                 << "' anchor='" << text(joint.anchor_b) << "'";
+        if (joint.a != kWorld)
+          equality << " body2='" << name_of("body", static_cast<std::size_t>(joint.a)) << "'";
+        equality << solver;
+        continue;
+      }
+      xml_ << "<spatial name='" << name_of("rod", k) << "'";
+      const double start =
+          (in_world(joint.b, joint.anchor_b) - in_world(joint.a, joint.anchor_a)).norm();
+      const double length = joint.length >= 0.0 ? joint.length : start;
+      if (joint.kind == JointKind::kSpring)
+        xml_ << " stiffness='" << text(joint.stiffness) << "' springlength='" << text(length)
+             << "'";
+      else
+        equality << "<tendon tendon1='" << name_of("rod", k) << "' polycoef='"
+                 << text(length - start) << " 0 0 0 0'" << solver;
+      xml_ << "><site site='" << name_of("a", k) << "'/><site site='" << name_of("b", k)
+           << "'/></spatial>";
+    }
+    xml_ << "</tendon><equality>" << equality.str() << "</equality>";
+  }
+
+  Vector3d in_world(int i, const Vector3d& anchor) const {
+    if (i == kWorld) return anchor;
+    const State& start = problem_.bodies[static_cast<std::size_t>(i)].start;
+    return start.position + start.orientation * anchor;
+  }
+
+  void write_tree() {
+    const std::vector<Link> tree = tree_of(problem_);
+    std::vector<std::vector<const Link*>> children(problem_.bodies.size());
+    for (const Link& link : tree)
+      if (link.parent != kWorld) children[static_cast<std::size_t>(link.parent)].push_back(&link);
+    for (const Link& link : tree)
+      if (link.parent == kWorld)
+        write_link(link, Vector3d::Zero(), Quaterniond::Identity(), children);
+  }
+
+  void write_link(const Link& link, const Vector3d& parent_centre, const Quaterniond& parent_turn,
+                  const std::vector<std::vector<const Link*>>& children) {
+    const auto i = static_cast<std::size_t>(link.body);
+    const Body& body = problem_.bodies[i];
+    const Vector3d position =
+        link.is_hung ? Vector3d(parent_centre + link.anchor) : body.start.position;
+    xml_ << "<body name='" << name_of("body", i) << "' pos='" << text(position) << "' quat='"
+         << text(parent_turn.conjugate() * body.start.orientation) << "'>";
+    if (!body.is_static) {
+      if (link.is_hung && problem_.is_planar)
+        xml_ << "<joint type='hinge' axis='0 1 0'/>";
+      else if (link.is_hung)
+        xml_ << "<joint type='ball'/>";
+      else if (body.inertia.isZero(0.0))
+        write_slides(problem_.is_planar);
+      else
+        xml_ << "<freejoint/>";
+      write_inertia(body, link.centre);
+    }
+    write_shape(body, i);
+    const bool is_deep = ++depth_ % kDeepest == 0 && !children[i].empty();
+    std::ostringstream outer;
+    if (is_deep) {
+      std::swap(outer, xml_);
+      xml_ << "<mujocoinclude>";
+    }
+    for (const Link* child : children[i])
+      write_link(*child, link.centre, body.start.orientation, children);
+    if (is_deep) {
+      xml_ << "</mujocoinclude>";
+      files_.push_back(xml_.str());
+      std::swap(outer, xml_);
+      xml_ << "<include file='" << file_name(files_.size() - 1) << "'/>";
+    }
+    --depth_;
+    xml_ << "</body>";
+  }
+
+  const Problem& problem_;
+  double tick_;
+  bool is_jointed_;
+  int depth_ = 0;
+  std::vector<std::string> files_;
+  std::ostringstream xml_;
+};
+
+class MujocoSimulation : public Simulation {
+ public:
+  MujocoSimulation(const Problem& problem, const Variant& variant, double tick)
+      : problem_(problem) {
+    mju_user_error = throw_error;
+    mju_user_warning = be_silent;
+    const Writer writer(problem, variant, tick);
+    const auto folder = std::make_unique<mjVFS>();
+    mj_defaultVFS(folder.get());
+    for (std::size_t i = 0; i < writer.files().size(); ++i) {
+      const std::string& file = writer.files()[i];
+      if (mj_makeEmptyFileVFS(folder.get(), Writer::file_name(i).c_str(),
+                              static_cast<int>(file.size())) != 0)
+        throw Unsupported("more files than MuJoCo keeps in memory");
+      std::memcpy(folder->filedata[i], file.data(), file.size());
+    }
+    char error[500] = "";
+    model_ = mj_loadXML(Writer::file_name(writer.files().size() - 1).c_str(), folder.get(), error,
+                        sizeof error);
+    mj_deleteVFS(folder.get());
+    if (model_ == nullptr) throw Refused(error);
+    data_ = mj_makeData(model_);
+    copy_ = mj_makeData(model_);
+    for (std::size_t i = 0; i < problem.bodies.size(); ++i)
+      ids_.push_back(mj_name2id(model_, mjOBJ_BODY, name_of("body", i).c_str()));
+    if (variant.has_joint_coordinates)
+      set_joint_velocities();
+    else
+      for (std::size_t i = 0; i < ids_.size(); ++i)
+        set_velocity(i, problem.bodies[i].start.velocity, problem.bodies[i].start.angular_velocity);
+    for (std::size_t i = 0; i < ids_.size(); ++i)
+      for (int k = 0; k < 3; ++k) data_->xfrc_applied[6 * ids_[i] + k] = problem.bodies[i].force[k];
+    mj_forward(model_, data_);
+  }
+
+  ~MujocoSimulation() override {
+    mj_deleteData(copy_);
+    mj_deleteData(data_);
+    mj_deleteModel(model_);
+  }
+
+  void advance(long ticks, double) override {
+    for (long i = 0; i < ticks; ++i) mj_step(model_, data_);
+    // MuJoCo starts again from the beginning when something is not finite
+    if (data_->warning[mjWARN_BADQACC].number + data_->warning[mjWARN_BADQPOS].number +
+            data_->warning[mjWARN_BADQVEL].number >
+        0)
+      is_lost_ = true;
+  }
+
+  void read(States* states) const override {
+    mj_copyData(copy_, model_, data_);
+    mj_kinematics(model_, copy_);
+    mj_comPos(model_, copy_);
+    mj_comVel(model_, copy_);
+    states->clear();
+    for (const int id : ids_) {
+      const double* x = copy_->xipos + std::ptrdiff_t{3} * id;
+      const double* q = copy_->xquat + std::ptrdiff_t{4} * id;
+      double velocity[6];
+      mj_objectVelocity(model_, copy_, mjOBJ_BODY, id, velocity, 0);
+      State state;
+      state.position = {x[0], x[1], x[2]};
+      if (is_lost_) state.position.setConstant(std::nan(""));
+      state.orientation = Quaterniond(q[0], q[1], q[2], q[3]);
+      state.angular_velocity = {velocity[0], velocity[1], velocity[2]};
+      state.velocity = {velocity[3], velocity[4], velocity[5]};
+      states->push_back(state);
+    }
+  }
+
+ private:
+  /// Of a body that is not hung: slides, or a free joint with its spin in body axes.
+  void set_velocity(std::size_t i, const Vector3d& velocity, const Vector3d& spin) {
+    const int id = ids_[i];
+    const int count = model_->body_dofnum[id];
+    double* v = data_->qvel + model_->body_dofadr[id];
+    if (count == 2) {
+      v[0] = velocity.x();
+      v[1] = velocity.z();
+    } else if (count > 0) {
+      for (int k = 0; k < 3; ++k) v[k] = velocity[k];
+      const Vector3d local = problem_.bodies[i].start.orientation.conjugate() * spin;
+      if (count == 6)
+        for (int k = 0; k < 3; ++k) v[3 + k] = local[k];
+    }
+  }
+
+  void set_joint_velocities() {
+    std::vector<Vector3d> spins(ids_.size(), Vector3d::Zero());
+    for (const Link& link : tree_of(problem_)) {
+      const auto i = static_cast<std::size_t>(link.body);
+      const Body& body = problem_.bodies[i];
+      spins[i] = start_spin(problem_, link);
+      if (body.is_static) continue;
+      if (!link.is_hung) {
+        set_velocity(i, body.start.velocity, body.start.angular_velocity);
+        continue;
+      }
+      Vector3d spin = spins[i];
+      if (link.parent != kWorld) spin -= spins[static_cast<std::size_t>(link.parent)];
+      double* v = data_->qvel + model_->body_dofadr[ids_[i]];
+      if (problem_.is_planar) {
+        v[0] = spin.y();
+      } else {
+        const Vector3d local = body.start.orientation.conjugate() * spin;
+        for (int k = 0; k < 3; ++k) v[k] = local[k];
+      }
+    }
+  }
+
+  Problem problem_;
+  mjModel* model_ = nullptr;
+  mjData* data_ = nullptr;
+  mjData* copy_ = nullptr;
+  std::vector<int> ids_;
+  bool is_lost_ = false;
+};
+
+}  // namespace
+
+std::string Contestant::name() { return "mujoco"; }
+std::string Contestant::version() { return mj_versionString(); }
+
+std::vector<Variant> Contestant::variants() {
+  return {{"joint_euler", true}, {"joint_rk4", true}, {"tendon_euler"}, {"tendon_rk4"}};
+}
+
+std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Variant& variant,
+                                             const Setting& setting) {
+  return std::make_unique<MujocoSimulation>(problem, variant, setting.tick);
+}
+
+}  // namespace constraint_sim::report

@@ -1,0 +1,231 @@
+// needs: pkg-config simbody
+//
+// Simbody: error-controlled Runge-Kutta-Merson, with rods as constraints between bodies in
+// Cartesian coordinates, and with pins and balls in joint coordinates.
+
+#include <Simbody.h>
+
+#include "../tree.h"
+
+namespace constraint_sim::report {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+constexpr double kDefaultAccuracy = 1e-3;
+
+SimTK::Vec3 vec(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+Vector3d from(const SimTK::Vec3& v) { return {v[0], v[1], v[2]}; }
+SimTK::Rotation rotation(const Quaterniond& q) {
+  return SimTK::Rotation(SimTK::Quaternion(SimTK::Vec4(q.w(), q.x(), q.y(), q.z())));
+}
+
+class SimbodySimulation : public Simulation {
+ public:
+  SimbodySimulation(const Problem& problem, const Variant& variant, double accuracy)
+      : problem_(problem), matter_(system_), forces_(system_), integrator_(system_) {
+    if (problem.has_shapes()) throw Unsupported("contacts");
+    SimTK::Force::UniformGravity(forces_, matter_, vec(problem.gravity));
+    bodies_.resize(problem.bodies.size());
+    if (variant.has_joint_coordinates)
+      add_tree();
+    else
+      add_bodies();
+    for (std::size_t i = 0; i < bodies_.size(); ++i)
+      if (!problem.bodies[i].force.isZero(0.0))
+        SimTK::Force::ConstantForce(forces_, bodies_[i], SimTK::Vec3(0),
+                                    vec(problem.bodies[i].force));
+    SimTK::State state = system_.realizeTopology();
+    system_.realizeModel(state);
+    if (variant.has_joint_coordinates)
+      start_tree(&state);
+    else
+      start_bodies(&state);
+    integrator_.setAccuracy(accuracy);
+    integrator_.initialize(state);
+  }
+
+  void advance(long, double time) override {
+    while (integrator_.getTime() < time) integrator_.stepTo(time);
+  }
+
+  void read(States* states) const override {
+    const SimTK::State& state = integrator_.getState();
+    system_.realize(state, SimTK::Stage::Velocity);
+    states->clear();
+    for (const SimTK::MobilizedBody& body : bodies_) {
+      const SimTK::Quaternion q = body.getBodyRotation(state).convertRotationToQuaternion();
+      const SimTK::Vec3 centre = body.getBodyMassCenterStation(state);
+      states->push_back({from(body.findStationLocationInGround(state, centre)),
+                         Quaterniond(q[0], q[1], q[2], q[3]),
+                         from(body.findStationVelocityInGround(state, centre)),
+                         from(body.getBodyAngularVelocity(state))});
+    }
+  }
+
+ private:
+  SimTK::MobilizedBody& body(int i) {
+    return i == kWorld ? matter_.updGround() : bodies_[static_cast<std::size_t>(i)];
+  }
+
+  /// With its frame at `centre` before the centre of mass.
+  static SimTK::Body::Rigid rigid(const Body& body, const Vector3d& centre) {
+    const Vector3d I = inertia_of(body);
+    const SimTK::Inertia inertia =
+        SimTK::Inertia(I.x(), I.y(), I.z()).shiftFromMassCenter(-vec(centre), body.mass);
+    return SimTK::Body::Rigid(SimTK::MassProperties(body.mass, vec(centre), inertia));
+  }
+
+  void add_bodies() {
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      const Body& added = problem_.bodies[i];
+      if (added.inertia.isZero(0.0))
+        bodies_[i] =
+            SimTK::MobilizedBody::Cartesian(matter_.updGround(), SimTK::Transform(),
+                                            rigid(added, Vector3d::Zero()), SimTK::Transform());
+      else
+        bodies_[i] =
+            SimTK::MobilizedBody::Free(matter_.updGround(), rigid(added, Vector3d::Zero()));
+    }
+    for (const Joint& joint : problem_.joints) {
+      if (joint.kind == JointKind::kSpring) {
+        SimTK::Force::TwoPointLinearSpring(forces_, body(joint.a), vec(joint.anchor_a),
+                                           body(joint.b), vec(joint.anchor_b), joint.stiffness,
+                                           length_of(joint));
+      } else if (joint.rate != 0.0) {
+        throw Unsupported("motors");
+      } else if (joint.kind == JointKind::kBall) {
+        SimTK::Constraint::Ball(body(joint.a), vec(joint.anchor_a), body(joint.b),
+                                vec(joint.anchor_b));
+      } else {
+        SimTK::Constraint::Rod(body(joint.a), vec(joint.anchor_a), body(joint.b),
+                               vec(joint.anchor_b), length_of(joint));
+      }
+    }
+  }
+
+  double length_of(const Joint& joint) const {
+    const auto in_world = [&](int i, const Vector3d& anchor) -> Vector3d {
+      if (i == kWorld) return anchor;
+      const State& start = problem_.bodies[static_cast<std::size_t>(i)].start;
+      return start.position + start.orientation * anchor;
+    };
+    if (joint.length >= 0.0) return joint.length;
+    return (in_world(joint.b, joint.anchor_b) - in_world(joint.a, joint.anchor_a)).norm();
+  }
+
+  void start_bodies(SimTK::State* state) {
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      const State& start = problem_.bodies[i].start;
+      if (!problem_.bodies[i].inertia.isZero(0.0))
+        bodies_[i].setQToFitRotation(*state, rotation(start.orientation));
+      bodies_[i].setQToFitTranslation(*state, vec(start.position));
+    }
+    system_.realize(*state, SimTK::Stage::Position);
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      const State& start = problem_.bodies[i].start;
+      if (!problem_.bodies[i].inertia.isZero(0.0))
+        bodies_[i].setUToFitAngularVelocity(*state, vec(start.angular_velocity));
+      bodies_[i].setUToFitLinearVelocity(*state, vec(start.velocity));
+    }
+  }
+
+  void add_tree() {
+    tree_ = tree_of(problem_);
+    std::vector<Vector3d> centres(bodies_.size(), Vector3d::Zero());
+    // pins turn about z, ours about y
+    const SimTK::Rotation axis =
+        problem_.is_planar ? SimTK::Rotation(-SimTK::Pi / 2.0, SimTK::XAxis) : SimTK::Rotation();
+    for (const Link& link : tree_) {
+      const auto i = static_cast<std::size_t>(link.body);
+      const Body& added = problem_.bodies[i];
+      centres[i] = link.centre;
+      if (!link.is_hung) {
+        if (added.inertia.isZero(0.0))
+          bodies_[i] =
+              SimTK::MobilizedBody::Cartesian(matter_.updGround(), SimTK::Transform(),
+                                              rigid(added, link.centre), SimTK::Transform());
+        else
+          bodies_[i] = SimTK::MobilizedBody::Free(matter_.updGround(), rigid(added, link.centre));
+        continue;
+      }
+      Vector3d at = link.anchor;
+      Quaterniond turn = added.start.orientation;
+      if (link.parent != kWorld) {
+        const auto parent = static_cast<std::size_t>(link.parent);
+        at += centres[parent];
+        turn = problem_.bodies[parent].start.orientation.conjugate() * turn;
+      }
+      const SimTK::Transform in_parent(rotation(turn) * axis, vec(at)),
+          in_child(axis, SimTK::Vec3(0));
+      if (problem_.is_planar)
+        bodies_[i] = SimTK::MobilizedBody::Pin(body(link.parent), in_parent,
+                                               rigid(added, link.centre), in_child);
+      else
+        bodies_[i] = SimTK::MobilizedBody::Ball(body(link.parent), in_parent,
+                                                rigid(added, link.centre), in_child);
+    }
+  }
+
+  void start_tree(SimTK::State* state) {
+    for (const Link& link : tree_) {
+      const auto i = static_cast<std::size_t>(link.body);
+      const State& start = problem_.bodies[i].start;
+      if (link.is_hung) continue;  // its joint is at zero
+      if (!problem_.bodies[i].inertia.isZero(0.0))
+        bodies_[i].setQToFitRotation(*state, rotation(start.orientation));
+      bodies_[i].setQToFitTranslation(*state, vec(start.position));
+    }
+    system_.realize(*state, SimTK::Stage::Position);
+    std::vector<Vector3d> spins(bodies_.size(), Vector3d::Zero());
+    for (const Link& link : tree_) {
+      const auto i = static_cast<std::size_t>(link.body);
+      const State& start = problem_.bodies[i].start;
+      spins[i] = start_spin(problem_, link);
+      if (!link.is_hung) {
+        if (!problem_.bodies[i].inertia.isZero(0.0))
+          bodies_[i].setUToFitAngularVelocity(*state, vec(start.angular_velocity));
+        bodies_[i].setUToFitLinearVelocity(*state, vec(start.velocity));
+        continue;
+      }
+      Vector3d spin = spins[i];
+      if (link.parent != kWorld) spin -= spins[static_cast<std::size_t>(link.parent)];
+      if (problem_.is_planar) {
+        bodies_[i].setOneU(*state, 0, spin.y());
+      } else {
+        // a ball's speeds are its angular velocity in the frame on the parent
+        const Vector3d local = start.orientation.conjugate() * spin;
+        for (int k = 0; k < 3; ++k) bodies_[i].setOneU(*state, k, local[k]);
+      }
+    }
+  }
+
+  Problem problem_;
+  SimTK::MultibodySystem system_;
+  SimTK::SimbodyMatterSubsystem matter_;
+  SimTK::GeneralForceSubsystem forces_;
+  SimTK::RungeKuttaMersonIntegrator integrator_;
+  std::vector<SimTK::MobilizedBody> bodies_;
+  std::vector<Link> tree_;
+};
+
+}  // namespace
+
+std::string Contestant::name() { return "simbody"; }
+std::string Contestant::version() { return CONSTRAINT_SIM_PEER_VERSION; }
+
+std::vector<Variant> Contestant::variants() {
+  std::vector<double> accuracies;
+  for (double accuracy = 1e-1; accuracy > 3e-12; accuracy *= 0.1) accuracies.push_back(accuracy);
+  return {{"rod", false, Knob::kTolerance, accuracies},
+          {"pin", true, Knob::kTolerance, accuracies}};
+}
+
+std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Variant& variant,
+                                             const Setting& setting) {
+  return std::make_unique<SimbodySimulation>(
+      problem, variant, setting.tolerance > 0.0 ? setting.tolerance : kDefaultAccuracy);
+}
+
+}  // namespace constraint_sim::report

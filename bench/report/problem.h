@@ -1,0 +1,87 @@
+#pragma once
+
+// A scene as every engine can build it, with the motion it should have. Knows no engine.
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace constraint_sim::report {
+
+/// Of one body, world axes. `position` is its centre of mass.
+struct State {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();               ///< [m]
+  Eigen::Quaterniond orientation = Eigen::Quaterniond::Identity();  ///< body to world
+  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();               ///< [m/s]
+  Eigen::Vector3d angular_velocity = Eigen::Vector3d::Zero();       ///< [rad/s]
+};
+using States = std::vector<State>;       ///< of all bodies at one time
+using Trajectory = std::vector<States>;  ///< one entry a sample, the first at time 0
+
+enum class Shape { kPoint, kSphere, kBox, kPlane };  ///< a plane is solid below its z axis
+
+struct Body {
+  double mass = 1.0;                                  ///< [kg]; not of what does not move
+  bool is_static = false;                             ///< never moves
+  Eigen::Vector3d inertia = Eigen::Vector3d::Zero();  ///< principal [kg m²]; zero: a point mass
+  State start;
+  Shape shape = Shape::kPoint;
+  Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< edges, or the radius in x [m]
+  double friction = 0.0;                           ///< Coulomb's coefficient, alike on all bodies
+  double restitution = 0.0;
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< constant, at the centre [N]
+};
+
+enum class JointKind { kRod, kBall, kSpring };
+inline constexpr int kWorld = -1;
+
+/// Between points of two bodies. Rods and springs are as long as at the start unless `length` says
+/// otherwise.
+struct Joint {
+  JointKind kind = JointKind::kRod;
+  int a = kWorld;
+  int b = 0;
+  Eigen::Vector3d anchor_a = Eigen::Vector3d::Zero();  ///< in the body's frame, or the world's [m]
+  Eigen::Vector3d anchor_b = Eigen::Vector3d::Zero();
+  double length = -1.0;    ///< [m]; < 0: as at the start
+  double stiffness = 0.0;  ///< of a spring [N/m]
+  double rate = 0.0;       ///< a rod's motor: its length grows so fast [m/s]
+  double max_force = 0.0;  ///< of the motor [N]; 0: no limit
+};
+
+struct Problem {
+  std::string name;
+  std::string group;      ///< what it shows: smooth, stiff, contact; or a row of the stability grid
+  bool is_graded = true;  ///< in work-precision diagrams; else in the stability grid only
+  Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< [m/s²]
+  std::vector<Body> bodies;
+  std::vector<Joint> joints;
+  double duration = 1.0;        ///< [s]
+  double sample = 0.1;          ///< errors are taken at multiples of this [s]
+  double tick_scale = 1.0;      ///< ticks of the stability grid are multiplied by it
+  double length = 1.0;          ///< the size of the scene: errors are judged against it [m]
+  bool is_planar = true;        ///< moves in the x-z plane only: joint coordinates may use hinges
+  std::vector<int> measured{};  ///< bodies whose position and orientation count; empty: all
+  bool is_invalid = false;      ///< no engine should accept it
+  bool has_conflict = false;    ///< its joints cannot all be met: their error says nothing
+  bool is_conservative = true;  ///< energy should stay
+  std::string source;           ///< where the reference comes from; empty: there is none
+  /// The motion, computed with steps `refinement` times as short where there are steps.
+  std::function<Trajectory(int refinement)> reference;
+
+  int samples() const;  ///< after the start
+  bool has_shapes() const;
+};
+
+/// All that problems/*.cpp registered, by name. The order of files does not matter.
+const std::vector<Problem>& problems();
+const Problem& problem_named(const std::string& name);
+
+/// At namespace scope in a file of problems/: adds what `make` returns.
+struct Registration {
+  explicit Registration(std::vector<Problem> (*make)());
+};
+
+}  // namespace constraint_sim::report

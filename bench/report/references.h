@@ -1,0 +1,37 @@
+#pragma once
+
+// Motions that owe nothing to any engine: closed forms, and minimal coordinates in long double.
+
+#include <functional>
+#include <vector>
+
+#include "problem.h"
+
+namespace constraint_sim::report {
+
+/// states(t) at all sample times of the problem.
+std::function<Trajectory(int)> closed_form(const Problem& problem,
+                                           const std::function<States(long double t)>& states);
+
+/// Point masses on rods from the origin, in the x-z plane: angles from the x axis at the start and
+/// their rates. `step` [s] is that of the integration.
+struct PlanarChain {
+  std::vector<double> masses, lengths, angles, rates;
+  double gravity = 9.81;
+};
+/// As bodies and rods at their start.
+void add_chain(const PlanarChain& chain, Problem* problem);
+std::function<Trajectory(int)> chain_motion(const Problem& problem, const PlanarChain& chain,
+                                            double step);
+
+/// A rigid body that turns about `pivot` in its own frame, or, with free = true, about its centre
+/// of mass, which falls along its parabola. Quaternion and body rates.
+std::function<Trajectory(int)> rigid_motion(const Problem& problem, bool is_free,
+                                            const Eigen::Vector3d& pivot, double step);
+
+/// One angle θ from the x axis with θ̈ = a cos θ + b sin θ, from which `states` makes all bodies.
+std::function<Trajectory(int)> one_angle(
+    const Problem& problem, double a, double b, double angle, double rate, double step,
+    const std::function<States(long double angle, long double rate)>& states);
+
+}  // namespace constraint_sim::report

@@ -1,0 +1,30 @@
+#pragma once
+
+// Joint coordinates: a problem's bodies as a tree, for engines that have them.
+
+#include "contestant.h"
+
+namespace constraint_sim::report {
+
+/// A body hung on another. Its frame is the joint's: at the joint, axes along the body's own.
+struct Link {
+  int body;
+  int parent;              ///< kWorld, or a body that comes before in the list
+  bool is_hung;            ///< on a ball joint or rod; else it is free
+  Eigen::Vector3d anchor;  ///< joint, in the parent's body frame about its centre, or world [m]
+  Eigen::Vector3d centre;  ///< centre of mass from the joint, in the body's frame [m]
+};
+
+/// Parents before their children. Throws Unsupported where joint coordinates of ball joints cannot
+/// express the problem: loops, springs, motors, rods between bodies that rotate.
+std::vector<Link> tree_of(const Problem& problem);
+
+/// The moments of inertia of a body; of a point mass as small ones as change nothing that can be
+/// seen, since engines in joint coordinates divide by them.
+Eigen::Vector3d inertia_of(const Body& body);
+
+/// Angular velocity that the frame of a link starts with [rad/s], world axes: of a point mass on a
+/// rod what its velocity tells.
+Eigen::Vector3d start_spin(const Problem& problem, const Link& link);
+
+}  // namespace constraint_sim::report

@@ -1,0 +1,73 @@
+# bench/report: what all programs share, and constraint_sim_report_<name> for each peers/<name>.cpp.
+# The first line of a peer's file says what it needs: `// needs: pkg-config NAME` or
+# `// needs: library NAME`. A program whose library is missing is left out.
+
+option(CONSTRAINT_SIM_PEERS "Build the report's programs for other engines that are installed" OFF)
+find_package(PkgConfig QUIET)
+
+file(GLOB problem_sources CONFIGURE_DEPENDS bench/report/problems/*.cpp)
+add_library(constraint_sim_report_common OBJECT
+  bench/report/measures.cpp
+  bench/report/problem.cpp
+  bench/report/references.cpp
+  bench/report/tree.cpp
+  ${problem_sources}
+)
+constraint_sim_own_code(constraint_sim_report_common)
+target_include_directories(constraint_sim_report_common PRIVATE bench)  # problems.h
+target_link_libraries(constraint_sim_report_common PUBLIC constraint_sim_engine)
+
+# Includes of other engines are not ours to warn about.
+function(constraint_sim_add_report name)
+  add_executable(constraint_sim_report_${name} bench/report/main.cpp bench/report/peers/${name}.cpp)
+  constraint_sim_own_code(constraint_sim_report_${name})
+  target_link_libraries(constraint_sim_report_${name} PRIVATE
+    constraint_sim_report_common constraint_sim_engine Boost::program_options ${ARGN})
+  # warned about where code of other engines is inlined into ours
+  target_compile_options(constraint_sim_report_${name} PRIVATE -Wno-array-bounds)
+  set(report_programs ${report_programs} constraint_sim_report_${name} PARENT_SCOPE)
+endfunction()
+
+execute_process(COMMAND git -C ${CMAKE_CURRENT_SOURCE_DIR} describe --always --dirty
+  OUTPUT_VARIABLE commit OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+if(NOT commit)
+  set(commit "${PROJECT_VERSION}")
+endif()
+
+set(report_programs)
+file(GLOB peer_sources CONFIGURE_DEPENDS bench/report/peers/*.cpp)
+foreach(source IN LISTS peer_sources)
+  get_filename_component(name ${source} NAME_WE)
+  file(STRINGS ${source} needs LIMIT_COUNT 1 REGEX "^// needs: ")
+  if(name STREQUAL engine)
+    constraint_sim_add_report(engine)
+    set_source_files_properties(${source} PROPERTIES
+      COMPILE_DEFINITIONS "CONSTRAINT_SIM_COMMIT=\"${commit}\"")
+  elseif(NOT CONSTRAINT_SIM_PEERS)
+    continue()
+  elseif(needs MATCHES "pkg-config ([^ ]+)")
+    if(PKG_CONFIG_FOUND)
+      pkg_check_modules(${name} QUIET ${CMAKE_MATCH_1})
+    endif()
+    if(${name}_FOUND)
+      constraint_sim_add_report(${name} ${${name}_LINK_LIBRARIES})
+      target_include_directories(constraint_sim_report_${name} SYSTEM PRIVATE ${${name}_INCLUDE_DIRS})
+      set(flags ${${name}_CFLAGS_OTHER})
+      list(FILTER flags EXCLUDE REGEX "^-std=")
+      target_compile_options(constraint_sim_report_${name} PRIVATE ${flags})
+      target_compile_definitions(constraint_sim_report_${name} PRIVATE
+        CONSTRAINT_SIM_PEER_VERSION="${${name}_VERSION}")
+    endif()
+  elseif(needs MATCHES "library ([^ ]+)")
+    find_library(${name}_LIBRARY ${CMAKE_MATCH_1})
+    if(${name}_LIBRARY)
+      constraint_sim_add_report(${name} ${${name}_LIBRARY})
+    endif()
+  endif()
+endforeach()
+
+# what scripts/report builds
+add_custom_target(report_programs DEPENDS ${report_programs})
+if(CONSTRAINT_SIM_BENCH)
+  add_dependencies(report_programs constraint_sim_scaling constraint_sim_micro)
+endif()

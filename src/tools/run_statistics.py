@@ -1,0 +1,84 @@
+"""What watch_error and bag_report make of the node's `statistics` messages."""
+import collections
+import csv
+import math
+
+COLUMNS = {
+    'sim_time': 'simulated time [s]',
+    'run_time': 'wall time of the ticks over simulated time [µs/s]',
+    'constraint_error': 'largest error of the constraints [m]',
+    'energy_drift': 'change of energy over the largest kinetic energy [1]',
+    'local_error': 'largest estimate for one tick [m]',
+    'accumulated_error': 'sum of these estimates since the start [m]',
+    'tick': 'simulated time of a tick [s]',
+    'methods': 'in use',
+}
+Line = collections.namedtuple('Line', COLUMNS)
+# colours and labels of what is drawn against run time and time
+ERRORS = {'constraint_error': 'constraints [m]', 'energy_drift': 'energy drift [1]',
+          'accumulated_error': 'local errors, summed [m]'}
+SMALLEST = 1e-17  # where errors of zero are drawn
+
+
+class Reader:
+    """Makes a line of two messages that follow each other; none of the first, and none where no
+    tick was taken."""
+
+    def __init__(self):
+        self.before = None
+
+    def line(self, message):
+        before, self.before = self.before, message
+        if before is None or message.step <= before.step:
+            return None
+        span = (message.sim_time - before.sim_time).to_sec()
+        if span <= 0.0:
+            return None
+        tick = span / (message.step - before.step)
+        return Line(message.sim_time.to_sec(), 1e6 * message.wall_mean / tick,
+                    message.max_constraint_error, abs(message.energy_drift), message.local_error,
+                    message.accumulated_local_error, tick, ' '.join(message.methods))
+
+
+def write_csv(lines, path):
+    with open(path, 'w', newline='') as file:
+        writer = csv.writer(file, lineterminator='\n')
+        writer.writerow(COLUMNS)
+        writer.writerows(lines)
+
+
+def draw(axes, lines):
+    """Error against run time on the first axis, error and run time against time on the others."""
+    against_cost, against_time, cost = axes
+    times = [line.sim_time for line in lines]
+    run_times = [line.run_time for line in lines]
+    for axis in axes:
+        axis.clear()
+    for name, label in ERRORS.items():
+        values = [max(getattr(line, name), SMALLEST) for line in lines]
+        against_cost.plot(run_times, values, '.', label=label)
+        against_time.plot(times, values, label=label)
+    cost.plot(times, run_times)
+    against_cost.set(xscale='log', yscale='log', ylabel='error',
+                     xlabel='run time per simulated second [µs]')
+    against_time.set(yscale='log', xlabel='simulated time [s]', ylabel='error')
+    cost.set(yscale='log', xlabel='simulated time [s]', ylabel='run time per simulated second [µs]')
+    against_cost.legend()
+
+
+def summary(lines):
+    """The worst of each error and the spread of run time, as text."""
+    run_times = sorted(line.run_time for line in lines)
+    methods = sorted(set(' '.join(line.methods for line in lines).split()))
+    return '\n'.join([
+        f'{lines[-1].sim_time - lines[0].sim_time:.3g} s of simulated time, {len(lines)} messages, '
+        f'methods: {" ".join(methods) or "none"}',
+        f'run time          {run_times[len(run_times) // 2]:.4g} µs per simulated second (median), '
+        f'{run_times[-1]:.4g} at most',
+        *(f'{name:<17} {max(getattr(line, name) for line in lines):.3g} at most'
+          for name in ('constraint_error', 'energy_drift', 'local_error')),
+        f'accumulated_error {lines[-1].accumulated_error:.3g} at the end'])
+
+
+def is_finite(line):
+    return all(math.isfinite(value) for value in line if isinstance(value, float))

@@ -1,0 +1,154 @@
+#!/usr/bin/env python3
+"""What the report makes of its figures, against answers worked out by hand."""
+import math
+import pathlib
+import sys
+import tempfile
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / 'bench' / 'report'))
+import cells  # noqa: E402
+import figures  # noqa: E402
+import published  # noqa: E402
+
+
+def row(**values):
+    line = dict.fromkeys(cells.COLUMNS, 'nan')
+    line.update({'round': '1', 'problem': 'p', 'contestant': 'constraint_sim a', 'value': '0.1',
+                 'outcome': 'ok', 'run_time': '10'})
+    line.update(values)
+    return line
+
+
+def problem(**values):
+    return cells.Problem('p', 'g', True, 2.0, 2.0, 1.0, False, False, True, '')._replace(**values)
+
+
+class Figures(unittest.TestCase):
+    def test_the_best_round_counts(self):
+        runs = figures.runs_of([row(round='1', run_time='12', position='1e-3'),
+                                row(round='2', run_time='10', position='1e-3')])
+        run, = runs['p']['constraint_sim a']
+        self.assertEqual(run.time, 10.0)
+        self.assertAlmostEqual(run.spread, 0.1)  # median 11 over 10
+
+    def test_the_cheapest_run_below_the_target_counts(self):
+        rows = [row(value='0.1', run_time='10', position='1e-3'),
+                row(value='0.05', run_time='20', position='1e-5'),
+                row(value='0.01', run_time='90', position='1e-8'),
+                row(contestant='peer x', value='0.05', run_time='300', position='2e-5'),
+                row(contestant='peer y', value='0.05', run_time='200', position='1e-2'),
+                row(contestant='peer z', value='0.05', run_time='1', position='0',
+                    outcome='too_slow')]
+        lines = {line[1]: line for line in figures.comparison(figures.runs_of(rows))}
+        self.assertEqual(lines[1e-4][2][1].time, 20.0)
+        self.assertEqual(lines[1e-4][3][0], 'peer x')
+        self.assertAlmostEqual(lines[1e-4][4], 15.0)
+        self.assertAlmostEqual(lines[1e-2][4], 20.0)  # y is the cheaper peer there
+        self.assertIsNone(lines[1e-6][3])
+        self.assertIsNone(lines[1e-9][2])
+
+    def test_a_peer_that_wins_has_a_ratio_below_one(self):
+        rows = [row(run_time='10', position='1e-5'),
+                row(contestant='peer x', run_time='5', position='1e-5')]
+        ratio = [line[4] for line in figures.comparison(figures.runs_of(rows)) if line[1] == 1e-4]
+        self.assertEqual(ratio, [0.5])
+
+    def test_the_front_has_what_nothing_beats_in_both(self):
+        points = [(1.0, 1e-1), (2.0, 1e-3), (3.0, 1e-2), (4.0, 1e-3), (5.0, 1e-6)]
+        self.assertEqual(figures.pareto(points), [(1.0, 1e-1), (2.0, 1e-3), (5.0, 1e-6)])
+
+    def test_slope(self):
+        self.assertAlmostEqual(figures.slope([10, 100, 1000], [3.0, 300.0, 30000.0]), 2.0)
+
+    def test_classes_of_the_grid(self):
+        # the scene is 2 m large
+        for expected, values in {
+                'exact': {'position': '1.9e-6', 'energy': '0.5'},
+                'stable': {'position': '1e-3', 'energy': '1e-3', 'constraint': '1e-3'},
+                'drifting': {'position': '1e-3', 'energy': '0.02', 'constraint': '1e-3'},
+                'stretched': {'position': '1e-1', 'energy': '0.02', 'constraint': '0.021'},
+                'refused': {'outcome': 'refused'}, 'crashed': {'outcome': 'crashed'},
+                'too slow': {'outcome': 'hung'}, 'n/a': {'outcome': 'unsupported'}}.items():
+            self.assertEqual(figures.verdict(row(**values), problem())[0], expected, values)
+        for values in ({'outcome': 'not_finite'}, {'position': '20.1'},
+                       {'position': '1e-9', 'energy': '10.1'},
+                       {'distance': '20.1'}):  # without a reference: from where it was
+            self.assertEqual(figures.verdict(row(**values), problem())[0], 'exploded', values)
+        # without a reference nothing is exact, and a conflict says nothing of the joints
+        self.assertEqual(figures.verdict(row(energy='0'), problem())[0], 'stable')
+        self.assertEqual(figures.verdict(row(position='1e-3', constraint='1'),
+                                         problem(conflict=True))[0], 'stable')
+        self.assertEqual(figures.verdict(row(outcome='refused'), problem(invalid=True))[0], 'exact')
+        self.assertEqual(figures.verdict(row(position='0'), problem(invalid=True))[0], 'exploded')
+
+    def test_what_a_run_is_judged_by(self):
+        def errors(**values):
+            return {**dict.fromkeys(figures.MEASURES, math.nan), **values}
+        self.assertEqual(figures.judged(errors(position=1.0, orientation=2.0, constraint=9.0)), 2.0)
+        self.assertEqual(figures.judged(errors(constraint=3.0, penetration=4.0)), 3.0)
+        self.assertTrue(math.isnan(figures.judged(errors())))
+
+    def test_columns_of_the_earlier_comparison_are_found(self):
+        named = {published.column(name) for name in (
+            'ode step', 'dart joint', 'mujoco joint_rk4', 'mujoco tendon_euler', 'bullet dantzig',
+            'bullet featherstone_rk4', 'simbody rod', 'simbody pin')}
+        used = {name for columns in published.TIMES.values() for name in columns} - {'simbody'}
+        self.assertEqual(named, used)
+
+
+class Processes(unittest.TestCase):
+    """Engines crash and hang: the cell says so, and the others are not lost."""
+
+    def run_program(self, text, values):
+        with tempfile.TemporaryDirectory() as folder:
+            program = pathlib.Path(folder) / 'program'
+            program.write_text('#!/bin/bash\n' + text)
+            program.chmod(0o755)
+            variant = cells.Variant(program, 'v', 'joint', 'tick', 'peer', '1', [])
+            batch = cells.Batch(1, 'p', variant, values, False)
+            grace, cells.GRACE = cells.GRACE, 3.0  # a busy machine starts a shell in that
+            try:
+                return cells.run_batch(batch, folder, budget=0.1, repeats=1, perturbation=0.0,
+                                       memory=0)
+            finally:
+                cells.GRACE = grace
+
+    LINE = 'p,peer v,tick,%s,ok,1,1,0,0,0,0,0,0,0'
+    # stands for a program: what it is asked to run are the arguments after --values
+    LOOP = 'while [ "$1" != --values ]; do shift; done; shift\nfor v; do echo "begin $v"; %s\n' \
+        'echo "' + LINE % '$v' + '"; done\n'
+
+    def test_a_crash_costs_one_setting(self):
+        rows = self.run_program(self.LOOP % '[ $v != 2 ] || kill -SEGV $$', [1, 2, 3])
+        self.assertEqual([line[4:6] for line in rows],
+                         [['1', 'ok'], ['2', 'crashed'], ['3', 'ok']])
+
+    def test_what_hangs_is_stopped(self):
+        rows = self.run_program(self.LOOP % '[ $v != 2 ] || exec sleep 60', [1, 2, 3])
+        self.assertEqual([line[4:6] for line in rows], [['1', 'ok'], ['2', 'hung']])
+
+    def test_rows_have_all_columns(self):
+        for row_found in self.run_program(self.LOOP % '[ $v != 2 ] || kill -SEGV $$', [1, 2]):
+            self.assertEqual(len(row_found), len(cells.COLUMNS))
+
+    def test_a_program_that_does_not_start_is_an_error(self):
+        with self.assertRaises(RuntimeError):
+            self.run_program('exit 2', [1])
+
+    def test_an_interrupted_run_goes_on(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / 'cells.csv'
+            variant = cells.Variant('program', 'v', 'joint', 'tick', 'peer', '1', [])
+            done = cells.Batch(1, 'p', variant, [1], False)
+            table = cells.Table(path, is_fresh=True)
+            table.add(done, [['1', 'p', 'peer v'] + ['0'] * (len(cells.COLUMNS) - 3)])
+            again = cells.Table(path, is_fresh=False)
+            self.assertTrue(again.has(done))
+            self.assertFalse(again.has(done._replace(round=2)))
+            self.assertEqual(len(again.rows()), 1)
+            self.assertFalse(cells.Table(path, is_fresh=True).has(done))
+
+
+if __name__ == '__main__':
+    unittest.main()

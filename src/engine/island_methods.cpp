@@ -169,6 +169,7 @@ void World::Impl::sort_islands() {
       island.why = Why::kRefused;
       any_refused = true;
     }
+    if (touched[i]) parts.touched_until = step_count + kRefusedFor;
     if (method_for(island.why) == Method::kSequentialImpulses) {
       parts.gives_way_until = 0;
     } else if (step_count < parts.gives_way_until) {
@@ -339,15 +340,16 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   }
   if (parts.linked >= 0) {
     const bool chooses = options.method == Method::kAuto;
+    // soon after a contact it is errors left by impulses that cannot be met, which these close
+    // again
+    const bool may_give_way = step_count >= parts.touched_until;
     Progress progress;
     progress.is_stiff = true;
     if (island.method == Method::kRungeKutta) {
       progress = integrate_by_substeps(i, span, chooses ? most_frequency() : kInfinity);
       if (add(progress)) return true;
-      if (chooses)
-        carry_on_with(i, Method::kEnergyMomentum, Why::kStiff);
-      else
-        carry_on_with(i, Method::kEnergyMomentum, Why::kConflict);
+      if (!chooses && !may_give_way) return false;
+      carry_on_with(i, Method::kEnergyMomentum, chooses ? Why::kStiff : Why::kConflict);
     }
     if (island.why != Why::kConflict) {
       if (add(integrate_by_gradients(i, span, false))) return true;
@@ -356,6 +358,7 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
         carry_on_with(i, Method::kRungeKutta, Why::kStiff);
         if (add(integrate_by_substeps(i, span, kInfinity))) return true;
       }
+      if (!may_give_way) return false;
       carry_on_with(i, Method::kEnergyMomentum, Why::kConflict);
     }
     return add(integrate_by_gradients(i, span, true));

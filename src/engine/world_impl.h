@@ -51,6 +51,7 @@ struct IslandParts {
   std::uint64_t stiff_until = 0;      ///< step before which it is not asked again
   std::vector<int> turning_freely;    ///< bodies whose rotation no joint acts on
   std::uint64_t refused_until = 0;    ///< step
+  std::uint64_t touched_until = 0;    ///< step until which its last contact counts as near
   std::uint64_t gives_way_until = 0;  ///< step
 };
 

@@ -141,6 +141,7 @@ std::vector<BodyId> World::unresolved_bodies() const {
     if (impl_->islands[i].unresolved_bodies > 0) impl_->find_unresolved(i, &indices);
   std::sort(indices.begin(), indices.end());
   std::vector<BodyId> ids;
+  ids.reserve(indices.size());
   for (const std::size_t index : indices) ids.push_back(impl_->body_ids[index]);
   return ids;
 }

@@ -385,7 +385,8 @@ int EquationsOfMotion::find_dependent(double t, const std::vector<Vector3d>& pos
   const int dependent = ldlt_.factor_leaving_out(least);
   factors_are_there_ = false;
   rows->assign(rows_.size(), 0);
-  for (std::size_t i = 0; i < rows_.size(); ++i) (*rows)[i] = ldlt_.is_left_out(rows_[i].unknown);
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (ldlt_.is_left_out(rows_[i].unknown)) (*rows)[i] = 1;
   dependent_rows_ = std::max(dependent_rows_, dependent);
   return dependent;
 }

@@ -89,8 +89,8 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
   std::vector<std::vector<std::size_t>> links_of(bodies_);
   std::vector<std::size_t> roots;
   for (std::size_t l = 0; l < links_.size(); ++l) {
-    const End* const ends = links_[l].ends;
-    for (int e = 0; e < 2; ++e) {
+    const auto& ends = links_[l].ends;
+    for (std::size_t e = 0; e < 2; ++e) {
       if (ends[e].dofs == 0) continue;
       links_of[ends[e].point].push_back(l);
       if (ends[1 - e].dofs == 0) roots.push_back(ends[e].point);
@@ -106,7 +106,7 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
     found.push_back(root);
     for (std::size_t k = at(place[root]); k < found.size(); ++k) {
       for (const std::size_t l : links_of[found[k]]) {
-        const End* const ends = links_[l].ends;
+        const auto& ends = links_[l].ends;
         const std::size_t other = ends[0].point == found[k] ? ends[1].point : ends[0].point;
         if (other >= bodies_ || place[other] >= 0) continue;
         place[other] = static_cast<int>(found.size());
@@ -301,7 +301,7 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
     const Link& link = links_[l];
     Shape& shape = shapes_[l];
     shape.d0 = x_[link.ends[1].point] - x_[link.ends[0].point];
-    for (int e = 0; e < 2; ++e) {
+    for (std::size_t e = 0; e < 2; ++e) {
       const End& end = link.ends[e];
       shape.r0[e].setZero();
       if (end.dofs < 6) continue;
@@ -313,7 +313,7 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
       shape.target = equations->length(l).value;
     // inverse of what 1 N moves, or of a rod λ = 1
     double compliance = 0.0;
-    for (int e = 0; e < 2; ++e) {
+    for (std::size_t e = 0; e < 2; ++e) {
       const End& end = link.ends[e];
       if (end.dofs == 0) continue;
       compliance += 1.0 / mass_[end.point];
@@ -455,7 +455,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
   Vector3d change = Vector3d::Zero();  // of d
   Vector3d arm[2];                     // where forces are taken
   Eigen::Matrix<double, 3, 6> E[2];    // of d at the end, without the sign of the body's end
-  for (int e = 0; e < 2; ++e) {
+  for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
     if (end.dofs == 0) {
       change += end.sign * shift_[end.point];
@@ -515,7 +515,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
 
   // what the force does to each end: [1; C r ×]
   Eigen::Matrix<double, 6, 3> H[2];
-  for (int e = 0; e < 2; ++e) {
+  for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
     if (end.dofs == 0) continue;
     H[e].topRows<3>().setIdentity();
@@ -530,10 +530,10 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
 
   std::size_t slot = link.slot;
   const double scale = shape->scale;
-  for (int e = 0; e < 2; ++e) {
+  for (std::size_t e = 0; e < 2; ++e) {
     const End& row = link.ends[e];
     const double* const left = left_.data() + std::max(row.unknown, 0);
-    for (int f = 0; f < 2; ++f) {
+    for (std::size_t f = 0; f < 2; ++f) {
       const End& column = link.ends[f];
       if (row.dofs == 0 || column.dofs == 0) continue;
       Eigen::Matrix<double, 6, 6> K;
@@ -652,7 +652,7 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
         stiffness = std::abs(lambda) / std::max(shape.d.norm(), 1e-9 * scale_);
         break;
     }
-    for (int e = 0; e < 2; ++e) {
+    for (std::size_t e = 0; e < 2; ++e) {
       const End& end = link.ends[e];
       if (end.dofs == 0) continue;
       squares_[end.point] += 2.0 * stiffness / mass_[end.point];

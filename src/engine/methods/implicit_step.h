@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
 #include <utility>
 #include <vector>
@@ -96,7 +97,7 @@ class ImplicitStep {
   };
   struct Link {
     Kind kind = Kind::kRod;
-    End ends[2];
+    std::array<End, 2> ends;
     double stiffness = 0.0, damping = 0.0;
     int unknown = 0;  // of its first row
     int rows = 1;
@@ -105,7 +106,8 @@ class ImplicitStep {
   };
   /// What it is in a step.
   struct Shape {
-    Eigen::Vector3d d0, r0[2];
+    Eigen::Vector3d d0;
+    std::array<Eigen::Vector3d, 2> r0;  // arms of both ends
     double target = 0.0;      // ½ℓ² of a rod; of a spring what its law has of before [m]
     double compliance = 0.0;  // ε, of a spring [m/N]
     Eigen::Vector3d offset;   // of a ball joint

@@ -486,6 +486,39 @@ TEST(RungeKutta, AScaledSceneMovesAlike) {
     EXPECT_LE((end(s) - end(1.0)).norm(), 1e-8) << s;  // both within their tolerance
 }
 
+// One rod has equations of its own, a chain of two has others: a second mass of 1e-12 kg on the
+// load makes no difference above that. With a motor, and from a place that moves; from either end.
+TEST(RungeKutta, OneRodMovesAsTheFirstOfTwo) {
+  const auto make = [](bool is_two, bool is_reversed) {
+    World world = with(World(), 0.02, 1e-10);
+    Body crane = make_body("crane", Point{}, 0.0, Vector3d::Zero());
+    crane.type = BodyType::kKinematic;
+    crane.state.linear_velocity = {0.3, 0.0, 0.0};
+    crane.state.angular_velocity = {0.0, 0.5, 0.0};
+    const BodyId a = world.add_body(crane);
+    const BodyId b = problems::add_mass(&world, "load", {1.5, 0.2, -0.5}, 2.0);
+    const Vector3d hook(0.5, 0.0, 0.1);
+    Joint line = is_reversed ? make_joint("line", b, Vector3d::Zero(), a, hook)
+                             : make_joint("line", a, hook, b, Vector3d::Zero());
+    line.motor.amplitude = 0.2;
+    line.motor.frequency = 0.4;
+    world.add_joint(line);
+    if (is_two)
+      problems::add_rod(&world, b, problems::add_mass(&world, "end", {1.5, 0.2, -1.5}, 1e-12));
+    return world;
+  };
+  World one = make(false, false), reversed = make(false, true), two = make(true, false);
+  const auto at = [](const World& world) { return world.state(world.find_body("load")).position; };
+  for (int i = 0; i < 100; ++i) {
+    for (World* world : {&one, &reversed, &two}) ASSERT_FALSE(world->step().failed);
+    ASSERT_LE((at(one) - at(reversed)).norm(), 1e-13) << i;  // the same but for signs
+    ASSERT_LE((at(one) - at(two)).norm(), 1e-9) << i;        // tolerances, for 2 s
+    const double force = one.joint_state(one.find_joint("line")).force;
+    ASSERT_NEAR(force, two.joint_state(two.find_joint("line")).force, 1e-6) << i;
+    ASSERT_NEAR(force, reversed.joint_state(reversed.find_joint("line")).force, 1e-9) << i;
+  }
+}
+
 // ---- singular poses and rows that depend on each other
 
 TEST(RungeKutta, PassesThroughSingularPoses) {

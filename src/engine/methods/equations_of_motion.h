@@ -44,6 +44,8 @@ class EquationsOfMotion {
   std::size_t rows() const { return rows_.size(); }
   /// Rods between centres alone, one after the other; joints and bodies are then in this order.
   bool is_chain() const { return is_chain_; }
+  /// One of these with one body.
+  bool is_point_on_rod() const { return is_chain_ && links_.size() == 1 && bodies_.size() == 1; }
 
   // ---- for methods that step these bodies and joints in their own way
 
@@ -132,6 +134,7 @@ class EquationsOfMotion {
 
  private:
   friend class ChainOfRods;
+  friend class PointOnRod;
 
   /// One scalar equation; `turn_a`, `turn_b` into turns_, -1 where the end does not turn.
   struct Row {

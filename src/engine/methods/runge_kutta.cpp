@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "engine/methods/chain_of_rods.h"
+#include "engine/methods/point_on_rod.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -119,6 +120,10 @@ Progress LinkedMotion::start(const SmoothSpan& span, const Accuracy& accuracy,
 
 Progress LinkedMotion::integrate_equations(const StageMemory& memory, const SmoothSpan& span,
                                            const Accuracy& accuracy) {
+  if (equations_.is_point_on_rod()) {
+    PointOnRod point(equations_);
+    return integrate(point, memory, span.t, span.h, accuracy, step_);
+  }
   if (!equations_.is_chain()) return integrate(equations_, memory, span.t, span.h, accuracy, step_);
   ChainOfRods chain(equations_);
   return integrate(chain, memory, span.t, span.h, accuracy, step_);

@@ -81,6 +81,12 @@ struct JointState {
   double expires_at = std::numeric_limits<double>::infinity();  ///< end of the bias, simulated [s]
   double initial_error = 0.0;  ///< when last looked for what is to be closed [m]
   Eigen::Vector3d impulse = Eigen::Vector3d::Zero();  ///< of its rows, to warm start [N s]
+
+  /// For how long after `now` the motor keeps its bias [s]: to the bit its timeout when it was set
+  /// now; negative when it ended before; infinite without a timeout.
+  double time_left(const Motor& motor, double now) const {
+    return expires_at == now + motor.timeout ? motor.timeout : expires_at - now;
+  }
 };
 
 /// `distance` or `ball`, as in scene files.

@@ -119,7 +119,8 @@ class World {
   /// one as it will begin.
   std::vector<Island> islands() const;
   /// Of stiff islands, those whose motion the last step was too long to show, h·ω > 2: they may be
-  /// off by 1e-4 of a joint's length or more, while what is heavy is not. In the order of adding.
+  /// off by 1e-4 of a joint's length or more, while what is heavy is not. In the order of adding;
+  /// none between an edit and the next step.
   std::vector<BodyId> unresolved_bodies() const;
   /// Kinetic energy plus that of gravity and springs [J], now.
   double energy() const;

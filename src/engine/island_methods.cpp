@@ -18,8 +18,6 @@ constexpr int kStiffFor = 4;  // [spans]
 // An island is no longer stiff when h ω stays below this share of the limit for so long.
 constexpr double kCalmShare = 0.5;
 constexpr std::uint64_t kCalmFor = 50;  // [steps]
-// A step shows motions up to this h ω.
-constexpr double kResolved = 2.0;
 // How long an island that could not be integrated is left to the other method [steps].
 constexpr std::uint64_t kRefusedFor = 100;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -475,7 +473,7 @@ std::uint32_t World::Impl::find_unresolved(std::size_t i, std::vector<std::size_
   const std::vector<int>& held = linked[at(island_parts[i].linked)].equations().bodies();
   std::uint32_t count = 0;
   for (std::size_t k = 0; k < held.size(); ++k) {
-    if (options.time_step * method.frequency_of(k) <= kResolved) continue;
+    if (options.time_step * method.frequency_of(k) <= EnergyMomentum::kResolved) continue;
     ++count;
     if (bodies != nullptr) bodies->push_back(at(held[k]));
   }

@@ -112,7 +112,7 @@ Motor from_now_on(Motor motor, const JointState& state, double time) {
     if (motor.phase < 0.0) motor.phase += turn;
   }
   if (std::isfinite(state.expires_at)) {
-    motor.timeout = std::max(0.0, state.expires_at - time);
+    motor.timeout = std::max(0.0, state.time_left(motor, time));
     if (motor.timeout == 0.0) motor.bias = 0.0;
   } else {
     motor.timeout = 0.0;

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <random>
@@ -140,6 +141,14 @@ inline void run(World& world, int steps) {
 }
 
 // ---- figures
+
+/// What rounding leaves of a rod, by the project's definition.
+inline double round_off(const World& world) {
+  double coordinate = 0.0;
+  for (const BodyId id : world.body_ids())
+    coordinate = std::max(coordinate, world.state(id).position.cwiseAbs().maxCoeff());
+  return 1e-12 + 4.0 * kEpsilon * coordinate;
+}
 
 inline Eigen::Vector3d inertia_of(const Body& body) {
   return body.inertia.isZero(0.0) ? Eigen::Vector3d(body.mass * unit_inertia(body.shape))

@@ -34,13 +34,6 @@ World with(World world, double time_step, Method method = Method::kAuto, int sti
   return world;
 }
 
-double round_off(const World& world) {
-  double coordinate = 0.0;
-  for (const BodyId id : world.body_ids())
-    coordinate = std::max(coordinate, world.state(id).position.cwiseAbs().maxCoeff());
-  return 1e-12 + 4.0 * kEpsilon * coordinate;
-}
-
 std::size_t index(Method method) { return static_cast<std::size_t>(method); }
 
 /// What a run of stiff islands showed.
@@ -226,13 +219,19 @@ TEST(EnergyMomentum, KeepsEnergyAndMomentumOfLinkedBoxes) {
   EXPECT_NEAR(world.energy(), energy, 1e-11 * energy);
 }
 
-TEST(EnergyMomentum, TurnsBodiesInItsOrder) {
-  World exact = linked_boxes();
-  WorldOptions options = exact.options();
+/// By substeps of order 8, far below what is compared with it.
+World boxes_after_a_second() {
+  World world = linked_boxes();
+  WorldOptions options = world.options();
   options.time_step = 0.1;
   options.tolerance = 1e-12;
-  exact.set_options(options);
-  run(exact, 10);
+  world.set_options(options);
+  run(world, 10);
+  return world;
+}
+
+TEST(EnergyMomentum, TurnsBodiesInItsOrder) {
+  const World exact = boxes_after_a_second();
   for (const int stiff_order : {2, 4}) {
     std::vector<double> steps, errors;
     for (const int rate : {40, 80, 160}) {
@@ -259,12 +258,7 @@ World dissipating(World world, double time_step) {
 
 TEST(EnergyMomentum, HasOrder2WithDissipation) {
   const auto reference = problems::chain_reference(2, 1.0);
-  World exact = linked_boxes();
-  WorldOptions options = exact.options();
-  options.time_step = 0.1;
-  options.tolerance = 1e-12;
-  exact.set_options(options);
-  run(exact, 10);
+  const World exact = boxes_after_a_second();
   std::vector<double> steps, of_chain, of_boxes;
   for (const int rate : {200, 400, 800}) {
     World chain = dissipating(problems::chain(2), 1.0 / rate);
@@ -326,13 +320,14 @@ TEST_P(HeavyChain, KeepsEnergyAndRods) {
   }
 }
 
-TEST_P(HeavyChain, EndsWhereItShouldAtLongTicks) {
-  const double mass = GetParam();
-  if (mass > 1e4) return;  // the reference takes too long; the next test has them
-  World world = with(problems::heavy_chain(mass, true), 1.0 / 30.0);
-  run_exactly(world, 0.5);
-  const auto reference = problems::heavy_chain_reference(mass, true, 0.5);
-  EXPECT_LE((world.state(world.body_ids().back()).position - reference.back()).norm(), 1e-6);
+TEST(EnergyMomentum, AChainInLineEndsWhereItShouldAtLongTicks) {
+  for (const double mass : {1.0, 1e2, 1e3, 1e4}) {
+    World world = with(problems::heavy_chain(mass, true), 1.0 / 30.0);
+    run_exactly(world, 0.5);
+    const auto reference = problems::heavy_chain_reference(mass, true, 0.5);
+    EXPECT_LE((world.state(world.body_ids().back()).position - reference.back()).norm(), 1e-6)
+        << mass;
+  }
 }
 
 TEST(EnergyMomentum, AHeavyLoadSwingsAsOnARigidRod) {
@@ -470,7 +465,7 @@ TEST(EnergyMomentum, IsTakenWhereAnIslandIsStiffAndLeftWhereItIsNot) {
     changes += world.report().changes;
   }
   EXPECT_EQ(world.islands().front().method, Method::kRungeKutta);
-  EXPECT_GE(changes, 0u);
+  EXPECT_GE(changes, 1u);
   // what the change costs is what the report says
   EXPECT_NEAR(world.energy(), energy - projected, 1e-9 * 5e5);
 
@@ -486,6 +481,8 @@ TEST(EnergyMomentum, NamesTheBodiesThatItsStepsCannotShow) {
   links.pop_back();  // the load itself swings slowly
   EXPECT_EQ(world.unresolved_bodies(), links);
   EXPECT_EQ(world.report().unresolved_bodies, 10u);
+  world.remove_body(links.front());
+  EXPECT_TRUE(world.unresolved_bodies().empty());  // until it is known after a step
   World calm = with(problems::chain(3), 1.0 / 30.0, Method::kEnergyMomentum);
   run(calm, 3);
   EXPECT_TRUE(calm.unresolved_bodies().empty());
@@ -599,8 +596,7 @@ TEST(EnergyMomentum, AStiffDamperTakesEnergyAndNeverGivesAny) {
     scene.add_joint(hang("damper", bob, spring(1.0, 100.0, damping)));
     World world = with(scene, 0.1);
     world.step();
-    EXPECT_EQ(world.islands().front().method,
-              damping < 201.0 ? Method::kRungeKutta : Method::kEnergyMomentum);
+    EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);
     double energy = world.energy();
     for (int i = 0; i < 200; ++i) {
       ASSERT_FALSE(world.step().failed);

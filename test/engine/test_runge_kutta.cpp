@@ -30,14 +30,6 @@ World without_weight() {
   return World(options);
 }
 
-/// What rounding leaves of a rod, by the project's definition.
-double round_off(const World& world) {
-  double coordinate = 0.0;
-  for (const BodyId id : world.body_ids())
-    coordinate = std::max(coordinate, world.state(id).position.cwiseAbs().maxCoeff());
-  return 1e-12 + 4.0 * kEpsilon * coordinate;
-}
-
 /// Runs, with every rod kept to round-off in every tick, and every tick by integration.
 void run_exactly(World& world, double duration) {
   const auto steps = std::lround(duration / world.options().time_step);

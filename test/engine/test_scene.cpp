@@ -754,6 +754,18 @@ TEST(SaveScene, CarriesMotorsOn) {
   EXPECT_EQ(*distance_of(again, "j").length, 5.0 + travel);
 }
 
+// 0.9 + 7 - 0.9 is not 7 in doubles.
+TEST(SaveScene, KeepsATimeoutJustSetToTheBit) {
+  World world = load_scene(with_constraint("motor: {bias: 0.5}"));
+  Motor motor = joint_of(world, "j").motor;
+  motor.timeout = 7.0;
+  for (const double time : {0.0, 0.9, 1.7, 1e6 + 0.1}) {
+    world.set_time(time, 0);
+    world.set_motor(world.find_joint("j"), motor);
+    EXPECT_EQ(joint_of(load_scene(save_scene(world)), "j").motor.timeout, 7.0) << time;
+  }
+}
+
 TEST(SaveScene, EndsAMotorWhoseTimeIsOver) {
   World world = load_scene(with_constraint("motor: {bias: 0.5, timeout: 0.1}"));
   for (int i = 0; i < 20; ++i) world.step();

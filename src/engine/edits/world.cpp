@@ -60,12 +60,9 @@ void World::set_time(double time, std::uint64_t step_count) {
   check_finite("time", time);
   const double now = this->time();
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
-    // one set just now keeps its timeout to the bit, so that a reset to time 0 is exact
-    const double timeout = impl_->joints[j].motor.timeout;
-    double& expires_at = impl_->joint_states[j].expires_at;
-    expires_at = expires_at == now + timeout ? time + timeout : expires_at + (time - now);
-    double& closing_since = impl_->joint_states[j].closing_since;
-    closing_since = closing_since == now ? time : closing_since + (time - now);
+    JointState& state = impl_->joint_states[j];
+    state.expires_at = time + state.time_left(impl_->joints[j].motor, now);
+    state.closing_since = time + (state.closing_since - now);
   }
   for (Wrench& wrench : impl_->wrenches) {
     wrench.start += time - now;
@@ -136,6 +133,7 @@ std::vector<Island> World::islands() const {
 }
 
 std::vector<BodyId> World::unresolved_bodies() const {
+  if (impl_->edited) return {};  // islands and bodies may be others now
   std::vector<std::size_t> indices;
   for (std::size_t i = 0; i < impl_->islands.size(); ++i)
     if (impl_->islands[i].unresolved_bodies > 0) impl_->find_unresolved(i, &indices);

@@ -10,7 +10,8 @@ namespace {
 
 constexpr int kMostNewtonSteps = 25;
 // Newton's steps end when a change moves nothing by more than this share of the scene, or by less
-// than the second and no longer half of the change before: then it is rounding.
+// than the second and no longer half of the change before: then it is rounding. Or when the next
+// change, of those that go down as squares, is to be below the third.
 constexpr double kSolved = 1e-14;
 constexpr double kRounding = 1e-7;
 constexpr double kSquared = 1e-16;
@@ -18,8 +19,6 @@ constexpr double kSquared = 1e-16;
 constexpr double kRowSolved = 1e-11;
 
 constexpr int kMostHalvings = 5;
-// Up to this h ω a body's motion is what the steps show.
-constexpr double kResolved = 2.0;
 constexpr double kMostParts = 32.0;
 // What rigid rows give way where they may: the square of their step over their period.
 constexpr double kSoftness = 1e-6;
@@ -140,7 +139,6 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
     const bool is_rounding = moved < kRounding && moved > 0.5 * before;
     const bool is_solved =
         (moved < kSolved || is_rounding) && worst_row <= kRowSolved * step_equations_.scale();
-    // of changes that go down as squares, the next one is known
     const double next = i > 0 ? moved * (moved / before) * (moved / before) : 1.0;
     if (is_solved || (moved < kRounding && next < kSquared)) {
       found_[stage] = unknowns_;

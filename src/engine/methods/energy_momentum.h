@@ -25,6 +25,9 @@ enum class ImplicitMode {
 /// not converge, first without the composition, then with shorter steps.
 class EnergyMomentum {
  public:
+  /// Up to this h ω a body's motion is what the steps show.
+  static constexpr double kResolved = 2.0;
+
   explicit EnergyMomentum(const EquationsOfMotion& equations) : step_equations_(equations) {}
 
   /// Carries the bodies through the span; impulses add up in `equations`. Leaves the bodies as they

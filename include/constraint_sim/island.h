@@ -17,6 +17,7 @@ enum class Why {
   kStiff,       ///< joints or springs move its bodies faster than substeps are worth
   kConflict,    ///< joints contradict each other: all give way a little, by least squares
   kRefused,     ///< nothing else could carry it
+  kAtRest,      ///< nothing moves in it: it is left out until something touches it
 };
 
 /// In words.

@@ -59,12 +59,13 @@ struct StepReport {
 
   // what it cost
   std::array<std::uint32_t, kMethodCount> islands{};  ///< carried by each method
+  std::uint32_t asleep = 0;            ///< islands at rest, that were left out
   std::uint32_t changes = 0;           ///< of islands' methods, since the step before or within it
   std::uint32_t substeps = 0;          ///< of all islands
   std::uint32_t rejected = 0;          ///< substeps tried in vain
   std::uint32_t iterations = 0;        ///< sweeps over the rows, and Newton's of stiff islands
   std::uint32_t rows = 0;              ///< scalar equations solved
-  std::uint32_t contacts = 0;          ///< contact points
+  std::uint32_t contacts = 0;          ///< contact points, but for those of islands at rest
   std::uint64_t broadphase_tests = 0;  ///< box against box
   std::uint32_t candidate_pairs = 0;   ///< that the broadphase let through
   std::array<double, kStageCount> stage_times{};  ///< [s]; zero unless a clock was given

@@ -25,6 +25,12 @@ struct WorldOptions {
   /// In which smooth islands close the error of a joint that does not fit when added, or when its
   /// body is set [s] > 0. `sequential_impulses` takes the share `baumgarte` of it per step instead.
   double closing_time = 0.5;
+  /// After so long at rest an island is left out until something touches it [s] > 0; infinity:
+  /// never.
+  double sleep_after = 0.5;
+  /// Speed up to which contacts, limits and motors with a force limit let bodies rest, rotation
+  /// times radius of gyration [m/s] ≥ 0. Islands that are integrated have to stand still to the bit.
+  double sleep_speed = 1e-8;
 
   // runge_kutta
   int order = 8;            ///< 8 or 5
@@ -111,7 +117,8 @@ class World {
   /// Carries the world on by one tick. The report stays valid until the next call.
   const StepReport& step();
   const StepReport& report() const;
-  /// Contact points that the last step met, in a stable order.
+  /// Contact points that the last step met, those of islands at rest before all others, in a stable
+  /// order.
   const std::vector<Contact>& contacts() const;
   double time() const;               ///< simulated [s]
   std::uint64_t step_count() const;  ///< since the start

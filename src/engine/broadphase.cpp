@@ -43,45 +43,52 @@ Aabb bounds(const Shape& shape, const BodyState& state) {
   return {state.position - half, state.position + half};
 }
 
+void Broadphase::set_resting(const std::vector<Proxy>& proxies) { resting_.build(proxies); }
+
 const std::vector<Broadphase::Pair>& Broadphase::find_pairs(const std::vector<Proxy>& proxies) {
   tests_ = 0;
   pairs_.clear();
-  sort_out_unbounded(proxies);
+  moving_.build(proxies);
 
-  if (!items_.empty()) {
-    nodes_.resize(2 * items_.size() - 1);
-    build(proxies, 0, 0, static_cast<int>(items_.size()));
-    pair_within(0);
+  if (!moving_.nodes.empty()) {
+    pair_within(moving_, 0);
+    if (!resting_.nodes.empty()) pair_between(moving_, 0, resting_, 0);
   }
-  for (std::size_t i = 0; i < unbounded_.size(); ++i) {
-    const Proxy& unbounded = proxies[unbounded_[i]];
-    for (const Item& item : items_) pair_proxies(unbounded, proxies[item.proxy]);
-    for (std::size_t j = 0; j < i; ++j) pair_proxies(unbounded, proxies[unbounded_[j]]);
+  for (std::size_t i = 0; i < moving_.unbounded.size(); ++i) {
+    const Proxy& unbounded = moving_.unbounded[i];
+    pair_with(unbounded, moving_);
+    pair_with(unbounded, resting_);
+    for (std::size_t j = 0; j < i; ++j) pair_proxies(unbounded, moving_.unbounded[j]);
+    for (const Proxy& other : resting_.unbounded) pair_proxies(unbounded, other);
   }
+  for (const Proxy& unbounded : resting_.unbounded) pair_with(unbounded, moving_);
 
   std::sort(pairs_.begin(), pairs_.end());
   return pairs_;
 }
 
-void Broadphase::sort_out_unbounded(const std::vector<Proxy>& proxies) {
-  items_.clear();
-  unbounded_.clear();
+void Broadphase::Tree::build(const std::vector<Proxy>& proxies) {
+  items.clear();
+  unbounded.clear();
   for (std::size_t i = 0; i < proxies.size(); ++i) {
     const Aabb& box = proxies[i].box;
     if (is_bounded(box)) {
-      items_.push_back({box.min + box.max, static_cast<int>(i)});
+      items.push_back({box.min + box.max, static_cast<int>(i)});
     } else {
-      unbounded_.push_back(static_cast<int>(i));
+      unbounded.push_back(proxies[i]);
     }
   }
+  nodes.resize(items.empty() ? 0 : 2 * items.size() - 1);
+  if (!items.empty()) build(proxies, 0, 0, static_cast<int>(items.size()));
 }
 
-void Broadphase::build(const std::vector<Proxy>& proxies, int node, int first_item, int leaves) {
-  nodes_[node].leaves = leaves;
-  const auto first = items_.begin() + first_item;
+void Broadphase::Tree::build(const std::vector<Proxy>& proxies, int node, int first_item,
+                             int leaves) {
+  nodes[node].leaves = leaves;
+  const auto first = items.begin() + first_item;
   if (leaves == 1) {
     const Proxy& proxy = proxies[first->proxy];
-    nodes_[node] = {proxy.box, 1, proxy.body, proxy.movable};
+    nodes[node] = {proxy.box, 1, proxy.body, proxy.movable};
     return;
   }
 
@@ -105,22 +112,22 @@ void Broadphase::build(const std::vector<Proxy>& proxies, int node, int first_it
 
   build(proxies, left_child(node), first_item, half);
   build(proxies, right_child(node), first_item + half, leaves - half);
-  const Node& left = nodes_[left_child(node)];
-  const Node& right = nodes_[right_child(node)];
-  nodes_[node].box = merged(left.box, right.box);
-  nodes_[node].movable = left.movable || right.movable;
+  const Node& left = nodes[left_child(node)];
+  const Node& right = nodes[right_child(node)];
+  nodes[node].box = merged(left.box, right.box);
+  nodes[node].movable = left.movable || right.movable;
 }
 
-void Broadphase::pair_within(int node) {
-  if (nodes_[node].leaves == 1 || !nodes_[node].movable) return;
-  pair_within(left_child(node));
-  pair_within(right_child(node));
-  pair_between(left_child(node), right_child(node));
+void Broadphase::pair_within(const Tree& tree, int node) {
+  if (tree[node].leaves == 1 || !tree[node].movable) return;
+  pair_within(tree, Tree::left_child(node));
+  pair_within(tree, tree.right_child(node));
+  pair_between(tree, Tree::left_child(node), tree, tree.right_child(node));
 }
 
-void Broadphase::pair_between(int node_a, int node_b) {
-  const Node& a = nodes_[node_a];
-  const Node& b = nodes_[node_b];
+void Broadphase::pair_between(const Tree& tree_a, int node_a, const Tree& tree_b, int node_b) {
+  const Node& a = tree_a[node_a];
+  const Node& b = tree_b[node_b];
   if (!a.movable && !b.movable) return;
   if (!test(a.box, b.box)) return;
 
@@ -128,12 +135,18 @@ void Broadphase::pair_between(int node_a, int node_b) {
   if (a.leaves == 1 && b.leaves == 1) {
     add_pair(a.body, b.body);
   } else if (b.leaves == 1 || (a.leaves > 1 && girth(a.box) > girth(b.box))) {
-    pair_between(left_child(node_a), node_b);
-    pair_between(right_child(node_a), node_b);
+    pair_between(tree_a, Tree::left_child(node_a), tree_b, node_b);
+    pair_between(tree_a, tree_a.right_child(node_a), tree_b, node_b);
   } else {
-    pair_between(node_a, left_child(node_b));
-    pair_between(node_a, right_child(node_b));
+    pair_between(tree_a, node_a, tree_b, Tree::left_child(node_b));
+    pair_between(tree_a, node_a, tree_b, tree_b.right_child(node_b));
   }
+}
+
+// an unbounded one with all leaves
+void Broadphase::pair_with(const Proxy& proxy, const Tree& tree) {
+  for (const Node& node : tree.nodes)
+    if (node.leaves == 1) pair_proxies(proxy, {node.box, node.body, node.movable});
 }
 
 void Broadphase::pair_proxies(const Proxy& a, const Proxy& b) {

@@ -29,14 +29,18 @@ struct Proxy {
 };
 
 /// Stage 1 of a step: which bodies may touch. A balanced tree of boxes, built anew in each call by
-/// splitting at the median, is tested against itself; unbounded boxes would spoil it and are tested
-/// one by one. A call allocates only where it needs more room than all before it.
+/// splitting at the median, is tested against itself and against another one, of what does not
+/// move, that is kept. Unbounded boxes would spoil a tree and are tested one by one. A call
+/// allocates only where it needs more room than all before it.
 class Broadphase {
  public:
   using Pair = std::pair<int, int>;  ///< body indices, first < second
 
-  /// All pairs with at least one movable body whose boxes overlap, sorted. Valid until the next
-  /// call.
+  /// From now on these are there as well. No pair is made of two of them.
+  void set_resting(const std::vector<Proxy>& proxies);
+
+  /// All pairs, of these and of these with resting ones, with at least one movable body whose boxes
+  /// overlap, sorted. Valid until the next call.
   const std::vector<Pair>& find_pairs(const std::vector<Proxy>& proxies);
 
   /// What the last call found.
@@ -61,20 +65,27 @@ class Broadphase {
     bool movable = false;  ///< whether any of its proxies is
   };
 
-  static int left_child(int node) { return node + 1; }
-  int right_child(int node) const { return node + 2 * (nodes_[node].leaves / 2); }
+  /// Of the bounded proxies; the others are beside it.
+  struct Tree {
+    std::vector<Item> items;
+    std::vector<Node> nodes;  ///< from the root; none without items
+    std::vector<Proxy> unbounded;
 
-  void sort_out_unbounded(const std::vector<Proxy>& proxies);
-  void build(const std::vector<Proxy>& proxies, int node, int first_item, int leaves);
-  void pair_within(int node);
-  void pair_between(int node_a, int node_b);
+    void build(const std::vector<Proxy>& proxies);
+    void build(const std::vector<Proxy>& proxies, int node, int first_item, int leaves);
+    static int left_child(int node) { return node + 1; }
+    int right_child(int node) const { return node + 2 * (nodes[node].leaves / 2); }
+    const Node& operator[](int node) const { return nodes[node]; }
+  };
+
+  void pair_within(const Tree& tree, int node);
+  void pair_between(const Tree& tree_a, int node_a, const Tree& tree_b, int node_b);
+  void pair_with(const Proxy& proxy, const Tree& tree);
   void pair_proxies(const Proxy& a, const Proxy& b);
   bool test(const Aabb& a, const Aabb& b);
   void add_pair(int body_a, int body_b);
 
-  std::vector<Item> items_;     ///< the bounded proxies
-  std::vector<int> unbounded_;  ///< indices of the other proxies
-  std::vector<Node> nodes_;
+  Tree moving_, resting_;
   std::vector<Pair> pairs_;
   std::uint64_t tests_ = 0;
 };

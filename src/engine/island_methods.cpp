@@ -44,6 +44,8 @@ const char* text(Why why) {
       return "could not be integrated to the tolerance";
     case Why::kConflict:
       return "its joints cannot all be met";
+    case Why::kAtRest:
+      return "at rest";
   }
   return "";
 }
@@ -143,23 +145,27 @@ void World::Impl::link(IslandParts* parts) {
 
 void World::Impl::choose_methods() {
   entering.clear();
-  if (is_fresh || !touching.empty() || !touching_before.empty() || any_refused || any_stiff)
+  if (is_fresh || awake_changed || !touching.empty() || !touching_before.empty() || any_refused ||
+      any_stiff)
     sort_islands();
   report.islands = islands_by_method;
   report.rows = integrated_rows;
 }
 
 void World::Impl::sort_islands() {
-  touched.assign(islands.size(), false);
+  touched.resize(islands.size());
+  for (const int i : awake_islands) touched[at(i)] = false;
   for (const TouchingPair& pair : touching)
     for (const int body : {pair.a, pair.b})
       if (island_of[at(body)] >= 0) touched[at(island_of[at(body)])] = true;
 
-  bool changed = is_fresh;
-  any_refused = any_stiff = false;
-  for (std::size_t i = 0; i < islands.size(); ++i) {
+  bool changed = is_fresh || awake_changed;
+  awake_changed = any_refused = any_stiff = false;
+  for (const int index : awake_islands) {
+    const std::size_t i = at(index);
     Island& island = islands[i];
     IslandParts& parts = island_parts[i];
+    const bool has_woken = island.why == Why::kAtRest;
     island.why = parts.nature;
     if (touched[i] && method_for(island.why) != Method::kSequentialImpulses)
       island.why = Why::kContact;
@@ -182,12 +188,12 @@ void World::Impl::sort_islands() {
     island.unresolved_bodies = 0;
     const Method before = island.method;
     island.method = method_for(island.why);
-    if (island.method == before && !is_fresh) continue;
+    if (island.method == before && !is_fresh && !has_woken) continue;
     changed = true;
-    if (!is_fresh) ++report.changes;
+    if (!is_fresh && island.method != before) ++report.changes;
     if (parts.linked >= 0) linked[at(parts.linked)].forget();
     if (parts.stiff >= 0) stiff[at(parts.stiff)].forget();
-    const bool is_new = is_fresh || before == Method::kSequentialImpulses;
+    const bool is_new = is_fresh || has_woken || before == Method::kSequentialImpulses;
     if (is_new && island.method != Method::kSequentialImpulses)
       entering.push_back(static_cast<int>(i));
   }
@@ -205,23 +211,22 @@ void World::Impl::list_by_method() {
   smooth.clear();
   islands_by_method = {};
   integrated_rows = 0;
-  for (std::size_t i = 0; i < islands.size(); ++i) {
-    ++islands_by_method[static_cast<std::size_t>(islands[i].method)];
-    if (islands[i].method == Method::kSequentialImpulses) continue;
-    smooth.push_back(static_cast<int>(i));
-    if (island_parts[i].linked >= 0)
-      integrated_rows +=
-          static_cast<std::uint32_t>(linked[at(island_parts[i].linked)].equations().rows());
+  for (const int i : awake_islands) {
+    ++islands_by_method[static_cast<std::size_t>(islands[at(i)].method)];
+    if (islands[at(i)].method == Method::kSequentialImpulses) continue;
+    smooth.push_back(i);
+    const int l = island_parts[at(i)].linked;
+    if (l >= 0) integrated_rows += static_cast<std::uint32_t>(linked[at(l)].equations().rows());
   }
   impulse_bodies.clear();
   impulse_joints.clear();
-  for (std::size_t i = 1; i < bodies.size(); ++i) {
-    const int island = island_of[i];
+  for (const int body : awake_bodies) {
+    const int island = island_of[at(body)];
     if (island >= 0 && islands[at(island)].method == Method::kSequentialImpulses)
-      impulse_bodies.push_back(static_cast<int>(i));
+      impulse_bodies.push_back(body);
   }
-  for (std::size_t j = 0; j < joints.size(); ++j)
-    if (!joint_states[j].broken && !is_integrated(j)) impulse_joints.push_back(static_cast<int>(j));
+  for (const int j : awake_joints)
+    if (!joint_states[at(j)].broken && !is_integrated(at(j))) impulse_joints.push_back(j);
 }
 
 void World::Impl::integrate() {

@@ -17,9 +17,9 @@ namespace {
 }
 
 WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults) {
-  item.expect_keys({"gravity", "time_step", "method", "closing_time", "order", "tolerance",
-                    "stiff_order", "dissipation", "stiffness_limit", "iterations", "warm_starting",
-                    "baumgarte"});
+  item.expect_keys({"gravity", "time_step", "method", "closing_time", "sleep_after", "sleep_speed",
+                    "order", "tolerance", "stiff_order", "dissipation", "stiffness_limit",
+                    "iterations", "warm_starting", "baumgarte"});
   WorldOptions options = defaults;
   item.read("gravity", &options.gravity);
   item.read("time_step", &options.time_step);
@@ -37,6 +37,9 @@ WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults)
   item.read("warm_starting", &options.warm_starting);
   item.read("baumgarte", &options.baumgarte);
   item.read("closing_time", &options.closing_time);
+  if (const auto after = item.find("sleep_after"))
+    options.sleep_after = after->number_or_infinity();
+  item.read("sleep_speed", &options.sleep_speed);
   item.attempt([&] { validate(options); });
   return options;
 }

@@ -17,7 +17,9 @@ void write(YAML::Emitter* out, const char* key, const char* value) {
   write(out, key, std::string(value));
 }
 
-void write(YAML::Emitter* out, const char* key, double value) { write(out, key, shortest(value)); }
+void write(YAML::Emitter* out, const char* key, double value) {
+  write(out, key, std::isinf(value) ? ".inf" : shortest(value));
+}
 
 void write(YAML::Emitter* out, const char* key, bool value) {
   *out << YAML::Key << key << YAML::Value << value;
@@ -38,14 +40,13 @@ void write_options(YAML::Emitter* out, const WorldOptions& options) {
   write(out, "tolerance", options.tolerance);
   *out << YAML::Key << "stiff_order" << YAML::Value << options.stiff_order;
   write(out, "dissipation", options.dissipation);
-  if (std::isinf(options.stiffness_limit))
-    *out << YAML::Key << "stiffness_limit" << YAML::Value << ".inf";
-  else
-    write(out, "stiffness_limit", options.stiffness_limit);
+  write(out, "stiffness_limit", options.stiffness_limit);
   *out << YAML::Key << "iterations" << YAML::Value << options.iterations;
   write(out, "warm_starting", options.warm_starting);
   write(out, "baumgarte", options.baumgarte);
   write(out, "closing_time", options.closing_time);
+  write(out, "sleep_after", options.sleep_after);
+  write(out, "sleep_speed", options.sleep_speed);
   *out << YAML::EndMap;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "engine/constraints/contact.h"
 #include "engine/constraints/joint.h"
@@ -29,30 +30,36 @@ const StepReport& World::step() {
 }
 
 void World::Impl::begin_step() {
-  if (edited) recompile();
-  states_before = states;
-  joint_states_before = joint_states;
+  if (edited)
+    recompile();
+  else if (any_waking)
+    spread_waking();
+  remember();
   step_start = time();
   step_end = time_of(step_count + 1);
   report = StepReport{};
 }
 
+// for a step that fails
+void World::Impl::remember() {
+  states_before.resize(states.size());
+  joint_states_before.resize(joint_states.size());
+  for (const int i : awake_bodies)
+    states_before[static_cast<std::size_t>(i)] = states[static_cast<std::size_t>(i)];
+  for (const int j : awake_joints)
+    joint_states_before[static_cast<std::size_t>(j)] = joint_states[static_cast<std::size_t>(j)];
+}
+
+void World::Impl::go_back() {
+  for (const int i : awake_bodies)
+    states[static_cast<std::size_t>(i)] = states_before[static_cast<std::size_t>(i)];
+  for (const int j : awake_joints)
+    joint_states[static_cast<std::size_t>(j)] = joint_states_before[static_cast<std::size_t>(j)];
+}
+
 // what follows from bodies, joints and options: once after an edit
 void World::Impl::recompile() {
   edited = false;
-
-  collidable.clear();
-  bool any_movable = false;
-  for (std::size_t i = 1; i < bodies.size(); ++i) {
-    if (bodies[i].no_collision || std::holds_alternative<Point>(bodies[i].shape)) continue;
-    collidable.push_back(static_cast<int>(i));
-    any_movable = any_movable || is_movable(i);
-  }
-  if (!any_movable || collidable.size() < 2) collidable.clear();
-
-  kinematic.clear();
-  for (std::size_t i = 1; i < bodies.size(); ++i)
-    if (bodies[i].type == BodyType::kKinematic) kinematic.push_back(static_cast<int>(i));
 
   joint_ends.clear();
   unpaired.clear();
@@ -66,18 +73,23 @@ void World::Impl::recompile() {
   }
   std::sort(unpaired.begin(), unpaired.end());
 
-  for (TouchingPair& pair : touching) {
-    pair.a = body_index[pair.id_a.value];
-    pair.b = body_index[pair.id_b.value];
-  }
   const auto is_gone = [](const TouchingPair& pair) { return pair.a < 0 || pair.b < 0; };
-  touching.erase(std::remove_if(touching.begin(), touching.end(), is_gone), touching.end());
+  for (std::vector<TouchingPair>* pairs : {&touching, &resting}) {
+    for (TouchingPair& pair : *pairs) {
+      pair.a = body_index[pair.id_a.value];
+      pair.b = body_index[pair.id_b.value];
+    }
+    pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_gone), pairs->end());
+  }
 
   changing_courses.clear();  // until the islands are sorted anew
   span_ends.clear();
 
   if (topology_edited) make_islands();
   classify_islands();
+  const double quiet = std::ceil(options.sleep_after / options.time_step);
+  quiet_steps = quiet < 1e18 ? static_cast<std::uint64_t>(quiet) : 0;
+  spread_waking();
   is_fresh = true;
 
   const Energy now = energy();
@@ -86,21 +98,34 @@ void World::Impl::recompile() {
 }
 
 void World::Impl::find_pairs() {
-  if (collidable.empty()) return;
+  if (moving_shapes.empty()) return;
   const StageTimer timer(*this, Stage::kBroadphase);
   proxies.clear();
-  for (const int i : collidable) {
-    const auto body = static_cast<std::size_t>(i);
-    proxies.push_back({bounds(bodies[body].shape, states[body]), i, is_movable(body)});
-  }
+  for (const int body : moving_shapes) proxies.push_back(proxy(body));
   report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
   report.broadphase_tests = broadphase.tests();
 }
 
+Proxy World::Impl::proxy(int body) const {
+  const auto i = static_cast<std::size_t>(body);
+  return {bounds(bodies[i].shape, states[i]), body, is_movable(i)};
+}
+
 void World::Impl::find_contacts() {
+  collide_pairs();
+  while (wake_touched()) {
+    std::swap(touching, touching_before);  // back to the contacts of the step before
+    spread_waking();
+    remember();
+    find_pairs();
+    collide_pairs();
+  }
+}
+
+void World::Impl::collide_pairs() {
   std::swap(touching, touching_before);
   touching.clear();
-  if (collidable.empty()) return;
+  if (moving_shapes.empty()) return;
   const StageTimer timer(*this, Stage::kNarrowphase);
   auto before = touching_before.begin();  // both lists are sorted, so one pass matches them
   for (const Broadphase::Pair& ends : broadphase.pairs()) {
@@ -220,13 +245,12 @@ void World::Impl::update_positions() {
 
 void World::Impl::finish_step() {
   if (!is_finite()) {
-    states = states_before;
-    joint_states = joint_states_before;
+    go_back();
     for (LinkedMotion& motion : linked) motion.forget();
     for (EnergyMomentum& motion : stiff) motion.forget();
     is_fresh = true;
     touching.clear();
-    contacts.clear();
+    contacts.resize(resting_contacts);
     report.failed = true;
   } else {
     const JointStep step = joint_step();
@@ -235,6 +259,7 @@ void World::Impl::finish_step() {
     read_contacts();
     ++step_count;
     drop_spent_wrenches();
+    fall_asleep();
     is_fresh = false;
   }
   report.step = step_count;
@@ -246,9 +271,10 @@ void World::Impl::finish_step() {
 bool World::Impl::is_finite() const {
   Vector3d sum = Vector3d::Zero();
   Eigen::Vector4d turned = Eigen::Vector4d::Zero();
-  for (std::size_t i = 1; i < states.size(); ++i) {
-    sum += states[i].position + states[i].linear_velocity + states[i].angular_velocity;
-    turned += states[i].orientation.coeffs();
+  for (const int i : awake_bodies) {
+    const BodyState& state = states[static_cast<std::size_t>(i)];
+    sum += state.position + state.linear_velocity + state.angular_velocity;
+    turned += state.orientation.coeffs();
   }
   return std::isfinite(sum.sum() + turned.sum());
 }
@@ -270,7 +296,6 @@ void World::Impl::note_if_torn(std::size_t j) {
 }
 
 void World::Impl::read_contacts() {
-  contacts.clear();
   std::size_t i = 0;
   for (TouchingPair& pair : touching) {
     for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k, ++i) {
@@ -278,10 +303,22 @@ void World::Impl::read_contacts() {
       const std::size_t end = i + 1 < contact_rows.size() ? contact_rows[i + 1] : rows.size();
       pair.impulses[k].setZero();
       for (std::size_t r = first; r < end; ++r) pair.impulses[k] += rows[r].impulse * rows[r].J.j1;
-      const Manifold::Point& point = pair.manifold.points[k];
-      contacts.push_back({pair.id_a, pair.id_b, point.position, pair.manifold.normal, point.depth,
-                          rows[first].impulse / options.time_step});
     }
+  }
+  tell_contacts();
+}
+
+void World::Impl::tell_contacts() {
+  contacts.resize(resting_contacts);
+  for (const TouchingPair& pair : touching) add_contacts(pair);
+}
+
+void World::Impl::add_contacts(const TouchingPair& pair) {
+  for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
+    const Manifold::Point& point = pair.manifold.points[k];
+    const double force = pair.impulses[k].dot(pair.manifold.normal) / options.time_step;
+    contacts.push_back(
+        {pair.id_a, pair.id_b, point.position, pair.manifold.normal, point.depth, force});
   }
 }
 
@@ -294,23 +331,43 @@ void World::Impl::drop_spent_wrenches() {
 }
 
 void World::Impl::measure() {
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    const double error = std::abs(joint_states[j].error);
-    if (joint_states[j].broken || !is_rigid(joints[j])) continue;
-    if (report.worst_joint && error <= report.max_constraint_error) continue;
-    report.max_constraint_error = error;
-    report.worst_joint = joint_ids[j];
-  }
-  const Energy now = energy();
+  report.asleep = resting_report.asleep;
+  report.dependent_rows = std::max(report.dependent_rows, resting_report.dependent_rows);
+  report.max_penetration = std::max(report.max_penetration, resting_report.max_penetration);
+  report.max_constraint_error = resting_report.max_constraint_error;
+  report.worst_joint = resting_report.worst_joint;
+  find_worst_joint(awake_joints, &report);
+  const Energy now = energy(awake_bodies, awake_joints);
   largest_kinetic_energy = std::max(largest_kinetic_energy, now.kinetic);
-  report.energy = now.kinetic + now.potential;
+  report.energy = now.kinetic + now.potential + resting_energy.potential;
   if (largest_kinetic_energy > 0.0)
     report.energy_drift = (report.energy - reference_energy) / largest_kinetic_energy;
 }
 
+void World::Impl::find_worst_joint(const std::vector<int>& among, StepReport* worst) const {
+  for (const int index : among) {
+    const auto j = static_cast<std::size_t>(index);
+    const double error = std::abs(joint_states[j].error);
+    if (joint_states[j].broken || !is_rigid(joints[j])) continue;
+    if (worst->worst_joint && error <= worst->max_constraint_error) continue;
+    worst->max_constraint_error = error;
+    worst->worst_joint = joint_ids[j];
+  }
+}
+
 Energy World::Impl::energy() const {
+  std::vector<int> all_bodies(bodies.size());
+  std::vector<int> all_joints(joints.size());
+  std::iota(all_bodies.begin(), all_bodies.end(), 0);
+  std::iota(all_joints.begin(), all_joints.end(), 0);
+  return energy(all_bodies, all_joints);
+}
+
+Energy World::Impl::energy(const std::vector<int>& of_bodies,
+                           const std::vector<int>& of_joints) const {
   Energy energy;
-  for (std::size_t i = 1; i < states.size(); ++i) {
+  for (const int index : of_bodies) {
+    const auto i = static_cast<std::size_t>(index);
     if (!is_movable(i)) continue;
     const double mass = 1.0 / masses[i].inverse_mass;
     energy.kinetic += 0.5 * mass * states[i].linear_velocity.squaredNorm();
@@ -319,8 +376,9 @@ Energy World::Impl::energy() const {
     const Vector3d w = states[i].orientation.conjugate() * states[i].angular_velocity;
     energy.kinetic += 0.5 * w.dot(masses[i].inertia.cwiseProduct(w));
   }
-  for (std::size_t j = 0; j < joints.size(); ++j)
-    energy.potential += elastic_energy(joints[j], joint_states[j]);
+  for (const int j : of_joints)
+    energy.potential += elastic_energy(joints[static_cast<std::size_t>(j)],
+                                       joint_states[static_cast<std::size_t>(j)]);
   return energy;
 }
 

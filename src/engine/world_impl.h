@@ -46,6 +46,7 @@ struct IslandParts {
   Why nature = Why::kSmooth;          ///< of its joints and options; contacts come and go
   int linked = -1;                    ///< into Impl::linked; -1: no joints, or never integrated
   int stiff = -1;                     ///< into Impl::stiff; -1: never was stiff
+  std::uint64_t quiet_for = 0;        ///< steps in a row that moved nothing to speak of
   bool is_stiff = false;              ///< as measured when it was last carried
   int stiff_ticks = 0;                ///< how often in a row substeps found it so
   std::uint64_t stiff_until = 0;      ///< step before which it is not asked again
@@ -64,6 +65,7 @@ struct World::Impl {
   std::vector<BodyState> states;
   std::vector<MassProperties> masses;
   std::vector<BodyId> body_ids;
+  std::vector<bool> asleep;  // all bodies of an island are, or none
   std::vector<Joint> joints;
   std::vector<JointStart> joint_starts;
   std::vector<JointState> joint_states;
@@ -82,10 +84,8 @@ struct World::Impl {
   // ---- follows from the above; made anew by the first step after an edit
   bool edited = true;
   bool topology_edited = true;             // also who is joined to whom
-  std::vector<int> collidable;             // bodies; empty where none can touch
   std::vector<Broadphase::Pair> unpaired;  // joined bodies that may overlap, sorted
   std::vector<std::pair<std::size_t, std::size_t>> joint_ends;  // the two bodies of each joint
-  std::vector<int> kinematic;                                   // bodies
   std::vector<IslandParts> island_parts;
   std::vector<Island> islands;          // the same, as it is told
   std::vector<int> island_of;           // of bodies; -1 of immovable ones
@@ -95,7 +95,23 @@ struct World::Impl {
   std::vector<double> fastest_spring;   // of bodies [1/s]
   double reference_energy = 0.0;        // [J] at the last edit
   double largest_kinetic_energy = 0.0;  // [J] since the last edit
+  std::uint64_t quiet_steps = 0;        // after which an island may rest; 0: never
   bool is_fresh = true;                 // no step since the last edit
+
+  // ---- what is awake, and what the rest tells; made anew when somebody wakes or falls asleep
+  bool any_waking = false;  // somebody was woken, and the lists do not know yet
+  bool awake_changed = true;
+  std::vector<int> awake_islands;
+  std::vector<int> awake_bodies;      // dynamic ones, and kinematic ones that move
+  std::vector<int> awake_joints;      // broken ones as well
+  std::vector<int> kinematic;         // bodies that move
+  std::vector<int> moving_shapes;     // bodies that may touch something; empty where none can
+  std::vector<TouchingPair> resting;  // contacts of sleepers, sorted by bodies
+  StepReport resting_report;
+  Energy resting_energy;
+  std::size_t resting_contacts = 0;  // so many of contacts, the first ones
+  std::vector<bool> is_drowsy;       // islands about to fall asleep
+  std::vector<int> drowsy;           // the same
 
   // ---- which islands have which method; made anew when that changes
   std::array<std::uint32_t, kMethodCount> islands_by_method{};
@@ -128,7 +144,7 @@ struct World::Impl {
   std::vector<JointState> joint_states_before;
 
   // ---- what a step tells
-  std::vector<Contact> contacts;
+  std::vector<Contact> contacts;  // those of sleepers first
   StepReport report;
   Clock clock = nullptr;
 
@@ -140,11 +156,29 @@ struct World::Impl {
   double inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const;
   void start_joint(std::size_t j);
   double end_of(const Motor& motor) const;
+  void wake_ends(const Joint& joint);
+  void forget_contacts();
   void erase_joint(std::size_t j);
   void erase_wrenches(BodyId id);
 
+  // ---- resting (rest.cpp)
+  void wake(std::size_t body);
+  void wake_all();
+  void wake_around(BodyId id);
+  bool wake_touched();
+  void spread_waking();
+  void fall_asleep();
+  bool is_quiet(std::size_t island) const;
+  bool is_driven(std::size_t island) const;
+  bool is_moving_by_itself(std::size_t body) const;
+  bool find_drowsy();
+  void list_awake();
+  void list_shapes(const std::vector<int>& resting_bodies);
+
   // ---- stepping (world.cpp), in the order of a step
   void begin_step();
+  void remember();
+  void go_back();
   void recompile();
   void make_islands();
   void classify_islands();
@@ -153,7 +187,9 @@ struct World::Impl {
   Method method_for(Why why) const;
   void link(IslandParts* parts);
   void find_pairs();
+  Proxy proxy(int body) const;
   void find_contacts();
+  void collide_pairs();
   void choose_methods();
   void sort_islands();
   bool is_integrated(std::size_t j) const;
@@ -182,8 +218,11 @@ struct World::Impl {
   void read_smooth_joints(const JointStep& step);
   void note_if_torn(std::size_t j);
   void read_contacts();
+  void tell_contacts();
+  void add_contacts(const TouchingPair& pair);
   void drop_spent_wrenches();
   void measure();
+  void find_worst_joint(const std::vector<int>& among, StepReport* worst) const;
   bool is_finite() const;
 
   class StageTimer;
@@ -197,6 +236,7 @@ struct World::Impl {
   const BodyState& state_a(std::size_t j) const;
   const BodyState& state_b(std::size_t j) const;
   Energy energy() const;
+  Energy energy(const std::vector<int>& of_bodies, const std::vector<int>& of_joints) const;
 };
 
 /// Times one stage, from construction to destruction, where there is a clock.

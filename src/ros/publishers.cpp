@@ -71,11 +71,13 @@ void Publishers::stepped(const World& world, double seconds) {
   ticks_.add(world, seconds);
   stepped_ = true;
   // what changes the plan without an edit: a joint tears, a wrench is over, an island has another
-  // method
+  // method, falls asleep or wakes
   const engine::StepReport& report = world.report();
-  if (report.torn_joints > 0 || report.changes > 0 || world.wrenches().size() != wrenches_)
+  if (report.torn_joints > 0 || report.changes > 0 || report.asleep != asleep_ ||
+      world.wrenches().size() != wrenches_)
     plan_changed_ = true;
   wrenches_ = world.wrenches().size();
+  asleep_ = report.asleep;
 }
 
 void Publishers::edited(const World& world) {

@@ -81,6 +81,7 @@ class Publishers {
   bool edited_ = true;
   bool plan_changed_ = true;
   std::size_t wrenches_ = 0;
+  std::uint32_t asleep_ = 0;
   double next_publication_ = 0.0;
   double last_publication_ = 0.0;
   double last_statistics_;

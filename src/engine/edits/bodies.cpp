@@ -42,6 +42,8 @@ BodyId World::add_body(const Body& body) {
   impl_->states.push_back(impl_->bodies.back().state);
   impl_->masses.push_back(mass_properties(body));
   impl_->body_ids.push_back(id);
+  impl_->asleep.push_back(false);
+  if (body.type != BodyType::kDynamic) impl_->wake_all();  // it may be put into one of them
   impl_->body_by_name.emplace(body.name, id);
   impl_->edited = impl_->topology_edited = true;
   return id;
@@ -59,12 +61,14 @@ std::vector<std::string> World::remove_body(BodyId id) {
     impl_->erase_joint(j);
   }
 
+  impl_->wake_around(id);
   const auto at = static_cast<std::ptrdiff_t>(i);
   impl_->body_by_name.erase(impl_->bodies[i].name);
   impl_->bodies.erase(impl_->bodies.begin() + at);
   impl_->states.erase(impl_->states.begin() + at);
   impl_->masses.erase(impl_->masses.begin() + at);
   impl_->body_ids.erase(impl_->body_ids.begin() + at);
+  impl_->asleep.erase(impl_->asleep.begin() + at);
   impl_->body_index[id.value] = -1;
   for (std::size_t k = i; k < impl_->body_ids.size(); ++k)
     --impl_->body_index[impl_->body_ids[k].value];
@@ -96,6 +100,10 @@ void World::set_state(BodyId id, const BodyState& state) {
   body.state = state;
   validate(body);
 
+  if (impl_->is_movable(i))
+    impl_->wake(i);
+  else
+    impl_->wake_all();
   impl_->states[i] = state;
   normalize(impl_->states[i].orientation);
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {

@@ -37,6 +37,7 @@ JointId World::add_joint(const Joint& joint, bool broken) {
   impl_->joint_starts.push_back({filled.motor, broken});
   impl_->joint_states.emplace_back();
   impl_->start_joint(impl_->joints.size() - 1);
+  impl_->wake_ends(filled);
   impl_->joint_ids.push_back(id);
   impl_->joint_by_name.emplace(joint.name, id);
   impl_->edited = impl_->topology_edited = true;
@@ -111,7 +112,13 @@ double World::Impl::end_of(const Motor& motor) const {
   return motor.timeout > 0.0 ? time() + motor.timeout : std::numeric_limits<double>::infinity();
 }
 
+void World::Impl::wake_ends(const Joint& joint) {
+  wake(index(joint.body_a));
+  wake(index(joint.body_b));
+}
+
 void World::Impl::erase_joint(std::size_t j) {
+  wake_ends(joints[j]);
   const auto at = static_cast<std::ptrdiff_t>(j);
   joint_index[joint_ids[j].value] = -1;
   joint_by_name.erase(joints[j].name);
@@ -151,6 +158,7 @@ void World::set_motor(JointId id, const Motor& motor) {
   joint.motor = motor;
   validate(joint);
 
+  impl_->wake_ends(joint);
   impl_->joints[j] = joint;
   impl_->joint_states[j].expires_at = impl_->end_of(motor);
   impl_->edited = true;
@@ -161,6 +169,7 @@ void World::set_broken(JointId id, bool broken) {
   JointState& state = impl_->joint_states[impl_->index(id)];
   state.broken = broken;
   state.impulse.setZero();
+  impl_->wake_ends(joint);
   begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), time(), state);
   impl_->edited = impl_->topology_edited = true;
 }

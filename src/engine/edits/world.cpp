@@ -25,6 +25,7 @@ World::World(const WorldOptions& options) : impl_(std::make_unique<Impl>()) {
   impl_->states.push_back(world.state);
   impl_->masses.emplace_back();
   impl_->body_ids.push_back(kWorldBody);
+  impl_->asleep.push_back(false);
   impl_->body_index.push_back(0);
   impl_->body_by_name.emplace(world.name, kWorldBody);
 }
@@ -49,6 +50,7 @@ void World::set_options(const WorldOptions& options) {
   validate(options);
   if (options.time_step != impl_->options.time_step) set_time(time(), step_count());
   impl_->options = options;
+  impl_->wake_all();
   impl_->edited = true;
 }
 
@@ -98,9 +100,16 @@ void World::continue_from(const World& other) {
   for (auto& [name, id] : impl_->joint_by_name) id.value += new_joints;
   impl_->body_index.insert(impl_->body_index.begin() + 1, new_bodies, -1);
   impl_->joint_index.insert(impl_->joint_index.begin(), new_joints, -1);
-  impl_->touching.clear();
-  impl_->contacts.clear();
+  impl_->forget_contacts();
   impl_->edited = impl_->topology_edited = true;
+}
+
+void World::Impl::forget_contacts() {
+  wake_all();
+  touching.clear();
+  resting.clear();
+  contacts.clear();
+  resting_contacts = 0;
 }
 
 void World::reset() {
@@ -110,8 +119,7 @@ void World::reset() {
     impl_->start_joint(j);
   }
   impl_->wrenches.clear();
-  impl_->touching.clear();
-  impl_->contacts.clear();
+  impl_->forget_contacts();
   impl_->edited = impl_->topology_edited = true;
 }
 

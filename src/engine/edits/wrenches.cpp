@@ -19,7 +19,9 @@ void World::add_wrench(const Wrench& wrench) {
     refuse("end", "must be after the start at " + shortest(wrench.start) + ", got " +
                       shortest(wrench.end));
 
-  if (wrench.end > time()) impl_->wrenches.push_back(wrench);
+  if (wrench.end <= time()) return;
+  impl_->wake(i);
+  impl_->wrenches.push_back(wrench);
 }
 
 void World::clear_wrenches(BodyId id) {

@@ -1,0 +1,239 @@
+// Islands at rest are left out of every stage until something touches them: before the first stage
+// of a step, and after the last.
+//
+// An island rests when nothing in it has moved for `sleep_after`: to the bit where it is
+// integrated, so that the next step would only repeat the last one; by no more than `sleep_speed`
+// where impulses hold it, whose rounding never ends. It keeps its state, with velocities of zero,
+// and the impulses that held it, so that it makes no difference for how long it slept.
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+bool in_order(const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); }
+
+/// Moves what is not kept from one sorted list to another.
+template <class Kept>
+void move_over(std::vector<TouchingPair>* from, std::vector<TouchingPair>* to, Kept kept) {
+  const auto moved = std::stable_partition(from->begin(), from->end(), kept);
+  if (moved == from->end()) return;
+  to->insert(to->end(), moved, from->end());
+  from->erase(moved, from->end());
+  std::sort(to->begin(), to->end(), in_order);
+}
+
+}  // namespace
+
+// ---- waking
+
+void World::Impl::wake(std::size_t body) {
+  any_waking = any_waking || asleep[body];
+  asleep[body] = false;
+}
+
+void World::Impl::wake_all() {
+  for (std::size_t i = 0; i < asleep.size(); ++i) wake(i);
+}
+
+// all that touch a body
+void World::Impl::wake_around(BodyId id) {
+  for (const TouchingPair& pair : resting) {
+    if (pair.id_a == id) wake(index(pair.id_b));
+    if (pair.id_b == id) wake(index(pair.id_a));
+  }
+}
+
+// what a body touches that moves
+bool World::Impl::wake_touched() {
+  for (const TouchingPair& pair : touching) {
+    wake(at(pair.a));
+    wake(at(pair.b));
+  }
+  return any_waking;
+}
+
+// from those awake to all that joints or contacts connect with them
+void World::Impl::spread_waking() {
+  const auto wake_other = [&](std::size_t body, std::size_t other) {
+    if (!is_movable(body) || asleep[body] || !asleep[other]) return false;
+    asleep[other] = false;
+    return true;
+  };
+  for (bool spreads = any_waking; spreads;) {
+    spreads = false;
+    for (const IslandParts& parts : island_parts) {
+      const std::vector<int>& bodies = parts.members.bodies;
+      for (const int body : bodies) spreads = wake_other(at(bodies.front()), at(body)) || spreads;
+      for (const int body : bodies) spreads = wake_other(at(body), at(bodies.front())) || spreads;
+    }
+    for (const TouchingPair& pair : resting) {
+      spreads = wake_other(at(pair.a), at(pair.b)) || spreads;
+      spreads = wake_other(at(pair.b), at(pair.a)) || spreads;
+    }
+  }
+  any_waking = false;
+  move_over(&resting, &touching,
+            [&](const TouchingPair& pair) { return asleep[at(pair.a)] || asleep[at(pair.b)]; });
+  list_awake();
+}
+
+// ---- falling asleep
+
+void World::Impl::fall_asleep() {
+  if (quiet_steps == 0) return;
+  bool any_due = false;  // those kept awake by others are asked again now and then
+  for (const int i : awake_islands) {
+    IslandParts& parts = island_parts[at(i)];
+    parts.quiet_for = is_quiet(at(i)) ? parts.quiet_for + 1 : 0;
+    any_due = any_due || (parts.quiet_for > 0 && parts.quiet_for % quiet_steps == 0);
+  }
+  if (!any_due || !find_drowsy()) return;
+
+  for (const int i : drowsy) {
+    for (const int body : island_parts[at(i)].members.bodies) {
+      asleep[at(body)] = true;
+      states[at(body)].linear_velocity.setZero();
+      states[at(body)].angular_velocity.setZero();
+    }
+  }
+  const auto is_awake = [&](int body) { return is_movable(at(body)) && !asleep[at(body)]; };
+  move_over(&touching, &resting, [&](const TouchingPair& pair) {
+    return is_awake(pair.a) || is_awake(pair.b) || !(asleep[at(pair.a)] || asleep[at(pair.b)]);
+  });
+  list_awake();
+  tell_contacts();
+}
+
+bool World::Impl::is_quiet(std::size_t island) const {
+  const bool by_impulses = islands[island].method == Method::kSequentialImpulses;
+  const double limit = by_impulses ? options.sleep_speed * options.sleep_speed : 0.0;
+  for (const int body : island_parts[island].members.bodies) {
+    const BodyState& state = states[at(body)];
+    const double radius = masses[at(body)].radius_of_gyration();
+    if (state.linear_velocity.squaredNorm() > limit) return false;
+    if (radius * radius * state.angular_velocity.squaredNorm() > limit) return false;
+  }
+  return true;
+}
+
+// whether something will move it that its velocities do not show
+bool World::Impl::is_driven(std::size_t island) const {
+  for (const int index : island_parts[island].members.joints) {
+    const std::size_t j = at(index);
+    const Motor& motor = joints[j].motor;
+    if (motor.amplitude != 0.0 || joint_states[j].closing) return true;
+    if (motor.bias != 0.0 && time() < joint_states[j].expires_at) return true;
+    for (const std::size_t end : {joint_ends[j].first, joint_ends[j].second})
+      if (!is_movable(end) && is_moving_by_itself(end)) return true;
+  }
+  return std::any_of(wrenches.begin(), wrenches.end(), [&](const Wrench& wrench) {
+    return island_of[index(wrench.body)] == static_cast<int>(island);
+  });
+}
+
+bool World::Impl::is_moving_by_itself(std::size_t body) const {
+  return bodies[body].type == BodyType::kKinematic &&
+         !(states[body].linear_velocity.isZero(0.0) && states[body].angular_velocity.isZero(0.0));
+}
+
+// islands that were quiet for long enough, and touch none but such
+bool World::Impl::find_drowsy() {
+  is_drowsy.assign(islands.size(), false);
+  for (const int i : awake_islands)
+    is_drowsy[at(i)] = island_parts[at(i)].quiet_for >= quiet_steps && !is_driven(at(i));
+  const auto keep_awake = [&](int body, int other) {
+    if (!is_movable(at(body)) || !is_drowsy[at(island_of[at(body)])]) return false;
+    const bool other_moves = is_movable(at(other)) ? !is_drowsy[at(island_of[at(other)])]
+                                                   : is_moving_by_itself(at(other));
+    if (other_moves) is_drowsy[at(island_of[at(body)])] = false;
+    return other_moves;
+  };
+  for (bool spreads = true; spreads;) {
+    spreads = false;
+    for (const TouchingPair& pair : touching) {
+      spreads = keep_awake(pair.a, pair.b) || spreads;
+      spreads = keep_awake(pair.b, pair.a) || spreads;
+    }
+  }
+  drowsy.clear();
+  for (const int i : awake_islands)
+    if (is_drowsy[at(i)]) drowsy.push_back(i);
+  return !drowsy.empty();
+}
+
+// ---- once after somebody woke or fell asleep
+
+// what the stages go through, and of all the rest what a step tells of it
+void World::Impl::list_awake() {
+  awake_changed = true;
+  resting_report = StepReport{};
+  awake_islands.clear();
+  for (std::size_t i = 0; i < islands.size(); ++i) {
+    if (!asleep[at(island_parts[i].members.bodies.front())]) {
+      awake_islands.push_back(static_cast<int>(i));
+      continue;
+    }
+    Island& island = islands[i];
+    island.why = Why::kAtRest;
+    island.local_error = 0.0;
+    island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
+    island_parts[i].quiet_for = 0;
+    resting_report.dependent_rows = std::max(resting_report.dependent_rows, island.dependent_rows);
+  }
+  awake_bodies.clear();
+  kinematic.clear();
+  std::vector<int> resting_bodies;
+  for (std::size_t i = 1; i < bodies.size(); ++i) {
+    const bool moves_by_itself = is_moving_by_itself(i);
+    if (moves_by_itself) kinematic.push_back(static_cast<int>(i));
+    const bool is_awake = moves_by_itself || (is_movable(i) && !asleep[i]);
+    (is_awake ? awake_bodies : resting_bodies).push_back(static_cast<int>(i));
+  }
+  awake_joints.clear();
+  std::vector<int> resting_joints;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const auto [a, b] = joint_ends[j];
+    (asleep[is_movable(a) ? a : b] ? resting_joints : awake_joints).push_back(static_cast<int>(j));
+  }
+  list_shapes(resting_bodies);
+
+  resting_report.asleep = static_cast<std::uint32_t>(islands.size() - awake_islands.size());
+  for (const TouchingPair& pair : resting)
+    for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k)
+      resting_report.max_penetration =
+          std::max(resting_report.max_penetration, pair.manifold.points[k].depth);
+  find_worst_joint(resting_joints, &resting_report);
+  resting_energy = energy(resting_bodies, resting_joints);
+
+  contacts.clear();
+  for (const TouchingPair& pair : resting) add_contacts(pair);
+  resting_contacts = contacts.size();
+}
+
+// of what may touch: what is to be looked at in every step, and what that may meet
+void World::Impl::list_shapes(const std::vector<int>& resting_bodies) {
+  const auto has_shape = [&](int body) {
+    return !bodies[at(body)].no_collision && !std::holds_alternative<Point>(bodies[at(body)].shape);
+  };
+  moving_shapes.clear();
+  std::copy_if(awake_bodies.begin(), awake_bodies.end(), std::back_inserter(moving_shapes),
+               has_shape);
+  proxies.clear();
+  for (const int body : resting_bodies)
+    if (has_shape(body)) proxies.push_back(proxy(body));
+  const auto movable = [&](int body) { return is_movable(at(body)); };
+  const bool any_movable =
+      std::any_of(moving_shapes.begin(), moving_shapes.end(), movable) ||
+      std::any_of(proxies.begin(), proxies.end(), [](const Proxy& p) { return p.movable; });
+  if (!any_movable || moving_shapes.size() + proxies.size() < 2) moving_shapes.clear();
+  if (moving_shapes.empty()) proxies.clear();
+  broadphase.set_resting(proxies);
+}
+
+}  // namespace constraint_sim::engine

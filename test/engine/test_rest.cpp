@@ -1,0 +1,358 @@
+// Islands at rest: who falls asleep, what that leaves out, and what wakes them.
+
+#include "constraint_sim/scene.h"
+#include "counted_allocations.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kTick = 0.01;
+constexpr double kSide = 0.4;  // of the boxes [m]
+
+/// `height` boxes on each other, at rest to within the fall of one tick.
+void add_pile(World* world, const std::string& name, int height, double x) {
+  for (int i = 0; i < height; ++i) {
+    Body box = make_body(name + std::to_string(i), Box{Vector3d::Constant(kSide)}, 1.0,
+                         {x, 0.0, kSide * (i + 0.5)});
+    box.friction = 0.6;
+    world->add_body(box);
+  }
+}
+
+World piles(double sleep_after = 0.5) {
+  WorldOptions options;
+  options.time_step = kTick;
+  options.iterations = 50;
+  options.sleep_after = sleep_after;
+  World world(options);
+  world.add_body(make_floor(0.6));
+  add_pile(&world, "a", 3, 0.0);
+  add_pile(&world, "b", 2, 2.0);
+  return world;
+}
+
+/// Time for both piles to come to rest, and half a second more.
+constexpr int kUntilAsleep = 400;
+
+World asleep() {
+  World world = piles();
+  run(world, kUntilAsleep);
+  EXPECT_EQ(world.report().asleep, 5u);
+  return world;
+}
+
+Body ball_above(double x, double height) {
+  return make_body("ball", Sphere{0.1}, 2.0, {x, 0.0, height});
+}
+
+std::vector<BodyState> states(const World& world) {
+  std::vector<BodyState> states;
+  for (const BodyId id : world.body_ids()) states.push_back(world.state(id));
+  return states;
+}
+
+bool same_bits(const std::vector<BodyState>& l, const std::vector<BodyState>& r) {
+  for (std::size_t i = 0; i < l.size(); ++i) {
+    if (l[i].position != r[i].position || l[i].linear_velocity != r[i].linear_velocity ||
+        l[i].orientation.coeffs() != r[i].orientation.coeffs() ||
+        l[i].angular_velocity != r[i].angular_velocity)
+      return false;
+  }
+  return l.size() == r.size();
+}
+
+// ---- falling asleep
+
+TEST(Rest, LeavesEverythingOutAndStillTellsOfIt) {
+  World world = asleep();
+  const std::vector<BodyState> before = states(world);
+  const StepReport& report = world.step();
+  EXPECT_TRUE(same_bits(states(world), before));
+  for (const BodyState& state : before) EXPECT_TRUE(state.linear_velocity.isZero(0.0));
+  EXPECT_EQ(report.rows, 0u);
+  EXPECT_EQ(report.contacts, 0u);
+  EXPECT_EQ(report.iterations, 0u);
+  EXPECT_EQ(report.broadphase_tests, 0u);
+  for (const Island& island : world.islands()) EXPECT_EQ(island.why, Why::kAtRest);
+
+  // five weights on the floor, 2 + 1 + 1 on boxes; the largest change of the impulses in the step
+  // in which they fell asleep was that of 1e-8 m/s
+  double force = 0.0;
+  for (const Contact& contact : world.contacts()) force += contact.normal_force;
+  EXPECT_NEAR(force, (5 + 2 + 1 + 1) * kGravity, 1e-4);
+  EXPECT_NEAR(report.energy, world.energy(), 1e-12 * world.energy());  // summed in another order
+  EXPECT_GT(report.max_penetration, 0.0);
+}
+
+// What is given up is what creeping at sleep_speed and below would still have done: at the rate β
+// a tick of Baumgarte 1e-8 m/s · 0.01 s / 0.1, ten times that for a pile's slower settling.
+TEST(Rest, IsWhereTheyWouldHaveComeToRest) {
+  World awake = piles(kInfinity);
+  World world = piles();
+  run(awake, 1000);
+  run(world, 1000);
+  EXPECT_EQ(awake.report().asleep, 0u);
+  for (const BodyId id : world.body_ids())
+    EXPECT_LE((world.state(id).position - awake.state(id).position).norm(), 1e-8);
+}
+
+TEST(Rest, AllocatesNothing) {
+  World world = asleep();
+  const std::size_t before = counted_allocations();
+  run(world, 100);
+  EXPECT_EQ(counted_allocations(), before);
+}
+
+// What is integrated sleeps only where a step repeats the last one bit by bit.
+TEST(Rest, ChangesNothingWhereNothingMoves) {
+  const auto drift = [](double sleep_after) {
+    WorldOptions options;
+    options.gravity.setZero();
+    options.sleep_after = sleep_after;
+    World world(options);
+    world.add_body(make_body("still", Box{Vector3d::Ones()}, 1.0, {1.0, 2.0, 3.0}));
+    Body drifting = make_body("drifting", Sphere{0.1}, 1.0, {5.0, 0.0, 0.0});
+    drifting.state.linear_velocity.x() = 1e-12;
+    world.add_body(drifting);
+    run(world, 300);
+    return world;
+  };
+  const World slept = drift(0.5);
+  EXPECT_EQ(slept.report().asleep, 1u);
+  EXPECT_EQ(slept.state_hash(), drift(kInfinity).state_hash());
+}
+
+TEST(Rest, IsNotWhatMerelyTurnsRound) {
+  World world;
+  const BodyId bob = world.add_body(make_body("bob", Point{}, 1.0, {1.0, 0.0, 0.0}));
+  world.add_joint(hang("rod", bob));
+  for (int i = 0; i < 500; ++i) EXPECT_EQ(world.step().asleep, 0u);
+}
+
+/// A box on the floor with something that moves it although it stands still so far.
+struct Held {
+  const char* name;
+  void (*add)(World* world, BodyId box);
+};
+
+class RestOfHeld : public testing::TestWithParam<Held> {};
+
+TEST_P(RestOfHeld, WaitsForWhatDrivesIt) {
+  World world = piles();
+  const BodyId box = world.find_body("b1");
+  GetParam().add(&world, box);
+  run(world, kUntilAsleep);
+  EXPECT_EQ(world.report().asleep, 3u);  // the other pile
+}
+
+Joint on_top(BodyId body, BodyId box) {
+  return make_joint("joint", body, Vector3d::Zero(), box, Vector3d::Zero());
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    , RestOfHeld,
+    testing::Values(
+        Held{"Wrench",
+             [](World* world, BodyId box) {
+               Wrench wrench;
+               wrench.body = box;
+               wrench.force.z() = -1.0;
+               wrench.start = 100.0;
+               wrench.end = 101.0;
+               world->add_wrench(wrench);
+             }},
+        Held{"Motor",
+             [](World* world, BodyId box) {
+               Joint joint = make_joint("joint", kWorldBody, {2.0, 0.0, 3.0}, box, Vector3d::Zero(),
+                                        rope(5.0));
+               joint.motor.bias = 1e-9;
+               world->add_joint(joint);
+             }},
+        Held{"TurningFloor",
+             [](World* world, BodyId) {
+               Body table = make_body("table", Sphere{0.1}, 0.0, {2.0, 0.0, 2 * kSide + 0.09});
+               table.type = BodyType::kKinematic;
+               table.state.angular_velocity.z() = 1.0;
+               world->add_body(table);
+             }},
+        Held{"JointToWhatTurns",
+             [](World* world, BodyId box) {
+               Body hook = make_body("hook", Point{}, 0.0, {2.0, 0.0, 3.0});
+               hook.type = BodyType::kKinematic;
+               hook.state.angular_velocity.z() = 1.0;
+               Joint joint = on_top(world->add_body(hook), box);
+               joint.type = rope(5.0);
+               world->add_joint(joint);
+             }}),
+    [](const testing::TestParamInfo<Held>& info) { return std::string(info.param.name); });
+
+// ---- waking
+
+// Whether they slept for one second or for ten, what follows is the same to the bit.
+TEST(Rest, EndsTheSameHoweverLongItWas) {
+  const auto push = [](int slept) {
+    World world = asleep();
+    run(world, slept);
+    const BodyId id = world.find_body("a1");
+    BodyState state = world.state(id);
+    state.linear_velocity = {1.0, 0.5, 0.0};
+    world.set_state(id, state);
+    run(world, 60);
+    EXPECT_EQ(world.report().asleep, 2u);  // pile b sleeps on
+    return states(world);
+  };
+  EXPECT_TRUE(same_bits(push(100), push(1000)));
+}
+
+TEST(Rest, GoesOnInACopy) {
+  World world = asleep();
+  world.add_body(ball_above(0.05, 2.0));
+  World copy = world;
+  run(world, 150);
+  run(copy, 150);
+  EXPECT_EQ(copy.state_hash(), world.state_hash());
+}
+
+// Oracle: the same blow on a world that never slept. Until the blow they differ by 1e-8 m at most,
+// and a pile that is hit in its middle line multiplies that by no more than a hundred in 0.3 s.
+TEST(Rest, EndsInTimeForABlow) {
+  const auto blow = [](double sleep_after) {
+    World world = piles(sleep_after);
+    run(world, 1000);
+    world.add_body(ball_above(0.0, 1.5));
+    run(world, 50);
+    return states(world);
+  };
+  const std::vector<BodyState> slept = blow(0.5), awake = blow(kInfinity);
+  for (std::size_t i = 0; i < slept.size(); ++i)
+    EXPECT_LE((slept[i].position - awake[i].position).norm(), 1e-6) << i;
+}
+
+/// What an edit wakes of two piles of three and two boxes.
+struct Edit {
+  const char* name;
+  std::uint32_t sleeping_after;
+  void (*apply)(World* world);
+};
+
+class RestUntil : public testing::TestWithParam<Edit> {};
+
+TEST_P(RestUntil, TouchedByAnEdit) {
+  World world = asleep();
+  GetParam().apply(&world);
+  EXPECT_EQ(world.step().asleep, GetParam().sleeping_after);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    , RestUntil,
+    testing::Values(
+        Edit{"Nothing", 5, [](World*) {}},
+        Edit{"BodyElsewhere", 5, [](World* world) { world->add_body(ball_above(9.0, 9.0)); }},
+        Edit{"BodyOnTop", 2, [](World* world) { world->add_body(ball_above(0.0, 1.29)); }},
+        Edit{"StaticBody", 0,
+             [](World* world) {
+               Body post = make_body("post", Sphere{0.1}, 0.0, {9.0, 0.0, 0.0});
+               post.type = BodyType::kStatic;
+               world->add_body(post);
+             }},
+        Edit{"State", 3,
+             [](World* world) {
+               const BodyId id = world->find_body("b1");
+               BodyState state = world->state(id);
+               state.linear_velocity.x() = 1.0;
+               world->set_state(id, state);
+             }},
+        Edit{"Wrench", 3,
+             [](World* world) {
+               Wrench wrench;
+               wrench.body = world->find_body("b0");
+               wrench.force.x() = 1.0;
+               wrench.end = world->time() + 1.0;
+               world->add_wrench(wrench);
+             }},
+        Edit{"RemovalBelow", 2, [](World* world) { world->remove_body(world->find_body("a0")); }},
+        Edit{"RemovalOfTheFloor", 0,
+             [](World* world) { world->remove_body(world->find_body("floor")); }},
+        Edit{"JointBetweenThem", 0,
+             [](World* world) {
+               world->add_joint(make_joint("tie", world->find_body("a2"), Vector3d::Zero(),
+                                           world->find_body("b1"), Vector3d::Zero(), rope(5.0)));
+             }},
+        Edit{"Gravity", 0,
+             [](World* world) {
+               WorldOptions options = world->options();
+               options.gravity.z() = 1.0;
+               world->set_options(options);
+             }},
+        Edit{"Reset", 0, [](World* world) { world->reset(); }}),
+    [](const testing::TestParamInfo<Edit>& info) { return std::string(info.param.name); });
+
+// Without the floor they fall, without the lowest box the others do.
+TEST(Rest, EndsWhereTheGroundGoes) {
+  World world = asleep();
+  world.remove_body(world.find_body("a0"));
+  world.step();
+  EXPECT_NEAR(world.state(world.find_body("a2")).linear_velocity.z(), -kGravity * kTick, 1e-9);
+  world.remove_body(world.find_body("floor"));
+  const double before = world.state(world.find_body("b0")).linear_velocity.z();
+  world.step();
+  EXPECT_NEAR(world.state(world.find_body("b0")).linear_velocity.z(), before - kGravity * kTick,
+              1e-9);
+}
+
+TEST(Rest, EndsForAMotorAndForATornJoint) {
+  for (const bool tears : {false, true}) {
+    WorldOptions options;
+    options.time_step = kTick;
+    options.method = Method::kSequentialImpulses;
+    World world(options);
+    const BodyId load = world.add_body(make_body("load", Point{}, 1.0, {0.0, 0.0, -1.0}));
+    const JointId joint = world.add_joint(hang("rope", load, rope(1.0)));
+    run(world, kUntilAsleep);
+    ASSERT_EQ(world.report().asleep, 1u);
+    EXPECT_NEAR(world.joint_state(joint).force, -kGravity, 1e-6);
+    if (tears) {
+      world.set_broken(joint, true);
+    } else {
+      Motor motor;
+      motor.bias = 0.5;
+      world.set_motor(joint, motor);
+    }
+    run(world, 100);
+    EXPECT_EQ(world.report().asleep, 0u);
+    EXPECT_LT(world.state(load).position.z(), -1.4);
+  }
+}
+
+TEST(Rest, EndsWhenAKinematicBodyPushes) {
+  World world = asleep();
+  Body pusher = make_body("pusher", Sphere{0.1}, 0.0, {-3.0, 0.0, 0.2});
+  pusher.type = BodyType::kKinematic;
+  pusher.state.linear_velocity.x() = 1.0;
+  world.add_body(pusher);
+  run(world, 250);  // 0.2 m before the pile
+  EXPECT_EQ(world.report().asleep, 5u);
+  run(world, 100);
+  EXPECT_GT(world.state(world.find_body("a0")).position.x(), 0.4);
+}
+
+TEST(Rest, IsMadeAnewByASceneThatWasSaved) {
+  World world = asleep();
+  World again = load_scene(save_scene(world));
+  EXPECT_EQ(again.options().sleep_after, 0.5);
+  EXPECT_EQ(again.step().asleep, 0u);
+  run(again, kUntilAsleep);
+  EXPECT_EQ(again.report().asleep, 5u);
+}
+
+TEST(Rest, IsNotForAWorldThatAsksForNone) {
+  World world = piles(kInfinity);
+  run(world, 2 * kUntilAsleep);
+  EXPECT_EQ(world.report().asleep, 0u);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

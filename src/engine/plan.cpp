@@ -1,5 +1,6 @@
 #include "constraint_sim/plan.h"
 
+#include <array>
 #include <cmath>
 #include <map>
 #include <sstream>
@@ -14,8 +15,10 @@ namespace {
 struct Counts {
   int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
   int points = 0, spheres = 0, boxes = 0, planes = 0;
-  int colliding = 0, colliding_dynamic = 0, turning = 0;
+  int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, rough = 0, turning = 0;
   int rods = 0, limited = 0, springs = 0, balls = 0, motors = 0, broken = 0;
+  std::array<int, kMethodCount> islands{};  // that are awake
+  int asleep = 0;
 
   bool collides() const { return colliding >= 2 && colliding_dynamic >= 1; }
   bool turns() const { return turning > 0; }
@@ -37,6 +40,8 @@ void count_body(const Body& body, Counts* counts) {
   if (body.no_collision || is_point) return;
   ++counts->colliding;
   counts->colliding_dynamic += is_dynamic;
+  counts->colliding_boxes += std::holds_alternative<Box>(body.shape);
+  counts->rough += body.friction > 0.0;
 }
 
 void count_joint(const Joint& joint, const JointState& state, Counts* counts) {
@@ -58,6 +63,12 @@ Counts count(const World& world) {
   for (const BodyId id : world.body_ids()) count_body(world.body(id), &counts);
   for (const JointId id : world.joint_ids())
     count_joint(world.joint(id), world.joint_state(id), &counts);
+  for (const Island& island : world.islands()) {
+    if (island.why == Why::kAtRest)
+      ++counts.asleep;
+    else
+      ++counts.islands[static_cast<std::size_t>(island.method)];
+  }
   return counts;
 }
 
@@ -112,12 +123,24 @@ std::string explain(const World& world) {
 std::vector<std::string> left_out(const World& world) {
   const Counts counts = count(world);
   std::vector<std::string> lines;
-  if (!counts.collides())
-    lines.emplace_back(
-        "broadphase, narrowphase and contacts: no dynamic body has a shape that another could "
-        "touch");
-  if (world.joint_ids().empty()) lines.emplace_back("constraint rows: no constraints");
-  if (!counts.turns()) lines.emplace_back("rotation: no dynamic body has an inertia");
+  const auto leave_out = [&](bool is_left_out, const std::string& what_and_why) {
+    if (is_left_out) lines.push_back(what_and_why);
+  };
+  leave_out(!counts.collides(), "collision: no dynamic body has a shape that another could touch");
+  leave_out(counts.colliding_boxes == 0, "boxes: none that could touch something");
+  leave_out(counts.rough < 2, "friction: no two bodies that could touch have it");
+  leave_out(world.joint_ids().empty(), "constraints: there are none");
+  leave_out(counts.limited == 0, "limits: no constraint has any");
+  leave_out(counts.springs == 0, "springs: there are none");
+  leave_out(counts.motors == 0, "motors: no constraint has one");
+  leave_out(!counts.turns(), "rotation: no dynamic body has an inertia");
+  leave_out(world.wrenches().empty(), "wrenches: there are none");
+  for (const Method method :
+       {Method::kRungeKutta, Method::kEnergyMomentum, Method::kSequentialImpulses})
+    leave_out(counts.islands[static_cast<std::size_t>(method)] == 0,
+              std::string(name(method)) + ": carries no island now");
+  const std::string asleep = std::to_string(counts.asleep);
+  leave_out(counts.asleep > 0, "islands: " + asleep + " at rest, until something touches them");
   return lines;
 }
 

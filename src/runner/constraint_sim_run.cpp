@@ -240,8 +240,7 @@ std::vector<double> list(const Vector& vector) {
   return std::vector<double>(vector.data(), vector.data() + vector.size());
 }
 
-nlohmann::json report_of(const World& world, const Outcome& outcome,
-                         const std::vector<std::string>& left_out) {
+nlohmann::json report_of(const World& world, const Outcome& outcome) {
   nlohmann::json bodies = nlohmann::json::object();
   for (const BodyId id : world.body_ids()) {
     const BodyState& state = world.state(id);
@@ -264,7 +263,7 @@ nlohmann::json report_of(const World& world, const Outcome& outcome,
       {"accumulated_local_error", outcome.accumulated_local_error},
       {"methods", outcome.methods},
       {"unresolved_bodies", outcome.unresolved_bodies},
-      {"left_out", left_out},
+      {"left_out", engine::left_out(world)},
   };
 }
 
@@ -291,12 +290,11 @@ int run(const Arguments& arguments) {
   World world = load(arguments);
   const std::uint64_t steps = steps_in(arguments.duration, world.options().time_step);
   if (arguments.explain) std::cout << explain(world) << std::flush;
-  const std::vector<std::string> left_out = engine::left_out(world);
 
   OutputFile csv(arguments.csv), report(arguments.report), save(arguments.save);
   const Outcome outcome = run(steps, &world, &csv);
 
-  if (report.is_wanted()) report.stream() << report_of(world, outcome, left_out).dump(2) << '\n';
+  if (report.is_wanted()) report.stream() << report_of(world, outcome).dump(2) << '\n';
   if (save.is_wanted()) save.stream() << save_scene(world);
   for (OutputFile* file : {&csv, &report, &save}) file->close();
   print_summary(world, outcome);

@@ -1,5 +1,8 @@
 // A step after the first ones allocates nothing.
 
+#include <filesystem>
+
+#include "constraint_sim/scene.h"
 #include "counted_allocations.h"
 #include "problems.h"
 #include "support.h"
@@ -38,6 +41,18 @@ TEST(Allocations, AreNoneInTheStepsOfSmoothScenes) {
     World world = warmed_up(scene);
     EXPECT_EQ(allocations_in(world, 200), 0u);
   }
+}
+
+// As they are shipped, after so long that lists have had their longest.
+TEST(Allocations, AreNoneInTheShippedScenes) {
+  int scenes = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(CONSTRAINT_SIM_SCENE_DIR)) {
+    World world = load_scene_file(entry.path().string());
+    run(world, 1500);
+    EXPECT_EQ(allocations_in(world, 200), 0u) << entry.path();
+    ++scenes;
+  }
+  EXPECT_GE(scenes, 10);
 }
 
 TEST(Allocations, AreNoneWithMotorsSpringsAndTurningBodies) {

@@ -1,0 +1,213 @@
+#!/usr/bin/env python3
+"""What a step costs in instructions, and whether what the plan leaves out costs none.
+
+Runs each scene twice under callgrind and takes the steps between: the engine's own functions only,
+with what is inlined into them, since the C library chooses its functions by the processor. What the
+plan says to be left out (`left_out` of the runner's report) must not have cost one instruction in
+the files and functions of LEFT_OUT.
+
+    leave_out.py build/engine/constraint_sim_run                     a table
+    leave_out.py build/engine/constraint_sim_run --check  COUNTS     fails when one grew by over 3 %
+    leave_out.py build/engine/constraint_sim_run --update COUNTS     takes these for right
+
+The program has to know its source lines (-g1). Counts hang on the compiler, which the file names;
+with another one only what is left out is checked.
+"""
+import argparse
+import collections
+import concurrent.futures
+import csv
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+MOST_GROWTH = 0.03
+STEPS = 20
+# a comparison or jump that the compiler put beside a function may carry its line
+TOLERATED = 2  # [instructions a step]
+
+Scene = collections.namedtuple('Scene', 'name file first what')
+SCENES = (
+    Scene('pendulum', 'pendulum', 20, 'a point mass on a rod'),
+    Scene('double_pendulum', 'double_pendulum', 20, 'two'),
+    Scene('chain_heavy_end', 'chain_heavy_end', 20, 'eleven, the last one heavy'),
+    Scene('heavy_load', 'heavy_load', 20, 'a million times heavier, stiff'),
+    Scene('oscillator', 'oscillator', 20, 'spring and damper, driven'),
+    Scene('platform', 'platform', 20, 'a closed loop of boxes with motors'),
+    Scene('winch', 'winch', 20, 'a rope, a motor with a force limit, a contact'),
+    Scene('bridge', 'bridge', 20, 'planks on ball joints, and a ball above'),
+    Scene('balls_in_the_air', 'falling_balls', 20, '48 free spheres'),
+    Scene('balls_that_meet', 'falling_balls', 300, 'the same with contacts'),
+    Scene('boxes_that_touch', 'two_boxes', 800, 'two boxes, a floor, a rod'),
+    Scene('boxes_at_rest', 'two_boxes', 1600, 'the same, asleep'),
+)
+
+# what the plan may leave out -> where it is: files, or functions of files
+LEFT_OUT = {
+    'collision': ['broadphase.', 'narrowphase', 'manifold_points.h', 'constraints/contact.'],
+    'boxes': ['narrowphase_boxes.cpp'],
+    'friction': ['constraints/contact.cpp tangent_to'],
+    'constraints': ['constraints/joint.', 'constraints/distance.', 'constraints/ball.',
+                    'constraints/anchor_pair.h', 'constraints/target.h', 'constraints/course.'],
+    'limits': ['constraints/target.h aim_limit'],
+    'springs': ['constraints/target.h aim_soft', 'methods/equations_of_motion.cpp pull_springs'],
+    'motors': ['constraints/course.cpp motor_course', 'constraints/course.cpp motor_travel'],
+    'rotation': ['mass_properties.h apply_inertia', 'mass_properties.h rotation',
+                 'methods/runge_kutta.cpp FreeRotation', 'methods/equations_of_motion.cpp place_arms',
+                 'methods/equations_of_motion.cpp rotation_matrix',
+                 'methods/equations_of_motion.cpp write_quaternion_rate'],
+    'wrenches': ['world.cpp apply_wrenches'],
+    'runge_kutta': ['methods/integrate.h', 'methods/embedded_pairs.h', 'methods/chain_of_rods.cpp'],
+    'energy_momentum': ['methods/energy_momentum.cpp', 'methods/implicit_step.', 'linear/saddle_lu.'],
+    'sequential_impulses': ['methods/sequential_impulses.cpp'],
+    'islands': [],
+}
+
+
+def lines_of(file, function):
+    """First and last line of each definition of the function, or of members of the class."""
+    pattern = re.compile(r'^[\w:<>,&*\[\] ]*\b(?:%s::\w+|%s)\([^;]*$' % (function, function))
+    spans, start = [], None
+    for number, line in enumerate((ROOT / 'src/engine' / file).read_text().splitlines(), 1):
+        if start is None and pattern.match(line):
+            start = number
+        if start is not None and (line == '}' or line.endswith('; }')):
+            spans.append((start, number))
+            start = None
+    if not spans:
+        raise SystemExit(f'leave_out: there is no {function} in {file}; LEFT_OUT has to follow')
+    return spans
+
+
+def matcher(place):
+    """Whether a line of a file belongs to an entry of LEFT_OUT."""
+    if ' ' not in place:
+        return lambda file, line: file.startswith(place)
+    name, function = place.split()
+    spans = lines_of(name, function)
+    return lambda file, line: file == name and any(a <= line <= b for a, b in spans)
+
+
+def tick_of(scene):
+    found = re.search(r'^\s*time_step: *([\d.e-]+)', scene.read_text(), re.M)
+    return float(found.group(1)) if found else 0.01
+
+
+def profile(program, scene, steps, folder):
+    """Instructions by (file, line) of so many steps, and what the plan leaves out after them."""
+    path = ROOT / 'config/scenes' / f'{scene.file}.yaml'
+    out, report = folder / f'{scene.name}_{steps}.out', folder / f'{scene.name}_{steps}.json'
+    subprocess.run(
+        ['valgrind', '--tool=callgrind', f'--callgrind-out-file={out}', '--compress-strings=no',
+         '--compress-pos=no', '--toggle-collect=constraint_sim::engine::World::step()', program,
+         path, '--duration', str(steps * tick_of(path)), '--report', report],
+        check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    return parse(out, os.path.basename(program)), json.loads(report.read_text())['left_out']
+
+
+def parse(path, program):
+    """A callgrind file: costs stand below the file they belong to; that of a call follows its
+    `calls` line and is the callee's."""
+    instructions = collections.Counter()
+    is_own = is_call = False
+    file = ''
+    for line in path.open():
+        key, _, value = line.rstrip('\n').partition('=')
+        if key == 'ob':
+            is_own = os.path.basename(value) == program
+        elif key in ('fl', 'fi', 'fe'):
+            file = value
+        elif key == 'calls':
+            is_call = True
+        elif line[:1].isdigit():
+            if is_own and not is_call:
+                number, cost = map(int, line.split()[:2])
+                instructions[own_name(file), number] += cost
+            is_call = False
+    return instructions
+
+
+def own_name(path):
+    """Below src/engine or include/constraint_sim; of libraries '', inlined as their code is."""
+    found = re.search(r'/(?:src/engine|include/constraint_sim)/(.*)', path)
+    return found.group(1) if found else ''
+
+
+def count(program, scene, folder):
+    until_first, _ = profile(program, scene, scene.first, folder)
+    until_last, left_out = profile(program, scene, scene.first + STEPS, folder)
+    until_last.subtract(until_first)
+    broken = []
+    for line in left_out:
+        what = line.split(':')[0]
+        if what not in LEFT_OUT:
+            raise SystemExit(f'leave_out: the plan leaves out "{what}", which LEFT_OUT does not know')
+        for place in LEFT_OUT[what]:
+            is_there = matcher(place)
+            cost = sum(n for (file, number), n in until_last.items() if is_there(file, number))
+            if cost > TOLERATED * STEPS:
+                broken.append(f'{scene.name}: {what} is left out, but {place} took {cost / STEPS:g} '
+                              'instructions a step')
+    return {'scene': scene.name,
+            'instructions': round(sum(until_last.values()) / STEPS),
+            'left_out': ' '.join(line.split(':')[0] for line in left_out)}, broken
+
+
+def compiler():
+    return subprocess.run(['c++', '--version'], text=True, stdout=subprocess.PIPE,
+                          check=True).stdout.splitlines()[0]
+
+
+def compare(path, rows):
+    lines = path.read_text().splitlines()
+    if lines[0] != f'# {compiler()}':
+        print(f'{path} is of another compiler ({lines[0][2:]}): counts are not compared')
+        return []
+    expected = {row['scene']: int(row['instructions']) for row in csv.DictReader(lines[1:])}
+    grown = [f'{row["scene"]}: {row["instructions"]} instructions a step, were {expected[row["scene"]]}'
+             for row in rows if row['instructions'] > expected[row['scene']] * (1 + MOST_GROWTH)]
+    if grown:
+        grown.append('if that is on purpose, take them over with --update')
+    return grown
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('program', help='constraint_sim_run')
+    parser.add_argument('--check', metavar='COUNTS', type=pathlib.Path)
+    parser.add_argument('--update', metavar='COUNTS', type=pathlib.Path)
+    options = parser.parse_args()
+
+    with tempfile.TemporaryDirectory() as folder, \
+            concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        counted = list(pool.map(
+            lambda scene: count(options.program, scene, pathlib.Path(folder)), SCENES))
+    rows = [row for row, _ in counted]
+    complaints = [complaint for _, broken in counted for complaint in broken]
+
+    print('| scene | what it is | instructions a step | left out |\n'
+          '| --- | --- | ---: | --- |')
+    for scene, row in zip(SCENES, rows):
+        print(f'| {scene.name} | {scene.what} | {row["instructions"]} | '
+              f'{row["left_out"]} |')
+    if options.check:
+        complaints += compare(options.check, rows)
+    if options.update:
+        with open(options.update, 'w', newline='') as file:
+            file.write(f'# {compiler()}\n')
+            writer = csv.DictWriter(file, ('scene', 'instructions'), extrasaction='ignore',
+                                    lineterminator='\n')
+            writer.writeheader()
+            writer.writerows(rows)
+    for complaint in complaints:
+        print(f'leave_out: {complaint}', file=sys.stderr)
+    sys.exit(1 if complaints else 0)
+
+
+if __name__ == '__main__':
+    main()

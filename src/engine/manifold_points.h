@@ -1,0 +1,29 @@
+#pragma once
+
+#include <limits>
+
+#include "constraint_sim/contact.h"
+
+namespace constraint_sim::engine {
+
+/// Below this the square of a length [m²] has lost digits, and no direction comes from it.
+inline constexpr double kSmallestSquare = std::numeric_limits<double>::min();
+
+/// Adds a point if it is one of contact. Two boxes share eight at most; only round-off could ask
+/// for more.
+inline void add_point(Manifold& manifold, const Eigen::Vector3d& position, double depth,
+                      std::uint32_t feature) {
+  if (!(depth > 0.0) || manifold.count == static_cast<int>(manifold.points.size())) return;
+  manifold.points[manifold.count++] = {position, depth, feature};
+}
+
+/// The same contact with the first shape made the second.
+inline Manifold swapped(Manifold manifold) {
+  for (int i = 0; i < manifold.count; ++i) {
+    manifold.points[i].position -= manifold.points[i].depth * manifold.normal;
+  }
+  manifold.normal = -manifold.normal;
+  return manifold;
+}
+
+}  // namespace constraint_sim::engine

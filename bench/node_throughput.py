@@ -4,9 +4,14 @@
 For each number of bodies it starts a master and a node of its own on a scene of chains, ten balls on
 ten rods each, released from the horizontal. It listens to all topics that rviz and a recorder would,
 and prints what the node's own statistics say over some seconds of wall time.
+
+With --overhead instead: what the node takes beyond the engine. Processor time per tick with nobody
+listening, less that of the same steps in the runner; the share of a core with everything listened to;
+the latency of a service call meanwhile, and what a paused node takes.
 """
 import argparse
 import contextlib
+import json
 import multiprocessing
 import os
 import signal
@@ -68,10 +73,12 @@ def wait_until(condition, what):
 
 
 def cpu_seconds(pid):
-    """Processor time of a process so far."""
-    with open("/proc/%d/stat" % pid) as file:
-        fields = file.read().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    """Processor time of a process so far, all its threads."""
+    total = 0
+    for task in os.listdir("/proc/%d/task" % pid):
+        with open("/proc/%d/task/%s/schedstat" % (pid, task)) as file:
+            total += int(file.read().split()[0])
+    return 1e-9 * total
 
 
 def listen(duration, results):
@@ -89,8 +96,8 @@ def listen(duration, results):
     wait_until(lambda: statistics, "the node's statistics")
     time.sleep(WARM_UP)
 
-    node = xmlrpc.client.ServerProxy(rospy.get_master().lookupNode("/constraint_sim")[2])
-    pid = node.getPid("/listener")[2]
+    address = rospy.get_master().lookupNode("/constraint_sim")[2]
+    pid = xmlrpc.client.ServerProxy(address).getPid("/listener")[2]
     start, cpu, received = time.monotonic(), cpu_seconds(pid), len(messages)
     time.sleep(duration)
     wall, cpu, received = time.monotonic() - start, cpu_seconds(pid) - cpu, len(messages) - received
@@ -108,7 +115,9 @@ def listen(duration, results):
     })
 
 
-def measure(bodies, duration):
+@contextlib.contextmanager
+def node(bodies, *parameters):
+    """A master, and a node on that many bodies; gives its scene and its process number."""
     with tempfile.TemporaryDirectory() as folder:
         port = free_port()
         os.environ.update(ROS_MASTER_URI="http://localhost:%d" % port, ROS_HOME=folder,
@@ -119,18 +128,89 @@ def measure(bodies, duration):
         with running(["roscore", "-p", str(port)]):
             wait_until(lambda: master.getPid("/node_throughput"), "the master")
             with running(["rosrun", "constraint_sim", "constraint_sim_node", "_scene:=" + scene,
-                          "_publish_rate:=%g" % RATE]):
+                          "_publish_rate:=%g" % RATE, *parameters]):
                 wait_until(lambda: master.lookupNode("/node_throughput", "/constraint_sim")[0] == 1,
                            "the node")
-#a process of its own : rospy can be initialised once
-                results = multiprocessing.Queue()
-                listener = multiprocessing.Process(target=listen, args=(duration, results))
-                listener.start()
-                try:
-                    return results.get(timeout=duration + 2 * TIMEOUT)
-                finally:
-                    listener.terminate()
-                    listener.join()
+                address = master.lookupNode("/node_throughput", "/constraint_sim")[2]
+                yield scene, xmlrpc.client.ServerProxy(address).getPid("/node_throughput")[2]
+
+
+def in_process(function, *arguments):
+    """What the function puts into the queue that it gets last: rospy can be initialised once."""
+    results = multiprocessing.Queue()
+    process = multiprocessing.Process(target=function, args=(*arguments, results))
+    process.start()
+    try:
+        return results.get(timeout=arguments[0] + 3 * TIMEOUT)
+    finally:
+        process.terminate()
+        process.join()
+
+
+def measure(bodies, duration):
+    with node(bodies):
+        return in_process(listen, duration)
+
+
+def steps_and_calls(duration, pid, results):
+    """Steps and processor time of a node that nobody listens to, and the times of calls."""
+    import rospy
+    from constraint_sim.srv import GetWorldProperties, SetMotorBias
+
+    rospy.init_node("caller")
+    get = rospy.ServiceProxy("/constraint_sim/get_world_properties", GetWorldProperties,
+                             persistent=True)
+    rospy.wait_for_service("/constraint_sim/get_world_properties", TIMEOUT)
+    get()
+    time.sleep(WARM_UP)
+    start, steps = cpu_seconds(pid), get().sim_time
+    time.sleep(duration)
+    cpu, ticks = cpu_seconds(pid) - start, (get().sim_time - steps) / TIME_STEP
+
+    edit = rospy.ServiceProxy("/constraint_sim/set_motor_bias", SetMotorBias, persistent=True)
+    waits = []
+    for _ in range(500):
+        begin = time.monotonic()
+        if not edit(constraint="r0", bias=0.0).success:
+            raise SystemExit("node_throughput: set_motor_bias failed")
+        waits.append(1e3 * (time.monotonic() - begin))
+        time.sleep(0.003)
+    waits.sort()
+    results.put({"cpu": cpu, "ticks": ticks, "median": waits[len(waits) // 2],
+                 "most": waits[int(0.99 * len(waits))]})
+
+
+def runner_seconds_a_step(scene, steps):
+    with tempfile.TemporaryDirectory() as folder:
+        report = folder + "/report.json"
+        subprocess.run(["rosrun", "constraint_sim", "constraint_sim_run", scene, "--duration",
+                        str(steps * TIME_STEP), "--report", report], check=True,
+                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        with open(report) as file:
+            return json.load(file)["wall_time"] / steps
+
+
+def print_overhead(bodies, duration):
+    with node(bodies) as (scene, pid):
+        silent = in_process(steps_and_calls, duration, pid)
+        engine = min(runner_seconds_a_step(scene, round(silent["ticks"])) for _ in range(3))
+    listened = measure(bodies, duration)
+    with node(bodies, "_paused:=true") as (_, pid):
+        time.sleep(WARM_UP)
+        start = cpu_seconds(pid)
+        time.sleep(duration)
+        paused = (cpu_seconds(pid) - start) / duration
+    tick = 1e6 * silent["cpu"] / silent["ticks"]
+    print("%d bodies on %d rods, tick %g s, %g rounds a second, %d processors" %
+          (bodies, bodies, TIME_STEP, RATE, os.cpu_count()))
+    print("nobody listens: %.1f us a tick, engine alone %.1f, so the node takes %.1f" %
+          (tick, 1e6 * engine, tick - 1e6 * engine))
+    print("all topics listened to: %.1f %% of a core, of which the engine %.1f, "
+          "%d dropped ticks" % (100 * listened["cpu"], 100 * engine / TIME_STEP,
+                                listened["dropped"]))
+    print("set_motor_bias while running: %.2f ms (median), %.2f ms (99 of 100)" %
+          (silent["median"], silent["most"]))
+    print("paused: %.2f %% of a core" % (100 * paused))
 
 
 def main():
@@ -139,7 +219,12 @@ def main():
                         help="numbers of bodies to try, each with as many rods")
     parser.add_argument("--duration", type=float, default=10.0, metavar="SECONDS",
                         help="wall time that is measured")
+    parser.add_argument("--overhead", action="store_true",
+                        help="what the node takes beyond the engine, at 100 bodies")
     arguments = parser.parse_args()
+    if arguments.overhead:
+        print_overhead(100, arguments.duration)
+        return
 
     print("tick %g s, %g rounds of messages per second, %d processors" %
           (TIME_STEP, RATE, os.cpu_count()))

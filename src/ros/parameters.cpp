@@ -54,6 +54,7 @@ Parameters read_parameters(const ros::NodeHandle& private_handle) {
   read(private_handle, "time_step", "number", p.time_step);
   read(private_handle, "real_time_factor", "number", p.real_time_factor);
   read(private_handle, "publish_rate", "number", p.publish_rate);
+  read(private_handle, "publish_tf", "truth value", p.publish_tf);
   read(private_handle, "publish_clock", "truth value", p.publish_clock);
   read(private_handle, "paused", "truth value", p.paused);
   read(private_handle, "world_frame", "string", p.world_frame);

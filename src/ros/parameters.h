@@ -14,6 +14,7 @@ struct Parameters {
   double time_step = engine::WorldOptions{}.time_step;  ///< [s] unless the scene has its own
   double real_time_factor = 1.0;                        ///< 0: as fast as it can
   double publish_rate = 50.0;                           ///< [Hz]
+  bool publish_tf = true;
   bool publish_clock = false;
   bool paused = false;
   std::string world_frame = "world";

@@ -42,7 +42,8 @@ Publishers::Publishers(const Parameters& parameters, ros::NodeHandle& handle,
       last_statistics_(steady_now()),
       markers_(parameters.world_frame) {
   const auto welcome = [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; };
-  transforms_topic_ = handle.advertise<tf2_msgs::TFMessage>("/tf", 100, welcome);
+  if (parameters.publish_tf)
+    transforms_topic_ = handle.advertise<tf2_msgs::TFMessage>("/tf", 100, welcome);
   markers_topic_ =
       private_handle.advertise<visualization_msgs::MarkerArray>("markers", 10, welcome);
   body_states_topic_ = private_handle.advertise<BodyStates>("body_states", 100, welcome);

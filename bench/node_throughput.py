@@ -6,8 +6,9 @@ ten rods each, released from the horizontal. It listens to all topics that rviz 
 and prints what the node's own statistics say over some seconds of wall time.
 
 With --overhead instead: what the node takes beyond the engine. Processor time per tick with nobody
-listening, less that of the same steps in the runner; the share of a core with everything listened to;
-the latency of a service call meanwhile, and what a paused node takes.
+listening, less what the node says to have spent in steps, and beside that the same steps in the
+runner, where nothing comes between them; the share of a core with everything listened to; the latency
+of a service call meanwhile, and what a paused node takes.
 """
 import argparse
 import contextlib
@@ -155,6 +156,7 @@ def measure(bodies, duration):
 def steps_and_calls(duration, pid, results):
     """Steps and processor time of a node that nobody listens to, and the times of calls."""
     import rospy
+    from constraint_sim.msg import Statistics
     from constraint_sim.srv import GetWorldProperties, SetMotorBias
 
     rospy.init_node("caller")
@@ -163,9 +165,11 @@ def steps_and_calls(duration, pid, results):
     rospy.wait_for_service("/constraint_sim/get_world_properties", TIMEOUT)
     get()
     time.sleep(WARM_UP)
-    start, steps = cpu_seconds(pid), get().sim_time
+    start, begun = cpu_seconds(pid), get().sim_time
     time.sleep(duration)
-    cpu, ticks = cpu_seconds(pid) - start, (get().sim_time - steps) / TIME_STEP
+    cpu, ticks = cpu_seconds(pid) - start, (get().sim_time - begun) / TIME_STEP
+    # the first message covers all ticks so far
+    step = rospy.wait_for_message("/constraint_sim/statistics", Statistics, TIMEOUT).wall_mean
 
     edit = rospy.ServiceProxy("/constraint_sim/set_motor_bias", SetMotorBias, persistent=True)
     waits = []
@@ -176,7 +180,7 @@ def steps_and_calls(duration, pid, results):
         waits.append(1e3 * (time.monotonic() - begin))
         time.sleep(0.003)
     waits.sort()
-    results.put({"cpu": cpu, "ticks": ticks, "median": waits[len(waits) // 2],
+    results.put({"tick": 1e6 * cpu / ticks, "step": 1e6 * step, "ticks": ticks, "median": waits[len(waits) // 2],
                  "most": waits[int(0.99 * len(waits))]})
 
 
@@ -200,14 +204,13 @@ def print_overhead(bodies, duration):
         start = cpu_seconds(pid)
         time.sleep(duration)
         paused = (cpu_seconds(pid) - start) / duration
-    tick = 1e6 * silent["cpu"] / silent["ticks"]
     print("%d bodies on %d rods, tick %g s, %g rounds a second, %d processors" %
           (bodies, bodies, TIME_STEP, RATE, os.cpu_count()))
-    print("nobody listens: %.1f us a tick, engine alone %.1f, so the node takes %.1f" %
-          (tick, 1e6 * engine, tick - 1e6 * engine))
-    print("all topics listened to: %.1f %% of a core, of which the engine %.1f, "
-          "%d dropped ticks" % (100 * listened["cpu"], 100 * engine / TIME_STEP,
-                                listened["dropped"]))
+    print("nobody listens: %.1f us of processor a tick, of which the engine %.1f, so the node "
+          "takes %.1f; the same steps in the runner %.1f" %
+          (silent["tick"], silent["step"], silent["tick"] - silent["step"], 1e6 * engine))
+    print("all topics listened to: %.1f %% of a core, %d dropped ticks" %
+          (100 * listened["cpu"], listened["dropped"]))
     print("set_motor_bias while running: %.2f ms (median), %.2f ms (99 of 100)" %
           (silent["median"], silent["most"]))
     print("paused: %.2f %% of a core" % (100 * paused))

@@ -9,12 +9,16 @@ With --overhead instead: what the node takes beyond the engine. Processor time p
 listening, less what the node says to have spent in steps, and beside that the same steps in the
 runner, where nothing comes between them; the share of a core with everything listened to; the latency
 of a service call meanwhile, and what a paused node takes.
+
+With --count: that no message is built for nobody. The node runs under callgrind, without a listener and
+with one; instructions of what builds messages are printed for both, and none may be without.
 """
 import argparse
 import contextlib
 import json
 import multiprocessing
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -117,7 +121,7 @@ def listen(duration, results):
 
 
 @contextlib.contextmanager
-def node(bodies, *parameters):
+def node(bodies, *parameters, prefix=""):
     """A master, and a node on that many bodies; gives its scene and its process number."""
     with tempfile.TemporaryDirectory() as folder:
         port = free_port()
@@ -128,8 +132,8 @@ def node(bodies, *parameters):
         master = xmlrpc.client.ServerProxy(os.environ["ROS_MASTER_URI"])
         with running(["roscore", "-p", str(port)]):
             wait_until(lambda: master.getPid("/node_throughput"), "the master")
-            with running(["rosrun", "constraint_sim", "constraint_sim_node", "_scene:=" + scene,
-                          "_publish_rate:=%g" % RATE, *parameters]):
+            with running(["rosrun", "--prefix", prefix, "constraint_sim", "constraint_sim_node",
+                          "_scene:=" + scene, "_publish_rate:=%g" % RATE, *parameters]):
                 wait_until(lambda: master.lookupNode("/node_throughput", "/constraint_sim")[0] == 1,
                            "the node")
                 address = master.lookupNode("/node_throughput", "/constraint_sim")[2]
@@ -216,6 +220,57 @@ def print_overhead(bodies, duration):
     print("paused: %.2f %% of a core" % (100 * paused))
 
 
+def wait_for_rounds(duration, results):
+    """Listens to everything for so long."""
+    import rospy
+
+    rospy.init_node("listener")
+    messages = []
+    for topic in TOPICS:
+        rospy.Subscriber(topic, rospy.AnyMsg, lambda _: messages.append(None))
+    time.sleep(duration)
+    results.put(len(messages))
+
+
+def instructions_for_messages(listens, *parameters):
+    """By function of the node, of what builds messages of bodies and constraints; and messages."""
+    messages = 0
+    with tempfile.TemporaryDirectory() as folder:
+        profile = folder + "/profile"
+        valgrind = "valgrind --tool=callgrind --compress-strings=no --callgrind-out-file=" + profile
+        with node(10, *parameters, prefix=valgrind):
+            if listens:
+                messages = in_process(wait_for_rounds, 5.0)
+            else:
+                time.sleep(5.0)
+        counts, counted, is_call = {}, "", False
+        with open(profile) as file:
+            for line in file:
+                if line.startswith("fn="):
+                    found = re.search(r"constraint_sim::(?:to_(?:msg|transform)|Markers::update|"
+                                      r"Publishers::publish_(?!plan|clock)\w+)", line)
+                    counted = found.group(0) if found else ""
+                elif line.startswith("calls="):
+                    is_call = True
+                elif line[0] in "0123456789+-*":
+                    if counted and not is_call:
+                        counts[counted] = counts.get(counted, 0) + int(line.split()[1])
+                    is_call = False
+    return counts, messages
+
+
+def print_counts():
+    silent, _ = instructions_for_messages(False)
+    paused, _ = instructions_for_messages(False, "_paused:=true")
+    heard, messages = instructions_for_messages(True)
+    print("instructions in 5 s for messages: %d messages heard, nobody listens, and paused" % messages)
+    for function in sorted(heard):
+        print("%-60s %12d %12d %12d" % (function, heard[function], silent.get(function, 0),
+                                        paused.get(function, 0)))
+    if messages == 0 or not heard or any(silent.values()) or any(paused.values()):
+        raise SystemExit("node_throughput: messages were built for nobody, or none for somebody")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("bodies", type=int, nargs="*", default=[100, 300, 1000, 3000],
@@ -224,7 +279,12 @@ def main():
                         help="wall time that is measured")
     parser.add_argument("--overhead", action="store_true",
                         help="what the node takes beyond the engine, at 100 bodies")
+    parser.add_argument("--count", action="store_true",
+                        help="that no message is built for nobody, by callgrind")
     arguments = parser.parse_args()
+    if arguments.count:
+        print_counts()
+        return
     if arguments.overhead:
         print_overhead(100, arguments.duration)
         return

@@ -320,5 +320,18 @@ TEST(Kinematic, ConveyorCarriesABox) {
   EXPECT_NEAR(world.state(id).linear_velocity.x(), 1.0, 1e-6);
 }
 
+TEST(Rows, AreThreeForAContactWithFrictionAndOneWithout) {
+  for (const double friction : {0.0, 0.5}) {
+    World world(options(0.01));
+    world.add_body(make_floor(friction));
+    Body ball = make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.0999});
+    ball.friction = friction;
+    world.add_body(ball);
+    const StepReport& report = world.step();
+    EXPECT_EQ(report.contacts, 1u);
+    EXPECT_EQ(report.rows, friction == 0.0 ? 1u : 3u);
+  }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

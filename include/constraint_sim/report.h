@@ -59,7 +59,7 @@ struct StepReport {
 
   // what it cost
   std::array<std::uint32_t, kMethodCount> islands{};  ///< carried by each method
-  std::uint32_t asleep = 0;            ///< islands at rest, that were left out
+  std::uint32_t asleep = 0;                           ///< islands at rest, that were left out
   std::uint32_t changes = 0;           ///< of islands' methods, since the step before or within it
   std::uint32_t substeps = 0;          ///< of all islands
   std::uint32_t rejected = 0;          ///< substeps tried in vain

@@ -29,7 +29,8 @@ struct WorldOptions {
   /// never.
   double sleep_after = 0.5;
   /// Speed up to which contacts, limits and motors with a force limit let bodies rest, rotation
-  /// times radius of gyration [m/s] ≥ 0. Islands that are integrated have to stand still to the bit.
+  /// times radius of gyration [m/s] ≥ 0. Islands that are integrated have to stand still to the
+  /// bit.
   double sleep_speed = 1e-8;
 
   // runge_kutta

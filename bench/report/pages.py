@@ -16,9 +16,13 @@ REFERENCE_COLUMNS = {
                  'to the same with steps half as long [m]; 0 for closed forms'}
 SCALING_COLUMNS = {
     'kind': 'what there is ever more of: links of a chain, free bodies, balls in contact with a plane',
-    'count': 'how many', 'time': 'run time of a step of order 8, of impulses where there are contacts '
-    '[µs]', 'instructions': 'of a step, counted by valgrind; 0: not counted',
-    'bytes': 'memory of the world after some steps'}
+    'count': 'how many',
+    'contestant': 'the engine and the way it is used, with tolerances of its own',
+    'outcome': 'as in cells.csv; after one that is not `ok` no larger scene was tried',
+    'time': 'run time of a tick of 1 ms, best of the rounds; an error-controlled engine may take '
+            'several steps in it [µs]',
+    'bytes': 'resident memory that building the scene and its first ticks took',
+    'instructions': 'of a tick, counted by valgrind; nan: not counted'}
 STYLE = """body{font:14px/1.5 sans-serif;max-width:1200px;margin:2em auto;padding:0 1em}
 table{border-collapse:collapse;margin:1em 0}td,th{padding:2px 8px;border:1px solid #ddd}
 td{text-align:right}td:first-child,th:first-child{text-align:left}.win{background:#dff2df}
@@ -185,7 +189,8 @@ HONESTY = [
     'Ticks are those that divide 0.1 s, tolerances powers of ten: a finer choice moves a run time '
     'by up to the factor between two of them.',
     'Runs beyond the budget were not made, so that "–" may mean too dear as well as never.',
-    'Building a scene, rendering, and the memory of peers are not measured.',
+    'Building a scene and rendering are not measured. Memory is resident memory, and of small scenes '
+    'mostly what a library takes once.',
     'Scenes were chosen by the authors of constraint_sim. Those with contacts are few and simple.',
     'MuJoCo has no restitution by a coefficient; Simbody, Featherstone and springs or motors of '
     'others are left out where the adapter says so (outcome `unsupported`).',
@@ -204,8 +209,55 @@ def exploded_of(grid, contestant):
     return f'{short(contestant)}: {count} exploded' + (f' ({listed}).' if cases else '.')
 
 
-def write(output, rows, grid_rows, problems, variants, own_errors, facts):
-    runs = figures.runs_of(rows)
+def many_lines(rows):
+    """Of each scene of many bodies, the quickest first."""
+    lines = []
+    for problem, contestants in sorted(figures.runs_of(rows).items()):
+        for name, (run,) in sorted(contestants.items(), key=lambda item: item[1][0].time):
+            if run.outcome == 'unsupported':
+                continue
+            lines.append([problem, name, run.outcome.replace('_', ' '), brief(run.time * 1e-6),
+                          *(brief(run.errors[measure]) for measure in MANY_ERRORS)])
+    return lines
+
+
+MANY_ERRORS = ('position', 'orientation', 'constraint', 'energy')
+MANY_HEADER = ['problem', 'contestant', 'outcome', 'run time per second [s/s]',
+               *(figures.MEASURES[name] for name in MANY_ERRORS)]
+MANY_TEXT = ('One tick of 1/240 s after the other with the tolerances that each engine has by itself. '
+             'What is too slow was stopped at the budget: its figures are of the part until then. '
+             'net_32 is the net of 1984 rods and two that hold its corners.')
+
+
+def slope_lines(sizes):
+    """Of each kind and contestant: exponents of time, instructions and memory, and what one more
+    costs where there are most."""
+    found = {measure: figures.growth(sizes, measure) for measure in ('time', 'instructions', 'bytes')}
+    lines = []
+    for kind, contestant in sorted(found['time'], key=lambda key: (
+            key[0], not figures.is_ours(key[1]), key[1])):
+        line, key = found['time'][kind, contestant], (kind, contestant)
+        counts = [count for count, _ in line]
+        def slope(measure):
+            points = found[measure].get(key, [])
+            return f'{figures.slope(*zip(*points)):.2f}' if len(points) > 1 else '–'
+        weight = found['bytes'].get(key, [(1, math.nan)])[-1]
+        lines.append([kind, contestant, f'{counts[0]} to {counts[-1]}', slope('time'),
+                      brief(line[-1][1] / line[-1][0]), slope('instructions'), slope('bytes'),
+                      brief(weight[1] / weight[0])])
+    return lines
+
+
+SLOPE_HEADER = ['kind', 'contestant', 'over', 'slope of time', 'µs for one, at most', 'of instructions',
+                'of memory', 'bytes for one, at most']
+SLOPE_TEXT = ('Run time of a tick of 1 ms and memory from 10 links, bodies or contacts on, each '
+              'contestant as far as the budget goes; the slope is the exponent of the growth, and what '
+              'one costs is taken where there are most.')
+
+
+def write(output, rows, sizes, problems, variants, own_errors, facts):
+    """`rows` are those of the diagrams, the grid and the scenes of many bodies."""
+    runs = figures.runs_of(rows['diagrams'])
     contestants = sorted({name for found in runs.values() for name in found},
                          key=lambda name: (not figures.is_ours(name), name))
     style = plots.styles(contestants)
@@ -213,22 +265,27 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
         plots.diagram(name, found, style, output / f'{name}.svg')
     lines = figures.comparison(runs)
     plots.ratios(lines, output / 'ratios.svg')
-    grid = figures.verdicts(grid_rows, problems)
+    grid = figures.verdicts(rows['grid'], problems)
     in_grid = sorted({name for found in grid.values() for name in found},
                      key=lambda name: (not figures.is_ours(name), name))
     counts = figures.counts(grid)
-    scaling = read_csv(output / 'scaling.csv')
-    if scaling:
-        plots.scaling(scaling, output / 'scaling.svg')
+    plots.scaling(sizes, output / 'scaling.svg')
+    with open(output / 'scaling.csv', 'w', newline='') as file:
+        writer = csv.DictWriter(file, list(SCALING_COLUMNS), lineterminator='\n')
+        writer.writeheader()
+        writer.writerows({name: f'{value:.4g}' if isinstance(value, float) else value
+                          for name, value in row.items()} for row in sizes)
     micro = read_csv(output / 'micro.csv')
+    many = many_lines(rows['many'])
+    slopes = slope_lines(sizes)
     (output / 'grid.html').write_text(grid_page(grid, problems, in_grid))
     with open(output / 'references.csv', 'w', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(REFERENCE_COLUMNS)
         writer.writerows([name, problems[name].source, f'{own_errors[name]:.2g}']
                          for name in sorted(own_errors))
-    described = [('cells.csv and grid.csv', cells.COLUMNS), ('references.csv', REFERENCE_COLUMNS),
-                 ('scaling.csv', SCALING_COLUMNS)]
+    described = [('cells.csv, grid.csv and many.csv', cells.COLUMNS),
+                 ('references.csv', REFERENCE_COLUMNS), ('scaling.csv', SCALING_COLUMNS)]
     (output / 'columns.md').write_text(
         '`nan`: there is nothing to compare with. micro.csv is as Google Benchmark writes it.\n\n' +
         '\n'.join(f'# Columns of {name}\n\n' + markdown_table(
@@ -243,7 +300,8 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
         f'{facts["kind"]} run, measured in {facts["measured in"]}; each time the best of '
         f'{facts["rounds"]} interleaved rounds; the median of the rounds is above it by '
         f'{100 * median:.0f} % (median of all settings), at most {100 * worst:.0f} %',
-        f'budget of a run: {facts["budget"]:g} s, in the stability grid {facts["grid_budget"]:g} s',
+        f'budget of a run: {facts["budget"]:g} s, in the stability grid {facts["grid_budget"]:g} s, '
+        f'with many bodies {facts["many_budget"]:g} s, of a size {facts["sizes_budget"]:g} s',
         f'largest error of a reference of the diagrams: '
         f'{max((own_errors.get(name, 0.0) for name in runs), default=0.0):.1g} m (references.csv)']
     texts = judgement(lines)
@@ -252,7 +310,7 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
                                                   if figures.is_ours(name))
     beside, factor = published_lines(runs)
 
-    write_markdown(output, facts, texts, lines, stability, header, counted, scaling, conditions)
+    write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, conditions)
     table_lines, classes = comparison_lines(lines)
     full = []
     for name in sorted(runs):
@@ -276,9 +334,9 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
             table(['problem', 'contestant', *(f'{t:g}' for t in figures.TARGETS), 'least error'], full),
             f'<h2>Stability</h2><p>{html.escape(stability)} <a href="grid.html">The grid</a>.</p>',
             table(header, counted)]
-    if scaling:
-        body += ['<h2>Scaling</h2><img src="scaling.svg" alt="cost of a step against size">',
-                 table(list(scaling[0]), [list(row.values()) for row in scaling])]
+    body += [f'<h2>Many bodies at 1/240 s</h2><p>{html.escape(MANY_TEXT)}</p>',
+             table(MANY_HEADER, many), f'<h2>Scaling</h2><p>{html.escape(SLOPE_TEXT)}</p>'
+             '<img src="scaling.svg" alt="cost of a tick against size">', table(SLOPE_HEADER, slopes)]
     if micro:
         kept = [row for row in micro if row['name'].endswith('_median')]
         body += ['<h2>Micro figures</h2>', table(
@@ -293,12 +351,14 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
                  table(['problem', 'peer', 'error', 'then [µs/s]', 'here [µs/s]', 'relative', ''], beside)]
     body += ['<h2>What this does not measure</h2><ul>',
              *(f'<li>{html.escape(text)}</li>' for text in HONESTY), '</ul>',
-             '<p>Raw figures: <a href="cells.csv">cells.csv</a>, <a href="grid.csv">grid.csv</a> '
-             '(<a href="columns.md">columns</a>), <a href="references.csv">references.csv</a>.</p>']
+             '<p>Raw figures: ' + ', '.join(
+                 f'<a href="{name}.csv">{name}.csv</a>'
+                 for name in ('cells', 'grid', 'many', 'scaling', 'references')) +
+             '; <a href="columns.md">their columns</a>.</p>']
     (output / 'index.html').write_text(page('constraint_sim: error against run time', '\n'.join(body)))
 
 
-def write_markdown(output, facts, texts, lines, stability, header, counted, scaling, conditions):
+def write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, conditions):
     parts = ['# Error against run time\n',
              'Written by `./scripts/report' + (' --quick' if facts['kind'] == 'quick' else '') + '`; '
              'open [index.html](index.html) in a browser for the diagrams.\n',
@@ -307,17 +367,9 @@ def write_markdown(output, facts, texts, lines, stability, header, counted, scal
              'Ratio: run time of the best peer over ours; bold where the peer wins.\n',
              markdown_table(HEADER, [[*line[:-1], f'**{line[-1]}**' if kind == 'loss' else line[-1]]
                                      for line, kind in zip(*comparison_lines(lines))]),
-             '## Stability\n', stability + ' Grid: grid.html.\n', markdown_table(header, counted)]
-    if scaling:
-        slopes = []
-        for kind in sorted({row['kind'] for row in scaling}):
-            for measure in ('time', 'instructions', 'bytes'):
-                line = [(int(row['count']), float(row[measure])) for row in scaling
-                        if row['kind'] == kind and float(row[measure]) > 0.0]
-                if len(line) > 1:
-                    slopes.append([kind, measure, f'{figures.slope(*zip(*line)):.2f}',
-                                   f'{line[0][0]} to {line[-1][0]}'])
-        parts += ['## Scaling of a step\n', markdown_table(['kind', 'of', 'slope', 'over'], slopes)]
-    parts += ['## Conditions\n', '\n'.join(f'- {text}' for text in conditions) + '\n',
-              '## What this does not measure\n', '\n'.join(f'- {text}' for text in HONESTY) + '\n']
+             '## Stability\n', stability + ' Grid: grid.html.\n', markdown_table(header, counted),
+             '## Many bodies at 1/240 s\n', MANY_TEXT + '\n', markdown_table(MANY_HEADER, many),
+             '## Scaling\n', SLOPE_TEXT + '\n', markdown_table(SLOPE_HEADER, slopes),
+             '## Conditions\n', '\n'.join(f'- {text}' for text in conditions) + '\n',
+             '## What this does not measure\n', '\n'.join(f'- {text}' for text in HONESTY) + '\n']
     (output / 'summary.md').write_text('\n'.join(parts))

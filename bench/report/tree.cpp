@@ -49,6 +49,7 @@ std::vector<Link> tree_of(const Problem& problem) {
   for (std::size_t i = 0; i < problem.bodies.size(); ++i)
     if (problem.bodies[i].is_static)
       place({static_cast<int>(i), kWorld, false, Vector3d::Zero(), Vector3d::Zero()});
+  std::size_t free = 0;
   while (true) {
     bool has_grown = false;
     for (std::size_t k = 0; k < problem.joints.size(); ++k) {
@@ -60,7 +61,6 @@ std::vector<Link> tree_of(const Problem& problem) {
     }
     if (has_grown) continue;
     // what is left begins with a body that is free
-    std::size_t free = 0;
     while (free < is_placed.size() && is_placed[free]) ++free;
     if (free == is_placed.size()) break;
     place({static_cast<int>(free), kWorld, false, Vector3d::Zero(), Vector3d::Zero()});

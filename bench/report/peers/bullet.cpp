@@ -195,7 +195,7 @@ class BulletSimulation : public Simulation {
     world_->addConstraint(joints_.back().get());
   }
 
-  Problem problem_;
+  const Problem& problem_;
   double tick_;
   double time_ = 0.0;
   Collisions collisions_;
@@ -248,21 +248,23 @@ class FeatherstoneSimulation : public Simulation {
     btAlignedObjectArray<btQuaternion> turns;
     btAlignedObjectArray<btVector3> origins;
     for (const auto& tree : trees_) tree->forwardKinematics(turns, origins);
+    // of the base and the links of each tree
+    std::vector<std::vector<btVector3>> omega(trees_.size()), velocity(trees_.size());
     for (std::size_t k = 0; k < trees_.size(); ++k) {
-      const btMultiBody& tree = *trees_[k];
-      const auto count = static_cast<std::size_t>(tree.getNumLinks()) + 1;
-      std::vector<btVector3> omega(count), velocity(count);
-      tree.compTreeLinkVelocities(omega.data(), velocity.data());
-      for (std::size_t i = 0; i < place_.size(); ++i) {
-        if (place_[i].tree != k) continue;
-        const int link = place_[i].link;
-        const btTransform pose =
-            link < 0 ? tree.getBaseWorldTransform() : tree.getLink(link).m_cachedWorldTransform;
-        const std::size_t at = link < 0 ? 0 : static_cast<std::size_t>(link) + 1;
-        (*states)[i] = {from_bullet(pose.getOrigin()), from_bullet(pose.getRotation()),
-                        from_bullet(pose.getBasis() * velocity[at]),
-                        from_bullet(pose.getBasis() * omega[at])};
-      }
+      const auto count = static_cast<std::size_t>(trees_[k]->getNumLinks()) + 1;
+      omega[k].resize(count);
+      velocity[k].resize(count);
+      trees_[k]->compTreeLinkVelocities(omega[k].data(), velocity[k].data());
+    }
+    for (std::size_t i = 0; i < place_.size(); ++i) {
+      const Place& place = place_[i];
+      const btMultiBody& tree = *trees_[place.tree];
+      const btTransform pose = place.link < 0 ? tree.getBaseWorldTransform()
+                                              : tree.getLink(place.link).m_cachedWorldTransform;
+      const auto at = static_cast<std::size_t>(place.link + 1);
+      (*states)[i] = {from_bullet(pose.getOrigin()), from_bullet(pose.getRotation()),
+                      from_bullet(pose.getBasis() * velocity[place.tree][at]),
+                      from_bullet(pose.getBasis() * omega[place.tree][at])};
     }
   }
 
@@ -332,7 +334,7 @@ class FeatherstoneSimulation : public Simulation {
     }
   }
 
-  Problem problem_;
+  const Problem& problem_;
   double tick_;
   Collisions collisions_;
   btMultiBodyConstraintSolver solver_;

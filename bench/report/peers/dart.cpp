@@ -149,7 +149,7 @@ class DartSimulation : public Simulation {
     node->getDynamicsAspect()->setRestitutionCoeff(body.restitution);
   }
 
-  Problem problem_;
+  const Problem& problem_;
   dart::simulation::WorldPtr world_;
   std::vector<dart::dynamics::BodyNode*> nodes_;
   std::vector<Vector3d> spins_;

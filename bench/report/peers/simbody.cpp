@@ -23,8 +23,8 @@ SimTK::Rotation rotation(const Quaterniond& q) {
 
 class SimbodySimulation : public Simulation {
  public:
-  SimbodySimulation(const Problem& problem, const Variant& variant, double accuracy)
-      : problem_(problem), matter_(system_), forces_(system_), integrator_(system_) {
+  SimbodySimulation(const Problem& problem, const Variant& variant, double tick, double accuracy)
+      : problem_(problem), tick_(tick), matter_(system_), forces_(system_), integrator_(system_) {
     if (problem.has_shapes()) throw Unsupported("contacts");
     SimTK::Force::UniformGravity(forces_, matter_, vec(problem.gravity));
     bodies_.resize(problem.bodies.size());
@@ -46,8 +46,12 @@ class SimbodySimulation : public Simulation {
     integrator_.initialize(state);
   }
 
-  void advance(long, double time) override {
-    while (integrator_.getTime() < time) integrator_.stepTo(time);
+  /// Its steps are as long as the accuracy permits, and end on ticks.
+  void advance(long ticks, double time) override {
+    for (long i = ticks - 1; i >= 0; --i) {
+      const double end = time - static_cast<double>(i) * tick_;
+      while (integrator_.getTime() < end) integrator_.stepTo(end);
+    }
   }
 
   void read(States* states) const override {
@@ -201,7 +205,8 @@ class SimbodySimulation : public Simulation {
     }
   }
 
-  Problem problem_;
+  const Problem& problem_;
+  double tick_;
   SimTK::MultibodySystem system_;
   SimTK::SimbodyMatterSubsystem matter_;
   SimTK::GeneralForceSubsystem forces_;
@@ -225,7 +230,8 @@ std::vector<Variant> Contestant::variants() {
 std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Variant& variant,
                                              const Setting& setting) {
   return std::make_unique<SimbodySimulation>(
-      problem, variant, setting.tolerance > 0.0 ? setting.tolerance : kDefaultAccuracy);
+      problem, variant, setting.tick,
+      setting.tolerance > 0.0 ? setting.tolerance : kDefaultAccuracy);
 }
 
 }  // namespace constraint_sim::report

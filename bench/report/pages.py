@@ -131,7 +131,7 @@ def grid_page(grid, problems, contestants):
     ticks = {}
     for name, found in grid.items():
         ticks[name] = [cell[0] for cell in next(iter(found.values()))]
-    width = max(map(len, ticks.values()))
+    width = max(map(len, ticks.values()), default=0)
     head = '<tr><th>case</th>' + ''.join(
         f'<th colspan="{width}">{html.escape(name.replace("_", " "))}</th>' for name in contestants)
     rows, group = [head + '</tr>'], None
@@ -301,7 +301,8 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
         f'{facts["rounds"]} interleaved rounds; the median of the rounds is above it by '
         f'{100 * median:.0f} % (median of all settings), at most {100 * worst:.0f} %',
         f'budget of a run: {facts["budget"]:g} s, in the stability grid {facts["grid_budget"]:g} s, '
-        f'with many bodies {facts["many_budget"]:g} s, of a size {facts["sizes_budget"]:g} s',
+        + (f'with many bodies {facts["many_budget"]:g} s, ' if many else '') +
+        f'of a size {facts["sizes_budget"]:g} s',
         f'largest error of a reference of the diagrams: '
         f'{max((own_errors.get(name, 0.0) for name in runs), default=0.0):.1g} m (references.csv)']
     texts = judgement(lines)
@@ -334,8 +335,10 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
             table(['problem', 'contestant', *(f'{t:g}' for t in figures.TARGETS), 'least error'], full),
             f'<h2>Stability</h2><p>{html.escape(stability)} <a href="grid.html">The grid</a>.</p>',
             table(header, counted)]
-    body += [f'<h2>Many bodies at 1/240 s</h2><p>{html.escape(MANY_TEXT)}</p>',
-             table(MANY_HEADER, many), f'<h2>Scaling</h2><p>{html.escape(SLOPE_TEXT)}</p>'
+    if many:
+        body += [f'<h2>Many bodies at 1/240 s</h2><p>{html.escape(MANY_TEXT)}</p>',
+                 table(MANY_HEADER, many)]
+    body += [f'<h2>Scaling</h2><p>{html.escape(SLOPE_TEXT)}</p>'
              '<img src="scaling.svg" alt="cost of a tick against size">', table(SLOPE_HEADER, slopes)]
     if micro:
         kept = [row for row in micro if row['name'].endswith('_median')]
@@ -368,7 +371,8 @@ def write_markdown(output, facts, texts, lines, stability, header, counted, many
              markdown_table(HEADER, [[*line[:-1], f'**{line[-1]}**' if kind == 'loss' else line[-1]]
                                      for line, kind in zip(*comparison_lines(lines))]),
              '## Stability\n', stability + ' Grid: grid.html.\n', markdown_table(header, counted),
-             '## Many bodies at 1/240 s\n', MANY_TEXT + '\n', markdown_table(MANY_HEADER, many),
+             *(['## Many bodies at 1/240 s\n', MANY_TEXT + '\n', markdown_table(MANY_HEADER, many)]
+               if many else []),
              '## Scaling\n', SLOPE_TEXT + '\n', markdown_table(SLOPE_HEADER, slopes),
              '## Conditions\n', '\n'.join(f'- {text}' for text in conditions) + '\n',
              '## What this does not measure\n', '\n'.join(f'- {text}' for text in HONESTY) + '\n']

@@ -49,16 +49,16 @@ QUICK = {
                  'tumbling_pendulum', 'four_bar_10_loaded', 'heavy_chain_1e3', 'sliding_ball'),
     # one number of sweeps of each iterative solver, and what is nowhere the best of its engine
     'leave_out': re.compile(r'_(10|200)$|^ode (step|quickstep_50)$|^mujoco (tendon_rk4|joint_euler)$'),
-    'grid_ticks': (0.1, 1 / 60), 'many': MANY, 'counts': (10, 100, 1000),
-    'budget': 0.08, 'grid_budget': 0.03, 'many_budget': 0.2, 'sizes_budget': 0.02, 'most': 1000,
+    'grid_ticks': (0.1, 1 / 60), 'grid_stride': 2, 'many': (), 'counts': (10, 300),
+    'budget': 0.08, 'grid_budget': 0.03, 'many_budget': 0.0, 'sizes_budget': 0.03, 'most': 1000,
 }
-FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'many': MANY,
+FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'grid_stride': 1, 'many': MANY,
         'counts': (10, 100, 1000, 10000, 100000), 'budget': 3.0, 'grid_budget': 3.0,
         'many_budget': 20.0, 'sizes_budget': 3.0, 'most': 100000}
 TINY = {'problems': ('pendulum', 'oscillator'),
         'leave_out': re.compile('^(?!constraint_sim (auto|runge|sequential_impulses_10))'),
-        'grid_ticks': (0.1, 1 / 30), 'many': ('pendula_1000',), 'counts': (10, 30), 'budget': 0.02,
-        'grid_budget': 0.02, 'many_budget': 0.02, 'sizes_budget': 0.02, 'most': 100}
+        'grid_ticks': (0.1, 1 / 30), 'grid_stride': 1, 'many': ('pendula_1000',), 'counts': (10, 30),
+        'budget': 0.02, 'grid_budget': 0.02, 'many_budget': 0.02, 'sizes_budget': 0.02, 'most': 100}
 TINY_GRID = ('pendulum_doubled', 'spring_1e+12', 'mass_nan', 'chain_load_1e+03')
 
 
@@ -152,7 +152,7 @@ class Measurements:
     def in_grid(self):
         return [p.name for p in self.problems.values()
                 if (not p.graded or p.name in ALSO_IN_GRID) and
-                (not self.options.tiny or p.name in TINY_GRID)]
+                (not self.options.tiny or p.name in TINY_GRID)][::self.size['grid_stride']]
 
     def batches(self):
         """Of all parts that are wanted."""
@@ -185,8 +185,9 @@ class Measurements:
         options, size, batches = self.options, self.size, self.batches()
         wrong = [batch._replace(round=0) for batch in batches.get('diagrams', [])
                  if options.perturb and batch.variant.engine == 'constraint_sim']
-        used = dict.fromkeys(name for name in [*self.graded(), *self.in_grid(), *size['many']]
-                             if self.problems[name].has_reference)
+        used = dict.fromkeys(batch.problem for part in batches for batch in batches[part]
+                             if batch.problem in self.problems and
+                             self.problems[batch.problem].has_reference)
         progress = cells.ProgressBar(
             len(used) + len(wrong) + sum(len(batches[part]) * (1 if part == 'grid' else options.rounds)
                                          for part in batches))

@@ -9,11 +9,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// One sample to warm up and five that count, of up to a hundred ticks where ticks are short.
+/// One sample to warm up and five that count, of up to twenty ticks where they are short.
 Problem sized(const std::string& group, int count) {
   constexpr double kTick = 1e-3;
   constexpr int kSamples = 6;
-  const int ticks = std::clamp(20000 / count, 1, 100);
+  const int ticks = std::clamp(200 / count, 1, 20);
   Problem made = problem("", group, kSamples * ticks * kTick, count);
   made.is_graded = false;
   made.sample = ticks * kTick;

@@ -192,8 +192,12 @@ HONESTY = [
     'Building a scene and rendering are not measured. Memory is resident memory, and of small scenes '
     'mostly what a library takes once.',
     'Scenes were chosen by the authors of constraint_sim. Those with contacts are few and simple.',
-    'MuJoCo has no restitution by a coefficient; Simbody, Featherstone and springs or motors of '
-    'others are left out where the adapter says so (outcome `unsupported`).',
+    'What an adapter cannot express is left out (outcome `unsupported`): MuJoCo has no restitution by '
+    'a coefficient; Simbody (compliant contacts: Hertz, 1e8 Pa, 10 s/m) has no contact of boxes with '
+    'anything but planes; DART and Simbody take other means of two coefficients of friction than the '
+    'geometric one; DART has no rods, and where light bars stood for rods in closed loops they flew '
+    'apart at every tick that was tried, so its loops are of ball joints; springs, motors and, of '
+    'others than DART, loops are not built in joint coordinates.',
 ]
 
 

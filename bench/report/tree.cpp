@@ -35,7 +35,7 @@ Link hang(const Problem& problem, const Joint& joint, bool is_turned) {
 
 }  // namespace
 
-std::vector<Link> tree_of(const Problem& problem) {
+std::vector<Link> tree_of(const Problem& problem, std::vector<Joint>* loops) {
   for (const Joint& joint : problem.joints)
     if (joint.kind == JointKind::kSpring || joint.rate != 0.0 || joint.max_force != 0.0)
       throw Unsupported("springs and motors in joint coordinates");
@@ -65,8 +65,11 @@ std::vector<Link> tree_of(const Problem& problem) {
     if (free == is_placed.size()) break;
     place({static_cast<int>(free), kWorld, false, Vector3d::Zero(), Vector3d::Zero()});
   }
-  for (std::size_t k = 0; k < problem.joints.size(); ++k)
-    if (!is_used[k]) throw Unsupported("closed loops in joint coordinates");
+  for (std::size_t k = 0; k < problem.joints.size(); ++k) {
+    if (is_used[k]) continue;
+    if (loops == nullptr) throw Unsupported("closed loops in joint coordinates");
+    loops->push_back(problem.joints[k]);
+  }
   return tree;
 }
 

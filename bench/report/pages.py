@@ -105,26 +105,39 @@ def judgement(lines):
 
 
 def published_lines(runs):
-    """Each peer's time beside the earlier one, over the median of that, and why where far off."""
+    """Each peer's time beside the earlier one, over the median of that, and why where far off, or
+    where only one of the two comparisons has a time."""
     found = []
     for problem, columns in published.TIMES.items():
+        if problem not in runs:
+            continue
         for column, times in columns.items():
-            same = {name: own for name, own in runs.get(problem, {}).items()
+            same = {name: own for name, own in runs[problem].items()
                     if published.column(name) == column or
                     (column == 'simbody' and name.startswith('simbody'))}
             for target, then in zip(published.TARGETS, times):
                 now = figures.best_of(same, target, lambda name: True)
-                if then and now:
-                    found.append((problem, column, target, then, now[1].time))
-    if not found:
+                if same and (then or now):
+                    found.append((problem, column, target, then, now and now[1].time))
+    both = [now / then for *_, then, now in found if then and now]
+    if not both:
         return [], math.nan
-    factor = statistics.median(now / then for *_, then, now in found)
+    factor = statistics.median(both)
     lines = []
     for problem, column, target, then, now in found:
-        off = now / then / factor
-        lines.append([problem, column, f'{target:g}', brief(then), brief(now), f'{off:.2f}',
-                      published.REASONS.get(column, '') if not 0.5 <= off <= 2.0 else ''])
+        off = now / then / factor if then and now else math.nan
+        lines.append([problem, column, f'{target:g}', brief(then), brief(now), brief(off),
+                      '' if 0.5 <= off <= 2.0 else published.reason(problem, column, then, now)])
     return lines, factor
+
+
+PUBLISHED_HEADER = ['problem', 'peer', 'error', 'then [µs/s]', 'here [µs/s]', 'relative', '']
+
+
+def published_text(factor):
+    return (f'Run times here are {factor:.2f} times those of an earlier comparison on another machine '
+            '(median); the relative figure is each over that. Where it is beyond a factor of two, or '
+            'only one of the two reached the error, what is known of why stands beside it.')
 
 
 def grid_page(grid, problems, contestants):
@@ -217,9 +230,8 @@ def many_lines(rows):
     """Of each scene of many bodies, the quickest first."""
     lines = []
     for problem, contestants in sorted(figures.runs_of(rows).items()):
-        for name, (run,) in sorted(contestants.items(), key=lambda item: item[1][0].time):
-            if run.outcome == 'unsupported':
-                continue
+        done = [(name, run) for name, (run,) in contestants.items() if run.outcome != 'unsupported']
+        for name, run in sorted(done, key=lambda pair: (math.isnan(pair[1].time), pair[1].time)):
             lines.append([problem, name, run.outcome.replace('_', ' '), brief(run.time * 1e-6),
                           *(brief(run.errors[measure]) for measure in MANY_ERRORS)])
     return lines
@@ -315,7 +327,8 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
                                                   if figures.is_ours(name))
     beside, factor = published_lines(runs)
 
-    write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, conditions)
+    write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, beside, factor,
+                   conditions)
     table_lines, classes = comparison_lines(lines)
     full = []
     for name in sorted(runs):
@@ -352,10 +365,8 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
               brief(1e9 / float(row['items_per_second']) if row['items_per_second'] else math.nan)]
              for row in kept])]
     if beside:
-        body += ['<h2>Peers beside an earlier comparison</h2>'
-                 f'<p>Run times here are {factor:.2f} times those of then (median); the last figure is '
-                 'each over that. Beyond a factor of two what is known of why stands beside it.</p>',
-                 table(['problem', 'peer', 'error', 'then [µs/s]', 'here [µs/s]', 'relative', ''], beside)]
+        body += [f'<h2>Peers beside an earlier comparison</h2><p>{published_text(factor)}</p>',
+                 table(PUBLISHED_HEADER, beside)]
     body += ['<h2>What this does not measure</h2><ul>',
              *(f'<li>{html.escape(text)}</li>' for text in HONESTY), '</ul>',
              '<p>Raw figures: ' + ', '.join(
@@ -365,7 +376,8 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
     (output / 'index.html').write_text(page('constraint_sim: error against run time', '\n'.join(body)))
 
 
-def write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, conditions):
+def write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, beside,
+                   factor, conditions):
     parts = ['# Error against run time\n',
              'Written by `./scripts/report' + (' --quick' if facts['kind'] == 'quick' else '') + '`; '
              'open [index.html](index.html) in a browser for the diagrams.\n',
@@ -378,6 +390,10 @@ def write_markdown(output, facts, texts, lines, stability, header, counted, many
              *(['## Many bodies at 1/240 s\n', MANY_TEXT + '\n', markdown_table(MANY_HEADER, many)]
                if many else []),
              '## Scaling\n', SLOPE_TEXT + '\n', markdown_table(SLOPE_HEADER, slopes),
+             *(['## Peers beside an earlier comparison\n', published_text(factor) +
+                f' Of {len(beside)} figures those that differ:\n',
+                markdown_table(PUBLISHED_HEADER, [line for line in beside if line[-1]])]
+               if beside else []),
              '## Conditions\n', '\n'.join(f'- {text}' for text in conditions) + '\n',
              '## What this does not measure\n', '\n'.join(f'- {text}' for text in HONESTY) + '\n']
     (output / 'summary.md').write_text('\n'.join(parts))

@@ -13,15 +13,20 @@ add_library(constraint_sim_report_common OBJECT
   bench/report/tree.cpp
   ${problem_sources}
 )
-constraint_sim_own_code(constraint_sim_report_common)
 target_include_directories(constraint_sim_report_common PRIVATE bench)  # problems.h
-target_link_libraries(constraint_sim_report_common PUBLIC constraint_sim_engine)
+constraint_sim_precompile(constraint_sim_report_common)
+add_library(constraint_sim_report_main OBJECT bench/report/main.cpp)
+add_library(constraint_sim_report_ours OBJECT bench/report/peers/engine.cpp)
+foreach(library common main ours)
+  constraint_sim_own_code(constraint_sim_report_${library})
+  target_link_libraries(constraint_sim_report_${library} PUBLIC constraint_sim_engine)
+endforeach()
 
 # Includes of other engines are not ours to warn about.
 function(constraint_sim_add_report name)
-  add_executable(constraint_sim_report_${name} bench/report/main.cpp bench/report/peers/${name}.cpp)
+  add_executable(constraint_sim_report_${name} bench/report/peers/${name}.cpp)
   constraint_sim_own_code(constraint_sim_report_${name})
-  target_link_libraries(constraint_sim_report_${name} PRIVATE
+  target_link_libraries(constraint_sim_report_${name} PRIVATE constraint_sim_report_main
     constraint_sim_report_common constraint_sim_engine Boost::program_options ${ARGN})
   # warned about where code of other engines is inlined into ours
   target_compile_options(constraint_sim_report_${name} PRIVATE -Wno-array-bounds)
@@ -34,16 +39,19 @@ if(NOT commit)
   set(commit "${PROJECT_VERSION}")
 endif()
 
-set(report_programs)
+set_source_files_properties(bench/report/peers/engine.cpp PROPERTIES
+  COMPILE_DEFINITIONS "CONSTRAINT_SIM_COMMIT=\"${commit}\"")
+
+add_executable(constraint_sim_report_engine $<TARGET_OBJECTS:constraint_sim_report_ours>)
+target_link_libraries(constraint_sim_report_engine PRIVATE constraint_sim_report_main
+  constraint_sim_report_common constraint_sim_engine Boost::program_options)
+
+set(report_programs constraint_sim_report_engine)
 file(GLOB peer_sources CONFIGURE_DEPENDS bench/report/peers/*.cpp)
 foreach(source IN LISTS peer_sources)
   get_filename_component(name ${source} NAME_WE)
   file(STRINGS ${source} needs LIMIT_COUNT 1 REGEX "^// needs: ")
-  if(name STREQUAL engine)
-    constraint_sim_add_report(engine)
-    set_source_files_properties(${source} PROPERTIES
-      COMPILE_DEFINITIONS "CONSTRAINT_SIM_COMMIT=\"${commit}\"")
-  elseif(NOT CONSTRAINT_SIM_PEERS)
+  if(name STREQUAL engine OR NOT CONSTRAINT_SIM_PEERS)
     continue()
   elseif(needs MATCHES "pkg-config ([^ ]+)")
     if(PKG_CONFIG_FOUND)
@@ -69,5 +77,10 @@ endforeach()
 # what scripts/report builds
 add_custom_target(report_programs DEPENDS ${report_programs})
 if(CONSTRAINT_SIM_BENCH)
-  add_dependencies(report_programs constraint_sim_scaling constraint_sim_micro)
+  add_executable(constraint_sim_micro bench/report/micro.cpp)
+  constraint_sim_own_code(constraint_sim_micro)
+  target_link_libraries(constraint_sim_micro PRIVATE constraint_sim_report_ours
+    constraint_sim_report_common constraint_sim_engine benchmark::benchmark)
+  list(APPEND bench_programs constraint_sim_micro)
+  add_dependencies(report_programs constraint_sim_micro)
 endif()

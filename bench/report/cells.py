@@ -36,6 +36,8 @@ COLUMNS = {
     'run_time': 'run time over simulated time, without building, measuring, and what other processes '
                 'had of the processor meanwhile [µs/s]',
     'ticks': 'steps asked of the engine',
+    'memory': 'resident memory that building the scene and its first ticks took; only of the scenes of '
+              'scaling.csv [bytes]',
     'position': 'largest distance of a centre of mass from the reference [m]',
     'orientation': 'largest angle from the reference [rad]',
     'energy': 'largest change of the energy over the largest kinetic energy (of a scene at rest: '
@@ -71,6 +73,11 @@ def variants(folder):
     return sorted(found, key=lambda variant: variant.engine != 'constraint_sim')
 
 
+def label(variant):
+    """The name of a contestant."""
+    return f'{variant.engine} {variant.name}'
+
+
 def problems(program):
     if output_of(program, 'header').strip().split(',') != list(COLUMNS)[1:]:
         raise RuntimeError(f'{program} prints other columns than COLUMNS describes')
@@ -84,19 +91,20 @@ def problems(program):
 
 
 class ProgressBar:
-    """With the time left, where somebody is looking; else a line now and then."""
+    """Over all that is to be done, with the time left, where somebody is looking; else a line now
+    and then. The estimate takes what is left to be as dear as what is done."""
 
-    def __init__(self, title, total):
-        self.title, self.total, self.done = title, total, 0
+    def __init__(self, total):
+        self.title, self.total, self.done = '', total, 0
         self.start = self.shown = time.monotonic()
         self.lock = threading.Lock()
 
-    def step(self):
+    def step(self, count=1):
         with self.lock:
-            self.done += 1
+            self.done += count
             now = time.monotonic()
             interval = 0.2 if sys.stderr.isatty() else 30.0
-            if now < self.shown + interval and self.done < self.total:
+            if not self.done or (now < self.shown + interval and self.done < self.total):
                 return
             self.shown = now
             left = (now - self.start) * (self.total - self.done) / self.done
@@ -105,8 +113,13 @@ class ProgressBar:
             start = '\x1b[K' if is_terminal else ''
             end = '\r' if is_terminal and self.done < self.total else '\n'
             print(f'{start}{self.title} [{"#" * width}{" " * (30 - width)}] '
-                  f'{self.done}/{self.total}, {left // 60:.0f} min {left % 60:.0f} s left',
+                  f'{self.done}/{self.total}, about {left // 60:.0f} min {left % 60:.0f} s left in all',
                   end=end, file=sys.stderr, flush=True)
+
+    def skip(self, count):
+        """That so many are done already, or need not be."""
+        with self.lock:
+            self.total -= count
 
 
 def lines_within(process, limit):
@@ -129,7 +142,7 @@ def lines_within(process, limit):
 def run_batch(batch, references, budget, repeats, perturbation, memory):
     """Rows of the CSV files. A setting that crashes or hangs is noted, and the rest goes on."""
     variant, values, rows = batch.variant, list(batch.values), []
-    label = f'{variant.engine} {variant.name}' + (' perturbed' if perturbation else '')
+    contestant = label(variant) + (' perturbed' if perturbation else '')
     while values:
         command = [variant.program, 'run', references, '--problem', batch.problem, '--variant',
                    variant.name, '--budget', str(budget), '--repeats', str(repeats),
@@ -157,8 +170,8 @@ def run_batch(batch, references, budget, repeats, perturbation, memory):
                 raise RuntimeError(f'failed with {status}: {" ".join(map(str, command))}')
             return rows
         outcome = outcome or 'crashed'
-        rows.append([str(batch.round), batch.problem, label, 'tick' if batch.grid else variant.knob,
-                     current, outcome, 'nan', '0'] + ['nan'] * 7)
+        rows.append([str(batch.round), batch.problem, contestant, 'tick' if batch.grid else variant.knob,
+                     current, outcome, 'nan', '0'] + ['nan'] * 8)
         # dearer settings of what hangs would hang longer
         values = [] if outcome == 'hung' else values[finished + 1:]
     return rows
@@ -178,7 +191,7 @@ class Table:
 
     @staticmethod
     def key(batch):
-        return f'{batch.round} {batch.problem} {batch.variant.engine} {batch.variant.name}'
+        return f'{batch.round} {batch.problem} {label(batch.variant)}'
 
     def has(self, batch):
         return self.key(batch) in self.done
@@ -213,11 +226,10 @@ def finish(workers, function, items):
             raise
 
 
-def run_all(title, batches, table, workers, **settings):
-    left = [batch for batch in batches if not table.has(batch)]
-    if not left:
-        return
-    progress = ProgressBar(title, len(left))
+def run_all(title, batches, table, workers, progress, **settings):
+    left = [batch for batch in batches if batch.values and not table.has(batch)]
+    progress.skip(len(batches) - len(left))
+    progress.title = title
 
     def run(batch):
         rows = run_batch(batch, **settings)
@@ -229,18 +241,18 @@ def run_all(title, batches, table, workers, **settings):
     finish(workers, run, left)
 
 
-def worth_repeating(table, round_1):
-    """Settings of the first round that ended well: only their times can get better."""
-    values = collections.defaultdict(list)
+def repeat(number, batches, table, progress, **settings):
+    """A round after the first, of what ended well in that: only its times can get better."""
+    good = collections.defaultdict(list)
     for row in table.rows():
         if row['round'] == '1' and row['outcome'] == 'ok':
-            values[row['problem'], row['contestant']].append(float(row['value']))
-    return {Table.key(batch).split(' ', 1)[1]:
-            values.get((batch.problem, f'{batch.variant.engine} {batch.variant.name}'), [])
-            for batch in round_1}
+            good[row['problem'], row['contestant']].append(float(row['value']))
+    again = [batch._replace(round=number, values=good[batch.problem, label(batch.variant)])
+             for batch in batches]
+    run_all(f'{table.path.stem}, round {number}', again, table, 1, progress, **settings)
 
 
-def make_references(program, folder, names, sources):
+def make_references(program, folder, names, sources, progress):
     """Computes what is missing in `folder`; all of it anew when the problems changed."""
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
@@ -251,9 +263,8 @@ def make_references(program, folder, names, sources):
         errors = json.loads(errors_path.read_text())
     digest_path.write_text(digest)
     missing = [name for name in names if name not in errors]
-    if not missing:
-        return errors
-    progress = ProgressBar('references', len(missing))
+    progress.skip(len(names) - len(missing))
+    progress.title = 'references'
 
     def make(name):
         line = output_of(program, 'references', folder, '--problem', name)

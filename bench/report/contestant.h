@@ -54,7 +54,7 @@ struct Contestant {
   static std::string name();
   static std::string version();
   static std::vector<Variant> variants();
-  /// Throws Unsupported, Refused or std::invalid_argument.
+  /// The problem outlives the simulation. Throws Unsupported, Refused or std::invalid_argument.
   static std::unique_ptr<Simulation> make(const Problem& problem, const Variant& variant,
                                           const Setting& setting);
 };

@@ -13,7 +13,7 @@ CLASSES = {'exact': '#1a7f37', 'stable': '#9fd89f', 'drifting': '#ffe08a', 'stre
            'refused': '#b39ddb', 'too slow': '#c8c8c8', 'crashed': '#6b1d5c', 'exploded': '#d7263d',
            'n/a': '#f4f4f4'}
 
-Run = collections.namedtuple('Run', 'value outcome time spread errors')
+Run = collections.namedtuple('Run', 'value outcome time spread memory errors')
 
 
 def number(text):
@@ -35,7 +35,8 @@ def is_ours(contestant):
 
 
 def runs_of(rows):
-    """problem -> contestant -> runs, each the best time of its rounds."""
+    """problem -> contestant -> runs, each the best time of its rounds, or that of the part that was
+    run where there was no time for all."""
     gathered = collections.defaultdict(list)
     for row in rows:
         gathered[row['problem'], row['contestant'], float(row['value'])].append(row)
@@ -44,9 +45,10 @@ def runs_of(rows):
         times = [number(row['run_time']) for row in same if row['outcome'] == 'ok']
         first = min(same, key=lambda row: int(row['round']))
         errors = {name: number(first[name]) for name in MEASURES}
-        best = min(times) if times else math.nan
+        best = min(times) if times else number(first['run_time'])
         spread = statistics.median(times) / best - 1.0 if len(times) > 1 else math.nan
-        found[problem][contestant].append(Run(value, first['outcome'], best, spread, errors))
+        found[problem][contestant].append(
+            Run(value, first['outcome'], best, spread, number(first['memory']), errors))
     return found
 
 
@@ -155,3 +157,28 @@ def slope(sizes, values):
     mean_x, mean_y = statistics.mean(x), statistics.mean(y)
     return sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y)) / \
         sum((a - mean_x) ** 2 for a in x)
+
+
+def scaling(runs, instructions):
+    """Rows of scaling.csv from runs of problems KIND_COUNT, whose one setting is a tick."""
+    rows = []
+    for problem, contestants in runs.items():
+        kind, count = problem.rsplit('_', 1)
+        for contestant, (run,) in contestants.items():
+            counted = instructions.get(f'{contestant} {problem}', math.nan)
+            is_done = run.outcome in ('ok', 'too_slow')
+            rows.append({'kind': kind, 'count': int(count), 'contestant': contestant,
+                         'outcome': run.outcome,
+                         'time': run.time * run.value if is_done else math.nan,
+                         'bytes': run.memory, 'instructions': counted})
+    return sorted(rows, key=lambda row: (row['kind'], not is_ours(row['contestant']),
+                                         row['contestant'], row['count']))
+
+
+def growth(rows, measure):
+    """(kind, contestant) -> [(count, value)], of what was measured."""
+    lines = collections.defaultdict(list)
+    for row in rows:
+        if row[measure] > 0.0:
+            lines[row['kind'], row['contestant']].append((row['count'], row[measure]))
+    return lines

@@ -1,15 +1,19 @@
 // Runs problems in one engine and prints how wrong and how dear each run was. scripts/report calls
 // one such program per engine, so that none can harm another.
 //
-//   PROGRAM list                    ways to use the engine: name, coordinates, knob, engine,
-//   version PROGRAM problems                name, group, graded, duration, length, has reference,
-//   source, ... PROGRAM references FOLDER [--problem P]   computes the references and prints their
-//   own errors PROGRAM header                  of the lines that `run` prints PROGRAM run FOLDER
-//   --problem P --variant V [--grid] [--values X ...] [--budget S]
-//                                   [--repeats N] [--perturb SHARE]
+//   PROGRAM list          ways to use the engine: name, coordinates, knob, engine, version, values
+//   PROGRAM problems      name, group, graded, duration, length, has reference, source, ...
+//   PROGRAM references FOLDER [--problem P]    computes the references; prints their own errors
+//   PROGRAM header        of the lines that `run` prints
+//   PROGRAM run FOLDER --problem P --variant V [--grid] [--values X ...] [--budget S]
+//                         [--repeats N] [--perturb SHARE]
+//   PROGRAM ticks --problem P --variant V --values TICK --repeats N
+//                         nothing but so many ticks, in a function that valgrind finds by its name
 //
 // `run` announces each setting as `begin VALUE` before it starts, so that whoever reads knows in
 // which of them the engine crashed or hung.
+
+#include <malloc.h>
 
 #include <algorithm>
 #include <boost/program_options.hpp>
@@ -40,6 +44,15 @@ double processor_time() {
   timespec now{};
   clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
+/// Memory of this process that is its own and in use [bytes]; NaN where the system does not tell.
+double memory_in_use() {
+  malloc_trim(0);  // what was freed before is not used again unseen
+  std::ifstream file("/proc/self/smaps_rollup");
+  for (std::string line; std::getline(file, line);)
+    if (line.rfind("Anonymous:", 0) == 0) return 1024.0 * std::stod(line.substr(10));
+  return std::numeric_limits<double>::quiet_NaN();
 }
 
 // ---- references in files, since the programs of all engines use them
@@ -101,6 +114,7 @@ struct Result {
   std::string outcome = "ok";
   double run_time = std::numeric_limits<double>::quiet_NaN();  // [s]
   double simulated = 0.0;                                      // [s]
+  double memory = std::numeric_limits<double>::quiet_NaN();    // [bytes]
   long ticks = 0;
   Errors errors{};
   double largest_distance = 0.0;  // from where a body started [m]
@@ -130,19 +144,30 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
                                 " s between samples, or be multiples of them");
   setting.tick = tick;
   try {
+    const bool is_weighed = problem.warm_up > 0;
+    const auto memory = [&] { return is_weighed ? memory_in_use() : 0.0; };
+    double before = memory();
     const std::unique_ptr<Simulation> simulation = Contestant::make(reality, variant, setting);
+    if (is_weighed) result.memory = memory() - before;
     keep(0, *simulation);
     result.run_time = 0.0;
     for (int k = stride; k <= problem.samples(); k += stride) {
+      const bool counts = k > problem.warm_up;
+      if (!counts) before = memory();
       const double processor_start = processor_time();
       const auto start = SteadyClock::now();
       simulation->advance(ticks, k * problem.sample);
       const double wall = seconds_since(start);
       // both are at least what it took: the one counts what others had of the processor, the other
       // what it takes to ask for it
-      result.run_time += std::min(wall, processor_time() - processor_start);
-      result.ticks += ticks;
-      result.simulated = k * problem.sample;
+      const double taken = std::min(wall, processor_time() - processor_start);
+      if (counts) {
+        result.run_time += taken;
+        result.ticks += ticks;
+        result.simulated = (k - problem.warm_up) * problem.sample;
+      } else {
+        result.memory += memory() - before;
+      }
       if (!keep(k, *simulation)) {
         result.outcome = "not_finite";
         break;
@@ -178,17 +203,18 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
 }
 
 constexpr char kHeader[] =
-    "problem,contestant,knob,value,outcome,run_time,ticks,position,orientation,energy,momentum,"
-    "constraint,penetration,distance";
+    "problem,contestant,knob,value,outcome,run_time,ticks,memory,position,orientation,energy,"
+    "momentum,constraint,penetration,distance";
 
 void print(const Problem& problem, const std::string& contestant, const Variant& variant,
            double value, const Result& result) {
   const Errors& e = result.errors;
-  std::printf("%s,%s,%s,%.6g,%s,%.4g,%ld,%.3g,%.3g,%.3g,%.3g,%.3g,%.3g,%.3g\n",
+  std::printf("%s,%s,%s,%.6g,%s,%.4g,%ld,%.4g,%.3g,%.3g,%.3g,%.3g,%.3g,%.3g,%.3g\n",
               problem.name.c_str(), contestant.c_str(),
               variant.knob == Knob::kTick ? "tick" : "tolerance", value, result.outcome.c_str(),
-              1e6 * result.run_time / result.simulated, result.ticks, e.position, e.orientation,
-              e.energy, e.momentum, e.constraint, e.penetration, result.largest_distance);
+              1e6 * result.run_time / result.simulated, result.ticks, result.memory, e.position,
+              e.orientation, e.energy, e.momentum, e.constraint, e.penetration,
+              result.largest_distance);
   std::fflush(stdout);
 }
 
@@ -215,39 +241,57 @@ Result best_run(const Problem& problem, const Problem& reality, const Trajectory
   return best;
 }
 
+Variant variant_named(const std::string& name) {
+  for (const Variant& variant : Contestant::variants())
+    if (variant.name == name) return variant;
+  throw std::invalid_argument("there is no variant '" + name + "'");
+}
+
 /// From the coarsest setting on, until one is dearer than the budget or exact to rounding.
-int run(const Arguments& arguments) {
+void run(const Arguments& arguments) {
   const Problem& problem = problem_named(arguments.problem);
   const Trajectory reference = read_reference(arguments.folder, problem);
   Problem reality = problem;
   reality.gravity *= 1.0 + arguments.perturbation;
-  for (const Variant& variant : Contestant::variants()) {
-    if (variant.name != arguments.variant) continue;
-    const bool is_tick = variant.knob == Knob::kTick || arguments.is_grid;
-    const std::string contestant = Contestant::name() + " " + variant.name +
-                                   (arguments.perturbation != 0.0 ? " perturbed" : "");
-    for (const double value : arguments.values) {
-      Setting setting;
-      setting.is_swept = !arguments.is_grid;
-      setting.tick = is_tick ? value : problem.sample;
-      if (!is_tick) setting.tolerance = value;
-      std::printf("begin %.10g\n", value);
-      std::fflush(stdout);
-      const Result result = best_run(problem, reality, reference, variant, setting, arguments);
-      print(problem, contestant, variant, value, result);
-      if (arguments.is_grid) continue;
-      if (result.outcome == "unsupported" || result.outcome == "too_slow" ||
-          result.run_time > arguments.budget)
-        break;
-      const double error = std::max(
-          {std::isnan(result.errors.position) ? 1.0 : 0.0, result.errors.position,
-           std::isnan(result.errors.orientation) ? 0.0
-                                                 : problem.length * result.errors.orientation});
-      if (error < 1e-11 * problem.length) break;
-    }
-    return 0;
+  const Variant variant = variant_named(arguments.variant);
+  const bool is_tick = variant.knob == Knob::kTick || arguments.is_grid;
+  const std::string contestant =
+      Contestant::name() + " " + variant.name + (arguments.perturbation != 0.0 ? " perturbed" : "");
+  for (const double value : arguments.values) {
+    Setting setting;
+    setting.is_swept = !arguments.is_grid;
+    setting.tick = is_tick ? value : problem.sample;
+    if (!is_tick) setting.tolerance = value;
+    std::printf("begin %.10g\n", value);
+    std::fflush(stdout);
+    const Result result = best_run(problem, reality, reference, variant, setting, arguments);
+    print(problem, contestant, variant, value, result);
+    if (arguments.is_grid) continue;
+    if (result.outcome == "unsupported" || result.outcome == "too_slow" ||
+        result.run_time > arguments.budget)
+      break;
+    const double error = std::max(
+        {std::isnan(result.errors.position) ? 1.0 : 0.0, result.errors.position,
+         std::isnan(result.errors.orientation) ? 0.0 : problem.length * result.errors.orientation});
+    if (error < 1e-11 * problem.length) break;
   }
-  throw std::invalid_argument("there is no variant '" + arguments.variant + "'");
+}
+
+/// Whose instructions valgrind counts.
+[[gnu::noinline]] void counted_ticks(Simulation* simulation, int ticks, double time) {
+  simulation->advance(ticks, time);
+}
+
+void take_ticks(const Arguments& arguments) {
+  const Problem& problem = problem_named(arguments.problem);
+  Setting setting;
+  setting.is_swept = false;
+  setting.tick = arguments.values.at(0);
+  const std::unique_ptr<Simulation> simulation =
+      Contestant::make(problem, variant_named(arguments.variant), setting);
+  constexpr int kWarmUp = 2;  // what is set up once, and what grows once more
+  simulation->advance(kWarmUp, kWarmUp * setting.tick);
+  counted_ticks(simulation.get(), arguments.repeats, (kWarmUp + arguments.repeats) * setting.tick);
 }
 
 void list_problems() {
@@ -281,7 +325,7 @@ Arguments parse(int argc, char** argv) {
   add("values", po::value(&arguments.values)->multitoken(), "of the variant's knob");
   add("grid", po::bool_switch(&arguments.is_grid), "the values are ticks, whatever the knob");
   add("budget", po::value(&arguments.budget), "longest run [s]");
-  add("repeats", po::value(&arguments.repeats), "of short runs");
+  add("repeats", po::value(&arguments.repeats), "of short runs; or ticks");
   add("perturb", po::value(&arguments.perturbation), "gravity is wrong by this share");
   po::positional_options_description positions;
   positions.add("command", 1).add("folder", 1);
@@ -308,7 +352,9 @@ int main(int argc, char** argv) {
     } else if (arguments.command == "header") {
       std::printf("%s\n", kHeader);
     } else if (arguments.command == "run") {
-      return run(arguments);
+      run(arguments);
+    } else if (arguments.command == "ticks") {
+      take_ticks(arguments);
     } else {
       throw std::invalid_argument("there is no command '" + arguments.command + "'");
     }

@@ -112,11 +112,30 @@ double constraint_error(const Problem& problem, const States& states, double tim
 
 double penetration(const Problem& problem, const States& states) {
   double deepest = 0.0;
-  for (std::size_t i = 0; i < states.size(); ++i)
-    for (std::size_t j = 0; j < states.size(); ++j)
-      if (i != j && (i < j || problem.bodies[j].shape == Shape::kPlane))
-        raise(&deepest,
-              pair_penetration(problem.bodies[i], states[i], problem.bodies[j], states[j]));
+  const auto add_pair = [&](std::size_t i, std::size_t j) {
+    raise(&deepest, pair_penetration(problem.bodies[i], states[i], problem.bodies[j], states[j]));
+  };
+  std::vector<std::size_t> spheres;
+  double radius = 0.0;
+  for (std::size_t i = 0; i < states.size(); ++i) {
+    const Body& body = problem.bodies[i];
+    if (body.shape == Shape::kPlane)
+      for (std::size_t j = 0; j < states.size(); ++j)
+        if (i != j) add_pair(j, i);
+    if (body.shape != Shape::kSphere) continue;
+    if (!states[i].position.allFinite()) return kNaN;  // has no place in an order
+    spheres.push_back(i);
+    radius = std::max(radius, body.size.x());
+  }
+  // of spheres, those that are near enough along x
+  const auto x = [&](std::size_t i) { return states[i].position.x(); };
+  std::sort(spheres.begin(), spheres.end(),
+            [&](std::size_t i, std::size_t j) { return x(i) < x(j); });
+  for (std::size_t k = 0; k < spheres.size(); ++k)
+    for (std::size_t l = k + 1; l < spheres.size(); ++l) {
+      if (x(spheres[l]) - x(spheres[k]) > 2.0 * radius) break;
+      add_pair(spheres[k], spheres[l]);
+    }
   return deepest;
 }
 

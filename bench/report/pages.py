@@ -16,9 +16,13 @@ REFERENCE_COLUMNS = {
                  'to the same with steps half as long [m]; 0 for closed forms'}
 SCALING_COLUMNS = {
     'kind': 'what there is ever more of: links of a chain, free bodies, balls in contact with a plane',
-    'count': 'how many', 'time': 'run time of a step of order 8, of impulses where there are contacts '
-    '[µs]', 'instructions': 'of a step, counted by valgrind; 0: not counted',
-    'bytes': 'memory of the world after some steps'}
+    'count': 'how many',
+    'contestant': 'the engine and the way it is used, with tolerances of its own',
+    'outcome': 'as in cells.csv; after one that is not `ok` no larger scene was tried',
+    'time': 'run time of a tick of 1 ms, best of the rounds; an error-controlled engine may take '
+            'several steps in it [µs]',
+    'bytes': 'resident memory that building the scene and its first ticks took',
+    'instructions': 'of a tick, counted by valgrind; nan: not counted'}
 STYLE = """body{font:14px/1.5 sans-serif;max-width:1200px;margin:2em auto;padding:0 1em}
 table{border-collapse:collapse;margin:1em 0}td,th{padding:2px 8px;border:1px solid #ddd}
 td{text-align:right}td:first-child,th:first-child{text-align:left}.win{background:#dff2df}
@@ -101,33 +105,46 @@ def judgement(lines):
 
 
 def published_lines(runs):
-    """Each peer's time beside the earlier one, over the median of that, and why where far off."""
+    """Each peer's time beside the earlier one, over the median of that, and why where far off, or
+    where only one of the two comparisons has a time."""
     found = []
     for problem, columns in published.TIMES.items():
+        if problem not in runs:
+            continue
         for column, times in columns.items():
-            same = {name: own for name, own in runs.get(problem, {}).items()
+            same = {name: own for name, own in runs[problem].items()
                     if published.column(name) == column or
                     (column == 'simbody' and name.startswith('simbody'))}
             for target, then in zip(published.TARGETS, times):
                 now = figures.best_of(same, target, lambda name: True)
-                if then and now:
-                    found.append((problem, column, target, then, now[1].time))
-    if not found:
+                if same and (then or now):
+                    found.append((problem, column, target, then, now and now[1].time))
+    both = [now / then for *_, then, now in found if then and now]
+    if not both:
         return [], math.nan
-    factor = statistics.median(now / then for *_, then, now in found)
+    factor = statistics.median(both)
     lines = []
     for problem, column, target, then, now in found:
-        off = now / then / factor
-        lines.append([problem, column, f'{target:g}', brief(then), brief(now), f'{off:.2f}',
-                      published.REASONS.get(column, '') if not 0.5 <= off <= 2.0 else ''])
+        off = now / then / factor if then and now else math.nan
+        lines.append([problem, column, f'{target:g}', brief(then), brief(now), brief(off),
+                      '' if 0.5 <= off <= 2.0 else published.reason(problem, column, then, now)])
     return lines, factor
+
+
+PUBLISHED_HEADER = ['problem', 'peer', 'error', 'then [µs/s]', 'here [µs/s]', 'relative', '']
+
+
+def published_text(factor):
+    return (f'Run times here are {factor:.2f} times those of an earlier comparison on another machine '
+            '(median); the relative figure is each over that. Where it is beyond a factor of two, or '
+            'only one of the two reached the error, what is known of why stands beside it.')
 
 
 def grid_page(grid, problems, contestants):
     ticks = {}
     for name, found in grid.items():
         ticks[name] = [cell[0] for cell in next(iter(found.values()))]
-    width = max(map(len, ticks.values()))
+    width = max(map(len, ticks.values()), default=0)
     head = '<tr><th>case</th>' + ''.join(
         f'<th colspan="{width}">{html.escape(name.replace("_", " "))}</th>' for name in contestants)
     rows, group = [head + '</tr>'], None
@@ -185,10 +202,15 @@ HONESTY = [
     'Ticks are those that divide 0.1 s, tolerances powers of ten: a finer choice moves a run time '
     'by up to the factor between two of them.',
     'Runs beyond the budget were not made, so that "–" may mean too dear as well as never.',
-    'Building a scene, rendering, and the memory of peers are not measured.',
+    'Building a scene and rendering are not measured. Memory is resident memory, and of small scenes '
+    'mostly what a library takes once.',
     'Scenes were chosen by the authors of constraint_sim. Those with contacts are few and simple.',
-    'MuJoCo has no restitution by a coefficient; Simbody, Featherstone and springs or motors of '
-    'others are left out where the adapter says so (outcome `unsupported`).',
+    'What an adapter cannot express is left out (outcome `unsupported`): MuJoCo has no restitution by '
+    'a coefficient; Simbody (compliant contacts: Hertz, 1e8 Pa, 10 s/m) has no contact of boxes with '
+    'anything but planes; DART and Simbody take other means of two coefficients of friction than the '
+    'geometric one; DART has no rods, and where light bars stood for rods in closed loops they flew '
+    'apart at every tick that was tried, so its loops are of ball joints; springs, motors and, of '
+    'others than DART, loops are not built in joint coordinates.',
 ]
 
 
@@ -204,8 +226,54 @@ def exploded_of(grid, contestant):
     return f'{short(contestant)}: {count} exploded' + (f' ({listed}).' if cases else '.')
 
 
-def write(output, rows, grid_rows, problems, variants, own_errors, facts):
-    runs = figures.runs_of(rows)
+def many_lines(rows):
+    """Of each scene of many bodies, the quickest first."""
+    lines = []
+    for problem, contestants in sorted(figures.runs_of(rows).items()):
+        done = [(name, run) for name, (run,) in contestants.items() if run.outcome != 'unsupported']
+        for name, run in sorted(done, key=lambda pair: (math.isnan(pair[1].time), pair[1].time)):
+            lines.append([problem, name, run.outcome.replace('_', ' '), brief(run.time * 1e-6),
+                          *(brief(run.errors[measure]) for measure in MANY_ERRORS)])
+    return lines
+
+
+MANY_ERRORS = ('position', 'orientation', 'constraint', 'energy')
+MANY_HEADER = ['problem', 'contestant', 'outcome', 'run time per second [s/s]',
+               *(figures.MEASURES[name] for name in MANY_ERRORS)]
+MANY_TEXT = ('One tick of 1/240 s after the other with the tolerances that each engine has by itself. '
+             'What is too slow was stopped at the budget: its figures are of the part until then. '
+             'net_32 is the net of 1984 rods and two that hold its corners.')
+
+
+def slope_lines(sizes):
+    """Of each kind and contestant: exponents of time, instructions and memory, and what one more
+    costs where there are most."""
+    found = {measure: figures.growth(sizes, measure) for measure in ('time', 'instructions', 'bytes')}
+    lines = []
+    for kind, contestant in sorted(found['time'], key=lambda key: (
+            key[0], not figures.is_ours(key[1]), key[1])):
+        line, key = found['time'][kind, contestant], (kind, contestant)
+        counts = [count for count, _ in line]
+        def slope(measure):
+            points = found[measure].get(key, [])
+            return f'{figures.slope(*zip(*points)):.2f}' if len(points) > 1 else '–'
+        weight = found['bytes'].get(key, [(1, math.nan)])[-1]
+        lines.append([kind, contestant, f'{counts[0]} to {counts[-1]}', slope('time'),
+                      brief(line[-1][1] / line[-1][0]), slope('instructions'), slope('bytes'),
+                      brief(weight[1] / weight[0])])
+    return lines
+
+
+SLOPE_HEADER = ['kind', 'contestant', 'over', 'slope of time', 'µs for one, at most', 'of instructions',
+                'of memory', 'bytes for one, at most']
+SLOPE_TEXT = ('Run time of a tick of 1 ms and memory from 10 links, bodies or contacts on, each '
+              'contestant as far as the budget goes; the slope is the exponent of the growth, and what '
+              'one costs is taken where there are most.')
+
+
+def write(output, rows, sizes, problems, variants, own_errors, facts):
+    """`rows` are those of the diagrams, the grid and the scenes of many bodies."""
+    runs = figures.runs_of(rows['diagrams'])
     contestants = sorted({name for found in runs.values() for name in found},
                          key=lambda name: (not figures.is_ours(name), name))
     style = plots.styles(contestants)
@@ -213,22 +281,27 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
         plots.diagram(name, found, style, output / f'{name}.svg')
     lines = figures.comparison(runs)
     plots.ratios(lines, output / 'ratios.svg')
-    grid = figures.verdicts(grid_rows, problems)
+    grid = figures.verdicts(rows['grid'], problems)
     in_grid = sorted({name for found in grid.values() for name in found},
                      key=lambda name: (not figures.is_ours(name), name))
     counts = figures.counts(grid)
-    scaling = read_csv(output / 'scaling.csv')
-    if scaling:
-        plots.scaling(scaling, output / 'scaling.svg')
+    plots.scaling(sizes, output / 'scaling.svg')
+    with open(output / 'scaling.csv', 'w', newline='') as file:
+        writer = csv.DictWriter(file, list(SCALING_COLUMNS), lineterminator='\n')
+        writer.writeheader()
+        writer.writerows({name: f'{value:.4g}' if isinstance(value, float) else value
+                          for name, value in row.items()} for row in sizes)
     micro = read_csv(output / 'micro.csv')
+    many = many_lines(rows['many'])
+    slopes = slope_lines(sizes)
     (output / 'grid.html').write_text(grid_page(grid, problems, in_grid))
     with open(output / 'references.csv', 'w', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(REFERENCE_COLUMNS)
         writer.writerows([name, problems[name].source, f'{own_errors[name]:.2g}']
                          for name in sorted(own_errors))
-    described = [('cells.csv and grid.csv', cells.COLUMNS), ('references.csv', REFERENCE_COLUMNS),
-                 ('scaling.csv', SCALING_COLUMNS)]
+    described = [('cells.csv, grid.csv and many.csv', cells.COLUMNS),
+                 ('references.csv', REFERENCE_COLUMNS), ('scaling.csv', SCALING_COLUMNS)]
     (output / 'columns.md').write_text(
         '`nan`: there is nothing to compare with. micro.csv is as Google Benchmark writes it.\n\n' +
         '\n'.join(f'# Columns of {name}\n\n' + markdown_table(
@@ -243,7 +316,9 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
         f'{facts["kind"]} run, measured in {facts["measured in"]}; each time the best of '
         f'{facts["rounds"]} interleaved rounds; the median of the rounds is above it by '
         f'{100 * median:.0f} % (median of all settings), at most {100 * worst:.0f} %',
-        f'budget of a run: {facts["budget"]:g} s, in the stability grid {facts["grid_budget"]:g} s',
+        f'budget of a run: {facts["budget"]:g} s, in the stability grid {facts["grid_budget"]:g} s, '
+        + (f'with many bodies {facts["many_budget"]:g} s, ' if many else '') +
+        f'of a size {facts["sizes_budget"]:g} s',
         f'largest error of a reference of the diagrams: '
         f'{max((own_errors.get(name, 0.0) for name in runs), default=0.0):.1g} m (references.csv)']
     texts = judgement(lines)
@@ -252,7 +327,8 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
                                                   if figures.is_ours(name))
     beside, factor = published_lines(runs)
 
-    write_markdown(output, facts, texts, lines, stability, header, counted, scaling, conditions)
+    write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, beside, factor,
+                   conditions)
     table_lines, classes = comparison_lines(lines)
     full = []
     for name in sorted(runs):
@@ -276,9 +352,11 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
             table(['problem', 'contestant', *(f'{t:g}' for t in figures.TARGETS), 'least error'], full),
             f'<h2>Stability</h2><p>{html.escape(stability)} <a href="grid.html">The grid</a>.</p>',
             table(header, counted)]
-    if scaling:
-        body += ['<h2>Scaling</h2><img src="scaling.svg" alt="cost of a step against size">',
-                 table(list(scaling[0]), [list(row.values()) for row in scaling])]
+    if many:
+        body += [f'<h2>Many bodies at 1/240 s</h2><p>{html.escape(MANY_TEXT)}</p>',
+                 table(MANY_HEADER, many)]
+    body += [f'<h2>Scaling</h2><p>{html.escape(SLOPE_TEXT)}</p>'
+             '<img src="scaling.svg" alt="cost of a tick against size">', table(SLOPE_HEADER, slopes)]
     if micro:
         kept = [row for row in micro if row['name'].endswith('_median')]
         body += ['<h2>Micro figures</h2>', table(
@@ -287,18 +365,19 @@ def write(output, rows, grid_rows, problems, variants, own_errors, facts):
               brief(1e9 / float(row['items_per_second']) if row['items_per_second'] else math.nan)]
              for row in kept])]
     if beside:
-        body += ['<h2>Peers beside an earlier comparison</h2>'
-                 f'<p>Run times here are {factor:.2f} times those of then (median); the last figure is '
-                 'each over that. Beyond a factor of two what is known of why stands beside it.</p>',
-                 table(['problem', 'peer', 'error', 'then [µs/s]', 'here [µs/s]', 'relative', ''], beside)]
+        body += [f'<h2>Peers beside an earlier comparison</h2><p>{published_text(factor)}</p>',
+                 table(PUBLISHED_HEADER, beside)]
     body += ['<h2>What this does not measure</h2><ul>',
              *(f'<li>{html.escape(text)}</li>' for text in HONESTY), '</ul>',
-             '<p>Raw figures: <a href="cells.csv">cells.csv</a>, <a href="grid.csv">grid.csv</a> '
-             '(<a href="columns.md">columns</a>), <a href="references.csv">references.csv</a>.</p>']
+             '<p>Raw figures: ' + ', '.join(
+                 f'<a href="{name}.csv">{name}.csv</a>'
+                 for name in ('cells', 'grid', 'many', 'scaling', 'references')) +
+             '; <a href="columns.md">their columns</a>.</p>']
     (output / 'index.html').write_text(page('constraint_sim: error against run time', '\n'.join(body)))
 
 
-def write_markdown(output, facts, texts, lines, stability, header, counted, scaling, conditions):
+def write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, beside,
+                   factor, conditions):
     parts = ['# Error against run time\n',
              'Written by `./scripts/report' + (' --quick' if facts['kind'] == 'quick' else '') + '`; '
              'open [index.html](index.html) in a browser for the diagrams.\n',
@@ -307,17 +386,14 @@ def write_markdown(output, facts, texts, lines, stability, header, counted, scal
              'Ratio: run time of the best peer over ours; bold where the peer wins.\n',
              markdown_table(HEADER, [[*line[:-1], f'**{line[-1]}**' if kind == 'loss' else line[-1]]
                                      for line, kind in zip(*comparison_lines(lines))]),
-             '## Stability\n', stability + ' Grid: grid.html.\n', markdown_table(header, counted)]
-    if scaling:
-        slopes = []
-        for kind in sorted({row['kind'] for row in scaling}):
-            for measure in ('time', 'instructions', 'bytes'):
-                line = [(int(row['count']), float(row[measure])) for row in scaling
-                        if row['kind'] == kind and float(row[measure]) > 0.0]
-                if len(line) > 1:
-                    slopes.append([kind, measure, f'{figures.slope(*zip(*line)):.2f}',
-                                   f'{line[0][0]} to {line[-1][0]}'])
-        parts += ['## Scaling of a step\n', markdown_table(['kind', 'of', 'slope', 'over'], slopes)]
-    parts += ['## Conditions\n', '\n'.join(f'- {text}' for text in conditions) + '\n',
-              '## What this does not measure\n', '\n'.join(f'- {text}' for text in HONESTY) + '\n']
+             '## Stability\n', stability + ' Grid: grid.html.\n', markdown_table(header, counted),
+             *(['## Many bodies at 1/240 s\n', MANY_TEXT + '\n', markdown_table(MANY_HEADER, many)]
+               if many else []),
+             '## Scaling\n', SLOPE_TEXT + '\n', markdown_table(SLOPE_HEADER, slopes),
+             *(['## Peers beside an earlier comparison\n', published_text(factor) +
+                f' Of {len(beside)} figures those that differ:\n',
+                markdown_table(PUBLISHED_HEADER, [line for line in beside if line[-1]])]
+               if beside else []),
+             '## Conditions\n', '\n'.join(f'- {text}' for text in conditions) + '\n',
+             '## What this does not measure\n', '\n'.join(f'- {text}' for text in HONESTY) + '\n']
     (output / 'summary.md').write_text('\n'.join(parts))

@@ -114,19 +114,23 @@ def ratios(lines, path):
 
 
 def scaling(rows, path):
-    """Cost of a step against the number of links, bodies and contacts."""
-    measures = [('time', 'run time of a step [µs]'), ('instructions', 'instructions of a step'),
-                ('bytes', 'memory [bytes]')]
-    figure, axes = plt.subplots(1, 3, figsize=(12.0, 3.4))
-    for axis, (measure, label) in zip(axes, measures):
-        for kind in sorted({row['kind'] for row in rows}):
-            line = [(int(row['count']), float(row[measure])) for row in rows
-                    if row['kind'] == kind and float(row[measure]) > 0.0]
-            if len(line) > 1:
-                axis.plot(*zip(*line), 'o-', label=f'{kind}: slope '
-                          f'{figures.slope(*zip(*line)):.2f}')
-        axis.set(xscale='log', yscale='log', xlabel='links, bodies or contacts', ylabel=label)
-        if axis.lines:
-            axis.legend()
-    figure.tight_layout()
+    """Cost of a tick against the number of links, bodies and contacts: a row of panels for each."""
+    measures = [('time', 'run time of a tick [µs]'), ('bytes', 'memory [bytes]'),
+                ('instructions', 'instructions of a tick')]
+    kinds = sorted({row['kind'] for row in rows})
+    if not kinds:
+        return
+    style = styles({row['contestant'] for row in rows})
+    figure, axes = plt.subplots(len(kinds), 3, figsize=(12.0, 3.1 * len(kinds) + 0.7), squeeze=False)
+    handles = {}
+    for (measure, label), column in zip(measures, axes.T):
+        lines = figures.growth(rows, measure)
+        for kind, axis in zip(kinds, column):
+            for (own_kind, contestant), line in lines.items():
+                if own_kind == kind:
+                    handles[contestant.replace('_', ' ')], = axis.plot(*zip(*line), **style[contestant])
+            axis.set(xscale='log', yscale='log', xlabel=kind, ylabel=label)
+    handles = dict(sorted(handles.items()))
+    figure.legend(handles.values(), handles.keys(), loc='lower center', ncol=5, frameon=False)
+    figure.tight_layout(rect=(0.0, 0.6 / figure.get_figheight(), 1.0, 1.0))
     save(figure, path)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <stdexcept>
 
 namespace constraint_sim::report {
@@ -14,9 +15,30 @@ std::vector<Maker>& makers() {
   return list;
 }
 
+using SizedMaker = Problem (*)(int);
+
+std::map<std::string, SizedMaker>& kinds() {
+  static std::map<std::string, SizedMaker> map;
+  return map;
+}
+
+/// nullptr where the name is not that of a kind and a count.
+const Problem* sized_problem(const std::string& name) {
+  static std::map<std::string, Problem> made;
+  const std::size_t end = name.rfind('_');
+  const auto kind = kinds().find(name.substr(0, end));
+  if (end == std::string::npos || kind == kinds().end()) return nullptr;
+  const auto found = made.find(name);
+  if (found != made.end()) return &found->second;
+  Problem problem = kind->second(std::stoi(name.substr(end + 1)));
+  problem.name = name;
+  return &made.emplace(name, std::move(problem)).first->second;
+}
+
 }  // namespace
 
 Registration::Registration(Maker make) { makers().push_back(make); }
+Registration::Registration(const std::string& kind, SizedMaker make) { kinds()[kind] = make; }
 
 const std::vector<Problem>& problems() {
   static const std::vector<Problem> kAll = [] {
@@ -31,6 +53,7 @@ const std::vector<Problem>& problems() {
 }
 
 const Problem& problem_named(const std::string& name) {
+  if (const Problem* sized = sized_problem(name)) return *sized;
   for (const Problem& problem : problems())
     if (problem.name == name) return problem;
   throw std::invalid_argument("there is no problem '" + name + "'");

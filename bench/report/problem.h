@@ -67,6 +67,7 @@ struct Problem {
   bool is_invalid = false;      ///< no engine should accept it
   bool has_conflict = false;    ///< its joints cannot all be met: their error says nothing
   bool is_conservative = true;  ///< energy should stay
+  int warm_up = 0;              ///< samples before run times count; memory is that until then
   std::string source;           ///< where the reference comes from; empty: there is none
   /// The motion, computed with steps `refinement` times as short where there are steps.
   std::function<Trajectory(int refinement)> reference;
@@ -77,11 +78,14 @@ struct Problem {
 
 /// All that problems/*.cpp registered, by name. The order of files does not matter.
 const std::vector<Problem>& problems();
+/// One of them, or of a kind that exists in every size: `KIND_COUNT`.
 const Problem& problem_named(const std::string& name);
 
 /// At namespace scope in a file of problems/: adds what `make` returns.
 struct Registration {
   explicit Registration(std::vector<Problem> (*make)());
+  /// A kind of scene of any size. It is made where its name is asked for and not among problems().
+  Registration(const std::string& kind, Problem (*make)(int count));
 };
 
 }  // namespace constraint_sim::report

@@ -3,10 +3,10 @@
 report: an HTML page with plots, the raw figures as CSV, and a summary in Markdown.
 
 scripts/report calls this with what it has built. A run that was interrupted goes on where it
-stopped, as long as its options and the commit are the same; --fresh begins anew.
+stopped, as long as its options, the commit and the engines' versions are the same; --fresh begins
+anew. Problems and variants may come and go meanwhile.
 """
 import argparse
-import csv
 import json
 import os
 import pathlib
@@ -18,6 +18,7 @@ import sys
 import time
 
 import cells
+import figures
 import pages
 
 SOURCES = pathlib.Path(__file__).parent
@@ -27,19 +28,37 @@ GRID_TICKS = (0.5, 0.1, 1 / 30, 1 / 60, 1 / 240, 1 / 1000)
 # the stability grid also has the diagrams' problems that are stiff, singular or redundant
 ALSO_IN_GRID = ('four_bar_1', 'four_bar_10', 'four_bar_1_loaded', 'four_bar_10_loaded', 'ring_12',
                 'n_four_bar_2', 'net_8', 'block_sticks', 'bouncing')
+# many bodies at an ordinary tick, with each engine's own tolerances
+MANY, MANY_TICK = ('pendula_1000', 'net_32', 'free_boxes_10000'), 1 / 240
+# ever more links, bodies and contacts: of each engine what is quickest
+SIZED_TICK = 1e-3
+SIZED = {
+    'links': ('constraint_sim auto', 'constraint_sim sequential_impulses_10', 'mujoco joint_euler',
+              'bullet featherstone_rk4', 'bullet sequential_impulses_10', 'ode quickstep_10',
+              'dart joint', 'simbody pin', 'simbody rod'),
+    'bodies': ('constraint_sim auto', 'constraint_sim sequential_impulses_10', 'mujoco joint_euler',
+               'bullet featherstone_rk4', 'bullet sequential_impulses_10', 'ode quickstep_10',
+               'dart joint', 'simbody pin'),
+    'contacts': ('constraint_sim auto', 'constraint_sim sequential_impulses_10', 'mujoco joint_euler',
+                 'bullet featherstone_rk4', 'bullet sequential_impulses_10', 'ode quickstep_10',
+                 'dart joint', 'simbody pin')}
+COUNTED = 'constraint_sim auto'  # whose instructions are counted
+PARTS = ('diagrams', 'grid', 'many', 'sizes')
 QUICK = {
     'problems': ('pendulum', 'double_pendulum', 'chain_10', 'chain_100', 'free_box',
                  'tumbling_pendulum', 'four_bar_10_loaded', 'heavy_chain_1e3', 'sliding_ball'),
     # one number of sweeps of each iterative solver, and what is nowhere the best of its engine
     'leave_out': re.compile(r'_(10|200)$|^ode (step|quickstep_50)$|^mujoco (tendon_rk4|joint_euler)$'),
-    'grid_ticks': (0.1, 1 / 60),
-    'budget': 0.08, 'grid_budget': 0.03, 'most': 1000,
+    'grid_ticks': (0.1, 1 / 60), 'grid_stride': 2, 'many': (), 'counts': (10, 300),
+    'budget': 0.08, 'grid_budget': 0.03, 'many_budget': 0.0, 'sizes_budget': 0.03, 'most': 1000,
 }
-FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'budget': 3.0,
-        'grid_budget': 3.0, 'most': 100000}
+FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'grid_stride': 1, 'many': MANY,
+        'counts': (10, 100, 1000, 10000, 100000), 'budget': 3.0, 'grid_budget': 3.0,
+        'many_budget': 20.0, 'sizes_budget': 3.0, 'most': 100000}
 TINY = {'problems': ('pendulum', 'oscillator'),
         'leave_out': re.compile('^(?!constraint_sim (auto|runge|sequential_impulses_10))'),
-        'grid_ticks': (0.1, 1 / 30), 'budget': 0.02, 'grid_budget': 0.02, 'most': 100}
+        'grid_ticks': (0.1, 1 / 30), 'grid_stride': 1, 'many': ('pendula_1000',), 'counts': (10, 30),
+        'budget': 0.02, 'grid_budget': 0.02, 'many_budget': 0.02, 'sizes_budget': 0.02, 'most': 100}
 TINY_GRID = ('pendulum_doubled', 'spring_1e+12', 'mass_nan', 'chain_load_1e+03')
 
 
@@ -54,6 +73,8 @@ def arguments():
     size.add_argument('--tiny', action='store_true', help='seconds; for tests')
     parser.add_argument('--rounds', type=int, default=5, help='interleaved runs of each setting')
     parser.add_argument('--budget', type=float, help='longest run [s]')
+    parser.add_argument('--only', choices=PARTS, action='append',
+                        help='this part of the measurements; the others stay as they are')
     parser.add_argument('--fresh', action='store_true', help='begin anew')
     parser.add_argument('--perturb', type=float, default=0.0,
                         help='run everything a second time with gravity wrong by this share')
@@ -85,91 +106,166 @@ def values_of(variant, most):
     return variant.values
 
 
-def measure(options, size, work, variants, problems):
-    """Fills the two tables."""
-    state_path = work / 'state.json'
-    state = {'commit': options.commit, 'size': [options.quick, options.tiny, options.rounds,
-                                                options.budget, options.perturb],
-             'versions': sorted({f'{v.engine} {v.version} {v.name}' for v in variants})}
-    is_fresh = options.fresh or not state_path.exists() or \
-        json.loads(state_path.read_text())['run'] != state
-    if is_fresh:
-        state_path.write_text(json.dumps({'run': state, 'started': time.time()}))
-        for name in ('scaling.csv', 'micro.csv'):
-            (work / name).unlink(missing_ok=True)
-    graded = [p.name for p in problems.values() if p.graded and
-              (size['problems'] is None or p.name in size['problems'])]
-    in_grid = [p.name for p in problems.values()
-               if (not p.graded or p.name in ALSO_IN_GRID) and
-               (not options.tiny or p.name in TINY_GRID)]
-    ours = next(v.program for v in variants if v.engine == 'constraint_sim')
-    sources = [SOURCES / 'references.cpp', SOURCES / 'problem.cpp',
-               *(SOURCES / 'problems').glob('*')]
-    references = work / 'references'
-    own_errors = cells.make_references(
-        ours, references, [name for name in [*graded, *in_grid] if problems[name].has_reference],
-        sources)
-
-    budget = options.budget or size['budget']
-    common = {'references': references, 'repeats': 5, 'memory': options.memory}
-    diagrams = cells.Table(work / 'cells.csv', is_fresh)
-    first = [cells.Batch(1, name, variant, values_of(variant, size['most']), False)
-             for name in graded for variant in variants]
-    cells.run_all('round 1', first, diagrams, 1, budget=budget, perturbation=0.0, **common)
-    worth = cells.worth_repeating(diagrams, first)
-    for number in range(2, options.rounds + 1):
-        again = [batch._replace(round=number, values=worth[cells.Table.key(batch).split(' ', 1)[1]])
-                 for batch in first]
-        cells.run_all(f'round {number}', [batch for batch in again if batch.values], diagrams, 1,
-                      budget=2.0 * budget, perturbation=0.0, **common)
-    if options.perturb:
-        wrong = [batch._replace(round=0) for batch in first
-                 if batch.variant.engine == 'constraint_sim']
-        cells.run_all('perturbed', wrong, diagrams, 1, budget=budget, perturbation=options.perturb,
-                      **common)
-
-    grid = cells.Table(work / 'grid.csv', is_fresh)
-    batches = [cells.Batch(1, name, variant,
-                           [tick * problems[name].tick_scale for tick in size['grid_ticks']], True)
-               for name in in_grid for variant in variants]
-    common['repeats'] = 1
-    cells.run_all('stability', batches, grid, os.cpu_count(), budget=size['grid_budget'],
-                  perturbation=0.0, **common)
-    state = json.loads(state_path.read_text())
-    if 'taken' not in state:  # when pages alone are written anew, it stays
-        state['taken'] = time.time() - state['started']
-        state_path.write_text(json.dumps(state))
-    return diagrams, grid, own_errors, state['taken']
+def is_continued(path, run, versions):
+    """Whether the run that the file tells of is this one. Engines it did not know may be new."""
+    if not path.exists():
+        return False
+    state = json.loads(path.read_text())
+    before = state.get('versions', {})
+    return state['run'] == run and all(before.get(name, version) == version
+                                       for name, version in versions.items())
 
 
-def instructions(program, kind, count, steps):
+class Measurements:
+    """The tables of a run, in its folder. What is there already is not measured again."""
+
+    def __init__(self, options, size, work):
+        self.options, self.size, self.work = options, size, work
+        all_variants = cells.variants(options.programs)
+        self.variants = [variant for variant in all_variants if not (
+            size['leave_out'] and size['leave_out'].search(cells.label(variant)))]
+        # engines are compared there with what is quickest, also where that is nowhere exact enough
+        self.sized_variants = self.variants if options.tiny else all_variants
+        self.ours = self.variants[0].program
+        self.problems = cells.problems(self.ours)
+        versions = {variant.engine: variant.version for variant in all_variants}
+        run = {'commit': options.commit, 'size': [options.quick, options.tiny, options.rounds,
+                                                  options.budget, options.perturb]}
+        self.state_path = work / 'state.json'
+        is_fresh = options.fresh or not is_continued(self.state_path, run, versions)
+        state = {'run': run, 'versions': {}, 'taken': 0.0}
+        if not is_fresh:
+            state = json.loads(self.state_path.read_text())
+        state['versions'].update(versions)
+        self.state_path.write_text(json.dumps(state))
+        if is_fresh:
+            for name in ('instructions.json', 'micro.csv'):
+                (work / name).unlink(missing_ok=True)
+        self.tables = {part: cells.Table(work / f'{name}.csv', is_fresh) for part, name in (
+            ('diagrams', 'cells'), ('grid', 'grid'), ('many', 'many'), ('sizes', 'sizes'))}
+        self.own_errors = {}
+
+    def graded(self):
+        return [p.name for p in self.problems.values() if p.graded and
+                (self.size['problems'] is None or p.name in self.size['problems'])]
+
+    def in_grid(self):
+        return [p.name for p in self.problems.values()
+                if (not p.graded or p.name in ALSO_IN_GRID) and
+                (not self.options.tiny or p.name in TINY_GRID)][::self.size['grid_stride']]
+
+    def batches(self):
+        """Of all parts that are wanted."""
+        size = self.size
+        found = {
+            'diagrams': [cells.Batch(1, name, variant, values_of(variant, size['most']), False)
+                         for name in self.graded() for variant in self.variants],
+            'grid': [cells.Batch(1, name, variant, [tick * self.problems[name].tick_scale
+                                                    for tick in size['grid_ticks']], True)
+                     for name in self.in_grid() for variant in self.variants],
+            'many': [cells.Batch(1, name, variant, [MANY_TICK], True)
+                     for name in size['many'] for variant in self.variants],
+            'sizes': [cells.Batch(1, f'{kind}_{count}', variant, [SIZED_TICK], True)
+                      for count in size['counts'] for kind, names in SIZED.items()
+                      for variant in self.sized_variants if cells.label(variant) in names]}
+        return {part: batches for part, batches in found.items()
+                if part in (self.options.only or PARTS)}
+
+    def measure(self):
+        start = time.monotonic()
+        try:
+            self.measure_all()
+        finally:
+            state = json.loads(self.state_path.read_text())
+            state['taken'] += time.monotonic() - start
+            self.state_path.write_text(json.dumps(state))
+        return state['taken']
+
+    def measure_all(self):
+        options, size, batches = self.options, self.size, self.batches()
+        wrong = [batch._replace(round=0) for batch in batches.get('diagrams', [])
+                 if options.perturb and batch.variant.engine == 'constraint_sim']
+        used = dict.fromkeys(batch.problem for part in batches for batch in batches[part]
+                             if batch.problem in self.problems and
+                             self.problems[batch.problem].has_reference)
+        progress = cells.ProgressBar(
+            len(used) + len(wrong) + sum(len(batches[part]) * (1 if part == 'grid' else options.rounds)
+                                         for part in batches))
+        references = self.work / 'references'
+        self.own_errors = cells.make_references(
+            self.ours, references, list(used),
+            [SOURCES / 'references.cpp', SOURCES / 'problem.cpp', *(SOURCES / 'problems').glob('*')],
+            progress)
+        common = {'references': references, 'memory': options.memory, 'perturbation': 0.0}
+        budget = options.budget or size['budget']
+        if 'diagrams' in batches:
+            self.interleaved('diagrams', [batches['diagrams']], progress, budget=budget, repeats=5,
+                             **common)
+            cells.run_all('perturbed', wrong, self.tables['diagrams'], 1, progress, budget=budget,
+                          repeats=5, **{**common, 'perturbation': options.perturb})
+        if 'grid' in batches:
+            cells.run_all('grid', batches['grid'], self.tables['grid'], os.cpu_count(), progress,
+                          budget=size['grid_budget'], repeats=1, **common)
+        if 'many' in batches:
+            self.interleaved('many', [batches['many']], progress, budget=size['many_budget'],
+                             repeats=1, **common)
+        if 'sizes' in batches:
+            self.interleaved('sizes', [[batch for batch in batches['sizes']
+                                        if batch.problem.endswith(f'_{count}')]
+                                       for count in size['counts']], progress,
+                             budget=size['sizes_budget'], repeats=5, **common)
+            self.count_instructions()
+
+    def interleaved(self, part, stages, progress, budget, **settings):
+        """All rounds; what ended badly in one stage is left out of those that follow."""
+        table, lost = self.tables[part], set()
+        for batches in stages:
+            cells.run_all(f'{part}, round 1', [
+                batch._replace(values=[]) if self.line_of(batch) in lost else batch
+                for batch in batches], table, 1, progress, budget=budget, **settings)
+            ended = {(row['problem'], row['contestant']): row['outcome'] for row in table.rows()}
+            lost |= {self.line_of(batch) for batch in batches
+                     if ended.get((batch.problem, cells.label(batch.variant))) != 'ok'}
+        for number in range(2, self.options.rounds + 1):
+            cells.repeat(number, [batch for batches in stages for batch in batches], table, progress,
+                         budget=2.0 * budget, **settings)
+
+    @staticmethod
+    def line_of(batch):
+        """Kind of scene and contestant, whatever the size."""
+        return batch.problem.rsplit('_', 1)[0], cells.label(batch.variant)
+
+    def count_instructions(self):
+        """Of a step of ours, by valgrind where it is there."""
+        path = self.work / 'instructions.json'
+        counted = json.loads(path.read_text()) if path.exists() else {}
+        names = [f'{kind}_{count}' for count in self.size['counts'] for kind in SIZED
+                 if f'{COUNTED} {kind}_{count}' not in counted]
+        if self.options.tiny or not shutil.which('valgrind'):
+            names = []
+
+        def count(problem):
+            counted[f'{COUNTED} {problem}'] = instructions(self.ours, COUNTED.split()[1], problem)
+
+        cells.finish(os.cpu_count(), count, names)
+        path.write_text(json.dumps(counted))
+
+    def rows(self, part):
+        """Without those of problems and variants that are no more."""
+        known = {cells.label(variant) for variant in self.sized_variants}
+        return [row for row in self.tables[part].rows()
+                if row['contestant'].replace(' perturbed', '') in known and
+                (part == 'sizes' or row['problem'] in self.problems)]
+
+
+def instructions(program, variant, problem):
+    ticks = 2
     run = subprocess.run(
-        ['valgrind', '--tool=callgrind', '--callgrind-out-file=/dev/null', program, kind, str(count),
-         str(steps)], check=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    return int(re.search(r'Collected : (\d+)', run.stderr).group(1))
-
-
-def measure_scaling(program, most, path):
-    """The program's lines, with instructions of a step, counted by valgrind where it is there."""
-    rows = list(csv.DictReader(cells.output_of(program, str(most)).splitlines()))
-    most_counted, steps = 10000, 2
-    can_count = shutil.which('valgrind')
-    progress = cells.ProgressBar('scaling', len(rows))
-
-    def count(row):
-        row['instructions'] = 0
-        if can_count and int(row['count']) <= most_counted:
-            size = row['kind'], row['count']
-            row['instructions'] = (instructions(program, *size, steps) -
-                                   instructions(program, *size, 0)) // steps
-        progress.step()
-
-    cells.finish(os.cpu_count(), count, rows)
-    with open(path, 'w', newline='') as file:
-        writer = csv.DictWriter(file, list(pages.SCALING_COLUMNS),
-                                lineterminator='\n')
-        writer.writeheader()
-        writer.writerows(rows)
+        ['valgrind', '--tool=callgrind', '--callgrind-out-file=/dev/null',
+         '--toggle-collect=*counted_ticks*', program, 'ticks', '--problem', problem, '--variant',
+         variant, '--values', str(SIZED_TICK), '--repeats', str(ticks)],
+        check=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return int(re.search(r'Collected : (\d+)', run.stderr).group(1)) // ticks
 
 
 def main():
@@ -178,31 +274,30 @@ def main():
     work, output = pathlib.Path(options.work), pathlib.Path(options.output)
     work.mkdir(parents=True, exist_ok=True)
     output.mkdir(parents=True, exist_ok=True)
-    variants = [variant for variant in cells.variants(options.programs)
-                if not (size['leave_out'] and
-                        size['leave_out'].search(f'{variant.engine} {variant.name}'))]
-    problems = cells.problems(variants[0].program)
-    diagrams, grid, own_errors, taken = measure(options, size, work, variants, problems)
-
-    scaling, micro = work / 'scaling.csv', work / 'micro.csv'
-    if not options.tiny and not scaling.exists():
-        measure_scaling(pathlib.Path(options.programs) / 'constraint_sim_scaling',
-                        1000 if options.quick else 100000, scaling)
+    measurements = Measurements(options, size, work)
+    taken = measurements.measure()
+    micro = work / 'micro.csv'
     if not options.tiny and not micro.exists():
         micro.write_text(cells.output_of(
             pathlib.Path(options.programs) / 'constraint_sim_micro', '--benchmark_format=csv',
             '--benchmark_min_time=0.02', '--benchmark_repetitions=5',
             '--benchmark_report_aggregates_only=true'))
-    for path in (diagrams.path, grid.path, scaling, micro):
+    tables = measurements.tables
+    for path in (tables['diagrams'].path, tables['grid'].path, tables['many'].path, micro):
         if path.exists():
             shutil.copy(path, output / path.name)
+    variants = measurements.variants
     known = {path.stem for path in (SOURCES / 'peers').glob('*.cpp')}
     present = {variant.program.name.replace('constraint_sim_report_', '') for variant in variants}
     facts = {**machine(), 'commit': options.commit, 'rounds': options.rounds,
              'budget': options.budget or size['budget'], 'grid_budget': size['grid_budget'],
+             'many_budget': size['many_budget'], 'sizes_budget': size['sizes_budget'],
              'kind': 'quick' if options.quick else 'tiny' if options.tiny else 'full',
              'absent': sorted(known - present), 'measured in': f'{taken / 60.0:.1f} min'}
-    pages.write(output, diagrams.rows(), grid.rows(), problems, variants, own_errors, facts)
+    counted = json.loads(path.read_text()) if (path := work / 'instructions.json').exists() else {}
+    rows = {part: measurements.rows(part) for part in PARTS}
+    sizes = figures.scaling(figures.runs_of(rows.pop('sizes')), counted)
+    pages.write(output, rows, sizes, measurements.problems, variants, measurements.own_errors, facts)
     print(f'report: {output}/index.html, {output}/summary.md')
 
 

@@ -35,7 +35,7 @@ Link hang(const Problem& problem, const Joint& joint, bool is_turned) {
 
 }  // namespace
 
-std::vector<Link> tree_of(const Problem& problem) {
+std::vector<Link> tree_of(const Problem& problem, std::vector<Joint>* loops) {
   for (const Joint& joint : problem.joints)
     if (joint.kind == JointKind::kSpring || joint.rate != 0.0 || joint.max_force != 0.0)
       throw Unsupported("springs and motors in joint coordinates");
@@ -49,6 +49,7 @@ std::vector<Link> tree_of(const Problem& problem) {
   for (std::size_t i = 0; i < problem.bodies.size(); ++i)
     if (problem.bodies[i].is_static)
       place({static_cast<int>(i), kWorld, false, Vector3d::Zero(), Vector3d::Zero()});
+  std::size_t free = 0;
   while (true) {
     bool has_grown = false;
     for (std::size_t k = 0; k < problem.joints.size(); ++k) {
@@ -60,13 +61,15 @@ std::vector<Link> tree_of(const Problem& problem) {
     }
     if (has_grown) continue;
     // what is left begins with a body that is free
-    std::size_t free = 0;
     while (free < is_placed.size() && is_placed[free]) ++free;
     if (free == is_placed.size()) break;
     place({static_cast<int>(free), kWorld, false, Vector3d::Zero(), Vector3d::Zero()});
   }
-  for (std::size_t k = 0; k < problem.joints.size(); ++k)
-    if (!is_used[k]) throw Unsupported("closed loops in joint coordinates");
+  for (std::size_t k = 0; k < problem.joints.size(); ++k) {
+    if (is_used[k]) continue;
+    if (loops == nullptr) throw Unsupported("closed loops in joint coordinates");
+    loops->push_back(problem.joints[k]);
+  }
   return tree;
 }
 

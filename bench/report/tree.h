@@ -16,8 +16,9 @@ struct Link {
 };
 
 /// Parents before their children. Throws Unsupported where joint coordinates of ball joints cannot
-/// express the problem: loops, springs, motors, rods between bodies that rotate.
-std::vector<Link> tree_of(const Problem& problem);
+/// express the problem: springs, motors, rods between bodies that rotate, and loops, unless the
+/// joints that close them are asked for.
+std::vector<Link> tree_of(const Problem& problem, std::vector<Joint>* loops = nullptr);
 
 /// The moments of inertia of a body; of a point mass as small ones as change nothing that can be
 /// seen, since engines in joint coordinates divide by them.

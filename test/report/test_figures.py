@@ -9,7 +9,9 @@ import unittest
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / 'bench' / 'report'))
 import cells  # noqa: E402
 import figures  # noqa: E402
+import pages  # noqa: E402
 import published  # noqa: E402
+import report  # noqa: E402
 
 
 def row(**values):
@@ -60,6 +62,29 @@ class Figures(unittest.TestCase):
 
     def test_slope(self):
         self.assertAlmostEqual(figures.slope([10, 100, 1000], [3.0, 300.0, 30000.0]), 2.0)
+
+    def test_scaling_of_a_tick(self):
+        rows = [row(problem=f'links_{count}', round=str(number), value='0.001',
+                    run_time=str(time), memory='5e3')
+                for count, times in ((10, (4000, 3000)), (1000, (300000, 310000)))
+                for number, time in enumerate(times, 1)]
+        rows.append(row(problem='links_10', contestant='peer x', value='0.001', outcome='crashed',
+                        run_time='nan'))
+        sizes = figures.scaling(figures.runs_of(rows), {'constraint_sim a links_10': 7})
+        self.assertEqual([(line['contestant'], line['count'], line['instructions'])
+                          for line in sizes[:1]], [('constraint_sim a', 10, 7)])
+        lines = figures.growth(sizes, 'time')  # 3000 µs/s in ticks of 1 ms
+        self.assertEqual(list(lines), [('links', 'constraint_sim a')])
+        (_, first), (_, last) = lines['links', 'constraint_sim a']
+        self.assertAlmostEqual(first, 3.0)
+        self.assertAlmostEqual(last, 300.0)
+        slope, = (line for line in pages.slope_lines(sizes))
+        self.assertEqual(slope[:5], ['links', 'constraint_sim a', '10 to 1000', '1.00', '0.3'])
+
+    def test_a_run_that_was_too_slow_has_the_time_of_its_part(self):
+        runs = figures.runs_of([row(outcome='too_slow', run_time='95e6', constraint='0.1')])
+        self.assertEqual(runs['p']['constraint_sim a'][0].time, 95e6)
+        self.assertIsNone(figures.time_to(runs['p']['constraint_sim a'], 1.0))
 
     def test_classes_of_the_grid(self):
         # the scene is 2 m large
@@ -114,7 +139,7 @@ class Processes(unittest.TestCase):
             finally:
                 cells.GRACE = grace
 
-    LINE = 'p,peer v,tick,%s,ok,1,1,0,0,0,0,0,0,0'
+    LINE = 'p,peer v,tick,%s,ok,1,1,0,0,0,0,0,0,0,0'
     # stands for a program: what it is asked to run are the arguments after --values
     LOOP = 'while [ "$1" != --values ]; do shift; done; shift\nfor v; do echo "begin $v"; %s\n' \
         'echo "' + LINE % '$v' + '"; done\n'
@@ -135,6 +160,17 @@ class Processes(unittest.TestCase):
     def test_a_program_that_does_not_start_is_an_error(self):
         with self.assertRaises(RuntimeError):
             self.run_program('exit 2', [1])
+
+    def test_a_run_goes_on_as_long_as_what_it_measures_is_the_same(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = pathlib.Path(folder) / 'state.json'
+            self.assertFalse(report.is_continued(path, {'commit': 'a'}, {}))
+            path.write_text('{"run": {"commit": "a"}, "versions": {"peer": "1"}}')
+            self.assertTrue(report.is_continued(path, {'commit': 'a'}, {'peer': '1'}))
+            self.assertTrue(report.is_continued(path, {'commit': 'a'}, {'peer': '1', 'new': '1'}))
+            self.assertTrue(report.is_continued(path, {'commit': 'a'}, {}))
+            self.assertFalse(report.is_continued(path, {'commit': 'a'}, {'peer': '2'}))
+            self.assertFalse(report.is_continued(path, {'commit': 'b'}, {'peer': '1'}))
 
     def test_an_interrupted_run_goes_on(self):
         with tempfile.TemporaryDirectory() as folder:

@@ -122,6 +122,31 @@ TEST(Measures, Penetration) {
   EXPECT_NEAR(penetration(problem, states), 0.1, 1e-15);
 }
 
+TEST(Measures, PenetrationOfSpheres) {
+  // no order along x: 0.5 m apart on x, 0.25 m on y, far, and a large one that reaches the far one
+  Problem problem;
+  States states;
+  const auto add = [&](const Vector3d& position, double radius) {
+    Body sphere;
+    sphere.shape = Shape::kSphere;
+    sphere.size.x() = radius;
+    problem.bodies.push_back(sphere);
+    State state;
+    state.position = position;
+    states.push_back(state);
+  };
+  add({10.0, 0.0, 0.0}, 0.25);
+  add({0.0, 0.0, 0.0}, 0.25);
+  add({0.5, 0.0, 0.0}, 0.25);
+  EXPECT_EQ(penetration(problem, states), 0.0);  // they touch
+  add({0.5, 0.25, 0.0}, 0.25);
+  EXPECT_NEAR(penetration(problem, states), 0.25, 1e-15);
+  add({13.0, 0.0, 0.0}, 3.25);
+  EXPECT_NEAR(penetration(problem, states), 0.5, 1e-15);
+  states[1].position.y() = std::nan("");
+  EXPECT_TRUE(std::isnan(penetration(problem, states)));
+}
+
 TEST(Measures, WorstOfAllSamplesAndBodies) {
   Problem problem = two_bodies();
   problem.duration = 0.2;
@@ -294,6 +319,27 @@ TEST(Problems, AreManyAndHaveNamesOfTheirOwn) {
 
 // ---- joint coordinates
 
+TEST(Problems, OfEverySizeAreMadeByName) {
+  EXPECT_EQ(problem_named("links_30").joints.size(), 30u);
+  EXPECT_EQ(problem_named("bodies_7").bodies.size(), 7u);
+  EXPECT_EQ(problem_named("contacts_12").bodies.size(), 13u);  // and the plane
+  EXPECT_GT(problem_named("links_100000").samples(), problem_named("links_100000").warm_up);
+  for (const Problem& problem : problems()) EXPECT_EQ(problem.warm_up, 0) << problem.name;
+  EXPECT_THROW(problem_named("links_"), std::invalid_argument);
+  EXPECT_THROW(problem_named("nothing_10"), std::invalid_argument);
+  // balls touch the plane and nothing else
+  const Problem& contacts = problem_named("contacts_700");
+  EXPECT_EQ(penetration(contacts, start_of(contacts)), 0.0);
+}
+
+TEST(Tree, HandsOutWhatClosesLoops) {
+  std::vector<Joint> loops;
+  const Problem& bars = problem_named("n_four_bar_2");  // five bars, seven joints
+  EXPECT_EQ(tree_of(bars, &loops).size(), 5u);
+  EXPECT_EQ(loops.size(), 2u);
+  EXPECT_THROW(tree_of(bars), Unsupported);
+}
+
 TEST(Tree, OfAChainAndOfWhatIsNone) {
   const Problem& chain = problem_named("chain_10");
   const std::vector<Link> tree = tree_of(chain);
@@ -367,13 +413,33 @@ TEST(Pipeline, WritesAllPagesAndShowsAPerturbedMethodAsWorse) {
   std::string line;
   std::getline(cells, line);
   const std::vector<std::string> header = split(line);
-  EXPECT_EQ(header.size(), 15u);
+  EXPECT_EQ(header.size(), 16u);
   const std::string columns = content(folder / "out" / "columns.md");
   std::map<std::string, std::size_t> place;
   for (std::size_t i = 0; i < header.size(); ++i) {
     place[header[i]] = i;
     EXPECT_NE(columns.find("| `" + header[i] + "` |"), std::string::npos) << header[i];
   }
+
+  // also those of sizes and of many bodies, where memory and time are
+  std::ifstream sizes(folder / "out" / "scaling.csv");
+  std::getline(sizes, line);
+  const std::vector<std::string> sized = split(line);
+  for (const std::string& name : sized)
+    EXPECT_NE(columns.find("| `" + name + "` |"), std::string::npos) << name;
+  int lines = 0;
+  while (std::getline(sizes, line)) {
+    const std::vector<std::string> row = split(line);
+    ASSERT_EQ(row.size(), sized.size()) << line;
+    EXPECT_EQ(row[3], "ok") << line;
+    EXPECT_GT(std::stod(row[4]), 0.0) << line;
+    ++lines;
+  }
+  EXPECT_EQ(lines, 12);  // three kinds, two sizes, two methods
+  std::ifstream many(folder / "out" / "many.csv");
+  std::getline(many, line);
+  EXPECT_EQ(split(line), header);
+  EXPECT_TRUE(std::getline(many, line) && line.find("pendula_1000") != std::string::npos);
 
   // all methods are there, twice; gravity wrong by 1e-3 moves the pendulum by about 1e-2 m in 10 s
   std::map<std::string, double> best;

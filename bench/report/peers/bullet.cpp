@@ -1,11 +1,12 @@
 // needs: pkg-config bullet-float64
 //
 // Bullet in double precision: sequential impulses and Dantzig's solver in Cartesian coordinates,
-// and Featherstone's articulated bodies with RK4 in joint coordinates.
+// and Featherstone's articulated bodies with RK4 in joint coordinates, contacts by impulses.
 
 #include <BulletDynamics/Featherstone/btMultiBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h>
 #include <BulletDynamics/Featherstone/btMultiBodyDynamicsWorld.h>
+#include <BulletDynamics/Featherstone/btMultiBodyLinkCollider.h>
 #include <BulletDynamics/MLCPSolvers/btDantzigSolver.h>
 #include <BulletDynamics/MLCPSolvers/btMLCPSolver.h>
 #include <btBulletDynamicsCommon.h>
@@ -76,6 +77,40 @@ struct Collisions {
   btDbvtBroadphase broadphase;
 };
 
+btTransform start_of(const Body& body) {
+  return btTransform(to_bullet(body.start.orientation), to_bullet(body.start.position));
+}
+
+void set_surface(const Body& body, btCollisionObject* object) {
+  object->setFriction(
+      std::sqrt(body.friction));             // Bullet multiplies; a pair has the geometric mean
+  object->setRestitution(body.restitution);  // the same on all bodies of a scene that has one
+}
+
+class Shapes {
+ public:
+  btCollisionShape* add(const Body& body) {
+    switch (body.shape) {
+      case Shape::kPoint:
+        shapes_.push_back(std::make_unique<btEmptyShape>());
+        break;
+      case Shape::kSphere:
+        shapes_.push_back(std::make_unique<btSphereShape>(body.size.x()));
+        break;
+      case Shape::kBox:
+        shapes_.push_back(std::make_unique<btBoxShape>(to_bullet(body.size / 2.0)));
+        break;
+      case Shape::kPlane:
+        shapes_.push_back(std::make_unique<btStaticPlaneShape>(btVector3(0, 0, 1), 0.0));
+        break;
+    }
+    return shapes_.back().get();
+  }
+
+ private:
+  std::vector<std::unique_ptr<btCollisionShape>> shapes_;
+};
+
 class BulletSimulation : public Simulation {
  public:
   BulletSimulation(const Problem& problem, const std::string& variant, double tick)
@@ -127,38 +162,18 @@ class BulletSimulation : public Simulation {
     double length, rate;
   };
 
-  btCollisionShape* shape_of(const Body& body) {
-    switch (body.shape) {
-      case Shape::kPoint:
-        shapes_.push_back(std::make_unique<btEmptyShape>());
-        break;
-      case Shape::kSphere:
-        shapes_.push_back(std::make_unique<btSphereShape>(body.size.x()));
-        break;
-      case Shape::kBox:
-        shapes_.push_back(std::make_unique<btBoxShape>(to_bullet(body.size / 2.0)));
-        break;
-      case Shape::kPlane:
-        shapes_.push_back(std::make_unique<btStaticPlaneShape>(btVector3(0, 0, 1), 0.0));
-        break;
-    }
-    return shapes_.back().get();
-  }
-
   void add(const Body& body) {
     const Vector3d inertia = body.inertia.isZero(0.0)
                                  ? Vector3d(Vector3d::Constant(kAnyInertia * body.mass))
                                  : body.inertia;
     btRigidBody::btRigidBodyConstructionInfo info(body.is_static ? 0.0 : body.mass, nullptr,
-                                                  shape_of(body), to_bullet(inertia));
-    info.m_startWorldTransform =
-        btTransform(to_bullet(body.start.orientation), to_bullet(body.start.position));
-    info.m_friction = std::sqrt(body.friction);  // Bullet multiplies; a pair has the geometric mean
+                                                  shapes_.add(body), to_bullet(inertia));
+    info.m_startWorldTransform = start_of(body);
     bodies_.push_back(std::make_unique<btRigidBody>(info));
     btRigidBody& added = *bodies_.back();
     added.setLinearVelocity(to_bullet(body.start.velocity));
     added.setAngularVelocity(to_bullet(body.start.angular_velocity));
-    added.setRestitution(body.restitution);  // the same on all bodies of a scene that has one
+    set_surface(body, &added);
     added.setDamping(0.0, 0.0);
     added.setActivationState(DISABLE_DEACTIVATION);
     if (body.shape == Shape::kPoint)
@@ -195,14 +210,14 @@ class BulletSimulation : public Simulation {
     world_->addConstraint(joints_.back().get());
   }
 
-  Problem problem_;
+  const Problem& problem_;
   double tick_;
   double time_ = 0.0;
   Collisions collisions_;
   btDantzigSolver dantzig_;
   std::unique_ptr<btConstraintSolver> solver_;
   std::unique_ptr<btDiscreteDynamicsWorld> world_;
-  std::vector<std::unique_ptr<btCollisionShape>> shapes_;
+  Shapes shapes_;
   std::vector<std::unique_ptr<btRigidBody>> bodies_;
   std::vector<std::unique_ptr<btTypedConstraint>> joints_;
   std::vector<Motor> motors_;
@@ -212,12 +227,13 @@ class BulletSimulation : public Simulation {
 class FeatherstoneSimulation : public Simulation {
  public:
   FeatherstoneSimulation(const Problem& problem, double tick) : problem_(problem), tick_(tick) {
-    if (problem.has_shapes()) throw Unsupported("contacts in joint coordinates");
     world_.setGravity(to_bullet(problem.gravity));
+    world_.getSolverInfo().m_numIterations = kSweeps;
     place_.resize(problem.bodies.size());
     const std::vector<Link> tree = tree_of(problem);
     for (const Link& link : tree) {
       Place& place = place_[static_cast<std::size_t>(link.body)];
+      if (body(link.body).is_static) continue;
       if (link.parent == kWorld) {
         place.tree = counts_.size();
         counts_.push_back(link.is_hung ? 1 : 0);
@@ -227,20 +243,28 @@ class FeatherstoneSimulation : public Simulation {
         place.link = counts_[place.tree]++;
       }
     }
-    for (const Link& link : tree) add(link);
+    for (const Link& link : tree)
+      if (!body(link.body).is_static) add(link);
     for (const auto& tree_body : trees_) {
       tree_body->finalizeMultiDof();
       world_.addMultiBody(tree_body.get());
     }
-    for (const Link& link : tree) set_velocity(link);
+    for (const Link& link : tree)
+      if (!body(link.body).is_static) set_velocity(link);
+    for (std::size_t i = 0; i < place_.size(); ++i) add_shape(i);
   }
 
   ~FeatherstoneSimulation() override {
+    for (const auto& object : objects_) world_.removeCollisionObject(object.get());
     for (const auto& tree : trees_) world_.removeMultiBody(tree.get());
   }
 
   void advance(long ticks, double) override {
-    for (long i = 0; i < ticks; ++i) world_.stepSimulation(tick_, 0);
+    for (long i = 0; i < ticks; ++i) {
+      for (std::size_t k = 0; k < place_.size(); ++k)
+        if (!problem_.bodies[k].force.isZero(0.0)) push(place_[k], problem_.bodies[k].force);
+      world_.stepSimulation(tick_, 0);
+    }
   }
 
   void read(States* states) const override {
@@ -248,21 +272,27 @@ class FeatherstoneSimulation : public Simulation {
     btAlignedObjectArray<btQuaternion> turns;
     btAlignedObjectArray<btVector3> origins;
     for (const auto& tree : trees_) tree->forwardKinematics(turns, origins);
+    // of the base and the links of each tree
+    std::vector<std::vector<btVector3>> omega(trees_.size()), velocity(trees_.size());
     for (std::size_t k = 0; k < trees_.size(); ++k) {
-      const btMultiBody& tree = *trees_[k];
-      const auto count = static_cast<std::size_t>(tree.getNumLinks()) + 1;
-      std::vector<btVector3> omega(count), velocity(count);
-      tree.compTreeLinkVelocities(omega.data(), velocity.data());
-      for (std::size_t i = 0; i < place_.size(); ++i) {
-        if (place_[i].tree != k) continue;
-        const int link = place_[i].link;
-        const btTransform pose =
-            link < 0 ? tree.getBaseWorldTransform() : tree.getLink(link).m_cachedWorldTransform;
-        const std::size_t at = link < 0 ? 0 : static_cast<std::size_t>(link) + 1;
-        (*states)[i] = {from_bullet(pose.getOrigin()), from_bullet(pose.getRotation()),
-                        from_bullet(pose.getBasis() * velocity[at]),
-                        from_bullet(pose.getBasis() * omega[at])};
+      const auto count = static_cast<std::size_t>(trees_[k]->getNumLinks()) + 1;
+      omega[k].resize(count);
+      velocity[k].resize(count);
+      trees_[k]->compTreeLinkVelocities(omega[k].data(), velocity[k].data());
+    }
+    for (std::size_t i = 0; i < place_.size(); ++i) {
+      const Place& place = place_[i];
+      if (problem_.bodies[i].is_static) {
+        (*states)[i] = problem_.bodies[i].start;
+        continue;
       }
+      const btMultiBody& tree = *trees_[place.tree];
+      const btTransform pose = place.link < 0 ? tree.getBaseWorldTransform()
+                                              : tree.getLink(place.link).m_cachedWorldTransform;
+      const auto at = static_cast<std::size_t>(place.link + 1);
+      (*states)[i] = {from_bullet(pose.getOrigin()), from_bullet(pose.getRotation()),
+                      from_bullet(pose.getBasis() * velocity[place.tree][at]),
+                      from_bullet(pose.getBasis() * omega[place.tree][at])};
     }
   }
 
@@ -271,6 +301,40 @@ class FeatherstoneSimulation : public Simulation {
     std::size_t tree = 0;
     int link = 0;  // -1: the base
   };
+
+  static constexpr int kSweeps = 50;  // over contacts
+
+  void push(const Place& place, const Vector3d& force) {
+    if (place.link < 0)
+      trees_[place.tree]->addBaseForce(to_bullet(force));
+    else
+      trees_[place.tree]->addLinkForce(place.link, to_bullet(force));
+  }
+
+  void add_shape(std::size_t i) {
+    const Body& shaped = problem_.bodies[i];
+    if (shaped.shape == Shape::kPoint) return;
+    const Place& place = place_[i];
+    int group = btBroadphaseProxy::DefaultFilter, mask = btBroadphaseProxy::AllFilter;
+    if (shaped.is_static) {
+      objects_.push_back(std::make_unique<btCollisionObject>());
+      group = btBroadphaseProxy::StaticFilter;
+      mask = btBroadphaseProxy::DefaultFilter;
+    } else {
+      btMultiBody* tree = trees_[place.tree].get();
+      auto collider = std::make_unique<btMultiBodyLinkCollider>(tree, place.link);
+      if (place.link < 0)
+        tree->setBaseCollider(collider.get());
+      else
+        tree->getLink(place.link).m_collider = collider.get();
+      objects_.push_back(std::move(collider));
+    }
+    btCollisionObject& object = *objects_.back();
+    object.setCollisionShape(shapes_.add(shaped));
+    object.setWorldTransform(start_of(shaped));
+    set_surface(shaped, &object);
+    world_.addCollisionObject(&object, group, mask);
+  }
 
   const Body& body(int i) const { return problem_.bodies[static_cast<std::size_t>(i)]; }
 
@@ -332,7 +396,7 @@ class FeatherstoneSimulation : public Simulation {
     }
   }
 
-  Problem problem_;
+  const Problem& problem_;
   double tick_;
   Collisions collisions_;
   btMultiBodyConstraintSolver solver_;
@@ -342,6 +406,8 @@ class FeatherstoneSimulation : public Simulation {
   std::vector<int> counts_;
   std::vector<Vector3d> spins_;
   std::vector<std::unique_ptr<btMultiBody>> trees_;
+  Shapes shapes_;
+  std::vector<std::unique_ptr<btCollisionObject>> objects_;
 };
 
 }  // namespace

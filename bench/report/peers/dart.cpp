@@ -1,7 +1,7 @@
 // needs: pkg-config dart
 //
-// DART: articulated bodies in joint coordinates with its semi-implicit Euler. Its ABI depends on
-// AVX flags; this package is built without.
+// DART: articulated bodies in joint coordinates with its semi-implicit Euler, loops of ball joints
+// by its constraint solver. Its ABI depends on AVX flags; this package is built without.
 
 #include <dart/dart.hpp>
 
@@ -29,7 +29,9 @@ class DartSimulation : public Simulation {
       if (body.friction != problem.bodies.front().friction)
         throw Unsupported("friction by the geometric mean");
     nodes_.resize(problem.bodies.size());
-    for (const Link& link : tree_of(problem)) add(link);
+    std::vector<Joint> loops;
+    for (const Link& link : tree_of(problem, &loops)) add(link);
+    for (const Joint& joint : loops) close(joint);
     for (std::size_t i = 0; i < nodes_.size(); ++i)
       if (!problem.bodies[i].force.isZero(0.0)) pushed_.push_back(i);
   }
@@ -128,6 +130,20 @@ class DartSimulation : public Simulation {
     }
   }
 
+  /// A loop that a rod closes would need a light bar on two ball joints, DART having no rods; with
+  /// 1e-6 to 1e-2 of the mass that it holds, four bars flew apart at every tick that was tried.
+  void close(const Joint& joint) {
+    if (joint.kind != JointKind::kBall) throw Unsupported("closed loops of rods");
+    const auto b = static_cast<std::size_t>(joint.b);
+    const State& start = problem_.bodies[b].start;
+    const Vector3d at = start.position + start.orientation * joint.anchor_b;
+    using dart::constraint::BallJointConstraint;
+    world_->getConstraintSolver()->addConstraint(
+        joint.a == kWorld ? std::make_shared<BallJointConstraint>(nodes_[b], at)
+                          : std::make_shared<BallJointConstraint>(
+                                nodes_[b], nodes_[static_cast<std::size_t>(joint.a)], at));
+  }
+
   void add_shape(const Link& link, const Body& body) {
     if (body.shape == Shape::kPoint) return;
     dart::dynamics::ShapePtr shape;
@@ -149,7 +165,7 @@ class DartSimulation : public Simulation {
     node->getDynamicsAspect()->setRestitutionCoeff(body.restitution);
   }
 
-  Problem problem_;
+  const Problem& problem_;
   dart::simulation::WorldPtr world_;
   std::vector<dart::dynamics::BodyNode*> nodes_;
   std::vector<Vector3d> spins_;

@@ -52,7 +52,7 @@ class Writer {
   Writer(const Problem& problem, const Variant& variant, double tick)
       : problem_(problem), tick_(tick), is_jointed_(variant.has_joint_coordinates) {
     const bool is_rk4 = variant.name.find("rk4") != std::string::npos;
-    const auto bodies = static_cast<double>(problem.bodies.size());
+    const auto bodies = problem.bodies.size();
     const bool has_shapes = problem.has_shapes();
     xml_ << "<mujoco><compiler angle='radian' inertiafromgeom='false' boundmass='0' "
             "boundinertia='0'/>"
@@ -60,9 +60,8 @@ class Writer {
          << "' integrator='" << (is_rk4 ? "RK4" : "Euler")
          << "' solver='Newton' iterations='100' tolerance='1e-14' cone='elliptic'>"
          << "<flag warmstart='enable'/></option>"
-         << "<size nstack='" << (bodies > 300 ? "60000000" : "20000000") << "' njmax='"
-         << static_cast<int>(6 * bodies) + 300 << "' nconmax='"
-         << static_cast<int>(6 * bodies) + 100 << "'/><worldbody>";
+         << "<size nstack='" << (bodies > 300 ? 60000000 : 20000000) << "' njmax='" << most_rows()
+         << "' nconmax='" << (has_shapes ? 6 * bodies + 100 : 0) << "'/><worldbody>";
     if (is_jointed_)
       write_tree();
     else
@@ -84,6 +83,12 @@ class Writer {
          << text(inertia_of(body)) << "'/>";
   }
 
+  /// MuJoCo takes memory for so many times all velocities.
+  std::size_t most_rows() const {
+    const std::size_t joints = is_jointed_ ? 0 : 3 * problem_.joints.size();
+    return 10 + joints + (problem_.has_shapes() ? 6 * problem_.bodies.size() + 300 : 0);
+  }
+
   void write_slides(bool is_planar) {
     for (const char* axis : {"1 0 0", "0 1 0", "0 0 1"})
       if (!is_planar || std::strcmp(axis, "0 1 0") != 0)
@@ -102,10 +107,11 @@ class Writer {
       xml_ << "type='plane' size='100 100 1'";
     if (is_small())
       xml_ << " contype='0' conaffinity='0'";
-    else if (body.friction != 0.0)
-      throw Unsupported("friction of many bodies");
+    else if (body.friction != problem_.bodies.front().friction)  // MuJoCo takes the higher of two
+      throw Unsupported("friction by the geometric mean of many bodies");
     else
-      xml_ << " condim='1' solref='" << text(2.0 * tick_) << " 1'";
+      xml_ << " condim='" << (body.friction > 0.0 ? 3 : 1) << "' friction='" << text(body.friction)
+           << " 0 0' solref='" << text(2.0 * tick_) << " 1'";
     xml_ << "/>";
   }
 
@@ -362,7 +368,7 @@ class MujocoSimulation : public Simulation {
     }
   }
 
-  Problem problem_;
+  const Problem& problem_;
   mjModel* model_ = nullptr;
   mjData* data_ = nullptr;
   mjData* copy_ = nullptr;

@@ -186,7 +186,7 @@ class OdeSimulation : public Simulation {
     }
   }
 
-  Problem problem_;
+  const Problem& problem_;
   double tick_;
   double time_ = 0.0;
   bool is_quick_ = false;

@@ -1,7 +1,8 @@
 // needs: pkg-config simbody
 //
 // Simbody: error-controlled Runge-Kutta-Merson, with rods as constraints between bodies in
-// Cartesian coordinates, and with pins and balls in joint coordinates.
+// Cartesian coordinates, and with pins and balls in joint coordinates. Contacts are compliant:
+// Hertz's and a penalty at the corners of boxes.
 
 #include <Simbody.h>
 
@@ -14,6 +15,17 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 constexpr double kDefaultAccuracy = 1e-3;
+constexpr double kStiffness = 1e8;         // [Pa] a ball of 1 kg at rest sinks in by some 10 µm
+constexpr double kDissipation = 10.0;      // [s/m] that nothing bounces above 0.1 m/s
+constexpr double kTransitionSpeed = 1e-3;  // [m/s] of sliding that counts as sticking
+
+struct Contacts {
+  explicit Contacts(SimTK::MultibodySystem* system) : tracker(*system), forces(*system, tracker) {
+    forces.setTransitionVelocity(kTransitionSpeed);
+  }
+  SimTK::ContactTrackerSubsystem tracker;
+  SimTK::CompliantContactSubsystem forces;
+};
 
 SimTK::Vec3 vec(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 Vector3d from(const SimTK::Vec3& v) { return {v[0], v[1], v[2]}; }
@@ -23,9 +35,12 @@ SimTK::Rotation rotation(const Quaterniond& q) {
 
 class SimbodySimulation : public Simulation {
  public:
-  SimbodySimulation(const Problem& problem, const Variant& variant, double accuracy)
-      : problem_(problem), matter_(system_), forces_(system_), integrator_(system_) {
-    if (problem.has_shapes()) throw Unsupported("contacts");
+  SimbodySimulation(const Problem& problem, const Variant& variant, double tick, double accuracy)
+      : problem_(problem), tick_(tick), matter_(system_), forces_(system_), integrator_(system_) {
+    if (problem.has_shapes()) {
+      check_shapes();
+      contacts_ = std::make_unique<Contacts>(&system_);
+    }
     SimTK::Force::UniformGravity(forces_, matter_, vec(problem.gravity));
     bodies_.resize(problem.bodies.size());
     if (variant.has_joint_coordinates)
@@ -46,8 +61,12 @@ class SimbodySimulation : public Simulation {
     integrator_.initialize(state);
   }
 
-  void advance(long, double time) override {
-    while (integrator_.getTime() < time) integrator_.stepTo(time);
+  /// Its steps are as long as the accuracy permits, and end on ticks.
+  void advance(long ticks, double time) override {
+    for (long i = ticks - 1; i >= 0; --i) {
+      const double end = time - static_cast<double>(i) * tick_;
+      while (integrator_.getTime() < end) integrator_.stepTo(end);
+    }
   }
 
   void read(States* states) const override {
@@ -69,18 +88,55 @@ class SimbodySimulation : public Simulation {
     return i == kWorld ? matter_.updGround() : bodies_[static_cast<std::size_t>(i)];
   }
 
+  /// Simbody knows no contact of a box with anything but a half-space, and of two frictions takes
+  /// the harmonic mean.
+  void check_shapes() const {
+    int boxes = 0, round = 0;
+    for (const Body& body : problem_.bodies) {
+      if (body.shape == Shape::kBox) ++boxes;
+      if (body.shape == Shape::kSphere) ++round;
+      if (body.friction != problem_.bodies.front().friction)
+        throw Unsupported("friction by the geometric mean");
+    }
+    if (boxes > 0 && boxes + round > 1) throw Unsupported("boxes in contact with more than planes");
+  }
+
   /// With its frame at `centre` before the centre of mass.
   static SimTK::Body::Rigid rigid(const Body& body, const Vector3d& centre) {
     const Vector3d I = inertia_of(body);
+    const double mass = body.is_static ? 1.0 : body.mass;
     const SimTK::Inertia inertia =
-        SimTK::Inertia(I.x(), I.y(), I.z()).shiftFromMassCenter(-vec(centre), body.mass);
-    return SimTK::Body::Rigid(SimTK::MassProperties(body.mass, vec(centre), inertia));
+        SimTK::Inertia(I.x(), I.y(), I.z()).shiftFromMassCenter(-vec(centre), mass);
+    SimTK::Body::Rigid made(SimTK::MassProperties(mass, vec(centre), inertia));
+    const SimTK::ContactMaterial material(kStiffness, kDissipation * (1.0 - body.restitution),
+                                          body.friction, body.friction, 0.0);
+    const auto add_surface = [&](const SimTK::ContactGeometry& shape, const SimTK::Rotation& turn) {
+      made.addContactSurface(SimTK::Transform(turn, vec(centre)),
+                             SimTK::ContactSurface(shape, material));
+    };
+    if (body.shape == Shape::kSphere)
+      add_surface(SimTK::ContactGeometry::Sphere(body.size.x()), SimTK::Rotation());
+    else if (body.shape == Shape::kBox)
+      add_surface(SimTK::ContactGeometry::Brick(vec(body.size / 2.0)), SimTK::Rotation());
+    else if (body.shape == Shape::kPlane)  // a half-space is solid along its x axis
+      add_surface(SimTK::ContactGeometry::HalfSpace(),
+                  SimTK::Rotation(SimTK::Pi / 2.0, SimTK::YAxis));
+    return made;
+  }
+
+  SimTK::MobilizedBody fixed(const Body& body) {
+    return SimTK::MobilizedBody::Weld(
+        matter_.updGround(),
+        SimTK::Transform(rotation(body.start.orientation), vec(body.start.position)),
+        rigid(body, Vector3d::Zero()), SimTK::Transform());
   }
 
   void add_bodies() {
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
       const Body& added = problem_.bodies[i];
-      if (added.inertia.isZero(0.0))
+      if (added.is_static)
+        bodies_[i] = fixed(added);
+      else if (added.inertia.isZero(0.0))
         bodies_[i] =
             SimTK::MobilizedBody::Cartesian(matter_.updGround(), SimTK::Transform(),
                                             rigid(added, Vector3d::Zero()), SimTK::Transform());
@@ -116,19 +172,26 @@ class SimbodySimulation : public Simulation {
   }
 
   void start_bodies(SimTK::State* state) {
-    for (std::size_t i = 0; i < bodies_.size(); ++i) {
-      const State& start = problem_.bodies[i].start;
-      if (!problem_.bodies[i].inertia.isZero(0.0))
-        bodies_[i].setQToFitRotation(*state, rotation(start.orientation));
-      bodies_[i].setQToFitTranslation(*state, vec(start.position));
-    }
+    for (std::size_t i = 0; i < bodies_.size(); ++i) place(i, state);
     system_.realize(*state, SimTK::Stage::Position);
-    for (std::size_t i = 0; i < bodies_.size(); ++i) {
-      const State& start = problem_.bodies[i].start;
-      if (!problem_.bodies[i].inertia.isZero(0.0))
-        bodies_[i].setUToFitAngularVelocity(*state, vec(start.angular_velocity));
-      bodies_[i].setUToFitLinearVelocity(*state, vec(start.velocity));
-    }
+    for (std::size_t i = 0; i < bodies_.size(); ++i) set_velocity(i, state);
+  }
+
+  /// Of a body that is not hung.
+  void place(std::size_t i, SimTK::State* state) {
+    const Body& body = problem_.bodies[i];
+    if (body.is_static) return;
+    if (!body.inertia.isZero(0.0))
+      bodies_[i].setQToFitRotation(*state, rotation(body.start.orientation));
+    bodies_[i].setQToFitTranslation(*state, vec(body.start.position));
+  }
+
+  void set_velocity(std::size_t i, SimTK::State* state) {
+    const Body& body = problem_.bodies[i];
+    if (body.is_static) return;
+    if (!body.inertia.isZero(0.0))
+      bodies_[i].setUToFitAngularVelocity(*state, vec(body.start.angular_velocity));
+    bodies_[i].setUToFitLinearVelocity(*state, vec(body.start.velocity));
   }
 
   void add_tree() {
@@ -141,6 +204,10 @@ class SimbodySimulation : public Simulation {
       const auto i = static_cast<std::size_t>(link.body);
       const Body& added = problem_.bodies[i];
       centres[i] = link.centre;
+      if (added.is_static) {
+        bodies_[i] = fixed(added);
+        continue;
+      }
       if (!link.is_hung) {
         if (added.inertia.isZero(0.0))
           bodies_[i] =
@@ -169,14 +236,8 @@ class SimbodySimulation : public Simulation {
   }
 
   void start_tree(SimTK::State* state) {
-    for (const Link& link : tree_) {
-      const auto i = static_cast<std::size_t>(link.body);
-      const State& start = problem_.bodies[i].start;
-      if (link.is_hung) continue;  // its joint is at zero
-      if (!problem_.bodies[i].inertia.isZero(0.0))
-        bodies_[i].setQToFitRotation(*state, rotation(start.orientation));
-      bodies_[i].setQToFitTranslation(*state, vec(start.position));
-    }
+    for (const Link& link : tree_)  // a joint is at zero
+      if (!link.is_hung) place(static_cast<std::size_t>(link.body), state);
     system_.realize(*state, SimTK::Stage::Position);
     std::vector<Vector3d> spins(bodies_.size(), Vector3d::Zero());
     for (const Link& link : tree_) {
@@ -184,9 +245,7 @@ class SimbodySimulation : public Simulation {
       const State& start = problem_.bodies[i].start;
       spins[i] = start_spin(problem_, link);
       if (!link.is_hung) {
-        if (!problem_.bodies[i].inertia.isZero(0.0))
-          bodies_[i].setUToFitAngularVelocity(*state, vec(start.angular_velocity));
-        bodies_[i].setUToFitLinearVelocity(*state, vec(start.velocity));
+        set_velocity(i, state);
         continue;
       }
       Vector3d spin = spins[i];
@@ -201,10 +260,12 @@ class SimbodySimulation : public Simulation {
     }
   }
 
-  Problem problem_;
+  const Problem& problem_;
+  double tick_;
   SimTK::MultibodySystem system_;
   SimTK::SimbodyMatterSubsystem matter_;
   SimTK::GeneralForceSubsystem forces_;
+  std::unique_ptr<Contacts> contacts_;
   SimTK::RungeKuttaMersonIntegrator integrator_;
   std::vector<SimTK::MobilizedBody> bodies_;
   std::vector<Link> tree_;
@@ -225,7 +286,8 @@ std::vector<Variant> Contestant::variants() {
 std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Variant& variant,
                                              const Setting& setting) {
   return std::make_unique<SimbodySimulation>(
-      problem, variant, setting.tolerance > 0.0 ? setting.tolerance : kDefaultAccuracy);
+      problem, variant, setting.tick,
+      setting.tolerance > 0.0 ? setting.tolerance : kDefaultAccuracy);
 }
 
 }  // namespace constraint_sim::report

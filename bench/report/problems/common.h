@@ -90,4 +90,24 @@ inline Body box(double mass, const Eigen::Vector3d& size) {
   return body;
 }
 
+inline Body plane(double friction, double restitution) {
+  Body body;
+  body.is_static = true;
+  body.shape = Shape::kPlane;
+  body.friction = friction;
+  body.restitution = restitution;
+  return body;
+}
+
+inline Body ball(double mass, double radius, const Eigen::Vector3d& position, double friction = 0.0,
+                 double restitution = 0.0) {
+  Body body = point_mass(position, mass);
+  body.inertia = Eigen::Vector3d::Constant(0.4 * mass * radius * radius);
+  body.shape = Shape::kSphere;
+  body.size.x() = radius;
+  body.friction = friction;
+  body.restitution = restitution;
+  return body;
+}
+
 }  // namespace constraint_sim::report

@@ -7,26 +7,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-Body plane(double friction, double restitution) {
-  Body body;
-  body.is_static = true;
-  body.shape = Shape::kPlane;
-  body.friction = friction;
-  body.restitution = restitution;
-  return body;
-}
-
-Body ball(double mass, double radius, const Vector3d& position, double friction = 0.0,
-          double restitution = 0.0) {
-  Body body = point_mass(position, mass);
-  body.inertia = Vector3d::Constant(0.4 * mass * radius * radius);
-  body.shape = Shape::kSphere;
-  body.size.x() = radius;
-  body.friction = friction;
-  body.restitution = restitution;
-  return body;
-}
-
 Body block(double mass, const Vector3d& size, const Vector3d& position, double friction) {
   Body body = box(mass, size);
   body.shape = Shape::kBox;

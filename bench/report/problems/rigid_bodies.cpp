@@ -24,6 +24,29 @@ Problem free_box(const std::string& name, const Vector3d& velocity, const Vector
   return made;
 }
 
+/// The first box many times over, 3 m apart: what an engine costs beside the mathematics.
+Problem many_free_boxes(int count) {
+  Problem made = free_box("free_boxes_" + std::to_string(count), Vector3d::Zero(), {0.1, 5.0, 0.1},
+                          Vector3d::Zero());
+  made.duration = 1.0;
+  const auto one = rigid_motion(made, true, Vector3d::Zero(), 1.0 / 64.0);
+  const auto place = [](int i) {
+    return Vector3d(3.0 * (i % 100), 3.0 * std::floor(i / 100.0), 0.0);
+  };
+  made.bodies.resize(static_cast<std::size_t>(count), made.bodies.front());
+  for (int i = 0; i < count; ++i)
+    made.bodies[static_cast<std::size_t>(i)].start.position = place(i);
+  made.reference = [=](int refinement) {
+    Trajectory all;
+    for (const States& states : one(refinement)) {
+      all.emplace_back(count, states.front());
+      for (int i = 0; i < count; ++i) all.back()[static_cast<std::size_t>(i)].position += place(i);
+    }
+    return all;
+  };
+  return made;
+}
+
 /// A box of 1 kg on a ball joint in the middle of its upper face.
 Problem hung_box(const std::string& name, const Eigen::Quaterniond& orientation,
                  const Vector3d& spin_B, const Vector3d& size, double step) {
@@ -124,6 +147,7 @@ std::vector<Problem> make() {
       free_box("free_box_simple", {-0.9, 0.4, 0.1}, {0.5, 0.0, 0.0}, Vector3d::Zero()),
       free_box("free_box", Vector3d::Zero(), {0.1, 5.0, 0.1}, Vector3d::Zero()),
       free_box("free_box_complex", {-2.0, 2.0, 8.0}, {0.1, 5.0, 0.1}, weight),
+      many_free_boxes(10000),
       hung_box("compound_pendulum", about_y(kPi / 2.0), Vector3d::Zero(), {0.1, 0.2, 1.0},
                1.0 / 32.0),
       hung_box("tumbling_pendulum", about_y(2.0), {1.0, 2.0, 5.0}, {0.3, 0.4, 1.0}, 1.0 / 64.0),

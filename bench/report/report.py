@@ -72,7 +72,8 @@ def arguments():
     size.add_argument('--quick', action='store_true', help='a few minutes')
     size.add_argument('--tiny', action='store_true', help='seconds; for tests')
     parser.add_argument('--rounds', type=int, default=5, help='interleaved runs of each setting')
-    parser.add_argument('--budget', type=float, help='longest run [s]')
+    parser.add_argument('--budget', type=float,
+                        help='longest run in the diagrams [s]; all other budgets change in proportion')
     parser.add_argument('--only', choices=PARTS, action='append',
                         help='this part of the measurements; the others stay as they are')
     parser.add_argument('--fresh', action='store_true', help='begin anew')
@@ -197,12 +198,11 @@ class Measurements:
             [SOURCES / 'references.cpp', SOURCES / 'problem.cpp', *(SOURCES / 'problems').glob('*')],
             progress)
         common = {'references': references, 'memory': options.memory, 'perturbation': 0.0}
-        budget = options.budget or size['budget']
         if 'diagrams' in batches:
-            self.interleaved('diagrams', [batches['diagrams']], progress, budget=budget, repeats=5,
-                             **common)
-            cells.run_all('perturbed', wrong, self.tables['diagrams'], 1, progress, budget=budget,
-                          repeats=5, **{**common, 'perturbation': options.perturb})
+            self.interleaved('diagrams', [batches['diagrams']], progress, budget=size['budget'],
+                             repeats=5, **common)
+            cells.run_all('perturbed', wrong, self.tables['diagrams'], 1, progress,
+                          budget=size['budget'], repeats=5, **{**common, 'perturbation': options.perturb})
         if 'grid' in batches:
             cells.run_all('grid', batches['grid'], self.tables['grid'], os.cpu_count(), progress,
                           budget=size['grid_budget'], repeats=1, **common)
@@ -270,7 +270,10 @@ def instructions(program, variant, problem):
 
 def main():
     options = arguments()
-    size = QUICK if options.quick else TINY if options.tiny else FULL
+    size = dict(QUICK if options.quick else TINY if options.tiny else FULL)
+    if options.budget:
+        share = options.budget / size['budget']
+        size.update((name, share * size[name]) for name in size if name.endswith('budget'))
     work, output = pathlib.Path(options.work), pathlib.Path(options.output)
     work.mkdir(parents=True, exist_ok=True)
     output.mkdir(parents=True, exist_ok=True)
@@ -290,7 +293,7 @@ def main():
     known = {path.stem for path in (SOURCES / 'peers').glob('*.cpp')}
     present = {variant.program.name.replace('constraint_sim_report_', '') for variant in variants}
     facts = {**machine(), 'commit': options.commit, 'rounds': options.rounds,
-             'budget': options.budget or size['budget'], 'grid_budget': size['grid_budget'],
+             'budget': size['budget'], 'grid_budget': size['grid_budget'],
              'many_budget': size['many_budget'], 'sizes_budget': size['sizes_budget'],
              'kind': 'quick' if options.quick else 'tiny' if options.tiny else 'full',
              'absent': sorted(known - present), 'measured in': f'{taken / 60.0:.1f} min'}

@@ -1,5 +1,7 @@
 // The engine of this package: every method it has by name, with every order.
 
+#include <limits>
+
 #include "../contestant.h"
 #include "constraint_sim/world.h"
 
@@ -134,6 +136,7 @@ std::unique_ptr<Simulation> Contestant::make(const Problem& problem, const Varia
   engine::WorldOptions options;
   options.gravity = problem.gravity;
   options.time_step = setting.tick;
+  options.sleep_after = std::numeric_limits<double>::infinity();  // as with all peers
   if (variant.knob == Knob::kTolerance && setting.is_swept) {
     options.time_step = std::min(kAutoTick, problem.sample);
     options.tolerance = setting.tolerance;

@@ -76,7 +76,10 @@ endforeach()
 
 # what scripts/report builds
 add_custom_target(report_programs DEPENDS ${report_programs})
-if(CONSTRAINT_SIM_BENCH)
+find_package(benchmark QUIET)
+if(CONSTRAINT_SIM_BENCH AND NOT benchmark_FOUND)
+  message(STATUS "Google Benchmark is not there: constraint_sim_micro is left out")
+elseif(CONSTRAINT_SIM_BENCH)
   add_executable(constraint_sim_micro bench/report/micro.cpp)
   constraint_sim_own_code(constraint_sim_micro)
   target_link_libraries(constraint_sim_micro PRIVATE constraint_sim_report_ours

@@ -32,6 +32,9 @@ struct WorldOptions {
   /// times radius of gyration [m/s] ≥ 0. Islands that are integrated have to stand still to the
   /// bit.
   double sleep_speed = 1e-8;
+  /// That carry smooth and stiff islands at the same time, ≥ 1. The motion is the same to the bit
+  /// with any number.
+  int threads = 1;
 
   // runge_kutta
   int order = 8;            ///< 8 or 5

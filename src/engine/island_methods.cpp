@@ -139,6 +139,7 @@ void World::Impl::link(IslandParts* parts) {
     if (masses[at(held[i])].can_turn()) parts->turning_freely.push_back(held[i]);
   parts->linked = static_cast<int>(linked.size());
   linked.emplace_back(std::move(equations));
+  stiff.emplace_back();
 }
 
 // ---- in every step
@@ -192,7 +193,7 @@ void World::Impl::sort_islands() {
     changed = true;
     if (!is_fresh && island.method != before) ++report.changes;
     if (parts.linked >= 0) linked[at(parts.linked)].forget();
-    if (parts.stiff >= 0) stiff[at(parts.stiff)].forget();
+    if (parts.linked >= 0 && stiff[at(parts.linked)]) stiff[at(parts.linked)]->forget();
     const bool is_new = is_fresh || has_woken || before == Method::kSequentialImpulses;
     if (is_new && island.method != Method::kSequentialImpulses)
       entering.push_back(static_cast<int>(i));
@@ -237,10 +238,13 @@ void World::Impl::integrate() {
     Island& island = islands[at(i)];
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
-    if (island_parts[at(i)].linked >= 0) linked[at(island_parts[at(i)].linked)].begin_step();
+    IslandParts& parts = island_parts[at(i)];
+    parts.projected_energy = 0.0;
+    parts.changes = 0;
+    parts.is_to_be_asked = parts.has_failed = false;
+    if (parts.linked >= 0) linked[at(parts.linked)].begin_step();
   }
   split_step();
-  bool any_failed = false;
   for (std::size_t k = 0; k + 1 < span_ends.size(); ++k) {
     const double t = span_ends[k];
     const JointStep span = span_from(t, span_ends[k + 1] - t);
@@ -251,18 +255,39 @@ void World::Impl::integrate() {
         courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
     const SmoothSpan smooth_span{t,       span.h,       options.gravity,  loads,
                                  courses, is_disturbed, is_fresh || k > 0};
-    for (const int i : smooth) {
-      if (islands[at(i)].method == Method::kSequentialImpulses) continue;
-      if (integrate_island(at(i), smooth_span)) continue;
-      refuse_island(at(i));
-      any_failed = true;
-    }
+    workers.run(threads_worth_it(), smooth.size(), [&](std::size_t s) {
+      const std::size_t i = at(smooth[s]);
+      if (!island_parts[i].has_failed)
+        island_parts[i].has_failed = !integrate_island(i, smooth_span);
+    });
+    for (const int i : smooth)
+      if (island_parts[at(i)].has_failed && islands[at(i)].method != Method::kSequentialImpulses)
+        refuse_island(at(i));
     for (const int j : changing_courses)
       if (is_integrated(at(j))) finish_span(span, joint_states[at(j)]);
     had_loads = !loads.empty();
   }
-  if (any_failed) list_by_method();
+  gather_from_islands();
   tell_of_islands();
+}
+
+// each thread more has to be woken, and is worth it from some ten microseconds of work on
+int World::Impl::threads_worth_it() const {
+  constexpr std::size_t kBodiesWorthIt = 100;
+  return smooth.size() > 1 && awake_bodies.size() >= kBodiesWorthIt ? options.threads : 1;
+}
+
+// what islands have kept to themselves, in their order, so that it is the same with any threads
+void World::Impl::gather_from_islands() {
+  bool any_changed = false;
+  for (const int i : smooth) {
+    const IslandParts& parts = island_parts[at(i)];
+    report.projected_energy += parts.projected_energy;
+    report.changes += parts.changes;
+    any_stiff = any_stiff || parts.is_to_be_asked;
+    any_changed = any_changed || parts.changes > 0;
+  }
+  if (any_changed) list_by_method();
 }
 
 // islands that were not integrated in the step before, or were edited: what does not fit begins to
@@ -330,7 +355,7 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
     island.substeps += static_cast<std::uint32_t>(progress.substeps);
     island.rejected += static_cast<std::uint32_t>(progress.rejected);
     island.iterations += static_cast<std::uint32_t>(progress.iterations);
-    report.projected_energy += progress.projected;
+    island_parts[i].projected_energy += progress.projected;
     return progress.done;
   };
   for (const int body : parts.turning_freely) {
@@ -390,7 +415,7 @@ Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& spa
   parts.stiff_ticks = progress.is_stiff ? parts.stiff_ticks + 1 : 0;
   if (progress.done && parts.stiff_ticks < kStiffFor) return progress;
   if (!progress.done) linked[at(parts.linked)].begin_step();  // forgets what it did in vain
-  parts.is_stiff = any_stiff = true;
+  parts.is_stiff = parts.is_to_be_asked = true;
   parts.stiff_until = step_count + (progress.is_stiff ? kCalmFor : kRefusedFor);
   return progress;
 }
@@ -399,11 +424,9 @@ Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& sp
                                              bool gives_way) {
   IslandParts& parts = island_parts[i];
   LinkedMotion& motion = linked[at(parts.linked)];
-  if (parts.stiff < 0) {
-    parts.stiff = static_cast<int>(stiff.size());
-    stiff.emplace_back(motion.equations());
-  }
-  EnergyMomentum& method = stiff[at(parts.stiff)];
+  std::optional<EnergyMomentum>& of_island = stiff[at(parts.linked)];
+  if (!of_island) of_island.emplace(motion.equations());
+  EnergyMomentum& method = *of_island;
   if (gives_way) wait_for_agreement(i);
   ImplicitMode mode = options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
   if (options.dissipation) mode = ImplicitMode::kDissipate;
@@ -430,13 +453,11 @@ void World::Impl::wait_for_agreement(std::size_t i) {
 
 // within a step
 void World::Impl::carry_on_with(std::size_t i, Method method, Why why) {
-  ++report.changes;
-  --islands_by_method[static_cast<std::size_t>(islands[i].method)];
-  ++islands_by_method[static_cast<std::size_t>(method)];
+  ++island_parts[i].changes;
   islands[i].method = method;
   islands[i].why = why;
   linked[at(island_parts[i].linked)].forget();
-  any_stiff = true;  // to be asked again in the next step
+  island_parts[i].is_to_be_asked = true;
 }
 
 // the other method takes this step, from its start, and some more
@@ -448,7 +469,7 @@ void World::Impl::refuse_island(std::size_t i) {
   islands[i].why = Why::kRefused;
   island_parts[i].refused_until = step_count + kRefusedFor;
   any_refused = true;
-  ++report.changes;
+  ++island_parts[i].changes;
   report.rejected += islands[i].rejected;
 }
 
@@ -474,7 +495,7 @@ void World::Impl::tell_of_islands() {
 
 // how many there are in an island, and if asked for which bodies
 std::uint32_t World::Impl::find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const {
-  const EnergyMomentum& method = stiff[at(island_parts[i].stiff)];
+  const EnergyMomentum& method = *stiff[at(island_parts[i].linked)];
   const std::vector<int>& held = linked[at(island_parts[i].linked)].equations().bodies();
   std::uint32_t count = 0;
   for (std::size_t k = 0; k < held.size(); ++k) {

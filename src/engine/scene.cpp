@@ -18,8 +18,8 @@ namespace {
 
 WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults) {
   item.expect_keys({"gravity", "time_step", "method", "closing_time", "sleep_after", "sleep_speed",
-                    "order", "tolerance", "stiff_order", "dissipation", "stiffness_limit",
-                    "iterations", "warm_starting", "baumgarte"});
+                    "threads", "order", "tolerance", "stiff_order", "dissipation",
+                    "stiffness_limit", "iterations", "warm_starting", "baumgarte"});
   WorldOptions options = defaults;
   item.read("gravity", &options.gravity);
   item.read("time_step", &options.time_step);
@@ -40,6 +40,7 @@ WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults)
   if (const auto after = item.find("sleep_after"))
     options.sleep_after = after->number_or_infinity();
   item.read("sleep_speed", &options.sleep_speed);
+  item.read("threads", &options.threads);
   item.attempt([&] { validate(options); });
   return options;
 }

@@ -47,6 +47,7 @@ void write_options(YAML::Emitter* out, const WorldOptions& options) {
   write(out, "closing_time", options.closing_time);
   write(out, "sleep_after", options.sleep_after);
   write(out, "sleep_speed", options.sleep_speed);
+  *out << YAML::Key << "threads" << YAML::Value << options.threads;
   *out << YAML::EndMap;
 }
 

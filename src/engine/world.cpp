@@ -247,7 +247,8 @@ void World::Impl::finish_step() {
   if (!is_finite()) {
     go_back();
     for (LinkedMotion& motion : linked) motion.forget();
-    for (EnergyMomentum& motion : stiff) motion.forget();
+    for (std::optional<EnergyMomentum>& motion : stiff)
+      if (motion) motion->forget();
     is_fresh = true;
     touching.clear();
     contacts.resize(resting_contacts);

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <limits>
+#include <optional>
 #include <string>
 #include <unordered_map>
 #include <utility>
@@ -14,6 +15,7 @@
 #include "engine/methods/energy_momentum.h"
 #include "engine/methods/runge_kutta.h"
 #include "engine/methods/sequential_impulses.h"
+#include "engine/workers.h"
 
 namespace constraint_sim::engine {
 
@@ -45,7 +47,6 @@ struct IslandParts {
   IslandMembers members;
   Why nature = Why::kSmooth;          ///< of its joints and options; contacts come and go
   int linked = -1;                    ///< into Impl::linked; -1: no joints, or never integrated
-  int stiff = -1;                     ///< into Impl::stiff; -1: never was stiff
   std::uint64_t quiet_for = 0;        ///< steps in a row that moved nothing to speak of
   bool is_stiff = false;              ///< as measured when it was last carried
   int stiff_ticks = 0;                ///< how often in a row substeps found it so
@@ -54,6 +55,12 @@ struct IslandParts {
   std::uint64_t refused_until = 0;    ///< step
   std::uint64_t touched_until = 0;    ///< step until which its last contact counts as near
   std::uint64_t gives_way_until = 0;  ///< step
+
+  // of this step; each island writes its own, for several may be carried at once
+  double projected_energy = 0.0;  ///< [J]
+  std::uint32_t changes = 0;      ///< of its method
+  bool is_to_be_asked = false;    ///< what it is, again in the next step
+  bool has_failed = false;
 };
 
 /// What stands behind a World. Lists of one kind run in parallel: entry i of each is the same body,
@@ -87,16 +94,16 @@ struct World::Impl {
   std::vector<Broadphase::Pair> unpaired;  // joined bodies that may overlap, sorted
   std::vector<std::pair<std::size_t, std::size_t>> joint_ends;  // the two bodies of each joint
   std::vector<IslandParts> island_parts;
-  std::vector<Island> islands;          // the same, as it is told
-  std::vector<int> island_of;           // of bodies; -1 of immovable ones
-  std::vector<LinkedMotion> linked;     // of the islands with joints
-  std::vector<EnergyMomentum> stiff;    // of those that are, or were, stiff
-  std::vector<FreeRotation> rotations;  // of bodies
-  std::vector<double> fastest_spring;   // of bodies [1/s]
-  double reference_energy = 0.0;        // [J] at the last edit
-  double largest_kinetic_energy = 0.0;  // [J] since the last edit
-  std::uint64_t quiet_steps = 0;        // after which an island may rest; 0: never
-  bool is_fresh = true;                 // no step since the last edit
+  std::vector<Island> islands;                       // the same, as it is told
+  std::vector<int> island_of;                        // of bodies; -1 of immovable ones
+  std::vector<LinkedMotion> linked;                  // of the islands with joints
+  std::vector<std::optional<EnergyMomentum>> stiff;  // the same, of those that are, or were, stiff
+  std::vector<FreeRotation> rotations;               // of bodies
+  std::vector<double> fastest_spring;                // of bodies [1/s]
+  double reference_energy = 0.0;                     // [J] at the last edit
+  double largest_kinetic_energy = 0.0;               // [J] since the last edit
+  std::uint64_t quiet_steps = 0;                     // after which an island may rest; 0: never
+  bool is_fresh = true;                              // no step since the last edit
 
   // ---- what is awake, and what the rest tells; made anew when somebody wakes or falls asleep
   bool any_waking = false;  // somebody was woken, and the lists do not know yet
@@ -131,6 +138,7 @@ struct World::Impl {
   std::vector<double> span_ends;            // of the spans of a step in which nothing jumps [s]
   std::vector<Load> loads;                  // of wrenches, in a span
   bool had_loads = false;                   // in the span before
+  Workers workers;
   Broadphase broadphase;
   std::vector<Proxy> proxies;
   std::vector<TouchingPair> touching;         // sorted by bodies
@@ -203,6 +211,8 @@ struct World::Impl {
   double most_frequency() const;
   Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span, bool gives_way);
   void wait_for_agreement(std::size_t i);
+  int threads_worth_it() const;
+  void gather_from_islands();
   void carry_on_with(std::size_t i, Method method, Why why);
   void refuse_island(std::size_t i);
   void tell_of_islands();

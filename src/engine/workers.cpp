@@ -1,0 +1,103 @@
+#include "engine/workers.h"
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace constraint_sim::engine {
+
+class Workers::Team {
+ public:
+  explicit Team(int threads) {
+    others_.reserve(static_cast<std::size_t>(threads - 1));
+    for (int i = 1; i < threads; ++i) others_.emplace_back([this] { work(); });
+  }
+  Team(const Team&) = delete;
+  Team& operator=(const Team&) = delete;
+  ~Team() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      is_over_ = true;
+    }
+    begun_.notify_all();
+    for (std::thread& other : others_) other.join();
+  }
+
+  int threads() const { return static_cast<int>(others_.size()) + 1; }
+
+  void run(std::size_t count, const Task& task) {
+    // pieces small enough that nobody waits long for the last one
+    constexpr std::size_t kPiecesEach = 8;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      task_ = &task;
+      count_ = count;
+      piece_ = std::max<std::size_t>(1, count / (kPiecesEach * (others_.size() + 1)));
+      next_ = 0;
+      busy_ = others_.size();
+      ++round_;
+    }
+    begun_.notify_all();
+    take_pieces();
+    std::unique_lock<std::mutex> lock(mutex_);
+    done_.wait(lock, [this] { return busy_ == 0; });
+  }
+
+ private:
+  void work() {
+    std::uint64_t seen = 0;
+    std::unique_lock<std::mutex> lock(mutex_);
+    for (;;) {
+      begun_.wait(lock, [&] { return is_over_ || round_ != seen; });
+      if (is_over_) return;
+      seen = round_;
+      lock.unlock();
+      take_pieces();
+      lock.lock();
+      if (--busy_ == 0) done_.notify_one();
+    }
+  }
+
+  void take_pieces() {
+    for (;;) {
+      const std::size_t begin = next_.fetch_add(piece_);
+      const std::size_t end = std::min(begin + piece_, count_);
+      if (begin >= end) return;
+      for (std::size_t i = begin; i < end; ++i) (*task_)(i);
+    }
+  }
+
+  std::mutex mutex_;
+  std::condition_variable begun_, done_;
+  std::uint64_t round_ = 0;
+  bool is_over_ = false;
+  std::size_t busy_ = 0;  // others that have not finished this round
+
+  // of a round; set before it begins
+  const Task* task_ = nullptr;
+  std::size_t count_ = 0, piece_ = 1;
+  std::atomic<std::size_t> next_{0};
+
+  std::vector<std::thread> others_;
+};
+
+Workers::Workers() = default;
+Workers::Workers(const Workers&) {}
+Workers& Workers::operator=(const Workers&) { return *this; }
+Workers::~Workers() = default;
+
+void Workers::run(int threads, std::size_t count, const Task& task) {
+  if (threads == 1) {
+    team_.reset();
+    for (std::size_t i = 0; i < count; ++i) task(i);
+    return;
+  }
+  if (!team_ || team_->threads() != threads) team_ = std::make_unique<Team>(threads);
+  team_->run(count, task);
+}
+
+}  // namespace constraint_sim::engine

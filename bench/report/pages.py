@@ -127,7 +127,7 @@ def published_lines(runs):
     for problem, column, target, then, now in found:
         off = now / then / factor if then and now else math.nan
         lines.append([problem, column, f'{target:g}', brief(then), brief(now), brief(off),
-                      '' if 0.5 <= off <= 2.0 else published.reason(problem, column, then, now)])
+                      '' if 0.5 <= off <= 2.0 else published.reason(problem, column, target, then, now)])
     return lines, factor
 
 

@@ -104,9 +104,10 @@ def judgement(lines):
     return texts
 
 
-def published_lines(runs):
+def published_lines(runs, problems, budget):
     """Each peer's time beside the earlier one, over the median of that, and why where far off, or
-    where only one of the two comparisons has a time."""
+    where only one of the two comparisons has a time. What cannot be within the budget here says
+    nothing."""
     found = []
     for problem, columns in published.TIMES.items():
         if problem not in runs:
@@ -125,9 +126,11 @@ def published_lines(runs):
     factor = statistics.median(both)
     lines = []
     for problem, column, target, then, now in found:
+        if not now and 1e-6 * then * factor * problems[problem].duration > budget:
+            continue
         off = now / then / factor if then and now else math.nan
         lines.append([problem, column, f'{target:g}', brief(then), brief(now), brief(off),
-                      '' if 0.5 <= off <= 2.0 else published.reason(problem, column, then, now)])
+                      '' if 0.5 <= off <= 2.0 else published.reason(problem, column, target, then, now)])
     return lines, factor
 
 
@@ -325,7 +328,7 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
     header, counted = count_lines(counts, in_grid)
     stability = f'{len(grid)} cases. ' + ' '.join(exploded_of(grid, name) for name in in_grid
                                                   if figures.is_ours(name))
-    beside, factor = published_lines(runs)
+    beside, factor = published_lines(runs, problems, facts["budget"])
 
     write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, beside, factor,
                    conditions)

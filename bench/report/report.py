@@ -58,7 +58,7 @@ FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'grid_str
 TINY = {'problems': ('pendulum', 'oscillator'),
         'leave_out': re.compile('^(?!constraint_sim (auto|runge|sequential_impulses_10))'),
         'grid_ticks': (0.1, 1 / 30), 'grid_stride': 1, 'many': ('pendula_1000',), 'counts': (10, 30),
-        'budget': 0.02, 'grid_budget': 0.02, 'many_budget': 0.02, 'sizes_budget': 0.02, 'most': 100}
+        'budget': 0.02, 'grid_budget': 0.02, 'many_budget': 0.02, 'sizes_budget': 5.0, 'most': 100}
 TINY_GRID = ('pendulum_doubled', 'spring_1e+12', 'mass_nan', 'chain_load_1e+03')
 
 

@@ -49,6 +49,7 @@ def write_csv(lines, path):
 
 def draw(axes, lines):
     """Error against run time on the first axis, error and run time against time on the others."""
+    from matplotlib import ticker  # only who draws needs it
     against_cost, against_time, cost = axes
     times = [line.sim_time for line in lines]
     run_times = [line.run_time for line in lines]
@@ -63,6 +64,11 @@ def draw(axes, lines):
                      xlabel='run time per simulated second [µs]')
     against_time.set(yscale='log', xlabel='simulated time [s]', ylabel='error')
     cost.set(yscale='log', xlabel='simulated time [s]', ylabel='run time per simulated second [µs]')
+    # run times lie within few powers of ten: numbers between these, and none over each other
+    for axis in (against_cost.xaxis, cost.yaxis):
+        axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(ticker.FormatStrFormatter('%g'))
+        axis.set_minor_formatter(ticker.NullFormatter())
     against_cost.legend()
 
 

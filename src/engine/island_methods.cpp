@@ -271,9 +271,9 @@ void World::Impl::integrate() {
   tell_of_islands();
 }
 
-// each thread more has to be woken, and is worth it from some ten microseconds of work on
+// a thread takes tens of microseconds to wake, and is worth it for some hundreds of work
 int World::Impl::threads_worth_it() const {
-  constexpr std::size_t kBodiesWorthIt = 100;
+  constexpr std::size_t kBodiesWorthIt = 500;
   return smooth.size() > 1 && awake_bodies.size() >= kBodiesWorthIt ? options.threads : 1;
 }
 

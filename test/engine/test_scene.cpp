@@ -325,7 +325,15 @@ INSTANTIATE_TEST_SUITE_P(
                     BadScene{"world:\n  tolerance: .inf\n",
                              "s:2: world.tolerance: expected a finite number, got '.inf'"},
                     BadScene{"world:\n  stiffness_limit: 0.0\n",
-                             "s:2: world.stiffness_limit: must be above 0, or .inf, got 0"}));
+                             "s:2: world.stiffness_limit: must be above 0, or .inf, got 0"},
+                    BadScene{"world:\n  sleep_after: 0\n",
+                             "s:2: world.sleep_after: must be above 0, or .inf, got 0"},
+                    BadScene{"world:\n  sleep_after: .nan\n",
+                             "s:2: world.sleep_after: expected a number or .inf, got '.nan'"},
+                    BadScene{"world:\n  sleep_speed: -1\n",
+                             "s:2: world.sleep_speed: must be a finite number >= 0, got -1"},
+                    BadScene{"world:\n  threads: 0\n",
+                             "s:2: world.threads: must be >= 1, got 0"}));
 
 /// A scene whose third line onwards is the one body.
 std::string with_body(const std::string& lines) { return "world: {}\nbodies:\n" + lines; }

@@ -103,19 +103,20 @@ ChainOfBodies::Addresses<Number> ChainOfBodies::find(std::size_t e, Number* of_b
           e < behind_ ? of_last : of_bodies + stride * (joints_ - e - before_)};
 }
 
-Lanes3 ChainOfBodies::read(std::size_t e, const double* of_bodies,
-                           const Vector3d* of_points) const {
+inline Lanes3 ChainOfBodies::read(std::size_t e, const double* of_bodies,
+                                  const Vector3d* of_points) const {
   const auto [a, b] = find(e, of_bodies, 3, of_points[first_].data(), of_points[last_].data());
   return {Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
 }
 
-Lanes3 ChainOfBodies::read_momenta(std::size_t e, const double* of_bodies) const {
+inline Lanes3 ChainOfBodies::read_momenta(std::size_t e, const double* of_bodies) const {
   static constexpr std::array<double, 3> kNone = {0.0, 0.0, 0.0};
   const auto [a, b] = find(e, of_bodies, 3, kNone.data(), kNone.data());
   return {Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
 }
 
-ChainOfBodies::Quaternions ChainOfBodies::read_rotation(std::size_t e, const double* y) const {
+inline ChainOfBodies::Quaternions ChainOfBodies::read_rotation(std::size_t e,
+                                                               const double* y) const {
   static constexpr std::array<double, 4> kNone = {0.0, 0.0, 0.0, 1.0};
   const auto [a, b] = find(e, y + equations_.q_at_, 4, kNone.data(), kNone.data());
   return {Lanes(a[3], b[3]), Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
@@ -132,7 +133,7 @@ void ChainOfBodies::write(std::size_t e, const Vector& value, double* of_bodies)
     for (std::size_t k = 0; k < kSize; ++k) a[k] = value[static_cast<Eigen::Index>(k)].first();
 }
 
-Lanes3 ChainOfBodies::read_rows(std::size_t e, const std::vector<double>& of_rows) const {
+inline Lanes3 ChainOfBodies::read_rows(std::size_t e, const std::vector<double>& of_rows) const {
   const auto [i, j] = pairs_[e].joints;
   const double* const a = of_rows.data() + 3 * i;
   const double* const b = of_rows.data() + 3 * j;
@@ -161,7 +162,7 @@ void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, dou
   equations_.derivative(stage, t, y, dydt);
 }
 
-bool ChainOfBodies::accelerate(std::size_t stage, const double* y, double* dydt) {
+[[gnu::flatten]] bool ChainOfBodies::accelerate(std::size_t stage, const double* y, double* dydt) {
   const double* const v = y + equations_.v_at_;
   const double* const L = y + equations_.L_at_;
   double* const v_dot = dydt + equations_.v_at_;

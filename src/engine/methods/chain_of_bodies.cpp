@@ -21,6 +21,12 @@ Lanes33 turned_by(const Lanes33& inverse_inertia, const Lanes3& from) {
   return inverse_inertia.rowwise().cross(from.transpose());
 }
 
+// three numbers for each lane
+Lanes3 gather(const std::array<const double*, 2>& from) {
+  const auto [a, b] = from;
+  return {Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
+}
+
 // I⁻¹ in world axes
 Lanes33 inverse_inertia_of(const ChainPair& pair, const Lanes33& R) {
   return R * pair.inverse_inertia.asDiagonal() * R.transpose();
@@ -96,29 +102,27 @@ ChainOfBodies::ChainOfBodies(EquationsOfMotion& equations)
 // ---- what is in both lanes
 
 template <class Number>
-ChainOfBodies::Addresses<Number> ChainOfBodies::find(std::size_t e, Number* of_bodies,
-                                                     std::size_t stride, Number* of_first,
-                                                     Number* of_last) const {
+ChainOfBodies::Addresses<Number> ChainOfBodies::locate(std::size_t e, Number* of_bodies,
+                                                       std::size_t stride, Number* of_first,
+                                                       Number* of_last) const {
   return {e < before_ ? of_first : of_bodies + stride * (e - before_),
           e < behind_ ? of_last : of_bodies + stride * (joints_ - e - before_)};
 }
 
 inline Lanes3 ChainOfBodies::read(std::size_t e, const double* of_bodies,
                                   const Vector3d* of_points) const {
-  const auto [a, b] = find(e, of_bodies, 3, of_points[first_].data(), of_points[last_].data());
-  return {Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
+  return gather(locate(e, of_bodies, 3, of_points[first_].data(), of_points[last_].data()));
 }
 
-inline Lanes3 ChainOfBodies::read_momenta(std::size_t e, const double* of_bodies) const {
+inline Lanes3 ChainOfBodies::read_turning(std::size_t e, const double* of_bodies) const {
   static constexpr std::array<double, 3> kNone = {0.0, 0.0, 0.0};
-  const auto [a, b] = find(e, of_bodies, 3, kNone.data(), kNone.data());
-  return {Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
+  return gather(locate(e, of_bodies, 3, kNone.data(), kNone.data()));
 }
 
 inline ChainOfBodies::Quaternions ChainOfBodies::read_rotation(std::size_t e,
                                                                const double* y) const {
   static constexpr std::array<double, 4> kNone = {0.0, 0.0, 0.0, 1.0};
-  const auto [a, b] = find(e, y + equations_.q_at_, 4, kNone.data(), kNone.data());
+  const auto [a, b] = locate(e, y + equations_.q_at_, 4, kNone.data(), kNone.data());
   return {Lanes(a[3], b[3]), Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
 }
 
@@ -126,7 +130,7 @@ inline ChainOfBodies::Quaternions ChainOfBodies::read_rotation(std::size_t e,
 template <class Vector>
 void ChainOfBodies::write(std::size_t e, const Vector& value, double* of_bodies) const {
   constexpr auto kSize = static_cast<std::size_t>(Vector::SizeAtCompileTime);
-  const auto [a, b] = find<double>(e, of_bodies, kSize, nullptr, nullptr);
+  const auto [a, b] = locate<double>(e, of_bodies, kSize, nullptr, nullptr);
   if (b != nullptr)
     for (std::size_t k = 0; k < kSize; ++k) b[k] = value[static_cast<Eigen::Index>(k)].second();
   if (a != nullptr)
@@ -135,9 +139,7 @@ void ChainOfBodies::write(std::size_t e, const Vector& value, double* of_bodies)
 
 inline Lanes3 ChainOfBodies::read_rows(std::size_t e, const std::vector<double>& of_rows) const {
   const auto [i, j] = pairs_[e].joints;
-  const double* const a = of_rows.data() + 3 * i;
-  const double* const b = of_rows.data() + 3 * j;
-  return pairs_[e].sense * Lanes3(Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2]));
+  return pairs_[e].sense * gather({of_rows.data() + 3 * i, of_rows.data() + 3 * j});
 }
 
 void ChainOfBodies::write_forces(double* by_unknown) const {
@@ -162,6 +164,7 @@ void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, dou
   equations_.derivative(stage, t, y, dydt);
 }
 
+// flat, since calls would take a third of its time
 [[gnu::flatten]] bool ChainOfBodies::accelerate(std::size_t stage, const double* y, double* dydt) {
   const double* const v = y + equations_.v_at_;
   const double* const L = y + equations_.L_at_;
@@ -169,9 +172,9 @@ void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, dou
   double* const L_dot = dydt + equations_.L_at_;
   const double* const torques = equations_.load_torque_.front().data();
   const auto find_motion = [&](std::size_t e, const Quaternions& q, const Lanes33& I_inverse) {
-    const Lanes3 momentum = read_momenta(e, L);
+    const Lanes3 momentum = read_turning(e, L);
     const Lanes3 w = I_inverse * momentum;
-    const Lanes3 spun = I_inverse * (read_momenta(e, torques) + momentum.cross(w));
+    const Lanes3 spun = I_inverse * (read_turning(e, torques) + momentum.cross(w));
     write(e, quaternion_rate(w, q), dydt + equations_.q_at_);
     const Lanes3 free = read(e, free_->data(), free_);
     return
@@ -181,7 +184,7 @@ void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, dou
   substitute([&](std::size_t e, const Lanes3& force, const Lanes3& torque) {
     write(e, read(e, v, velocity_), dydt);
     write(e, Lanes3(read(e, free_->data(), free_) + pairs_[e].inverse_mass * force), v_dot);
-    write(e, Lanes3(read_momenta(e, torques) + torque), L_dot);
+    write(e, Lanes3(read_turning(e, torques) + torque), L_dot);
   });
   write_forces(equations_.stage_forces_.data() + stage * equations_.impulses_.size());
   return true;
@@ -208,7 +211,7 @@ bool ChainOfBodies::restart(double* y, double* dydt) {
   double* const v = y + equations_.v_at_;
   double* const L = y + equations_.L_at_;
   const auto find_motion = [&](std::size_t e, const Quaternions&, const Lanes33& I_inverse) {
-    const Lanes3 w = I_inverse * read_momenta(e, L);
+    const Lanes3 w = I_inverse * read_turning(e, L);
     const Lanes3 velocity = read(e, v, velocity_);
     return [=](const Lanes3& arm) -> Lanes3 { return velocity + w.cross(arm); };
   };
@@ -216,7 +219,7 @@ bool ChainOfBodies::restart(double* y, double* dydt) {
   if (depends_) return equations_.restart(y, dydt);
   substitute([&](std::size_t e, const Lanes3& force, const Lanes3& torque) {
     write(e, Lanes3(read(e, v, velocity_) + pairs_[e].inverse_mass * force), v);
-    write(e, Lanes3(read_momenta(e, L) + torque), L);
+    write(e, Lanes3(read_turning(e, L) + torque), L);
   });
   double* const solution = equations_.solution_.data();
   write_forces(solution);
@@ -230,15 +233,14 @@ bool ChainOfBodies::restart(double* y, double* dydt) {
 double ChainOfBodies::find_values(double* y) {
   for (std::size_t i = 0; i < equations_.bodies_.size(); ++i)
     Eigen::Map<Eigen::Vector4d>(y + equations_.q_at_ + 4 * i).normalize();
+  std::vector<double>& asked = equations_.value_;
+  std::fill(asked.begin(), asked.end(), 0.0);
+  for (const auto& [l, course] : equations_.courses_)
+    Vector3d::Map(asked.data() + 3 * l) = equations_.length_[l].value * course.offset();
   double worst = 0.0;
   const auto set_value = [&](std::size_t e, const Lanes3& d) {
     ChainPair& pair = pairs_[e];
-    pair.solution = -d;
-    if (!equations_.courses_.empty()) {
-      for (Eigen::Index k = 0; k < 3; ++k)
-        pair.solution[k] += pair.sense * Lanes(equations_.offset(pair.joints[0])[k],
-                                               equations_.offset(pair.joints[1])[k]);
-    }
+    pair.solution = read_rows(e, asked) - d;
     for (Eigen::Index k = 0; k < 3; ++k) {
       for (const double value : {pair.solution[k].first(), pair.solution[k].second()}) {
         const double error = std::abs(value);

@@ -38,11 +38,12 @@ class ChainOfBodies {
   template <class Number>
   using Addresses = std::array<Number*, 2>;
 
+  // of the pair e joints from either end, the first lane counting up
   template <class Number>
-  Addresses<Number> find(std::size_t e, Number* of_bodies, std::size_t stride, Number* of_first,
-                         Number* of_last) const;
+  Addresses<Number> locate(std::size_t e, Number* of_bodies, std::size_t stride, Number* of_first,
+                           Number* of_last) const;
   Lanes3 read(std::size_t e, const double* of_bodies, const Vector3d* of_points) const;
-  Lanes3 read_momenta(std::size_t e, const double* y) const;
+  Lanes3 read_turning(std::size_t e, const double* of_bodies) const;
   Quaternions read_rotation(std::size_t e, const double* y) const;
   template <class Vector>
   void write(std::size_t e, const Vector& value, double* of_bodies) const;
@@ -58,6 +59,7 @@ class ChainOfBodies {
   void reduce();
   template <class Act>
   void substitute(const Act& act);
+  // With an even number of joints the lanes meet at a body, which the first takes.
   bool is_idle(std::size_t e) const { return e == middle_ && joints_ % 2 == 0; }
 
   EquationsOfMotion& equations_;

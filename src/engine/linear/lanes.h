@@ -7,9 +7,11 @@ namespace constraint_sim::engine {
 /// Two numbers that go through the same arithmetic side by side, in one register where the
 /// processor has such; every operation rounds each as it would alone. A scalar for Eigen.
 class Lanes {
+  using Values = double __attribute__((vector_size(16)));
+
  public:
-  /// What a comparison says of each, all bits set where it holds.
-  using Mask = long long __attribute__((vector_size(16)));
+  /// What a comparison says of each: all bits set where it holds.
+  using Mask = decltype(Values{} > Values{});
 
   Lanes() = default;
   Lanes(double both) : values_{both, both} {}  // NOLINT: Eigen makes scalars of numbers
@@ -30,7 +32,6 @@ class Lanes {
   friend Mask operator>(Lanes a, Lanes b) { return a.values_ > b.values_; }
 
  private:
-  using Values = double __attribute__((vector_size(16)));
   explicit Lanes(Values values) : values_(values) {}
 
   Values values_;

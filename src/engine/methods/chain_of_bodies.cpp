@@ -46,39 +46,44 @@ void EquationsOfMotion::mirror_chain() {
   const std::size_t bodies = bodies_.size();
   const std::size_t before = std::max(links_.front().a, links_.front().b) < bodies ? 0 : 1;
   const std::size_t middle = joints / 2;
-  pairs_.assign(middle + 1, {});
-  // body i, or the end before or behind all bodies, in a lane
-  const auto fill = [&](std::size_t e, std::size_t i, bool is_first) {
-    if (i >= bodies) return;  // also of an end before
-    ChainPair& pair = pairs_[e];
-    const auto set = [=](Lanes* lanes, double value) {
-      *lanes = is_first ? Lanes(value, lanes->second()) : Lanes(lanes->first(), value);
-    };
-    const auto set_three = [=](Lanes3* lanes, const Vector3d& value) {
-      for (Eigen::Index k = 0; k < 3; ++k) set(&(*lanes)[k], value[k]);
-    };
-    set(&pair.inverse_mass, inverse_mass_[i]);
-    set_three(&pair.inverse_inertia, inertia_[i].cwiseInverse());
-    const std::size_t point = i + before;
-    const auto anchor = [&](std::size_t l) {
-      return links_[l].a == i ? links_[l].anchor_a : links_[l].anchor_b;
-    };
-    Lanes3* const to_lower = is_first ? &pair.anchor_to_end : &pair.anchor_to_middle;
-    Lanes3* const to_upper = is_first ? &pair.anchor_to_middle : &pair.anchor_to_end;
-    if (point > 0) set_three(to_lower, anchor(point - 1));
-    if (point < joints) set_three(to_upper, anchor(point));
+  const auto anchor = [&](std::size_t body, std::size_t l) -> Vector3d {
+    if (l >= joints) return Vector3d::Zero();  // at a free end
+    return links_[l].a == body ? links_[l].anchor_a : links_[l].anchor_b;
   };
+  const auto leads_up = [&](std::size_t l) {  // from A to B, as the first lane goes
+    return l < before ? links_[l].b == 0 : links_[l].a == l - before;
+  };
+  struct Side {
+    double inverse_mass = 0.0;
+    Vector3d inverse_inertia = Vector3d::Zero();
+    Vector3d anchor_to_end = Vector3d::Zero(), anchor_to_middle = Vector3d::Zero();
+  };
+  const auto side = [&](std::size_t point, std::size_t to_end, std::size_t to_middle) {
+    Side of_point;
+    const std::size_t body = point - before;
+    if (body >= bodies) return of_point;  // also of the point before all bodies
+    of_point.inverse_mass = inverse_mass_[body];
+    of_point.inverse_inertia = inertia_[body].cwiseInverse();
+    of_point.anchor_to_end = anchor(body, to_end);
+    of_point.anchor_to_middle = anchor(body, to_middle);
+    return of_point;
+  };
+  const auto in_lanes = [](const Vector3d& a, const Vector3d& b) {
+    return gather({a.data(), b.data()});
+  };
+  pairs_.resize(middle + 1);
   for (std::size_t e = 0; e <= middle; ++e) {
-    fill(e, e - before, true);
-    fill(e, joints - e - before, false);
-    // the joints towards the middle, which from there on are the one in the middle
-    pairs_[e].joints = {e, std::max(joints - 1 - e, middle)};
-    const auto leads_up = [&](std::size_t l) {
-      const Link& link = links_[l];
-      return l < before ? link.b == 0 : link.a == l - before;
-    };
-    pairs_[e].sense = Lanes(leads_up(pairs_[e].joints[0]) ? 1.0 : -1.0,
-                            leads_up(pairs_[e].joints[1]) ? -1.0 : 1.0);
+    ChainPair& pair = pairs_[e];
+    const Side a = side(e, e - 1, e);
+    const Side b = side(joints - e, joints - e, joints - e - 1);
+    pair.inverse_mass = Lanes(a.inverse_mass, b.inverse_mass);
+    pair.inverse_inertia = in_lanes(a.inverse_inertia, b.inverse_inertia);
+    pair.anchor_to_end = in_lanes(a.anchor_to_end, b.anchor_to_end);
+    pair.anchor_to_middle = in_lanes(a.anchor_to_middle, b.anchor_to_middle);
+    // where the lanes have met, the joint in the middle for both
+    pair.joints = {e, std::max(joints - 1 - e, middle)};
+    pair.sense =
+        Lanes(leads_up(pair.joints[0]) ? 1.0 : -1.0, leads_up(pair.joints[1]) ? -1.0 : 1.0);
   }
 }
 

@@ -24,18 +24,18 @@ struct Load {
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< about the centre of mass [N m]
 };
 
-/// Of a chain of bodies on ball joints, the two bodies as many joints from either end, side by
-/// side, and the joints from there towards the middle. What is at an end that is no body has zeros.
+/// Of a chain of bodies on ball joints, the two as many joints from either end, side by side, and
+/// the joints from them towards the middle. An end that is no body has zeros.
 struct ChainPair {
-  Lanes inverse_mass = 0.0;                         ///< [1/kg]
-  Lanes3 inverse_inertia = Lanes3::Constant(0.0);   ///< principal [1/(kg m²)]
-  Lanes3 anchor_to_end = Lanes3::Constant(0.0);     ///< of the joint there, in the body [m]
-  Lanes3 anchor_to_middle = Lanes3::Constant(0.0);  ///< the same
-  Lanes sense = 0.0;                                ///< 1 where A of the joint is the body
-  std::array<std::size_t, 2> joints{};              ///< towards the middle
-  Lanes3 arm_to_end, arm_to_middle;                 ///< anchors in world axes [m]
-  BlockPivot pivot;                                 ///< of the joint
-  Lanes3 solution;                                  ///< of its rows, from the body
+  Lanes inverse_mass;                 ///< [1/kg]
+  Lanes3 inverse_inertia;             ///< principal [1/(kg m²)]
+  Lanes3 anchor_to_end;               ///< of the joint there, in the body [m]
+  Lanes3 anchor_to_middle;            ///< the same
+  std::array<std::size_t, 2> joints;  ///< those towards the middle, as joints()
+  Lanes sense;                        ///< 1 where their A is on the side of the end, else -1
+  Lanes3 arm_to_end, arm_to_middle;   ///< anchors in world axes, as of the last evaluation [m]
+  BlockPivot pivot;                   ///< of the joints' rows
+  Lanes3 solution;                    ///< of these, positive from the end towards the middle
 };
 
 /// The bodies of one island and the joints that hold them, as a System of integrate.h, in index-1

@@ -9,6 +9,7 @@
 
 #include "engine/linear/block_pivot.h"
 #include "engine/methods/chain_of_bodies.h"
+#include "problems.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -182,6 +183,23 @@ TEST(ChainOfBodies, LeavesRowsThatDependToTheEquations) {
   }
   EXPECT_EQ(motion.state(), expected.state());
   EXPECT_EQ(motion.equations.dependent_rows(), 1);
+}
+
+TEST(ChainOfBodies, KeepsJointsAndEnergy) {
+  for (const int links : {1, 2, 9, 10}) {
+    World world = problems::chain_of_bars(links);
+    WorldOptions options = world.options();
+    options.method = Method::kRungeKutta;
+    options.time_step = 0.01;
+    options.tolerance = 1e-9;
+    world.set_options(options);
+    for (int i = 0; i < 300; ++i) {
+      const StepReport& report = world.step();
+      ASSERT_EQ(report.dependent_rows, 0);
+      ASSERT_LE(report.max_constraint_error, 1e-12 + 4.0 * kEpsilon * links) << i;
+      ASSERT_LE(std::abs(report.energy_drift), 1e-8) << i;  // of the tolerance
+    }
+  }
 }
 
 // ---- BlockPivot

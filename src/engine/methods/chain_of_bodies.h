@@ -59,7 +59,7 @@ class ChainOfBodies {
   void reduce();
   template <class Act>
   void substitute(const Act& act);
-  // With an even number of joints the lanes meet at a body, which the first takes.
+  // With an even number of joints the lanes meet at a body: the first takes it, the second waits.
   bool is_idle(std::size_t e) const { return e == middle_ && joints_ % 2 == 0; }
 
   EquationsOfMotion& equations_;

@@ -51,6 +51,31 @@ inline World chain(int links, double end_mass = 1.0, double mass = 1.0) {
   return world;
 }
 
+/// Bars of 1 kg and 1 m on ball joints, end to end from the origin along x, at rest.
+inline World chain_of_bars(int links) {
+  World world;
+  BodyId last = kWorldBody;
+  for (int i = 1; i <= links; ++i) {
+    Body bar;
+    bar.name = "bar_" + std::to_string(i);
+    bar.mass = 1.0;
+    bar.shape = Box{{1.0, 0.1, 0.1}};
+    bar.no_collision = true;
+    bar.state.position = {i - 0.5, 0.0, 0.0};
+    const BodyId id = world.add_body(bar);
+    Joint joint;
+    joint.name = "joint_" + std::to_string(i);
+    joint.body_a = last;
+    joint.anchor_a = {i == 1 ? 0.0 : 0.5, 0.0, 0.0};
+    joint.body_b = id;
+    joint.anchor_b = {-0.5, 0.0, 0.0};
+    joint.type = BallJoint{};
+    world.add_joint(joint);
+    last = id;
+  }
+  return world;
+}
+
 /// A heavy mass on ten links of 1 m with 0.1 kg each, straight down from the origin, and one link
 /// more. It starts with 1 m/s along x, all others in line with it or at rest.
 inline World heavy_chain(double end_mass, bool moves_in_line) {

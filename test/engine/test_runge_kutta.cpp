@@ -829,8 +829,8 @@ TEST(RungeKutta, AMotorTravelsOnceWhoeverCarriesItsIsland) {
 }
 
 TEST(RungeKutta, CopiesGoOnBitIdentically) {
-  for (World original :
-       {problems::chain(10), problems::four_bar(3), compound_pendulum(), problems::free_box()}) {
+  for (World original : {problems::chain(10), problems::chain_of_bars(10), problems::four_bar(3),
+                         compound_pendulum(), problems::free_box()}) {
     original = with(original, 0.05, 1e-9);
     run(original, 20);
     World copy = original;

@@ -10,18 +10,21 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
-// Brings joints and bodies into the order of the chain that they are, if they are one.
+// Brings joints and bodies into the order of the chain that they are, if they are one: rods between
+// centres, or ball joints between bodies that all turn.
 bool EquationsOfMotion::order_as_chain(const std::vector<Joint>& all_joints, const Ends& ends,
                                        const std::vector<MassProperties>& masses) {
-  if (turning_ > 0) return false;
+  const bool is_of_bodies = turning_ > 0;
+  if (is_of_bodies && turning_ < bodies_.size()) return false;
   const auto place = [&](std::size_t body) {  // bodies_ is sorted, so far
     const auto found = std::lower_bound(bodies_.begin(), bodies_.end(), static_cast<int>(body));
     return static_cast<std::size_t>(found - bodies_.begin());
   };
-  std::vector<std::array<int, 2>> rods_of(bodies_.size(), {-1, -1});
+  std::vector<std::array<int, 2>> rods_of(bodies_.size(), {-1, -1});  // or ball joints
   for (const int j : joints_) {
     const auto* distance = std::get_if<DistanceJoint>(&all_joints[at(j)].type);
-    if (distance == nullptr || distance->is_soft()) return false;
+    if ((distance == nullptr) != is_of_bodies) return false;
+    if (distance != nullptr && distance->is_soft()) return false;
     for (const std::size_t body : {ends[at(j)].first, ends[at(j)].second}) {
       if (!masses[body].is_movable()) continue;
       auto& [first, second] = rods_of[place(body)];

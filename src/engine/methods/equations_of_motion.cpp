@@ -63,7 +63,9 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
                                      const Ends& ends, const std::vector<MassProperties>& masses)
     : joints_(std::move(joints)) {
   find_bodies(all_joints, ends, masses);
-  is_chain_ = order_as_chain(all_joints, ends, masses);
+  const bool is_in_line = order_as_chain(all_joints, ends, masses);
+  is_chain_ = is_in_line && turning_ == 0;
+  is_chain_of_bodies_ = is_in_line && turning_ > 0;
   for (const int body : bodies_) inverse_mass_.push_back(masses[at(body)].inverse_mass);
   for (std::size_t i = 0; i < turning_; ++i) {
     inertia_.push_back(masses[at(bodies_[i])].inertia);
@@ -78,6 +80,7 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
   couple_rows();
 
   if (is_chain_) tridiagonal_.resize(rows_.size());
+  if (is_chain_of_bodies_) mirror_chain();
 
   const std::size_t points = inverse_mass_.size();
   for (auto* list : {&position_, &velocity_, &acceleration_, &push_, &load_acceleration_})

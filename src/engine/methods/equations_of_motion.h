@@ -2,12 +2,14 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <array>
 #include <cstddef>
 #include <utility>
 #include <vector>
 
 #include "constraint_sim/body.h"
 #include "engine/constraints/joint.h"
+#include "engine/linear/block_pivot.h"
 #include "engine/linear/sparse_ldlt.h"
 #include "engine/linear/tridiagonal_ldlt.h"
 #include "engine/mass_properties.h"
@@ -20,6 +22,20 @@ struct Load {
   int body = 0;
   Eigen::Vector3d force = Eigen::Vector3d::Zero();   ///< [N]
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< about the centre of mass [N m]
+};
+
+/// Of a chain of bodies on ball joints, the two as many joints from either end, side by side, and
+/// the joints from them towards the middle. An end that is no body has zeros.
+struct ChainPair {
+  Lanes inverse_mass;                 ///< [1/kg]
+  Lanes3 inverse_inertia;             ///< principal [1/(kg m²)]
+  Lanes3 anchor_to_end;               ///< of the joint there, in the body [m]
+  Lanes3 anchor_to_middle;            ///< the same
+  std::array<std::size_t, 2> joints;  ///< those towards the middle, as joints()
+  Lanes sense;                        ///< 1 where their A is on the side of the end, else -1
+  Lanes3 arm_to_end, arm_to_middle;   ///< anchors in world axes, as of the last evaluation [m]
+  BlockPivot pivot;                   ///< of the joints' rows
+  Lanes3 solution;                    ///< of these, positive from the end towards the middle
 };
 
 /// The bodies of one island and the joints that hold them, as a System of integrate.h, in index-1
@@ -44,6 +60,8 @@ class EquationsOfMotion {
   std::size_t rows() const { return rows_.size(); }
   /// Rods between centres alone, one after the other; joints and bodies are then in this order.
   bool is_chain() const { return is_chain_; }
+  /// The same of bodies that turn, on ball joints alone.
+  bool is_chain_of_bodies() const { return is_chain_of_bodies_; }
   /// One of these with one body.
   bool is_point_on_rod() const { return is_chain_ && links_.size() == 1 && bodies_.size() == 1; }
 
@@ -133,6 +151,7 @@ class EquationsOfMotion {
   double squared_size_of(const double* dy, double h) const;
 
  private:
+  friend class ChainOfBodies;
   friend class ChainOfRods;
   friend class PointOnRod;
 
@@ -181,6 +200,7 @@ class EquationsOfMotion {
   bool order_as_chain(const std::vector<Joint>& all_joints, const Ends& ends,
                       const std::vector<MassProperties>& masses);
   void turn_along_chain();
+  void mirror_chain();
   void add_links(const std::vector<Joint>& all_joints, const Ends& ends,
                  const std::vector<MassProperties>& masses);
   void add_rows(const Link& link, int count);
@@ -233,8 +253,9 @@ class EquationsOfMotion {
   std::vector<Eigen::Vector3d> inertia_;    // of those that turn
   std::vector<double> radius_of_gyration_;  // of those that turn
   SparseLdlt ldlt_;
-  bool is_chain_ = false;
-  TridiagonalLdlt tridiagonal_;  // of a chain, where no rows depend on each other
+  bool is_chain_ = false, is_chain_of_bodies_ = false;
+  TridiagonalLdlt tridiagonal_;   // of a chain, where no rows depend on each other
+  std::vector<ChainPair> pairs_;  // of a chain of bodies, from its ends to the middle
 
   // ---- what acts in this span
   double start_time_ = 0.0;

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "engine/methods/chain_of_bodies.h"
 #include "engine/methods/chain_of_rods.h"
 #include "engine/methods/point_on_rod.h"
 
@@ -123,6 +124,10 @@ Progress LinkedMotion::integrate_equations(const StageMemory& memory, const Smoo
   if (equations_.is_point_on_rod()) {
     PointOnRod point(equations_);
     return integrate(point, memory, span.t, span.h, accuracy, step_);
+  }
+  if (equations_.is_chain_of_bodies()) {
+    ChainOfBodies chain(equations_);
+    return integrate(chain, memory, span.t, span.h, accuracy, step_);
   }
   if (!equations_.is_chain()) return integrate(equations_, memory, span.t, span.h, accuracy, step_);
   ChainOfRods chain(equations_);

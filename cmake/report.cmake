@@ -76,7 +76,6 @@ endforeach()
 
 # what scripts/report builds
 add_custom_target(report_programs DEPENDS ${report_programs})
-find_package(benchmark QUIET)
 if(CONSTRAINT_SIM_BENCH AND NOT benchmark_FOUND)
   message(STATUS "Google Benchmark is not there: constraint_sim_micro is left out")
 elseif(CONSTRAINT_SIM_BENCH)

@@ -172,7 +172,8 @@ void validate(const WorldOptions& options) {
   if (!(options.sleep_after > 0.0))
     refuse("sleep_after", "must be above 0, or .inf, got " + shortest(options.sleep_after));
   check_not_negative("sleep_speed", options.sleep_speed);
-  if (options.threads < 1) refuse("threads", "must be >= 1, got " + std::to_string(options.threads));
+  if (options.threads < 1)
+    refuse("threads", "must be >= 1, got " + std::to_string(options.threads));
   if (options.order != 8 && options.order != 5)
     refuse("order", "must be 8 or 5, got " + std::to_string(options.order));
   check_not_negative("tolerance", options.tolerance);

@@ -329,7 +329,7 @@ INSTANTIATE_TEST_SUITE_P(
                     BadScene{"world:\n  sleep_after: 0\n",
                              "s:2: world.sleep_after: must be above 0, or .inf, got 0"},
                     BadScene{"world:\n  sleep_after: .nan\n",
-                             "s:2: world.sleep_after: expected a number or .inf, got '.nan'"},
+                             "s:2: world.sleep_after: expected a finite number, got '.nan'"},
                     BadScene{"world:\n  sleep_speed: -1\n",
                              "s:2: world.sleep_speed: must be a finite number >= 0, got -1"},
                     BadScene{"world:\n  threads: 0\n",

@@ -332,8 +332,7 @@ INSTANTIATE_TEST_SUITE_P(
                              "s:2: world.sleep_after: expected a finite number, got '.nan'"},
                     BadScene{"world:\n  sleep_speed: -1\n",
                              "s:2: world.sleep_speed: must be a finite number >= 0, got -1"},
-                    BadScene{"world:\n  threads: 0\n",
-                             "s:2: world.threads: must be >= 1, got 0"}));
+                    BadScene{"world:\n  threads: 0\n", "s:2: world.threads: must be >= 1, got 0"}));
 
 /// A scene whose third line onwards is the one body.
 std::string with_body(const std::string& lines) { return "world: {}\nbodies:\n" + lines; }

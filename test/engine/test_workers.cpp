@@ -62,7 +62,7 @@ TEST(Threads, ChangeNotOneBit) {
   std::vector<World> worlds;
   for (const int threads : {1, 2, 4}) worlds.push_back(many_islands(threads));
   std::uint32_t changes = 0;
-  for (int step = 0; step < 100; ++step) {
+  for (int step = 0; step < 20; ++step) {
     for (World& world : worlds) world.step();
     const StepReport& one = worlds.front().report();
     changes += one.changes;
@@ -73,9 +73,9 @@ TEST(Threads, ChangeNotOneBit) {
       ASSERT_EQ(world.report().islands, one.islands) << step;
       ASSERT_EQ(world.report().substeps, one.substeps) << step;
     }
-    if (step == 50) worlds.back() = worlds.front();  // with one thread, in the middle
+    if (step == 10) worlds.back() = worlds.front();  // with one thread, in the middle
   }
-  EXPECT_GT(changes, 180u);  // methods came and went
+  EXPECT_GT(changes, 100u);  // methods came and went
   EXPECT_GT(worlds.front().report().islands[static_cast<std::size_t>(Method::kEnergyMomentum)], 0u);
 }
 

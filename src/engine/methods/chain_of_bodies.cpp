@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 namespace constraint_sim::engine {
 namespace {
@@ -197,19 +196,12 @@ void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, dou
 
 bool ChainOfBodies::project(double t, double* y) {
   if (depends_) return equations_.project(t, y);
-  if (equations_.varies()) equations_.move_with_time(t);
-  double error = find_values(y);
-  const double rounding =
-      std::numeric_limits<double>::epsilon() * std::max(equations_.scale_, error);
-  while (!(error <= rounding)) {
-    reduce();
-    push(y);
-    const double before = error;
-    error = find_values(y);
-    if (error <= 0.5 * before) continue;
-    return error <= 16.0 * rounding || equations_.project(t, y);
-  }
-  return true;
+  return equations_.project_by(
+      t, y, [&] { return find_values(y); },
+      [&] {
+        reduce();
+        push(y);
+      });
 }
 
 bool ChainOfBodies::restart(double* y, double* dydt) {

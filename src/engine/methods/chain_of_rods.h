@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 
 #include "engine/methods/equations_of_motion.h"
 
@@ -53,19 +52,12 @@ class ChainOfRods {
   /// Newton's steps with the factors of the last stage, as the equations make them.
   bool project(double t, double* y) {
     if (depends_) return equations_.project(t, y);
-    if (equations_.varies()) equations_.move_with_time(t);
-    double error = find_values(y);
-    const double rounding =
-        std::numeric_limits<double>::epsilon() * std::max(equations_.scale_, error);
-    while (!(error <= rounding)) {
-      equations_.tridiagonal_.solve(solution_);
-      push(y);
-      const double before = error;
-      error = find_values(y);
-      if (error <= 0.5 * before) continue;
-      return error <= 16.0 * rounding || equations_.project(t, y);
-    }
-    return true;
+    return equations_.project_by(
+        t, y, [&] { return find_values(y); },
+        [&] {
+          equations_.tridiagonal_.solve(solution_);
+          push(y);
+        });
   }
 
   template <class Pair>

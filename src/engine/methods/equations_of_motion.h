@@ -2,8 +2,10 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <array>
 #include <cstddef>
+#include <limits>
 #include <utility>
 #include <vector>
 
@@ -222,6 +224,23 @@ class EquationsOfMotion {
   void pull_springs(double* forces);
   void find_right_hand_side(const Eigen::Vector3d* free, double* b) const;
   void weigh_by_length(double* lambda) const;
+
+  /// project() of a kernel, with factors of its own: `find_values` returns how far the worst row is
+  /// off at y, `correct` makes one of Newton's steps. Where these do not do, the equations do.
+  template <class FindValues, class Correct>
+  bool project_by(double t, double* y, FindValues find_values, Correct correct) {
+    if (varies()) move_with_time(t);
+    double error = find_values();
+    const double rounding = std::numeric_limits<double>::epsilon() * std::max(scale_, error);
+    while (!(error <= rounding)) {
+      correct();
+      const double before = error;
+      error = find_values();
+      if (error <= 0.5 * before) continue;
+      return error <= 16.0 * rounding || project(t, y);
+    }
+    return true;
+  }
 
   double largest_coordinate(const double* y) const;
   Eigen::Vector3d d_dot(std::size_t l) const;

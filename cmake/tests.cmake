@@ -14,6 +14,10 @@ function(constraint_sim_add_gtest name)
     add_test(NAME ${name} COMMAND ${name})
   endif()
   constraint_sim_own_code(${name})
+  if(CONSTRAINT_SIM_SANITIZE)
+    # half the time to build; the engine itself is checked for these too
+    target_compile_options(${name} PRIVATE -fno-sanitize=null,alignment)
+  endif()
   target_compile_definitions(${name} PRIVATE
     CONSTRAINT_SIM_SCENE_DIR="${CMAKE_CURRENT_SOURCE_DIR}/config/scenes")
   set(registered_tests ${registered_tests} "gtest\t${name}\t$<TARGET_FILE:${name}>" PARENT_SCOPE)

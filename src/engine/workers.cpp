@@ -29,7 +29,7 @@ class Workers::Team {
 
   int threads() const { return static_cast<int>(others_.size()) + 1; }
 
-  void run(std::size_t count, const Task& task) {
+  void run(std::size_t count, const AnyTask& task) {
     // pieces small enough that nobody waits long for the last one
     constexpr std::size_t kPiecesEach = 8;
     {
@@ -78,7 +78,7 @@ class Workers::Team {
   std::size_t busy_ = 0;  // others that have not finished this round
 
   // of a round; set before it begins
-  const Task* task_ = nullptr;
+  const AnyTask* task_ = nullptr;
   std::size_t count_ = 0, piece_ = 1;
   std::atomic<std::size_t> next_{0};
 
@@ -90,12 +90,7 @@ Workers::Workers(const Workers&) {}
 Workers& Workers::operator=(const Workers&) { return *this; }
 Workers::~Workers() = default;
 
-void Workers::run(int threads, std::size_t count, const Task& task) {
-  if (threads == 1) {
-    team_.reset();
-    for (std::size_t i = 0; i < count; ++i) task(i);
-    return;
-  }
+void Workers::share(int threads, std::size_t count, const AnyTask& task) {
   if (!team_ || team_->threads() != threads) team_ = std::make_unique<Team>(threads);
   team_->run(count, task);
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <memory>
 
@@ -8,8 +9,6 @@ namespace constraint_sim::engine {
 /// Threads that share the work of a step, started when they are first wanted. A copy has its own.
 class Workers {
  public:
-  using Task = std::function<void(std::size_t)>;
-
   Workers();
   Workers(const Workers&);
   Workers& operator=(const Workers&);
@@ -17,10 +16,18 @@ class Workers {
 
   /// Calls task(i) for every i below `count`, in any order, on this thread and `threads` − 1
   /// others; returns when all calls have. They must not throw.
-  void run(int threads, std::size_t count, const Task& task);
+  template <typename Task>
+  void run(int threads, std::size_t count, const Task& task) {
+    if (threads > 1) return share(threads, count, std::cref(task));
+    for (std::size_t i = 0; i < count; ++i) task(i);
+  }
 
  private:
   class Team;
+  using AnyTask = std::function<void(std::size_t)>;
+
+  void share(int threads, std::size_t count, const AnyTask& task);
+
   std::unique_ptr<Team> team_;
 };
 

@@ -758,7 +758,8 @@ TEST(EnergyMomentum, LeavesAJerkToSubsteps) {
     force = std::max(force, std::abs(world.joint_state(world.joint_ids().front()).force));
   }
   EXPECT_GT(force, 1e7);
-  EXPECT_NEAR(world.energy(), energy, 1e-8 * 0.5e6);
+  // jerks magnify rounding: with the speed at the start changed by 1e-13, 1e-9 to 4e-8 came out
+  EXPECT_NEAR(world.energy(), energy, 1e-7 * 0.5e6);
 }
 
 TEST(EnergyMomentum, LongTicksAreBounded) {

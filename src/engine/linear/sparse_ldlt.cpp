@@ -3,12 +3,17 @@
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
 #include <algorithm>
+#include <array>
 #include <limits>
+#include <type_traits>
 
 namespace constraint_sim::engine {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+// share of a supernode's entries that may be kept although they are zero: what measures best
+constexpr double kInVain = 0.2;
 
 // Place of each row in an elimination of a forest without fill: leaves first, from all ends at
 // once, so that neighbours in the order depend little on each other. Empty if there are loops.
@@ -56,6 +61,44 @@ std::vector<int> little_fill_order(int n, const std::vector<std::pair<int, int>>
   return order;
 }
 
+// Calls act(k, count) for k from 0 to n, with a count of 4 as long as that goes: known when
+// compiled, so that what is of one column each stays in registers.
+template <class Act>
+void by_fours(std::size_t n, const Act& act) {
+  std::size_t k = 0;
+  for (; k + 4 <= n; k += 4) act(k, std::integral_constant<std::size_t, 4>{});
+  switch (n - k) {
+    case 3:
+      act(k, std::integral_constant<std::size_t, 3>{});
+      break;
+    case 2:
+      act(k, std::integral_constant<std::size_t, 2>{});
+      break;
+    case 1:
+      act(k, std::integral_constant<std::size_t, 1>{});
+      break;
+  }
+}
+
+// Takes rows j and below of L D L_jᵀ, for the first columns of a block and counted from row
+// `begin`, off what target(i) gives.
+template <class Target>
+void subtract_columns(const double* L, std::size_t rows, std::size_t columns, std::size_t begin,
+                      std::size_t j, const Target& target) {
+  by_fours(columns, [=](std::size_t k, auto count) {
+    const double* const diagonal = L + (rows + 1) * k;
+    const double* const from = L + rows * k + begin;
+    std::array<double, count> scaled;
+    for (std::size_t n = 0; n < count; ++n)
+      scaled[n] = diagonal[(rows + 1) * n] * from[rows * n + j];
+    for (std::size_t i = j; i < rows - begin; ++i) {
+      double sum = 0.0;
+      for (std::size_t n = 0; n < count; ++n) sum += scaled[n] * from[rows * n + i];
+      target(i) -= sum;
+    }
+  });
+}
+
 }  // namespace
 
 void SparseLdlt::analyze(int n, const std::vector<std::pair<int, int>>& entries) {
@@ -65,71 +108,121 @@ void SparseLdlt::analyze(int n, const std::vector<std::pair<int, int>>& entries)
   if (!is_forest_) order_ = little_fill_order(n, entries);
 
   // pattern of L, column by column: that of A and of the children in the elimination tree
-  std::vector<std::vector<int>> columns(size);
+  std::vector<std::vector<int>> below(size);
   for (const auto& [i, j] : entries) {
     const int p = order_[static_cast<std::size_t>(i)];
     const int q = order_[static_cast<std::size_t>(j)];
-    if (p != q) columns[static_cast<std::size_t>(std::min(p, q))].push_back(std::max(p, q));
+    if (p != q) below[static_cast<std::size_t>(std::min(p, q))].push_back(std::max(p, q));
   }
-  column_start_.assign(1, 0);
-  row_of_.clear();
-  for (int k = 0; k < n; ++k) {
-    std::vector<int>& rows = columns[static_cast<std::size_t>(k)];
+  for (std::vector<int>& rows : below) {
     std::sort(rows.begin(), rows.end());
     rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
-    for (const int row : rows) row_of_.push_back(static_cast<std::size_t>(row));
-    column_start_.push_back(row_of_.size());
     if (rows.empty()) continue;
-    std::vector<int>& parent = columns[static_cast<std::size_t>(rows.front())];
+    std::vector<int>& parent = below[static_cast<std::size_t>(rows.front())];
     parent.insert(parent.end(), rows.begin() + 1, rows.end());
-    std::vector<int>().swap(rows);
   }
-
-  // the same by rows
-  row_start_.assign(size + 1, 0);
-  for (const std::size_t row : row_of_) ++row_start_[row + 1];
-  for (std::size_t i = 0; i < size; ++i) row_start_[i + 1] += row_start_[i];
-  column_of_.resize(row_of_.size());
-  place_of_.resize(row_of_.size());
-  std::vector<std::size_t> next(row_start_.begin(), row_start_.end() - 1);
-  for (std::size_t k = 0; k < size; ++k) {
-    for (std::size_t p = column_start_[k]; p < column_start_[k + 1]; ++p) {
-      const std::size_t to = next[row_of_[p]]++;
-      column_of_[to] = k;
-      place_of_[to] = p;
-    }
-  }
-  parent_.assign(size, size);
-  for (std::size_t k = 0; k < size; ++k)
-    if (column_start_[k + 1] > column_start_[k]) parent_[k] = row_of_[column_start_[k]];
-  is_updated_.assign(size, false);
-  for (std::size_t k = 0; k < size; ++k)
-    for (std::size_t p = column_start_[k]; p + 1 < column_start_[k + 1]; ++p)
-      is_updated_[row_of_[p]] = true;
-  values_.assign(size + row_of_.size(), 0.0);
   inverse_diagonal_.assign(size, 0.0);
   work_.assign(size, 0.0);
+  if (is_forest_) {
+    find_parents(below);
+  } else {
+    join_columns(below);
+    find_updates();
+  }
+}
+
+void SparseLdlt::find_parents(const std::vector<std::vector<int>>& below) {
+  parent_.assign(n_, n_);
+  for (std::size_t k = 0; k < n_; ++k)
+    if (!below[k].empty()) parent_[k] = static_cast<std::size_t>(below[k].front());
+  values_.assign(2 * n_, 0.0);
+}
+
+// A column joins the one before, its child, where few entries are then kept in vain.
+void SparseLdlt::join_columns(const std::vector<std::vector<int>>& below) {
+  supernodes_.clear();
+  supernode_of_.resize(n_);
+  row_of_.clear();
+  std::size_t in_vain = 0, entries = 0;
+  for (std::size_t k = 0; k < n_; ++k) {
+    const std::vector<int>& rows = below[k];
+    bool joins = false;
+    if (k > 0 && !below[k - 1].empty() && static_cast<std::size_t>(below[k - 1].front()) == k) {
+      Supernode& node = supernodes_.back();
+      const std::size_t more = node.columns * (rows.size() + 1 - below[k - 1].size());
+      const std::size_t all =
+          (node.columns + 1) * (node.columns + 2) / 2 + (node.columns + 1) * rows.size();
+      joins = static_cast<double>(in_vain + more) <= kInVain * static_cast<double>(all);
+      if (joins) {
+        in_vain += more;
+        ++node.columns;
+        row_of_.resize(node.below);
+      }
+    }
+    if (!joins) {
+      in_vain = 0;
+      supernodes_.push_back({k, 1, 0, row_of_.size(), 0, 0});
+    }
+    supernode_of_[k] = supernodes_.size() - 1;
+    for (const int row : rows) row_of_.push_back(static_cast<std::size_t>(row));
+    supernodes_.back().rows = supernodes_.back().columns + rows.size();
+  }
+  for (Supernode& node : supernodes_) {
+    node.block = entries;
+    entries += node.rows * node.columns;
+  }
+  values_.assign(entries, 0.0);
+}
+
+void SparseLdlt::find_updates() {
+  std::vector<std::vector<Update>> of_node(supernodes_.size());
+  for (std::size_t s = 0; s < supernodes_.size(); ++s) {
+    const Supernode& node = supernodes_[s];
+    const std::size_t* const row = row_of_.data() + node.below - node.columns;
+    for (std::size_t begin = node.columns, end = begin; begin < node.rows; begin = end) {
+      const std::size_t to = supernode_of_[row[begin]];
+      while (end < node.rows && supernode_of_[row[end]] == to) ++end;
+      of_node[to].push_back({s, begin, end - begin, 0});
+    }
+  }
+  updates_.clear();
+  targets_.clear();
+  for (std::size_t s = 0; s < supernodes_.size(); ++s) {
+    for (Update& update : of_node[s]) {
+      update.targets = targets_.size();
+      const Supernode& from = supernodes_[update.from];
+      for (std::size_t i = update.begin; i < from.rows; ++i)
+        targets_.push_back(row_in_block(supernodes_[s], row_of_[from.below + i - from.columns]));
+      updates_.push_back(update);
+    }
+    supernodes_[s].updates_end = updates_.size();
+  }
+}
+
+std::size_t SparseLdlt::row_in_block(const Supernode& node, std::size_t row) const {
+  if (row < node.first + node.columns) return row - node.first;
+  const auto begin = row_of_.begin() + static_cast<std::ptrdiff_t>(node.below);
+  const auto end = begin + static_cast<std::ptrdiff_t>(node.rows - node.columns);
+  return node.columns + static_cast<std::size_t>(std::lower_bound(begin, end, row) - begin);
 }
 
 SparseLdlt::Slot SparseLdlt::slot(int i, int j) const {
-  const int p = order_[static_cast<std::size_t>(i)];
-  const int q = order_[static_cast<std::size_t>(j)];
-  if (p == q) return static_cast<Slot>(p);
-  const auto column = static_cast<std::size_t>(std::min(p, q));
-  const auto begin = row_of_.begin() + static_cast<std::ptrdiff_t>(column_start_[column]);
-  const auto end = row_of_.begin() + static_cast<std::ptrdiff_t>(column_start_[column + 1]);
-  const auto found = std::lower_bound(begin, end, static_cast<std::size_t>(std::max(p, q)));
-  return n_ + static_cast<Slot>(found - row_of_.begin());
+  const auto p = static_cast<std::size_t>(order_[static_cast<std::size_t>(i)]);
+  const auto q = static_cast<std::size_t>(order_[static_cast<std::size_t>(j)]);
+  const std::size_t column = std::min(p, q), row = std::max(p, q);
+  if (is_forest_) return p == q ? p : n_ + column;
+  const Supernode& node = supernodes_[supernode_of_[column]];
+  return node.block + node.rows * (column - node.first) + row_in_block(node, row);
 }
 
 int SparseLdlt::factor(double least) {
-  return is_forest_ ? factor_forest(least) : factor_any(least);
+  return is_forest_ ? factor_forest(least) : factor_supernodes(least);
 }
 
 // No column has more than one entry, so none but its parent's pivot changes.
 int SparseLdlt::factor_forest(double least) {
   const double* const diagonal = values_.data();
-  double* lower = values_.data() + n_;
+  double* const lower = values_.data() + n_;
   double* const taken = work_.data();  // off the pivots by their children; zero before and after
   double* const inverses = inverse_diagonal_.data();
   const std::size_t* const parents = parent_.data();
@@ -139,13 +232,13 @@ int SparseLdlt::factor_forest(double least) {
   for (std::size_t k = 0; k < n; ++k) {
     double pivot = diagonal[k] - taken[k];
     taken[k] = 0.0;
-    if (pivot < least * diagonal[k]) pivot = touch(k, pivot, least, &touched);
+    if (pivot < least * diagonal[k]) pivot = touch(k, diagonal[k], pivot, least, &touched);
     if (pivot == 0.0) pivot = kInfinity;  // of an empty row
     // two divisions, since the next pivot waits for the second alone
     inverses[k] = 1.0 / pivot;
     if (parents[k] == n) continue;
-    taken[parents[k]] += *lower * *lower / pivot;
-    *lower++ *= inverses[k];
+    taken[parents[k]] += lower[k] * lower[k] / pivot;
+    lower[k] *= inverses[k];
   }
   return touched;
 }
@@ -158,8 +251,7 @@ int SparseLdlt::factor_leaving_out(double least) {
   return left_out;
 }
 
-double SparseLdlt::touch(std::size_t k, double pivot, double least, int* touched) {
-  const double entry = values_[k];
+double SparseLdlt::touch(std::size_t k, double entry, double pivot, double least, int* touched) {
   smallest_touched_ = std::min(smallest_touched_, pivot / entry);
   ++*touched;
   if (leaves_out_) {
@@ -169,62 +261,96 @@ double SparseLdlt::touch(std::size_t k, double pivot, double least, int* touched
   return pivot + least * entry;
 }
 
-int SparseLdlt::factor_any(double least) {
-  double* const diagonal = values_.data();
-  double* const lower = values_.data() + n_;
+int SparseLdlt::factor_supernodes(double least) {
   int touched = 0;
   smallest_touched_ = 1.0;
-  for (std::size_t j = 0; j < n_; ++j) {
-    const std::size_t begin = column_start_[j];
-    const std::size_t end = column_start_[j + 1];
-    if (is_updated_[j])
-      for (std::size_t p = begin; p < end; ++p) work_[row_of_[p]] = lower[p];
-
-    double pivot = diagonal[j];
-    for (std::size_t r = row_start_[j]; r < row_start_[j + 1]; ++r) {
-      const std::size_t k = column_of_[r];
-      const std::size_t at = place_of_[r];
-      const double scaled = lower[at] * diagonal[k];
-      pivot -= lower[at] * scaled;
-      for (std::size_t p = at + 1; p < column_start_[k + 1]; ++p)
-        work_[row_of_[p]] -= lower[p] * scaled;
-    }
-    if (pivot < least * diagonal[j]) pivot = touch(j, pivot, least, &touched);
-    const double inverse = pivot != 0.0 ? 1.0 / pivot : 0.0;  // 0 of an empty row
-    diagonal[j] = pivot;
-    inverse_diagonal_[j] = inverse;
-    if (is_updated_[j])
-      for (std::size_t p = begin; p < end; ++p) lower[p] = work_[row_of_[p]];
-    for (std::size_t p = begin; p < end; ++p) lower[p] *= inverse;
+  std::size_t u = 0;
+  for (const Supernode& node : supernodes_) {
+    for (std::size_t k = 0; k < node.columns; ++k)  // for now the entries of A
+      inverse_diagonal_[node.first + k] = values_[node.block + (node.rows + 1) * k];
+    for (; u < node.updates_end; ++u) subtract(updates_[u], node);
+    touched += eliminate(node, least);
   }
   return touched;
 }
 
-void SparseLdlt::solve(double* b) const { is_forest_ ? solve_forest(b) : solve_any(b); }
+// L D Lᵀ of the columns of one before, where it meets this one
+void SparseLdlt::subtract(const Update& update, const Supernode& node) {
+  const Supernode& from = supernodes_[update.from];
+  const double* const L = values_.data() + from.block;
+  const std::size_t* const target = targets_.data() + update.targets;
+  for (std::size_t j = 0; j < update.columns; ++j) {
+    double* const column = values_.data() + node.block + node.rows * target[j];
+    subtract_columns(L, from.rows, from.columns, update.begin, j,
+                     [=](std::size_t i) -> double& { return column[target[i]]; });
+  }
+}
+
+// within the block, whose columns those before have changed already
+int SparseLdlt::eliminate(const Supernode& node, double least) {
+  double* const L = values_.data() + node.block;
+  const std::size_t rows = node.rows;
+  int touched = 0;
+  for (std::size_t k = 0; k < node.columns; ++k) {
+    double* const column = L + rows * k;
+    subtract_columns(L, rows, k, 0, k, [=](std::size_t i) -> double& { return column[i]; });
+    double& inverse = inverse_diagonal_[node.first + k];
+    const double entry = inverse;
+    if (column[k] < least * entry)
+      column[k] = touch(node.first + k, entry, column[k], least, &touched);
+    inverse = column[k] != 0.0 ? 1.0 / column[k] : 0.0;  // 0 of an empty row
+    for (std::size_t i = k + 1; i < rows; ++i) column[i] *= inverse;
+  }
+  return touched;
+}
+
+void SparseLdlt::solve(double* b) const { is_forest_ ? solve_forest(b) : solve_supernodes(b); }
 
 void SparseLdlt::solve_forest(double* b) const {
-  const double* lower = values_.data() + n_;
+  const double* const lower = values_.data() + n_;
   const double* const inverses = inverse_diagonal_.data();
   const std::size_t* const parents = parent_.data();
   const std::size_t n = n_;
   for (std::size_t k = 0; k < n; ++k)
-    if (parents[k] < n) b[parents[k]] -= *lower++ * b[k];
+    if (parents[k] < n) b[parents[k]] -= lower[k] * b[k];
   for (std::size_t k = n; k-- > 0;) {
     const double x = b[k] * inverses[k];
-    b[k] = parents[k] < n ? x - *--lower * b[parents[k]] : x;
+    b[k] = parents[k] < n ? x - lower[k] * b[parents[k]] : x;
   }
 }
 
-void SparseLdlt::solve_any(double* b) const {
-  const double* const lower = values_.data() + n_;
-  for (std::size_t k = 0; k < n_; ++k)
-    for (std::size_t p = column_start_[k]; p < column_start_[k + 1]; ++p)
-      b[row_of_[p]] -= lower[p] * b[k];
-  for (std::size_t k = n_; k-- > 0;) {
-    double sum = b[k] * inverse_diagonal_[k];
-    for (std::size_t p = column_start_[k]; p < column_start_[k + 1]; ++p)
-      sum -= lower[p] * b[row_of_[p]];
-    b[k] = sum;
+void SparseLdlt::solve_supernodes(double* b) const {
+  for (const Supernode& node : supernodes_) {
+    const double* const L = values_.data() + node.block;
+    const std::size_t* const row = row_of_.data() + node.below - node.columns;
+    const std::size_t rows = node.rows;
+    double* const x = b + node.first;
+    for (std::size_t k = 1; k < node.columns; ++k)
+      for (std::size_t i = 0; i < k; ++i) x[k] -= L[rows * i + k] * x[i];
+    by_fours(node.columns, [=](std::size_t k, auto count) {
+      for (std::size_t i = node.columns; i < rows; ++i) {
+        double sum = 0.0;
+        for (std::size_t n = k; n < k + count; ++n) sum += L[rows * n + i] * x[n];
+        b[row[i]] -= sum;
+      }
+    });
+  }
+  for (std::size_t s = supernodes_.size(); s-- > 0;) {
+    const Supernode& node = supernodes_[s];
+    const double* const L = values_.data() + node.block;
+    const std::size_t* const row = row_of_.data() + node.below - node.columns;
+    const std::size_t rows = node.rows;
+    double* const x = b + node.first;
+    by_fours(node.columns, [=](std::size_t k, auto count) {
+      std::array<double, count> sum;
+      for (std::size_t n = 0; n < count; ++n)
+        sum[n] = x[k + n] * inverse_diagonal_[node.first + k + n];
+      for (std::size_t i = node.columns; i < rows; ++i)
+        for (std::size_t n = 0; n < count; ++n) sum[n] -= L[rows * (k + n) + i] * b[row[i]];
+      for (std::size_t n = 0; n < count; ++n) x[k + n] = sum[n];
+    });
+    for (std::size_t k = node.columns; k-- > 1;)
+      for (std::size_t i = 0; i < k; ++i) x[i] -= L[rows * i + k] * x[k];
   }
 }
 

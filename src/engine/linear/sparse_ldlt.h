@@ -7,9 +7,11 @@
 namespace constraint_sim::engine {
 
 /// Factors A = L D Lᵀ of a symmetric positive semidefinite matrix whose pattern stays and whose
-/// values change. The pattern is ordered for little fill once (without loops leaves first, and
-/// there is none; else approximate minimum degree); after that nothing is allocated. Davis, "Direct
-/// Methods for Sparse Linear Systems", SIAM 2006, chapters 4 and 7; left-looking by columns.
+/// values change. The pattern is ordered for little fill once; after that nothing is allocated.
+/// Without loops that is leaves first, and there is no fill. Else it is approximate minimum degree,
+/// and neighbouring columns of nearly the same pattern are kept and worked on as one dense block, a
+/// supernode: Davis, Rajamanickam, Sid-Lakhdar, "A survey of direct methods for sparse linear
+/// systems", Acta Numerica 25 (2016), section 9.
 class SparseLdlt {
  public:
   /// Where an entry of A goes in values().
@@ -40,23 +42,43 @@ class SparseLdlt {
   void solve(double* b) const;
 
  private:
+  /// Columns of one dense block of L, D on its diagonal: first their own rows, then those below.
+  struct Supernode {
+    std::size_t first, columns;  // in the elimination
+    std::size_t rows;            // of the block
+    std::size_t below;           // where the rows below are in row_of_
+    std::size_t block;           // where the block is in values_, column by column
+    std::size_t updates_end;     // of updates_ of this one
+  };
+  /// What a supernode before takes off the rows of this one: its rows from `begin` on, the first of
+  /// them columns here.
+  struct Update {
+    std::size_t from, begin, columns;
+    std::size_t targets;  // where their rows in this block are in targets_
+  };
+
+  void find_parents(const std::vector<std::vector<int>>& below);
+  void join_columns(const std::vector<std::vector<int>>& below);
+  void find_updates();
+  std::size_t row_in_block(const Supernode& node, std::size_t row) const;
   int factor_forest(double least);
-  int factor_any(double least);
-  double touch(std::size_t k, double pivot, double least, int* touched);
+  int factor_supernodes(double least);
+  void subtract(const Update& update, const Supernode& node);
+  int eliminate(const Supernode& node, double least);
+  double touch(std::size_t k, double entry, double pivot, double least, int* touched);
   void solve_forest(double* b) const;
-  void solve_any(double* b) const;
+  void solve_supernodes(double* b) const;
 
   std::size_t n_ = 0;
-  std::vector<int> order_;                 // of original rows: place in the elimination
-  std::vector<std::size_t> column_start_;  // of L without diagonal, by columns
-  std::vector<std::size_t> row_of_;
-  bool is_forest_ = true;  // no loops, no entry twice: no column of L has more than one entry
-  std::vector<std::size_t> parent_;     // the first row of each column; n_ where there is none
-  std::vector<char> is_updated_;        // whether columns before change this one below the diagonal
-  std::vector<std::size_t> row_start_;  // of L without diagonal, by rows
-  std::vector<std::size_t> column_of_;  // k of L_jk in row j
-  std::vector<std::size_t> place_of_;   // and where it lies among the columns
-  // the diagonal in elimination order, then L by columns; A before factor()
+  std::vector<int> order_;  // of original rows: place in the elimination
+  bool is_forest_ = true;   // no loops, no entry twice: no column of L has more than one entry
+  std::vector<std::size_t> parent_;  // of a forest: the row of each column; n_ where there is none
+  std::vector<Supernode> supernodes_;      // otherwise
+  std::vector<std::size_t> supernode_of_;  // of columns
+  std::vector<std::size_t> row_of_;        // of rows below
+  std::vector<Update> updates_;            // in the order of what they update
+  std::vector<std::size_t> targets_;
+  // A before factor(). Of a forest the diagonal, then the entry below it; otherwise the blocks.
   std::vector<double> values_;
   std::vector<double> inverse_diagonal_;
   std::vector<double> work_;

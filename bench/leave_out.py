@@ -9,6 +9,7 @@ the files and functions of LEFT_OUT.
     leave_out.py build/engine/constraint_sim_run                     a table
     leave_out.py build/engine/constraint_sim_run --check  COUNTS     fails when one grew by over 3 %
     leave_out.py build/engine/constraint_sim_run --update COUNTS     takes these for right
+    leave_out.py build/engine/constraint_sim_run --profile           where they are spent, by file
 
 The program has to know its source lines (-g1). Counts hang on the compiler, which the file names;
 with another one only what is left out is checked.
@@ -27,6 +28,7 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 MOST_GROWTH = 0.03
+LEAST_SHARE = 0.05  # of a file that the profile names
 STEPS = 20
 # a comparison or jump that the compiler put beside a function may carry its line
 TOLERATED = 2  # [instructions a step]
@@ -113,29 +115,32 @@ def profile(program, scene, steps, folder):
 
 
 def parse(path, program):
-    """A callgrind file: costs stand below the file they belong to; that of a call follows its
-    `calls` line and is the callee's."""
+    """A callgrind file: costs stand below the file they belong to, which may be one inlined there;
+    that of a call follows its `calls` line and is the callee's. What is inlined of libraries goes to
+    the function's file, line 0."""
     instructions = collections.Counter()
     is_own = is_call = False
-    file = ''
+    file = of_function = ''
     for line in path.open():
         key, _, value = line.rstrip('\n').partition('=')
         if key == 'ob':
             is_own = os.path.basename(value) == program
         elif key in ('fl', 'fi', 'fe'):
-            file = value
+            file = own_name(value)
+            if key == 'fl':
+                of_function = file
         elif key == 'calls':
             is_call = True
         elif line[:1].isdigit():
             if is_own and not is_call:
                 number, cost = map(int, line.split()[:2])
-                instructions[own_name(file), number] += cost
+                instructions[(file, number) if file else (of_function, 0)] += cost
             is_call = False
     return instructions
 
 
 def own_name(path):
-    """Below src/engine or include/constraint_sim; of libraries '', inlined as their code is."""
+    """Below src/engine or include/constraint_sim; of libraries ''."""
     found = re.search(r'/(?:src/engine|include/constraint_sim)/(.*)', path)
     return found.group(1) if found else ''
 
@@ -155,8 +160,12 @@ def count(program, scene, folder):
             if cost > TOLERATED * STEPS:
                 broken.append(f'{scene.name}: {what} is left out, but {place} took {cost / STEPS:g} '
                               'instructions a step')
+    by_file = collections.Counter()
+    for (file, _), cost in until_last.items():
+        by_file[os.path.basename(file) or 'libraries'] += cost
     return {'scene': scene.name,
             'instructions': round(sum(until_last.values()) / STEPS),
+            'by_file': by_file,
             'left_out': ' '.join(line.split(':')[0] for line in left_out)}, broken
 
 
@@ -178,11 +187,21 @@ def compare(path, rows):
     return grown
 
 
+def print_profile(rows):
+    print('| scene | instructions a step | spent in |\n| --- | ---: | --- |')
+    for row in rows:
+        total = sum(row['by_file'].values())
+        shares = [f'{file} {cost / total:.0%}' for file, cost in row['by_file'].most_common()
+                  if cost > LEAST_SHARE * total]
+        print(f'| {row["scene"]} | {row["instructions"]} | {", ".join(shares)} |')
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('program', help='constraint_sim_run')
     parser.add_argument('--check', metavar='COUNTS', type=pathlib.Path)
     parser.add_argument('--update', metavar='COUNTS', type=pathlib.Path)
+    parser.add_argument('--profile', action='store_true')
     options = parser.parse_args()
 
     with tempfile.TemporaryDirectory() as folder, \
@@ -192,11 +211,14 @@ def main():
     rows = [row for row, _ in counted]
     complaints = [complaint for _, broken in counted for complaint in broken]
 
-    print('| scene | what it is | instructions a step | left out |\n'
-          '| --- | --- | ---: | --- |')
-    for scene, row in zip(SCENES, rows):
-        print(f'| {scene.name} | {scene.what} | {row["instructions"]} | '
-              f'{row["left_out"]} |')
+    if options.profile:
+        print_profile(rows)
+    else:
+        print('| scene | what it is | instructions a step | left out |\n'
+              '| --- | --- | ---: | --- |')
+        for scene, row in zip(SCENES, rows):
+            print(f'| {scene.name} | {scene.what} | {row["instructions"]} | '
+                  f'{row["left_out"]} |')
     if options.check:
         complaints += compare(options.check, rows)
     if options.update:

@@ -1,5 +1,6 @@
 // Time of a chain's right-hand side by Google Benchmark, of its kernels and of the general
-// equations, and of a whole step of a chain of bars; items are links, and of a step stages as well.
+// equations, and of whole steps of a chain of bars and of a net; items are links, and of a step
+// stages as well.
 
 #include <benchmark/benchmark.h>
 
@@ -76,20 +77,31 @@ BENCHMARK_TEMPLATE(right_hand_side, ChainOfBodies, kBars)->Arg(10)->Arg(100)->Ar
 BENCHMARK_TEMPLATE(right_hand_side, EquationsOfMotion&, kMasses)->Arg(100);
 BENCHMARK_TEMPLATE(right_hand_side, EquationsOfMotion&, kBars)->Arg(100);
 
-/// One stage of order 8 for one bar on ball joints, with its share of the rest of the step.
-void bar_stage(benchmark::State& state) {
+/// Steps of order 8 and one substep each, by stages and joints.
+void count_stages(benchmark::State& state, World world) {
   constexpr int kStages = 12;
-  World world = problems::chain_of_bars(static_cast<int>(state.range(0)));
   WorldOptions options = world.options();
   options.time_step = 1e-3;
   options.tolerance = 0.0;
+  options.method = Method::kRungeKutta;
   options.sleep_after = std::numeric_limits<double>::infinity();
   world.set_options(options);
   for (int i = 0; i < 3; ++i) world.step();
   for ([[maybe_unused]] auto unused : state) world.step();
-  count_items(state, state.range(0) * kStages);
+  count_items(state, static_cast<std::int64_t>(world.joint_ids().size()) * kStages);
+}
+
+/// One stage for one bar on ball joints, with its share of the rest of the step.
+void bar_stage(benchmark::State& state) {
+  count_stages(state, problems::chain_of_bars(static_cast<int>(state.range(0))));
 }
 BENCHMARK(bar_stage)->Arg(10)->Arg(100);
+
+/// The same for one rod of a net of n × n masses: loops.
+void net_stage(benchmark::State& state) {
+  count_stages(state, problems::net(static_cast<int>(state.range(0)), 0.1));
+}
+BENCHMARK(net_stage)->Arg(8)->Arg(32);
 
 }  // namespace
 }  // namespace constraint_sim::engine

@@ -211,9 +211,9 @@ HONESTY = [
     'What an adapter cannot express is left out (outcome `unsupported`): MuJoCo has no restitution by '
     'a coefficient; Simbody (compliant contacts: Hertz, 1e8 Pa, 10 s/m) has no contact of boxes with '
     'anything but planes; DART and Simbody take other means of two coefficients of friction than the '
-    'geometric one; DART has no rods, and where light bars stood for rods in closed loops they flew '
-    'apart at every tick that was tried, so its loops are of ball joints; springs, motors and, of '
-    'others than DART, loops are not built in joint coordinates.',
+    'geometric one; DART has no rods, and where light bars (1e-6 to 1e-2 of the mass they hold) stood '
+    'for rods in a four-bar linkage they flew apart at the ticks that were tried, so its loops are of '
+    'ball joints; springs, motors and, of others than DART, loops are not built in joint coordinates.',
 ]
 
 

@@ -49,8 +49,8 @@ QUICK = {
                  'tumbling_pendulum', 'four_bar_10_loaded', 'heavy_chain_1e3', 'sliding_ball'),
     # one number of sweeps of each iterative solver, and what is nowhere the best of its engine
     'leave_out': re.compile(r'_(10|200)$|^ode (step|quickstep_50)$|^mujoco (tendon_rk4|joint_euler)$'),
-    'grid_ticks': (0.1, 1 / 60), 'grid_stride': 2, 'many': (), 'counts': (10, 300),
-    'budget': 0.08, 'grid_budget': 0.03, 'many_budget': 0.0, 'sizes_budget': 0.03, 'most': 1000,
+    'grid_ticks': (0.1, 1 / 60), 'grid_stride': 3, 'many': (), 'counts': (10, 100),
+    'budget': 0.04, 'grid_budget': 0.02, 'many_budget': 0.0, 'sizes_budget': 0.015, 'most': 1000,
 }
 FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'grid_stride': 1, 'many': MANY,
         'counts': (10, 100, 1000, 10000, 100000), 'budget': 3.0, 'grid_budget': 3.0,

@@ -162,7 +162,7 @@ def count(program, scene, folder):
                               'instructions a step')
     by_file = collections.Counter()
     for (file, _), cost in until_last.items():
-        by_file[os.path.basename(file) or 'libraries'] += cost
+        by_file[file or 'libraries'] += cost
     return {'scene': scene.name,
             'instructions': round(sum(until_last.values()) / STEPS),
             'by_file': by_file,

@@ -97,7 +97,7 @@ def listen(duration, results):
     rospy.Subscriber("/constraint_sim/statistics", Statistics,
                      lambda message: statistics.append((time.monotonic(), message)))
     for topic in TOPICS:
-#as bytes : taking them apart in Python would cost more than all the rest
+        # as bytes: taking them apart in Python would cost more than all the rest
         rospy.Subscriber(topic, rospy.AnyMsg, lambda _: messages.append(None))
     wait_until(lambda: statistics, "the node's statistics")
     time.sleep(WARM_UP)
@@ -158,18 +158,11 @@ def measure(bodies, duration):
         return in_process(listen, duration)
 
 
-def middle_and_most(values):
-    """Median, and what 99 of 100 are below."""
-    values = sorted(values)
-    return values[len(values) // 2], values[int(0.99 * len(values))]
-
-
 def steps_and_calls(duration, pid, results):
     """Steps and processor time of a node that nobody listens to, and the times of calls."""
     import rospy
     from constraint_sim.msg import Statistics
-    from constraint_sim.srv import GetWorldProperties, SetMotorBias
-    from roscpp.srv import GetLoggers
+    from constraint_sim.srv import GetWorldProperties
 
     rospy.init_node("caller")
     get = rospy.ServiceProxy("/constraint_sim/get_world_properties", GetWorldProperties,
@@ -183,21 +176,33 @@ def steps_and_calls(duration, pid, results):
     # the first message covers all ticks so far
     step = rospy.wait_for_message("/constraint_sim/statistics", Statistics, TIMEOUT).wall_mean
 
+    results.put({"tick": 1e6 * cpu / ticks, "step": 1e6 * step, "ticks": ticks,
+                 "calls": call_times()})
+
+
+def calls(_, results):
+    import rospy
+
+    rospy.init_node("caller")
+    rospy.wait_for_service("/constraint_sim/set_motor_bias", TIMEOUT)
+    results.put(call_times())
+
+
+def call_times():
+    """Of set_motor_bias: median, and what 99 of 100 are below [ms]."""
+    import rospy
+    from constraint_sim.srv import SetMotorBias
+
     edit = rospy.ServiceProxy("/constraint_sim/set_motor_bias", SetMotorBias, persistent=True)
-    # answered by roscpp itself: what comes of client and transport
-    idle = rospy.ServiceProxy("/constraint_sim/get_loggers", GetLoggers, persistent=True)
-    waits, idle_waits = [], []
+    times = []
     for _ in range(CALLS):
+        time.sleep(0.003)
         begin = time.monotonic()
         if not edit(constraint="r0", bias=0.0).success:
             raise SystemExit("node_throughput: set_motor_bias failed")
-        between = time.monotonic()
-        idle()
-        waits.append(1e3 * (between - begin))
-        idle_waits.append(1e3 * (time.monotonic() - between))
-        time.sleep(0.003)
-    results.put({"tick": 1e6 * cpu / ticks, "step": 1e6 * step, "ticks": ticks,
-                 "edit": middle_and_most(waits), "idle": middle_and_most(idle_waits)})
+        times.append(1e3 * (time.monotonic() - begin))
+    times.sort()
+    return times[len(times) // 2], times[int(0.99 * len(times))]
 
 
 def runner_seconds_a_step(scene, steps):
@@ -220,6 +225,7 @@ def print_overhead(bodies, duration):
         start = cpu_seconds(pid)
         time.sleep(duration)
         paused = (cpu_seconds(pid) - start) / duration
+        paused_calls = in_process(calls, duration)
     print("%d bodies on %d rods, tick %g s, %g rounds a second, %d processors" %
           (bodies, bodies, TIME_STEP, RATE, os.cpu_count()))
     print("nobody listens: %.1f us of processor a tick, of which the engine %.1f, so the node "
@@ -227,8 +233,8 @@ def print_overhead(bodies, duration):
           (silent["tick"], silent["step"], silent["tick"] - silent["step"], 1e6 * engine))
     print("all topics listened to: %.1f %% of a core, %d dropped ticks" %
           (100 * listened["cpu"], listened["dropped"]))
-    print("a call while running, median and what 99 of 100 are below: set_motor_bias %.2f, %.2f ms; "
-          "get_loggers, which waits for no step, %.2f, %.2f ms" % (silent["edit"] + silent["idle"]))
+    print("set_motor_bias, median and what 99 of 100 are below: %.2f, %.2f ms while running; "
+          "%.2f, %.2f ms while paused, when no step is waited for" % (silent["calls"] + paused_calls))
     print("paused: %.2f %% of a core" % (100 * paused))
 
 

@@ -15,7 +15,7 @@ function(constraint_sim_add_gtest name)
   endif()
   constraint_sim_own_code(${name})
   if(CONSTRAINT_SIM_SANITIZE)
-    # half the time to build; the engine itself is checked for these too
+    # Half the time to build. The engine's own files are checked for these as well.
     target_compile_options(${name} PRIVATE -fno-sanitize=null,alignment)
   endif()
   target_compile_definitions(${name} PRIVATE

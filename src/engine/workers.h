@@ -6,7 +6,8 @@
 
 namespace constraint_sim::engine {
 
-/// Threads that share the work of a step, started when they are first wanted. A copy has its own.
+/// Threads that share the work of a step, started when they are first wanted and kept until another
+/// number is. A copy has its own.
 class Workers {
  public:
   Workers();

@@ -1,6 +1,7 @@
 // The sparse factorisation against dense ones, and what it does where rows depend on each other.
 
 #include <Eigen/Cholesky>
+#include <Eigen/LU>
 
 #include "engine/linear/sparse_ldlt.h"
 #include "support.h"
@@ -141,10 +142,44 @@ TEST(SparseLdlt, CountsAndTouchesDependentRows) {
   }
 }
 
+TEST(SparseLdlt, LeavesDependentRowsOut) {
+  for (const bool has_loop : {false, true}) {
+    MatrixXd G = MatrixXd::Random(5, 6);
+    if (!has_loop) G.bottomRows(3).setZero();
+    if (has_loop) G.row(4) = G.row(1) + 2.0 * G.row(2);
+    if (!has_loop) G.row(1) = -G.row(0);
+    const MatrixXd A = G * G.transpose();
+    Pattern pattern;
+    for (int i = 0; i < 5; ++i)
+      for (int j = 0; j < i; ++j)
+        if (has_loop || i == 1) pattern.emplace_back(i, j);
+    SparseLdlt ldlt = with_values(A, pattern);
+    const int left_out = ldlt.factor_leaving_out(1e-8);
+    std::vector<int> kept;
+    for (int i = 0; i < 5; ++i)
+      if (!ldlt.is_left_out(static_cast<std::size_t>(ldlt.place(i)))) kept.push_back(i);
+    EXPECT_EQ(left_out, 1) << has_loop;
+    EXPECT_EQ(kept.size(), 4u) << has_loop;
+    if (!has_loop) continue;  // those without a force are kept
+    // what is kept is independent
+    MatrixXd rest(4, 6);
+    for (int i = 0; i < 4; ++i) rest.row(i) = G.row(kept[static_cast<std::size_t>(i)]);
+    EXPECT_EQ(Eigen::FullPivLU<MatrixXd>(rest).rank(), 4);
+  }
+}
+
 TEST(SparseLdlt, AnEmptyRowGetsNoForce) {
-  SparseLdlt ldlt = with_values(MatrixXd::Zero(1, 1), {});
-  ldlt.factor(1e-8);
-  EXPECT_EQ(solve(ldlt, VectorXd::Ones(1))[0], 0.0);
+  for (const Pattern& pattern :
+       {Pattern{}, Pattern{{0, 0}}, Pattern{{1, 2}, {2, 3}, {3, 1}}}) {  // the last with a loop
+    const int n = pattern.size() < 2 ? 1 : 4;
+    MatrixXd A = MatrixXd::Zero(n, n);
+    if (n == 4) A.bottomRightCorner(3, 3) << 2.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0, 1.0, 2.0;
+    SparseLdlt ldlt = with_values(A, pattern);
+    ldlt.factor(1e-8);
+    const VectorXd x = solve(ldlt, VectorXd::Ones(n));
+    EXPECT_EQ(x[0], 0.0);
+    EXPECT_LE((A * x - VectorXd::Ones(n)).tail(n - 1).norm(), 8.0 * kEpsilon);
+  }
 }
 
 }  // namespace

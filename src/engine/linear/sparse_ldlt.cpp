@@ -122,7 +122,6 @@ void SparseLdlt::analyze(int n, const std::vector<std::pair<int, int>>& entries)
     parent.insert(parent.end(), rows.begin() + 1, rows.end());
   }
   inverse_diagonal_.assign(size, 0.0);
-  work_.assign(size, 0.0);
   if (is_forest_) {
     find_parents(below);
   } else {
@@ -136,6 +135,7 @@ void SparseLdlt::find_parents(const std::vector<std::vector<int>>& below) {
   for (std::size_t k = 0; k < n_; ++k)
     if (!below[k].empty()) parent_[k] = static_cast<std::size_t>(below[k].front());
   values_.assign(2 * n_, 0.0);
+  work_.assign(n_, 0.0);
 }
 
 // A column joins the one before, its child, where few entries are then kept in vain.
@@ -155,8 +155,7 @@ void SparseLdlt::join_columns(const std::vector<std::vector<int>>& below) {
       joins = static_cast<double>(in_vain + more) <= kInVain * static_cast<double>(all);
       if (joins) {
         in_vain += more;
-        ++node.columns;
-        row_of_.resize(node.below);
+        row_of_.resize(node.rows_at + node.columns++);
       }
     }
     if (!joins) {
@@ -164,8 +163,9 @@ void SparseLdlt::join_columns(const std::vector<std::vector<int>>& below) {
       supernodes_.push_back({k, 1, 0, row_of_.size(), 0, 0});
     }
     supernode_of_[k] = supernodes_.size() - 1;
+    row_of_.push_back(k);
     for (const int row : rows) row_of_.push_back(static_cast<std::size_t>(row));
-    supernodes_.back().rows = supernodes_.back().columns + rows.size();
+    supernodes_.back().rows = row_of_.size() - supernodes_.back().rows_at;
   }
   for (Supernode& node : supernodes_) {
     node.block = entries;
@@ -178,7 +178,7 @@ void SparseLdlt::find_updates() {
   std::vector<std::vector<Update>> of_node(supernodes_.size());
   for (std::size_t s = 0; s < supernodes_.size(); ++s) {
     const Supernode& node = supernodes_[s];
-    const std::size_t* const row = row_of_.data() + node.below - node.columns;
+    const std::size_t* const row = row_of_.data() + node.rows_at;
     for (std::size_t begin = node.columns, end = begin; begin < node.rows; begin = end) {
       const std::size_t to = supernode_of_[row[begin]];
       while (end < node.rows && supernode_of_[row[end]] == to) ++end;
@@ -192,7 +192,7 @@ void SparseLdlt::find_updates() {
       update.targets = targets_.size();
       const Supernode& from = supernodes_[update.from];
       for (std::size_t i = update.begin; i < from.rows; ++i)
-        targets_.push_back(row_in_block(supernodes_[s], row_of_[from.below + i - from.columns]));
+        targets_.push_back(row_in_block(supernodes_[s], row_of_[from.rows_at + i]));
       updates_.push_back(update);
     }
     supernodes_[s].updates_end = updates_.size();
@@ -200,10 +200,9 @@ void SparseLdlt::find_updates() {
 }
 
 std::size_t SparseLdlt::row_in_block(const Supernode& node, std::size_t row) const {
-  if (row < node.first + node.columns) return row - node.first;
-  const auto begin = row_of_.begin() + static_cast<std::ptrdiff_t>(node.below);
-  const auto end = begin + static_cast<std::ptrdiff_t>(node.rows - node.columns);
-  return node.columns + static_cast<std::size_t>(std::lower_bound(begin, end, row) - begin);
+  const auto begin = row_of_.begin() + static_cast<std::ptrdiff_t>(node.rows_at);
+  const auto end = begin + static_cast<std::ptrdiff_t>(node.rows);
+  return static_cast<std::size_t>(std::lower_bound(begin, end, row) - begin);
 }
 
 SparseLdlt::Slot SparseLdlt::slot(int i, int j) const {
@@ -322,7 +321,7 @@ void SparseLdlt::solve_forest(double* b) const {
 void SparseLdlt::solve_supernodes(double* b) const {
   for (const Supernode& node : supernodes_) {
     const double* const L = values_.data() + node.block;
-    const std::size_t* const row = row_of_.data() + node.below - node.columns;
+    const std::size_t* const row = row_of_.data() + node.rows_at;
     const std::size_t rows = node.rows;
     double* const x = b + node.first;
     for (std::size_t k = 1; k < node.columns; ++k)
@@ -338,7 +337,7 @@ void SparseLdlt::solve_supernodes(double* b) const {
   for (std::size_t s = supernodes_.size(); s-- > 0;) {
     const Supernode& node = supernodes_[s];
     const double* const L = values_.data() + node.block;
-    const std::size_t* const row = row_of_.data() + node.below - node.columns;
+    const std::size_t* const row = row_of_.data() + node.rows_at;
     const std::size_t rows = node.rows;
     double* const x = b + node.first;
     by_fours(node.columns, [=](std::size_t k, auto count) {

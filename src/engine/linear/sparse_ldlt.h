@@ -46,7 +46,7 @@ class SparseLdlt {
   struct Supernode {
     std::size_t first, columns;  // in the elimination
     std::size_t rows;            // of the block
-    std::size_t below;           // where the rows below are in row_of_
+    std::size_t rows_at;         // where they are in row_of_
     std::size_t block;           // where the block is in values_, column by column
     std::size_t updates_end;     // of updates_ of this one
   };
@@ -75,13 +75,13 @@ class SparseLdlt {
   std::vector<std::size_t> parent_;  // of a forest: the row of each column; n_ where there is none
   std::vector<Supernode> supernodes_;      // otherwise
   std::vector<std::size_t> supernode_of_;  // of columns
-  std::vector<std::size_t> row_of_;        // of rows below
+  std::vector<std::size_t> row_of_;        // of all blocks, one after the other
   std::vector<Update> updates_;            // in the order of what they update
   std::vector<std::size_t> targets_;
   // A before factor(). Of a forest the diagonal, then the entry below it; otherwise the blocks.
   std::vector<double> values_;
   std::vector<double> inverse_diagonal_;
-  std::vector<double> work_;
+  std::vector<double> work_;  // of a forest
   double smallest_touched_ = 1.0;
   bool leaves_out_ = false;
   std::vector<char> left_out_;  // by place; as of factor_leaving_out()

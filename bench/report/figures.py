@@ -22,8 +22,8 @@ def number(text):
 
 def judged(errors):
     """What a run is held to: position and orientation, in metres and radians; where there is no
-    reference how well joints hold, or how deep bodies overlap."""
-    for names in (('position', 'orientation'), ('constraint',), ('penetration',)):
+    reference the worst of how well joints hold, how deep bodies overlap and how energy is kept."""
+    for names in (('position', 'orientation'), ('constraint', 'penetration', 'energy')):
         known = [errors[name] for name in names if not math.isnan(errors[name])]
         if known:
             return max(known)

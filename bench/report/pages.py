@@ -79,6 +79,10 @@ def comparison_lines(lines):
 HEADER = ['problem', 'error', 'ours [µs/s]', 'with', 'best peer [µs/s]', 'with', 'ratio']
 
 
+JUDGED_BY = ('Error: largest position error in metres or orientation error in radians, each 0.1 s; of scenes '
+             'without a reference the worst of joints [m], penetration [m] and energy.')
+
+
 def judgement(lines):
     """Sentences on where the aim is met, where peers win, and what only one side reaches."""
     aimed = [line for line in lines if line[1] in (1e-4, 1e-6) and not math.isnan(line[4])]
@@ -344,9 +348,8 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
             '<h2>Run time to an error</h2>',
             *(f'<p>{html.escape(text)}</p>' for text in texts),
             '<img src="ratios.svg" alt="ratios of run times">',
-            '<p>Error: largest position error in metres or orientation error in radians, each 0.1 s; '
-            'of scenes without a reference that of the joints, or penetration. Green: at least '
-            'ten times less run time than the best peer. Red: the peer wins.</p>',
+            f'<p>{JUDGED_BY} Green: at least ten times less run time than the best peer. Red: the '
+            'peer wins.</p>',
             table(HEADER, table_lines, classes),
             '<h2>Diagrams</h2><p>Shaded and ringed: the Pareto front of all contestants.</p>',
             *(f'<h3>{name}</h3><img src="{name}.svg" alt="error against run time of {name}">'
@@ -386,7 +389,7 @@ def write_markdown(output, facts, texts, lines, stability, header, counted, many
              'open [index.html](index.html) in a browser for the diagrams.\n',
              '\n'.join(f'- {text}' for text in texts) + '\n',
              '![ratios](ratios.svg)\n',
-             'Ratio: run time of the best peer over ours; bold where the peer wins.\n',
+             f'{JUDGED_BY} Ratio: run time of the best peer over ours; bold where the peer wins.\n',
              markdown_table(HEADER, [[*line[:-1], f'**{line[-1]}**' if kind == 'loss' else line[-1]]
                                      for line, kind in zip(*comparison_lines(lines))]),
              '## Stability\n', stability + ' Grid: grid.html.\n', markdown_table(header, counted),

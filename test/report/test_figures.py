@@ -111,7 +111,9 @@ class Figures(unittest.TestCase):
         def errors(**values):
             return {**dict.fromkeys(figures.MEASURES, math.nan), **values}
         self.assertEqual(figures.judged(errors(position=1.0, orientation=2.0, constraint=9.0)), 2.0)
-        self.assertEqual(figures.judged(errors(constraint=3.0, penetration=4.0)), 3.0)
+        self.assertEqual(figures.judged(errors(position=1.0, energy=9.0)), 1.0)
+        self.assertEqual(figures.judged(errors(constraint=3.0, penetration=4.0)), 4.0)
+        self.assertEqual(figures.judged(errors(constraint=1e-9, energy=0.5)), 0.5)
         self.assertTrue(math.isnan(figures.judged(errors())))
 
     def test_columns_of_the_earlier_comparison_are_found(self):

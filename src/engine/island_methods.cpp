@@ -377,7 +377,8 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
       progress = integrate_by_substeps(i, span, chooses ? most_frequency() : kInfinity);
       if (add(progress)) return true;
       if (!chooses && !may_give_way) return false;
-      carry_on_with(i, Method::kEnergyMomentum, chooses ? Why::kStiff : Why::kConflict);
+      const bool is_met = !linked[at(parts.linked)].equations().is_inconsistent();
+      carry_on_with(i, Method::kEnergyMomentum, chooses && is_met ? Why::kStiff : Why::kConflict);
     }
     if (island.why != Why::kConflict) {
       if (add(integrate_by_gradients(i, span, false))) return true;

@@ -12,6 +12,9 @@ namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
+// Pivots below this share of their diagonal entry are round-off even of a row to be kept.
+constexpr double kRoundOff = 1e-20;
+
 // share of a supernode's entries that may be kept although they are zero: what measures best
 constexpr double kInVain = 0.2;
 
@@ -122,6 +125,10 @@ void SparseLdlt::analyze(int n, const std::vector<std::pair<int, int>>& entries)
     parent.insert(parent.end(), rows.begin() + 1, rows.end());
   }
   inverse_diagonal_.assign(size, 0.0);
+  left_out_.assign(size, 0);
+  is_kept_.assign(size, 0);
+  any_left_out_ = false;
+  any_kept_ = 0;
   if (is_forest_) {
     find_parents(below);
   } else {
@@ -215,7 +222,15 @@ SparseLdlt::Slot SparseLdlt::slot(int i, int j) const {
 }
 
 int SparseLdlt::factor(double least) {
-  return is_forest_ ? factor_forest(least) : factor_supernodes(least);
+  if (any_left_out_) std::fill(left_out_.begin(), left_out_.end(), 0);
+  const int left_out = is_forest_ ? factor_forest(least) : factor_supernodes(least);
+  any_left_out_ = left_out > 0;
+  return left_out;
+}
+
+void SparseLdlt::keep_none() {
+  if (any_kept_) std::fill(is_kept_.begin(), is_kept_.end(), 0);
+  any_kept_ = 0;
 }
 
 // No column has more than one entry, so none but its parent's pivot changes.
@@ -226,51 +241,47 @@ int SparseLdlt::factor_forest(double least) {
   double* const inverses = inverse_diagonal_.data();
   const std::size_t* const parents = parent_.data();
   const std::size_t n = n_;
-  int touched = 0;
-  smallest_touched_ = 1.0;
+  int left_out = 0;
+  double smallest = 1.0;
   for (std::size_t k = 0; k < n; ++k) {
     double pivot = diagonal[k] - taken[k];
     taken[k] = 0.0;
-    if (pivot < least * diagonal[k]) pivot = touch(k, diagonal[k], pivot, least, &touched);
-    if (pivot == 0.0) pivot = kInfinity;  // of an empty row
+    if (pivot < smallest * diagonal[k]) {
+      smallest = pivot / diagonal[k];
+      if (smallest < least) pivot = leave_out(k, diagonal[k], pivot, &left_out);
+    } else if (smallest < least && pivot < least * diagonal[k]) {
+      pivot = leave_out(k, diagonal[k], pivot, &left_out);
+    }
+    if (pivot == 0.0) pivot = kInfinity;  // of a row left out, or empty
     // two divisions, since the next pivot waits for the second alone
     inverses[k] = 1.0 / pivot;
     if (parents[k] == n) continue;
     taken[parents[k]] += lower[k] * lower[k] / pivot;
     lower[k] *= inverses[k];
   }
-  return touched;
-}
-
-int SparseLdlt::factor_leaving_out(double least) {
-  left_out_.assign(n_, 0);
-  leaves_out_ = true;
-  const int left_out = factor(least);
-  leaves_out_ = false;
+  smallest_pivot_ = smallest;
   return left_out;
 }
 
-double SparseLdlt::touch(std::size_t k, double entry, double pivot, double least, int* touched) {
-  smallest_touched_ = std::min(smallest_touched_, pivot / entry);
-  ++*touched;
-  if (leaves_out_) {
-    left_out_[k] = 1;
-    return 0.0;
-  }
-  return pivot + least * entry;
+// Pivot to go on with where it is too small: 0, unless the row is to be kept.
+double SparseLdlt::leave_out(std::size_t k, double entry, double pivot, int* left_out) {
+  if (is_kept_[k] && pivot > kRoundOff * entry) return pivot;
+  left_out_[k] = 1;
+  ++*left_out;
+  return 0.0;
 }
 
 int SparseLdlt::factor_supernodes(double least) {
-  int touched = 0;
-  smallest_touched_ = 1.0;
+  int left_out = 0;
+  smallest_pivot_ = 1.0;
   std::size_t u = 0;
   for (const Supernode& node : supernodes_) {
     for (std::size_t k = 0; k < node.columns; ++k)  // for now the entries of A
       inverse_diagonal_[node.first + k] = values_[node.block + (node.rows + 1) * k];
     for (; u < node.updates_end; ++u) subtract(updates_[u], node);
-    touched += eliminate(node, least);
+    left_out += eliminate(node, least);
   }
-  return touched;
+  return left_out;
 }
 
 // L D Lᵀ of the columns of one before, where it meets this one
@@ -289,18 +300,19 @@ void SparseLdlt::subtract(const Update& update, const Supernode& node) {
 int SparseLdlt::eliminate(const Supernode& node, double least) {
   double* const L = values_.data() + node.block;
   const std::size_t rows = node.rows;
-  int touched = 0;
+  int left_out = 0;
   for (std::size_t k = 0; k < node.columns; ++k) {
     double* const column = L + rows * k;
     subtract_columns(L, rows, k, 0, k, [=](std::size_t i) -> double& { return column[i]; });
     double& inverse = inverse_diagonal_[node.first + k];
     const double entry = inverse;
+    if (column[k] < smallest_pivot_ * entry) smallest_pivot_ = column[k] / entry;
     if (column[k] < least * entry)
-      column[k] = touch(node.first + k, entry, column[k], least, &touched);
-    inverse = column[k] != 0.0 ? 1.0 / column[k] : 0.0;  // 0 of an empty row
+      column[k] = leave_out(node.first + k, entry, column[k], &left_out);
+    inverse = column[k] != 0.0 ? 1.0 / column[k] : 0.0;  // 0 of a row left out, or empty
     for (std::size_t i = k + 1; i < rows; ++i) column[i] *= inverse;
   }
-  return touched;
+  return left_out;
 }
 
 void SparseLdlt::solve(double* b) const { is_forest_ ? solve_forest(b) : solve_supernodes(b); }

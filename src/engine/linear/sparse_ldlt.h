@@ -25,16 +25,19 @@ class SparseLdlt {
   /// Entries of A, to be set to zero and summed up before factor(), which overwrites them.
   std::vector<double>& values() { return values_; }
 
-  /// Factors. Where a pivot falls below `least` times the diagonal entry of A, that share of the
-  /// entry is added to it, so that the factors exist for dependent rows as well; returns how often.
-  /// The smallest pivot so touched, as a share of its entry, is kept in smallest_touched().
+  /// Factors. A row whose pivot falls below `least` times its diagonal entry of A depends on the
+  /// rows before it and is left out: its solution is 0. Returns how many rows are left out.
   int factor(double least);
-  double smallest_touched() const { return smallest_touched_; }
-
-  /// The same, but leaves such rows out altogether, for is_left_out() by place(); solve() is then
-  /// not for use.
-  int factor_leaving_out(double least);
   bool is_left_out(std::size_t place) const { return left_out_[place] != 0; }
+  /// Smallest pivot that factor() met, as a share of its diagonal entry; 1 without rows.
+  double smallest_pivot() const { return smallest_pivot_; }
+
+  /// A row to be kept by factor() unless its pivot is below round-off, whatever `least` is: the
+  /// pivot is small because of a mass ratio, and not because the row depends on others.
+  void keep(std::size_t place) { is_kept_[place] = any_kept_ = 1; }
+  bool is_kept(std::size_t place) const { return is_kept_[place] != 0; }
+  /// Forgets all of keep().
+  void keep_none();
 
   /// Where row i stands in the elimination, and so in what solve() takes.
   int place(int i) const { return order_[static_cast<std::size_t>(i)]; }
@@ -65,7 +68,7 @@ class SparseLdlt {
   int factor_supernodes(double least);
   void subtract(const Update& update, const Supernode& node);
   int eliminate(const Supernode& node, double least);
-  double touch(std::size_t k, double entry, double pivot, double least, int* touched);
+  double leave_out(std::size_t k, double entry, double pivot, int* left_out);
   void solve_forest(double* b) const;
   void solve_supernodes(double* b) const;
 
@@ -82,9 +85,10 @@ class SparseLdlt {
   std::vector<double> values_;
   std::vector<double> inverse_diagonal_;
   std::vector<double> work_;  // of a forest
-  double smallest_touched_ = 1.0;
-  bool leaves_out_ = false;
-  std::vector<char> left_out_;  // by place; as of factor_leaving_out()
+  double smallest_pivot_ = 1.0;
+  bool any_left_out_ = false;
+  std::vector<char> left_out_, is_kept_;  // by place
+  char any_kept_ = 0;
 };
 
 }  // namespace constraint_sim::engine

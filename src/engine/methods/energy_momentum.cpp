@@ -96,6 +96,13 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
       done = refinement_ < 0 ? composition(t, h, equations, &progress)
                              : step(t, h, 0, equations, &progress);
     }
+    const std::size_t redundant = equations->redundant_rows();
+    if (done && mode != ImplicitMode::kGiveWay &&
+        !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
+      done = false;
+      if (equations->is_inconsistent()) refinement_ = kMostHalvings;
+      if (equations->redundant_rows() < redundant) --refinement_;  // again, with all rows needed
+    }
     if (done) break;
     equations->restore_impulses();
     ++progress.rejected;
@@ -141,6 +148,8 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
         (moved < kSolved || is_rounding) && worst_row <= kRowSolved * step_equations_.scale();
     const double next = i > 0 ? moved * (moved / before) * (moved / before) : 1.0;
     if (is_solved || (moved < kRounding && next < kSquared)) {
+      if (step_equations_.worst_momentary_row() > kRowSolved * step_equations_.scale())
+        return false;
       found_[stage] = unknowns_;
       step_equations_.finish(unknowns_, equations);
       step_before_ = h;

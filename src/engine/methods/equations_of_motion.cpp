@@ -19,12 +19,14 @@ using Vector = Eigen::Map<Vector3d>;
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr std::size_t kMostStages = DormandPrince8::kStages + 1;
 
-// Pivots below this share of their diagonal entry are taken for dependent rows and not for a mass
-// ratio.
-constexpr double kRoundOffPivot = 1e-13;
-constexpr int kRefinements = 3;
-constexpr double kSolved = 1e-6;  // of the right-hand side
+// Rows are left out whose pivot falls below these shares of their diagonal entry: of forces, and of
+// both projections. Near a singular pose, passed at speed v with an error ε and an acceleration a
+// across, these lose the least energy: y³ = ε v²/a, p ~ y².
+constexpr double kLeastPivotOfForces = 3e-11;
+constexpr double kLeastPivotOfProjections = 1e-9;
 
+// Rows left out are passed at velocities that are off by no more than the square root of their pivot.
+constexpr double kRatesAgree = 1e-4;  // of the largest speed
 constexpr int kMostNewtonSteps = 8;
 constexpr double kProjected = 1e-10;  // of the scene's size: more is no solution
 
@@ -49,12 +51,6 @@ void copy(const double* from, std::size_t n, double* to) {
   Eigen::VectorXd::Map(to, size) = Eigen::VectorXd::Map(from, size);
 }
 
-double norm(const double* x, std::size_t n) {
-  double sum = 0.0;
-  for (std::size_t i = 0; i < n; ++i) sum += x[i] * x[i];
-  return std::sqrt(sum);
-}
-
 }  // namespace
 
 // ---- what is compiled
@@ -77,6 +73,9 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
   L_at_ = q_at_ + 4 * turning_;
   size_ = even(L_at_ + 3 * turning_);
   add_links(all_joints, ends, masses);
+  for (auto* list : {&is_redundant_, &is_needed_, &is_verified_})
+    list->assign(rows_.size(), 0);
+  for (auto* list : {&imbalance_, &redundant_off_}) list->assign(rows_.size(), 0.0);
   couple_rows();
 
   if (is_chain_) tridiagonal_.resize(rows_.size());
@@ -94,7 +93,7 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
   is_changing_.assign(links_.size(), false);
   courses_.reserve(links_.size());
   for (auto* list :
-       {&value_, &rate_, &rate_target_, &acceleration_target_, &solution_, &residual_, &refined_})
+       {&value_, &rate_, &rate_target_, &acceleration_target_, &solution_, &residual_, &stress_})
     list->assign(rows_.size(), 0.0);
   turn_.assign(turns_.size(), Vector3d::Zero());
   turn_response_ = turn_;
@@ -195,7 +194,7 @@ void EquationsOfMotion::add_rows(const Link& link, int count) {
   }
 }
 
-// which entries of A there are, and what they come from
+// Entries of A, and what they come from. Redundant rows have none; their unknowns are the last.
 void EquationsOfMotion::couple_rows() {
   struct End {
     std::size_t row;
@@ -208,22 +207,33 @@ void EquationsOfMotion::couple_rows() {
     if (row.a < bodies_.size()) ends_on[row.a].push_back({i, -1.0, row.turn_a});
     if (row.b < bodies_.size()) ends_on[row.b].push_back({i, 1.0, row.turn_b});
   }
+  std::vector<int> number(rows_.size(), -1);  // of rows among those kept
+  kept_ = 0;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (!is_redundant_[i]) number[i] = static_cast<int>(kept_++);
+  const auto is_kept = [&](const End& end) { return !is_redundant_[end.row]; };
+
   std::vector<std::pair<int, int>> pattern;
-  for (const auto& ends : ends_on)
+  std::vector<std::vector<End>> kept_on(bodies_.size());
+  for (std::size_t body = 0; body < bodies_.size(); ++body) {
+    auto& ends = kept_on[body];
+    std::copy_if(ends_on[body].begin(), ends_on[body].end(), std::back_inserter(ends), is_kept);
     for (std::size_t m = 0; m < ends.size(); ++m)
       for (std::size_t n = 0; n < m; ++n)
-        pattern.emplace_back(static_cast<int>(ends[m].row), static_cast<int>(ends[n].row));
-  ldlt_.analyze(static_cast<int>(rows_.size()), pattern);
+        pattern.emplace_back(number[ends[m].row], number[ends[n].row]);
+  }
+  ldlt_.analyze(static_cast<int>(kept_), pattern);
 
-  const auto slot = [&](std::size_t i, std::size_t j) {
-    return ldlt_.slot(static_cast<int>(i), static_cast<int>(j));
-  };
+  const auto slot = [&](std::size_t i, std::size_t j) { return ldlt_.slot(number[i], number[j]); };
+  std::size_t last = kept_;
   for (std::size_t i = 0; i < rows_.size(); ++i) {
-    rows_[i].diagonal = slot(i, i);
-    rows_[i].unknown = at(ldlt_.place(static_cast<int>(i)));
+    rows_[i].unknown = is_redundant_[i] ? last++ : at(ldlt_.place(number[i]));
+    if (!is_redundant_[i]) rows_[i].diagonal = slot(i, i);
   }
   for (Turn& turn : turns_) turn.unknown = rows_[turn.row].unknown;
 
+  pulls_.clear();
+  pulls_end_.clear();
   for (const auto& ends : ends_on) {
     for (const End& end : ends) pulls_.push_back({end.row, rows_[end.row].unknown, end.sign});
     pulls_end_.push_back(pulls_.size());
@@ -232,8 +242,10 @@ void EquationsOfMotion::couple_rows() {
   const auto are_two_axes = [&](std::size_t i, std::size_t j) {
     return i >= first_ball_ && j >= first_ball_ && direction_[i] != direction_[j];
   };
+  linear_couplings_.clear();
+  angular_couplings_.clear();
   for (std::size_t body = 0; body < bodies_.size(); ++body) {
-    const auto& ends = ends_on[body];
+    const auto& ends = kept_on[body];
     for (std::size_t m = 0; m < ends.size(); ++m) {
       for (std::size_t n = 0; n < m; ++n) {
         if (are_two_axes(ends[m].row, ends[n].row)) continue;
@@ -312,7 +324,10 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
   std::fill(acceleration_target_.begin(), acceleration_target_.end(), 0.0);
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const JointCourse& course = courses[at(joints_[l])];
-    has_jumped_ = has_jumped_ || is_changing_[l] == course.is_constant();
+    if (is_changing_[l] == course.is_constant()) {
+      has_jumped_ = true;
+      has_chosen_ = false;
+    }
     is_changing_[l] = !course.is_constant();
     if (is_changing_[l]) courses_.emplace_back(l, course);
     length_[l] = is_ball(l) ? Course{} : course.length(t);
@@ -329,6 +344,7 @@ double EquationsOfMotion::largest_coordinate(const double* y) const {
 }
 
 bool EquationsOfMotion::keeps_pace(double t, const double* y) {
+  if (!has_chosen_) return false;
   if (courses_.empty()) return true;
   ask(t);
   place(t, y);
@@ -345,13 +361,32 @@ bool EquationsOfMotion::keeps_pace(double t, const double* y) {
 
 bool EquationsOfMotion::start(double t, double* y, double* dydt) {
   scale_ = std::max(fixed_scale_, largest_coordinate(y));
-  contradicts_ = false;
-  if (!factors_are_there_) {
-    ask(t);
-    place(t, y);
-    factor(kLeastPivot);
+  is_inconsistent_ = false;
+  time_ = t;
+  if (has_chosen_) return meet(t, y) && restart(y, dydt);
+  // some mechanisms are redundant only where the joints are met
+  const int not_yet = choose_rows(t, y);
+  if (!meet(t, y)) return false;
+  if (not_yet > 0) {
+    choose_rows(t, y);
+    if (!meet(t, y)) return false;
   }
-  return project(t, y) && restart(y, dydt);
+  return limit_redundant_rows() && restart(y, dydt);
+}
+
+// project() at the start of a span, where no factors need be near. Rows that are needed after all
+// come back one or several at a time.
+bool EquationsOfMotion::meet(double t, double* y) {
+  for (;;) {
+    if (!factors_are_there_) {
+      ask(t);
+      place(t, y);
+      factor(kLeastPivotOfProjections);
+    }
+    const std::size_t redundant = redundant_rows();
+    if (project(t, y)) return true;
+    if (redundant_rows() == redundant) return false;
+  }
 }
 
 void EquationsOfMotion::clear() {
@@ -375,23 +410,28 @@ Vector3d EquationsOfMotion::offset(std::size_t ball) const {
   return Vector3d::Zero();
 }
 
-int EquationsOfMotion::find_dependent(double t, const std::vector<Vector3d>& positions,
-                                      const std::vector<Quaterniond>& orientations, double least,
-                                      std::vector<char>* rows) {
+void EquationsOfMotion::read_pose(const std::vector<Vector3d>& positions,
+                                  const std::vector<Quaterniond>& orientations) {
   pose_.resize(size());
   for (std::size_t i = 0; i < bodies_.size(); ++i) Vector(pose_.data() + 3 * i) = positions[i];
   for (std::size_t i = 0; i < turning_; ++i)
     Eigen::Map<Eigen::Vector4d>(pose_.data() + q_at_ + 4 * i) = orientations[i].coeffs();
+}
+
+int EquationsOfMotion::find_dependent(double t, const std::vector<Vector3d>& positions,
+                                      const std::vector<Quaterniond>& orientations, double least,
+                                      std::vector<char>* rows) {
+  read_pose(positions, orientations);
   ask(t);
   place(t, pose_.data());
-  find_matrix();
-  const int dependent = ldlt_.factor_leaving_out(least);
+  factor(least);
+  if (choose_again(t, pose_.data())) factor(least);
   factors_are_there_ = false;
   rows->assign(rows_.size(), 0);
   for (std::size_t i = 0; i < rows_.size(); ++i)
-    if (ldlt_.is_left_out(rows_[i].unknown)) (*rows)[i] = 1;
-  dependent_rows_ = std::max(dependent_rows_, dependent);
-  return dependent;
+    (*rows)[i] = is_redundant_[i] ? kRedundant : ldlt_.is_left_out(rows_[i].unknown);
+  dependent_rows_ = std::max(dependent_rows_, left_out_);
+  return left_out_ + static_cast<int>(redundant_rows());
 }
 
 void EquationsOfMotion::add_impulse(std::size_t l, const Vector3d& impulse) {
@@ -532,7 +572,8 @@ void EquationsOfMotion::find_matrix() {
   std::vector<double>& A = ldlt_.values();
   std::fill(A.begin(), A.end(), 0.0);
   for (std::size_t i = 0; i < rows_.size(); ++i)
-    A[rows_[i].diagonal] = rows_[i].inverse_mass * direction_[i].squaredNorm();
+    if (!is_redundant_[i])
+      A[rows_[i].diagonal] = rows_[i].inverse_mass * direction_[i].squaredNorm();
   for (const LinearCoupling& c : linear_couplings_)
     A[c.slot] += c.inverse_mass * direction_[c.i].dot(direction_[c.j]);
   for (const AngularCoupling& c : angular_couplings_)
@@ -542,7 +583,8 @@ void EquationsOfMotion::find_matrix() {
 void EquationsOfMotion::factor(double least) {
   if (rows_.empty()) return;
   find_matrix();
-  touched_ = ldlt_.factor(least);
+  left_out_ = ldlt_.factor(least);
+  if (left_out_ > 0 && has_chosen_) verify_left_out(least);
   factors_are_there_ = true;
 }
 
@@ -629,15 +671,6 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
     spin_acceleration_[i] = inverse_inertia_[i] * (torque_[i] + spin_acceleration_[i]);
   find_right_hand_side(free, lambda);
   solve(lambda);
-  if (touched_ > 0 && !is_solved_) {
-    if (ldlt_.smallest_touched() > kRoundOffPivot) {  // it was a mass ratio that made pivots small
-      factor(kRoundOffPivot);
-      find_right_hand_side(free, lambda);
-      solve(lambda);
-    } else {
-      contradicts_ = true;
-    }
-  }
   respond(lambda);
   weigh_by_length(lambda);
 
@@ -660,29 +693,33 @@ void EquationsOfMotion::weigh_by_length(double* lambda) const {
 void EquationsOfMotion::derivative(std::size_t stage, double t, const double* y, double* dydt) {
   ask(t);
   place(t, y);
-  factor(kLeastPivot);
+  factor(kLeastPivotOfForces);
   set_velocities(y);
   accelerate(stage, y, dydt);
 }
 
 // ---- projections
 
-// C of all rows; returns how far the worst is off [m]
+// C of all rows; returns how far the worst is off that is not redundant [m]
 double EquationsOfMotion::find_values() {
   double worst = 0.0;
-  const auto consider = [&](double error) {
-    if (!(error <= worst)) worst = error;  // a NaN stays
+  worst_redundant_ = 0.0;
+  const auto consider = [&](std::size_t row, double error) {
+    if (is_redundant_[row])
+      worst_redundant_ = std::max(worst_redundant_, error / redundant_off_[row]);
+    else if (!(error <= worst))
+      worst = error;  // a NaN stays
   };
   for (std::size_t l = 0; l < first_ball_; ++l) {
     const double length = length_[l].value;
     value_[l] = 0.5 * (direction_[l].squaredNorm() - length * length);
-    consider(std::abs(value_[l] / length));
+    consider(l, std::abs(value_[l] / length));
   }
   for (std::size_t l = first_ball_; l < first_spring_; ++l)
     Vector(value_.data() + first_row(l)) = d_[l];
   for (const auto& [l, course] : courses_)
     if (is_ball(l)) Vector(value_.data() + first_row(l)) -= length_[l].value * course.offset();
-  for (std::size_t i = first_ball_; i < rows_.size(); ++i) consider(std::abs(value_[i]));
+  for (std::size_t i = first_ball_; i < rows_.size(); ++i) consider(i, std::abs(value_[i]));
   return worst;
 }
 
@@ -693,31 +730,34 @@ void EquationsOfMotion::find_rates() {
     Vector(rate_.data() + first_row(l)) = d_dot(l);
 }
 
-// whether the velocities found are what the rows ask for, which may contradict each other
-bool EquationsOfMotion::moves_as_asked() {
-  find_rates();
+// largest speed of a point that a joint holds [m/s]
+double EquationsOfMotion::largest_speed() const {
   double speed = 0.0;
   for (const Vector3d& velocity : velocity_) speed = std::max(speed, velocity.norm());
   for (std::size_t l = 0; l < links_.size(); ++l) {
     if (turns(links_[l].a)) speed = std::max(speed, spin_[links_[l].a].norm() * arm_a_[l].norm());
     if (turns(links_[l].b)) speed = std::max(speed, spin_[links_[l].b].norm() * arm_b_[l].norm());
   }
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
-    const double length = i < first_ball_ ? length_[i].value : 1.0;
-    if (std::abs(rate_[i] - rate_target_[i]) > kSolved * speed * length) return false;
-  }
+  return speed;
+}
+
+// whether the velocities found are what time asks of the rows, which may contradict each other
+bool EquationsOfMotion::moves_as_asked() {
+  find_rates();
+  if (!varies()) return true;
+  const double most = kRatesAgree * largest_speed();
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (!is_redundant_[i] && std::abs(rate_[i] - rate_target_[i]) > most * row_length(i))
+      return false;
   return true;
 }
 
 // Newton's steps with the factors of the last stage, which is near, or if these do not do with
 // factors made here. Leaves everything placed at y.
 bool EquationsOfMotion::project(double t, double* y) {
-  // rows that are asked to move one against the other; without that it is a pose passed by
-  const bool cannot = contradicts_ && varies();
-  contradicts_ = false;
-  if (cannot) return false;
   const std::size_t bodies = bodies_.size();
   double* const q = y + q_at_;
+  time_ = t;
   ask(t);
   double before = std::numeric_limits<double>::infinity();
   double rounding = 0.0;
@@ -727,14 +767,15 @@ bool EquationsOfMotion::project(double t, double* y) {
     place(t, y);
     const double error = find_values();
     if (i == 0) rounding = kEpsilon * std::max(scale_, error);  // a scale of 0 is that of a point
-    if (error <= rounding) return true;
+    if (error <= rounding) return !restore_redundant_if_off();
     if (!(error <= 0.5 * before)) {
-      if (error <= 16.0 * rounding) return true;
-      if (!factors_are_near || !std::isfinite(error)) return error <= kProjected * scale_;
+      if (error <= 16.0 * rounding) return !restore_redundant_if_off();
+      if (!factors_are_near || !std::isfinite(error))
+        return error <= kProjected * scale_ && !restore_redundant_if_off();
       factors_are_near = false;
-      factor(kLeastPivot);
+      factor(kLeastPivotOfProjections);
     }
-    if (i == kMostNewtonSteps) return error <= kProjected * scale_;
+    if (i == kMostNewtonSteps) return error <= kProjected * scale_ && !restore_redundant_if_off();
     before = error;
 
     for (std::size_t r = 0; r < rows_.size(); ++r) solution_[rows_[r].unknown] = -value_[r];
@@ -752,7 +793,8 @@ bool EquationsOfMotion::project(double t, double* y) {
 // after project(): velocities, and the derivative of the first stage with the same factors
 bool EquationsOfMotion::restart(double* y, double* dydt) {
   const std::size_t bodies = bodies_.size();
-  factor(kLeastPivot);
+  ldlt_.keep_none();
+  factor(kLeastPivotOfProjections);
   set_velocities(y);
   if (!rows_.empty()) {
     find_rates();
@@ -767,8 +809,20 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
     weigh_by_length(solution_.data());
     for (std::size_t i = 0; i < rows_.size(); ++i) impulses_[i] += solution_[i];
     set_velocities(y);
-    if (touched_ > 0 && !moves_as_asked()) return false;
+    if (redundant_rows() > 0) {
+      if (choose_again(time_, y)) {
+        factor(kLeastPivotOfProjections);
+      } else if (!redundant_rates_are_met()) {
+        return !is_inconsistent_ && restart(y, dydt);
+      }
+    }
+    if (left_out_ > 0 && !moves_as_asked()) {
+      is_inconsistent_ = true;
+      return false;
+    }
+    note_left_out();
   }
+  if (left_out_ > 0) factor(kLeastPivotOfForces);
   accelerate(0, y, dydt);
   return true;
 }
@@ -810,42 +864,24 @@ void EquationsOfMotion::respond(const double* lambda) {
     twist_[turns_[p].body] += lambda[turns_[p].unknown] * turn_[p];
 }
 
-// λ in place of b
+// λ in place of b; 0 of rows without a force
 void EquationsOfMotion::solve(double* b) {
   if (rows_.empty()) return;
-  if (touched_ == 0) {
-    ldlt_.solve(b);
-    return;
-  }
-  dependent_rows_ = std::max(dependent_rows_, touched_);
-  refine(b);
+  dependent_rows_ = std::max(dependent_rows_, left_out_);
+  ldlt_.solve(b);
+  std::fill(b + kept_, b + rows_.size(), 0.0);
 }
 
-// Rows that depend on each other: the factors are those of a matrix nearby, so λ is brought to what
-// solves the true one as far as that goes; what is left then no force can do.
-void EquationsOfMotion::refine(double* b) {
-  const std::size_t n = rows_.size();
-  refined_.assign(n, 0.0);
-  residual_.assign(b, b + n);
-  for (int k = 0; k < kRefinements; ++k) {
-    ldlt_.solve(residual_.data());
-    for (std::size_t i = 0; i < n; ++i) refined_[i] += residual_[i];
-    find_residual(b);
-  }
-  is_solved_ = norm(residual_.data(), n) <= kSolved * norm(b, n);
-  std::copy(refined_.begin(), refined_.end(), b);
-}
-
-// b − A λ of the true A, for λ in refined_
-void EquationsOfMotion::find_residual(const double* b) {
-  respond(refined_.data());
+// b − A λ of all rows, redundant ones as well
+void EquationsOfMotion::find_residual(const double* b, const double* lambda, double* residual) {
+  respond(lambda);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     const Row& row = rows_[i];
     const Vector3d a = inverse_mass_[row.b] * push_[row.b] - inverse_mass_[row.a] * push_[row.a];
-    residual_[row.unknown] = b[row.unknown] - direction_[i].dot(a);
+    residual[row.unknown] = b[row.unknown] - direction_[i].dot(a);
   }
   for (std::size_t p = 0; p < turns_.size(); ++p)
-    residual_[turns_[p].unknown] -= turn_response_[p].dot(twist_[turns_[p].body]);
+    residual[turns_[p].unknown] -= turn_response_[p].dot(twist_[turns_[p].body]);
 }
 
 }  // namespace constraint_sim::engine

@@ -67,6 +67,8 @@ class EquationsOfMotion {
   /// One of these with one body.
   bool is_point_on_rod() const { return is_chain_ && links_.size() == 1 && bodies_.size() == 1; }
 
+  static constexpr char kRedundant = 2;
+
   // ---- for methods that step these bodies and joints in their own way
 
   /// A joint between two points: bodies in the order of the state, then fixed points.
@@ -96,11 +98,14 @@ class EquationsOfMotion {
   const Eigen::Vector3d& position(std::size_t fixed_point) const { return position_[fixed_point]; }
   const Course& length(std::size_t l) const { return length_[l]; }
   Eigen::Vector3d offset(std::size_t ball) const;
-  /// Marks rows that follow from others where a pivot falls below this share of its entry, with the
-  /// bodies there and those that turn so; returns how many.
+  /// Marks rows without a force, with the bodies there and those that turn so: redundant rows by
+  /// kRedundant, and rows whose pivot falls below this share of its entry by 1. Returns how many.
   int find_dependent(double t, const std::vector<Eigen::Vector3d>& positions,
                      const std::vector<Eigen::Quaterniond>& orientations, double least,
                      std::vector<char>* rows);
+  /// Whether the redundant rows are met there; makes those that are not ordinary rows again.
+  bool redundant_rows_are_met(double t, const std::vector<Eigen::Vector3d>& positions,
+                              const std::vector<Eigen::Quaterniond>& orientations);
   void add_impulse(std::size_t l, const Eigen::Vector3d& impulse);
   /// What add_impulse() adds after the first can be taken back by the second.
   void keep_impulses() { kept_impulses_ = impulses_; }
@@ -126,14 +131,20 @@ class EquationsOfMotion {
   bool keeps_pace(double t, const double* y);
   /// Projects y onto the constraints and finds the first derivative; false where it cannot.
   bool start(double t, double* y, double* dydt);
+  /// Whether the last start or step found joints that cannot all be met.
+  bool is_inconsistent() const { return is_inconsistent_; }
+  /// Somebody else has moved the bodies far: which rows are redundant is asked again.
+  void forget_redundant_rows();
 
   // ---- what the joints did since clear()
 
   void clear();
   /// As read_smooth_joint() wants it, of joints()[l].
   Eigen::Vector3d impulse(std::size_t l) const;
-  /// Most rows at once that depended on others.
-  int dependent_rows() const { return dependent_rows_; }
+  /// Most rows at once that depended on others, redundant rows included.
+  int dependent_rows() const { return dependent_rows_ + static_cast<int>(redundant_rows()); }
+  /// Rows that follow from the others wherever the joints let the bodies go; they have no force.
+  std::size_t redundant_rows() const { return rows_.size() - kept_; }
 
   // ---- System
 
@@ -192,8 +203,7 @@ class EquationsOfMotion {
   };
   using Ends = std::vector<std::pair<std::size_t, std::size_t>>;
 
-  // Dependent rows: pivots below this share of their diagonal entry get it added, and the solution
-  // is refined.
+  // A kernel leaves its factors to the equations where a pivot falls below this share of its entry.
   static constexpr double kLeastPivot = 1e-8;
 
   // ---- what is compiled
@@ -249,9 +259,31 @@ class EquationsOfMotion {
   double find_values();
   bool moves_as_asked();
 
+  // ---- rows that follow from others (redundant_rows.cpp)
+  bool meet(double t, double* y);
+  int choose_rows(double t, const double* y);
+  Eigen::MatrixXd dense_matrix();
+  std::vector<char> independent_rows(double least);
+  double self_stress_imbalance(std::size_t row);
+  double redundant_self_stress() const;
+  void set_redundant(const std::vector<char>& redundant);
+  double opening() const;
+  double closing_curvature() const;
+  bool is_closing() const;
+  bool limit_redundant_rows();
+  bool restore_redundant_if_off();
+  bool redundant_rates_are_met();
+  void read_pose(const std::vector<Eigen::Vector3d>& positions,
+                 const std::vector<Eigen::Quaterniond>& orientations);
+  bool choose_again(double t, const double* y);
+  void verify_left_out(double least);
+  void note_left_out();
+  double row_length(std::size_t row) const { return row < first_ball_ ? length_[row].value : 1.0; }
+  double largest_speed() const;
+
+  // ---- the linear system
   void solve(double* b);
-  void refine(double* b);
-  void find_residual(const double* b);
+  void find_residual(const double* b, const double* lambda, double* residual);
   void respond(const double* lambda);
 
   std::vector<int> joints_;
@@ -299,12 +331,26 @@ class EquationsOfMotion {
   std::vector<double> rate_target_, acceleration_target_;  // of rows
   std::vector<Eigen::Vector3d> turn_, turn_response_;      // of turns: J_ang, I⁻¹ J_angᵀ
 
+  // ---- rows that follow from others
+  std::size_t kept_ = 0;               // rows that have a force
+  bool has_chosen_ = false;            // which rows are redundant
+  std::vector<char> is_redundant_;     // rows
+  std::vector<char> is_needed_;        // rows that were redundant once, and should not have been
+  std::vector<char> is_verified_;      // rows left out, whose forces balance those of others
+  std::vector<double> imbalance_;      // of the forces of redundant rows, when they were chosen
+  std::vector<double> redundant_off_;  // what redundant rows may be off by [m]
+  double worst_redundant_ = 0.0;       // share of that, as of find_values()
+  double pivot_at_choice_ = 1.0;       // the smallest of the rows kept
+  int too_far_ = 0;                    // steps in a row that took the rows kept near dependence
+  int left_out_for_ = 0;               // restarts in a row
+  int choose_after_ = 0;               // such restarts
+  double time_ = 0.0;                  // of the last project() [s]
+  bool is_inconsistent_ = false;
+
   bool factors_are_there_ = false;
-  int touched_ = 0;
+  int left_out_ = 0;  // rows without a force in the factors that are there, redundant ones apart
   int dependent_rows_ = 0;
-  bool is_solved_ = true;     // what refine() found, to 1e-6
-  bool contradicts_ = false;  // since project(), no forces could do what was asked
-  std::vector<double> solution_, residual_, refined_;  // by unknown
+  std::vector<double> solution_, residual_, stress_;  // by unknown
   std::vector<double> stage_forces_;  // by unknown, then of springs; stage by stage
   std::vector<double> impulses_;      // the same, summed up
   std::vector<double> kept_impulses_;

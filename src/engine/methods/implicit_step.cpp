@@ -321,7 +321,7 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
     }
     shape.scale = 1.0 / std::sqrt(compliance);
     if (link.kind == Kind::kRod) shape.scale /= shape.d0.norm();
-    shape.is_left_out = false;
+    shape.is_left_out = shape.is_redundant = {};
   }
   if (may_depend_ && softness == 0.0) leave_out_dependent(t, equations);
 
@@ -388,21 +388,22 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
   }
 }
 
-// Where rows depend on each other, the last of them have no λ in this step: with another one λ
-// would wander.
+// Rows that follow from others have no λ in this step: with another one λ would wander.
 void ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
   if (equations->find_dependent(t, x_, q_, kDependentPivot, &is_dependent_) == 0) return;
   for (std::size_t l = 0; l < links_.size(); ++l) {
     if (links_[l].kind == Kind::kSpring) continue;
     const std::size_t row = equations->row_of(l);
-    for (std::size_t k = 0; k < at(links_[l].rows); ++k)
-      if (is_dependent_[row + k]) shapes_[l].is_left_out = true;
+    for (std::size_t k = 0; k < at(links_[l].rows); ++k) {
+      shapes_[l].is_left_out[k] = is_dependent_[row + k] != 0;
+      shapes_[l].is_redundant[k] = is_dependent_[row + k] == EquationsOfMotion::kRedundant;
+    }
   }
 }
 
 void ImplicitStep::evaluate(const Unknowns& unknowns) {
   std::fill(lu_.values().begin(), lu_.values().end(), 0.0);
-  worst_row_ = 0.0;
+  worst_row_ = worst_momentary_row_ = 0.0;
   evaluate_bodies(unknowns);
   for (std::size_t l = 0; l < links_.size(); ++l) {
     if (links_[l].is_between_points)
@@ -488,12 +489,13 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
       pull.col(0) = d;
       gradient.col(0) = d1;
       value[0] = 0.5 * d1.squaredNorm() - shape->target + compliance * lambda;
-      note_row(std::abs(value[0]) / std::sqrt(2.0 * shape->target));
+      note_row(*shape, 0, std::abs(value[0]) / std::sqrt(2.0 * shape->target));
       break;
     case Kind::kBall:
-      shape->force = ConstVector(unknowns.data() + link.unknown);
+      for (int k = 0; k < 3; ++k)
+        shape->force[k] = shape->is_left_out[at(k)] ? 0.0 : unknowns[at(link.unknown + k)];
       value = d1 - shape->offset + compliance * shape->force;
-      note_row(value.norm());
+      for (int k = 0; k < 3; ++k) note_row(*shape, at(k), std::abs(value[k]));
       break;
     case Kind::kSpring: {
       const double s1 = d1.norm();
@@ -508,7 +510,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
       break;
     }
   }
-  if (shape->is_left_out) {
+  if (link.kind == Kind::kRod && shape->is_left_out[0]) {
     shape->force.setZero();
     P.setZero();
   }
@@ -555,7 +557,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
         // s of the column and 1/s of its scale cancel
         const double column = -row.sign * H[e].row(i).dot(pull.col(k));
         const double entry = row.sign * gradient.col(k).dot(E[e].col(i));
-        const bool is_in = !shape->is_left_out;
+        const bool is_in = !shape->is_left_out[at(k)];
         values[slots_[slot++]] += is_in ? left[i] * column * scale : 0.0;
         values[slots_[slot++]] += is_in ? scale * entry * right_[at(row.unknown + i)] : 0.0;
       }
@@ -563,8 +565,9 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
   }
   for (int k = 0; k < link.rows; ++k) {
     const double diagonal = scale * compliance * right_[at(link.unknown)];
-    values[slots_[slot++]] += shape->is_left_out ? 1.0 : diagonal;
-    residual_[at(link.unknown + k)] = shape->is_left_out ? 0.0 : value[k];
+    const bool is_in = !shape->is_left_out[at(k)];
+    values[slots_[slot++]] += is_in ? diagonal : 1.0;
+    residual_[at(link.unknown + k)] = is_in ? value[k] : 0.0;
   }
 }
 
@@ -577,11 +580,11 @@ void ImplicitStep::evaluate_rod(const Link& link, Shape* shape, const Unknowns& 
                                        : shift_[end.point]);
   const Vector3d d1 = shape->d0 + change;
   shape->d = shape->d0 + share_ * change;
-  const bool is_in = !shape->is_left_out;
+  const bool is_in = !shape->is_left_out[0];
   const double lambda = is_in ? unknowns[at(link.unknown)] : 0.0;
   shape->force = lambda * shape->d;
   const double value = 0.5 * d1.squaredNorm() - shape->target + shape->compliance * lambda;
-  note_row(std::abs(value) / std::sqrt(2.0 * shape->target));
+  note_row(*shape, 0, std::abs(value) / std::sqrt(2.0 * shape->target));
 
   const double scale = is_in ? shape->scale : 0.0;
   std::size_t slot = link.slot;
@@ -637,7 +640,7 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
     const Link& link = links_[l];
     const Shape& shape = shapes_[l];
     const double length = std::sqrt(2.0 * std::max(shape.target, 0.0));
-    const double lambda = shape.is_left_out ? 0.0 : unknowns[at(link.unknown)];
+    const double lambda = shape.is_left_out[0] ? 0.0 : unknowns[at(link.unknown)];
     double stiffness = 0.0;  // across the link
     switch (link.kind) {
       case Kind::kRod:

@@ -72,6 +72,12 @@ class ImplicitStep {
   double add(const double* change, Unknowns* unknowns) const;
   /// How far the rows are off, at the last evaluate() [m].
   double worst_row() const { return worst_row_; }
+  /// The same of rows that depend on others where the step begins, and have no force in it.
+  double worst_momentary_row() const { return worst_momentary_row_; }
+  /// Whether redundant rows are met where the bodies are; if not, they are rows again.
+  bool redundant_rows_are_met(double t, EquationsOfMotion* equations) const {
+    return equations->redundant_rows_are_met(t, x_, q_);
+  }
   /// Takes the end of the step for the state; its impulses go to `equations`.
   void finish(const Unknowns& unknowns, EquationsOfMotion* equations);
 
@@ -113,7 +119,7 @@ class ImplicitStep {
     Eigen::Vector3d offset;   // of a ball joint
     double scale = 1.0;       // of its equations
     double before = 0.0;      // ‖d‖ of a spring a step ago [m]
-    bool is_left_out = false;
+    std::array<bool, 3> is_left_out{}, is_redundant{};  // rows that have no force
     // at the last evaluate()
     Eigen::Vector3d d, force;
   };
@@ -134,8 +140,9 @@ class ImplicitStep {
   void evaluate_bodies(const Unknowns& unknowns);
   void evaluate_link(const Link& link, Shape* shape, const Unknowns& unknowns);
   void evaluate_rod(const Link& link, Shape* shape, const Unknowns& unknowns);
-  void note_row(double error) {
-    if (!(error <= worst_row_)) worst_row_ = error;  // a NaN stays
+  void note_row(const Shape& shape, std::size_t k, double error) {
+    double& worst = shape.is_left_out[k] ? worst_momentary_row_ : worst_row_;
+    if (!(error <= worst) && !shape.is_redundant[k]) worst = error;  // a NaN stays
   }
 
   std::size_t bodies_ = 0, turning_ = 0;
@@ -166,7 +173,7 @@ class ImplicitStep {
   std::vector<Shape> shapes_;
   std::vector<double> left_, right_;  // scales of equations and unknowns
   std::vector<double> residual_;
-  double worst_row_ = 0.0, scale_ = 1.0, frequency_ = 0.0;
+  double worst_row_ = 0.0, worst_momentary_row_ = 0.0, scale_ = 1.0, frequency_ = 0.0;
   std::vector<char> is_dependent_;
   std::vector<double> squares_;  // ω² of bodies
 };

@@ -121,6 +121,8 @@ Progress LinkedMotion::start(const SmoothSpan& span, const Accuracy& accuracy,
 
 Progress LinkedMotion::integrate_equations(const StageMemory& memory, const SmoothSpan& span,
                                            const Accuracy& accuracy) {
+  if (equations_.redundant_rows() > 0)  // kernels have all rows
+    return integrate(equations_, memory, span.t, span.h, accuracy, step_);
   if (equations_.is_point_on_rod()) {
     PointOnRod point(equations_);
     return integrate(point, memory, span.t, span.h, accuracy, step_);

@@ -1,0 +1,376 @@
+#pragma once
+
+// Runs a scene by each method and says what is off and was not reported: joints by more than 1e-6
+// m, energy, and within 1 s the state by more than 1e-6 m + 100 times the accumulated estimate.
+
+#include <cstdio>
+#include <functional>
+#include <map>
+
+#include "random_scenes.h"
+
+namespace constraint_sim::engine::random_scenes {
+
+struct Setting {
+  const char* name;
+  Method method;
+  int order;
+};
+inline constexpr Setting kSettings[] = {
+    {"auto", Method::kAuto, 8},
+    {"runge_kutta", Method::kRungeKutta, 8},
+    {"runge_kutta_5", Method::kRungeKutta, 5},
+    {"energy_momentum", Method::kEnergyMomentum, 8},
+    {"sequential_impulses", Method::kSequentialImpulses, 8},
+};
+
+/// One thing that is off, or none where `what` is empty.
+struct Finding {
+  std::string setting;
+  long tick = 0;
+  std::string what;    // class: joints, energy, state, finite, report, moved, ...
+  std::string detail;  // figures
+};
+
+/// Whether the last step says that its result is not to be relied upon. Errors that are merely
+/// listed count for sequential_impulses alone: `own_error` is what the joints are off by.
+inline bool says_so(const World& world, Method method, double own_error) {
+  const StepReport& report = world.report();
+  if (report.failed || report.unresolved_bodies > 0) return true;
+  for (const Island& island : world.islands()) {
+    if (island.why == Why::kConflict || island.why == Why::kRefused) return true;
+    if (island.method == Method::kSequentialImpulses) method = Method::kSequentialImpulses;
+  }
+  return method == Method::kSequentialImpulses &&
+         report.max_constraint_error >= 0.999 * own_error - 1e-12;
+}
+
+/// The motion by the reference, at every tenth of a second, with its own error and with what a
+/// disturbance of the start grows to.
+struct Motion {
+  std::vector<std::vector<Pose>> samples;
+  std::vector<double> error;        // [m]
+  std::vector<double> sensitivity;  // m/m
+};
+
+constexpr double kDuration = 1.0;        // [s]
+constexpr double kSampleInterval = 0.1;  // [s]
+constexpr long kMostEvaluations = 25000;
+
+inline Motion reference_motion(const Mechanics& mechanics) {
+  constexpr double kDisturbance = 1e-8;
+  reference::Integrator base(mechanics, 1e-10, kMostEvaluations, 7);
+  reference::Integrator fine(mechanics, 1e-12, 2 * kMostEvaluations, 8);
+  reference::Integrator disturbed(mechanics, 1e-12, 2 * kMostEvaluations, 8);
+  Random random(1);
+  for (std::size_t i = 0; i < mechanics.start().size(); ++i) {
+    Pose& pose = disturbed.poses()[i];
+    if (!mechanics.is_movable(i)) continue;
+    pose.x += random.vector(kDisturbance).cast<reference::Real>();
+    pose.v += random.vector(kDisturbance).cast<reference::Real>();
+    if (mechanics.radius(i) > 0.0) {
+      pose.w += random.vector(kDisturbance).cast<reference::Real>();
+      Mechanics::turn(random.vector(kDisturbance).cast<reference::Real>(), &pose.q);
+    }
+  }
+  mechanics.project(0, &disturbed.poses());
+  Motion motion;
+  const auto samples = std::lround(kDuration / kSampleInterval);
+  for (long k = 1; k <= samples; ++k) {
+    const double t = static_cast<double>(k) * kSampleInterval;
+    for (reference::Integrator* integrator : {&base, &fine, &disturbed}) integrator->advance_to(t);
+    if (!base.is_valid() || !fine.is_valid() || !disturbed.is_valid()) break;
+    const double error = difference(mechanics, base.poses(), fine.poses());
+    if (!(error < 1e-7)) break;
+    motion.samples.push_back(fine.poses());
+    motion.error.push_back(error);
+    motion.sensitivity.push_back(difference(mechanics, disturbed.poses(), fine.poses()) /
+                                 kDisturbance);
+  }
+  return motion;
+}
+
+class Judge {
+ public:
+  explicit Judge(Scene scene)
+      : mechanics_(std::move(scene)), motion_(reference_motion(mechanics_)) {
+    const Scene& made = mechanics_.scene();
+    for (const Body& body : made.bodies)
+      coordinate_ = std::max(coordinate_, body.state.position.cwiseAbs().maxCoeff());
+    for (const Joint& joint : made.joints) {
+      has_limits_ = has_limits_ || reference::is_limit(joint);
+      is_driven_ = is_driven_ || joint.motor.bias != 0.0 || joint.motor.amplitude != 0.0;
+      if (reference::is_spring(joint))
+        is_damped_ = is_damped_ || std::get<DistanceJoint>(joint.type).damping > 0.0;
+    }
+    for (const Body& body : made.bodies)
+      if (body.type == BodyType::kKinematic) is_driven_ = true;
+    if (!made.wrenches.empty()) is_driven_ = true;
+  }
+
+  bool has_motion() const { return !motion_.samples.empty(); }
+  const Scene& scene() const { return mechanics_.scene(); }
+
+  /// The first thing that is off by a method.
+  Finding judge(const Setting& setting) const {
+    Scene scene = mechanics_.scene();
+    scene.options.method = setting.method;
+    scene.options.order = setting.order;
+    World world = make_world(scene);
+    return follow(setting, &world, nullptr);
+  }
+
+  /// The same of a world that is to move as the scene does.
+  Finding judge(const Setting& setting, World* world) const {
+    return follow(setting, world, nullptr);
+  }
+
+  /// The same motion by `auto` of scenes that only look different.
+  std::vector<Finding> compare_variants(std::uint64_t seed) const {
+    std::vector<Finding> findings;
+    if (!has_motion()) return findings;
+    Random random(seed + 77);
+    const Quaterniond turned = random.orientation();
+    const Vector3d moved = random.vector(10.0);
+    const auto add = [&](const char* name, const Scene& variant, const Quaterniond& q,
+                         const Vector3d& x) {
+      World world = make_world(variant);
+      const auto back = [&](std::vector<Pose> poses) {
+        for (Pose& pose : poses) {
+          const auto inverse = q.conjugate().cast<reference::Real>();
+          pose.x = inverse * (pose.x - x.cast<reference::Real>());
+          pose.v = inverse * pose.v;
+          pose.w = inverse * pose.w;
+          pose.q = inverse * pose.q;
+        }
+        return poses;
+      };
+      Finding finding = follow({name, Method::kAuto, 8}, &world, back);
+      if (!finding.what.empty()) findings.push_back(finding);
+    };
+    const Quaterniond none = Quaterniond::Identity();
+    add("auto, moved", transformed(none, moved), none, moved);
+    add("auto, turned", transformed(turned, Vector3d::Zero()), turned, Vector3d::Zero());
+    add("auto, reordered", reordered(&random), none, Vector3d::Zero());
+    add("auto, A and B exchanged", exchanged(), none, Vector3d::Zero());
+    add("auto, all joints twice", doubled(), none, Vector3d::Zero());
+    return findings;
+  }
+
+ private:
+  using Back = std::function<std::vector<Pose>(std::vector<Pose>)>;
+
+  Finding follow(const Setting& setting, World* world, const Back& back) const {
+    const Scene& scene = mechanics_.scene();
+    const double h = scene.options.time_step;
+    const auto ticks = std::lround(kDuration / h);
+    const auto ticks_a_sample = std::lround(kSampleInterval / h);
+    Progress so_far;
+    const auto start = mechanics_.energy(mechanics_.start());
+    so_far.start = start.kinetic + start.potential;
+    Finding finding{setting.name, 0, "", ""};
+    for (long tick = 1; tick <= ticks; ++tick) {
+      world->step();
+      std::vector<Pose> poses = poses_of(*world, scene);
+      if (back) poses = back(std::move(poses));
+      for (Pose& pose : poses) pose.x -= mechanics_.origin();
+      finding.tick = tick;
+      if (is_off(setting, *world, poses, h * static_cast<double>(tick), &so_far, &finding)) break;
+      if (so_far.has_said || setting.method == Method::kSequentialImpulses ||
+          so_far.uses_impulses || tick % ticks_a_sample != 0)
+        continue;
+      const auto k = static_cast<std::size_t>(tick / ticks_a_sample - 1);
+      if (is_elsewhere(k, poses, so_far, &finding)) break;
+    }
+    return finding;
+  }
+
+  struct Progress {
+    double start = 0.0, before = 0.0;  // energy [J]
+    double scale = 0.0;                // of energies [J]
+    double estimate = 0.0;             // accumulated [m]
+    double corrected = 0.0;            // by impulses [m]
+    double error = 0.0;                // of joints, tick before [m]
+    bool has_said = false;
+    bool uses_impulses = false;
+  };
+
+  bool is_off(const Setting& setting, const World& world, const std::vector<Pose>& poses, double t,
+              Progress* so_far, Finding* finding) const {
+    const auto found = [&](const char* what, const std::string& detail) {
+      finding->what = what;
+      finding->detail = detail;
+      return true;
+    };
+    const StepReport& report = world.report();
+    for (const Pose& pose : poses)
+      if (!pose.x.allFinite() || !pose.q.coeffs().allFinite() || !pose.v.allFinite())
+        return found("finite", "a state is not finite");
+    const auto [error, joint] = mechanics_.worst_joint(poses, t);
+    so_far->has_said = so_far->has_said || says_so(world, setting.method, error);
+    so_far->estimate += report.local_error;
+    for (const Island& island : world.islands())
+      so_far->uses_impulses = so_far->uses_impulses || island.method == Method::kSequentialImpulses;
+    if (error > joints_allowed() && !so_far->has_said)
+      return found("joints", mechanics_.scene().joints[joint].name + figure(" is off by", error));
+    if (std::abs(report.max_constraint_error - error) > 1e-9 + 1e-3 * error + 1e-12 * coordinate_ &&
+        !report.failed)
+      return found("report", figure("max_constraint_error", report.max_constraint_error) +
+                                 figure(" while joints are off by", error));
+    return has_wrong_energy(poses, error, so_far, finding);
+  }
+
+  bool has_wrong_energy(const std::vector<Pose>& poses, double error, Progress* so_far,
+                        Finding* finding) const {
+    const auto energy = mechanics_.energy(poses);
+    const double now = energy.kinetic + energy.potential;
+    so_far->scale = std::max({so_far->scale, energy.kinetic, std::abs(energy.potential),
+                              std::abs(so_far->start), weight()});
+    so_far->corrected += std::max(error, so_far->error);
+    so_far->error = error;
+    if (is_driven_ || so_far->has_said) return false;
+    const double rise = now - so_far->start;
+    const bool loses = is_damped_ || so_far->uses_impulses || is_thrown();
+    const double off = loses ? rise : std::abs(rise);
+    double allowed = 1e-6 * so_far->scale + 100.0 * so_far->estimate * so_far->scale;
+    // what Baumgarte's corrections lift, at most, and rotations of first order
+    if (so_far->uses_impulses) allowed += weight() * so_far->corrected + 1e-3 * so_far->scale;
+    if (!(off > allowed)) return false;
+    finding->what = rise > 0.0 ? "energy rises" : "energy falls";
+    finding->detail = figure("by", rise) + " J" + figure(" of", so_far->scale) + " J";
+    return true;
+  }
+
+  bool is_elsewhere(std::size_t k, const std::vector<Pose>& poses, const Progress& so_far,
+                    Finding* finding) const {
+    if (k >= motion_.samples.size() || has_limits_) return false;
+    const double off = difference(mechanics_, poses, motion_.samples[k]);
+    const double grows = motion_.sensitivity[k];
+    const double rounding = 1e-14 + 4.0 * 2.3e-16 * coordinate_;
+    const double allowed = 1e-6 + std::max(100.0, grows) * so_far.estimate +
+                           10.0 * motion_.error[k] + 100.0 * grows * rounding;
+    if (!(off > allowed)) return false;
+    finding->what = "state";
+    finding->detail = figure("off by", off) + " m" + figure(", estimate", so_far.estimate) +
+                      figure(" m, sensitivity", grows);
+    return true;
+  }
+
+  static std::string figure(const char* what, double value) {
+    char text[96];
+    std::snprintf(text, sizeof text, "%s %.3g", what, value);
+    return text;
+  }
+
+  bool is_thrown() const { return mechanics_.scene().kind.find("thrown") != std::string::npos; }
+  double joints_allowed() const { return 1e-6 + 4.0 * 2.3e-16 * coordinate_; }
+  double weight() const {
+    double mass = 0.0;
+    for (const Body& body : mechanics_.scene().bodies) mass += body.mass;
+    return mass * mechanics_.scene().options.gravity.norm();
+  }
+
+  // ---- scenes that only look different
+
+  Scene transformed(const Quaterniond& q, const Vector3d& x) const {
+    Scene scene = mechanics_.scene();
+    scene.options.gravity = q * scene.options.gravity;
+    for (Body& body : scene.bodies) {
+      BodyState& state = body.state;
+      state.position = q * state.position + x;
+      state.orientation = (q * state.orientation).normalized();
+      state.linear_velocity = q * state.linear_velocity;
+      state.angular_velocity = q * state.angular_velocity;
+    }
+    for (Joint& joint : scene.joints) {
+      if (joint.body_a == kWorldBody) joint.anchor_a = q * joint.anchor_a + x;
+      if (joint.body_b == kWorldBody) joint.anchor_b = q * joint.anchor_b + x;
+    }
+    return scene;
+  }
+
+  Scene reordered(Random* random) const {
+    Scene scene = mechanics_.scene();
+    const auto shuffle = [&](auto* items) {
+      for (std::size_t i = items->size(); i-- > 1;)
+        std::swap((*items)[i], (*items)[random->below(i + 1)]);
+    };
+    std::vector<std::size_t> order(scene.bodies.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+    shuffle(&order);
+    const std::vector<Body> bodies = scene.bodies;
+    std::vector<BodyId> id(order.size() + 1, kWorldBody);
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      scene.bodies[i] = bodies[order[i]];
+      id[order[i] + 1] = BodyId{static_cast<std::uint32_t>(i + 1)};
+    }
+    for (Joint& joint : scene.joints) {
+      joint.body_a = id[joint.body_a.value];
+      joint.body_b = id[joint.body_b.value];
+    }
+    shuffle(&scene.joints);
+    return scene;
+  }
+
+  Scene exchanged() const {
+    Scene scene = mechanics_.scene();
+    for (Joint& joint : scene.joints) {
+      std::swap(joint.body_a, joint.body_b);
+      std::swap(joint.anchor_a, joint.anchor_b);
+    }
+    return scene;
+  }
+
+  // but for springs and limits, which would add up
+  Scene doubled() const {
+    Scene scene = mechanics_.scene();
+    for (const Joint& joint : mechanics_.scene().joints) {
+      if (reference::is_spring(joint) || reference::is_limit(joint)) continue;
+      scene.joints.push_back(joint);
+      scene.joints.back().name += "_again";
+    }
+    return scene;
+  }
+
+  Mechanics mechanics_;
+  Motion motion_;
+  double coordinate_ = 0.0;
+  bool has_limits_ = false, is_driven_ = false, is_damped_ = false;
+};
+
+/// All findings on the scene of a seed, and whether the reference could follow it.
+struct Verdict {
+  std::uint64_t seed = 0;
+  std::string kind;
+  double rate = 0.0;
+  bool has_motion = false;
+  std::vector<Finding> findings;
+};
+
+/// `only`: the name of a setting, or empty for all and the variants.
+inline Verdict judge_seed(std::uint64_t seed, const std::string& only = "") {
+  const Judge judge(Generator(seed).make());
+  Verdict verdict{
+      seed, judge.scene().kind, 1.0 / judge.scene().options.time_step, judge.has_motion(), {}};
+  for (const Setting& setting : kSettings) {
+    if (!only.empty() && only != setting.name) continue;
+    Finding finding = judge.judge(setting);
+    if (!finding.what.empty()) verdict.findings.push_back(std::move(finding));
+  }
+  if (only.empty() || only == "variants")
+    for (Finding& finding : judge.compare_variants(seed))
+      verdict.findings.push_back(std::move(finding));
+  return verdict;
+}
+
+/// One line, from which the scene can be made again.
+inline std::string line_of(const Verdict& verdict, const Finding& finding) {
+  char text[512];
+  std::snprintf(text, sizeof text, "--only %-5llu %-24s 1/%-4.0f s tick %-4ld %-12s %s | %s",
+                static_cast<unsigned long long>(verdict.seed), finding.setting.c_str(),
+                verdict.rate, finding.tick, finding.what.c_str(), finding.detail.c_str(),
+                verdict.kind.c_str());
+  return text;
+}
+
+}  // namespace constraint_sim::engine::random_scenes

@@ -1,0 +1,352 @@
+// Rows of an EquationsOfMotion that follow from others.
+//
+// A redundant row follows from the rows kept wherever the joints let the bodies go: it has no force,
+// and holds because the others do. A momentary row follows from others in a singular pose that the
+// motion passes: it is left out of the factors there, and no longer.
+//
+// Both have a self-stress n: forces of the rows, 1 of the row itself, that balance at every body,
+// Gᵀn = 0. That holds to rounding or not at all, and no mass is in it, so a pivot that is small
+// because of a mass ratio is never taken for dependence. Rows are chosen by pivots (the Jacobian in
+// the metric M⁻¹, free of units), verified by their self-stress, and watched as the bodies move.
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "engine/linear/independent_rows.h"
+#include "engine/methods/embedded_pairs.h"
+#include "engine/methods/equations_of_motion.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+constexpr double kLeastPivot = 1e-8;        // of rows kept, with the diagonal scaled to one
+constexpr double kRoundOffPivot = 1e-13;    // in the order of little fill, which is another one
+constexpr double kSelfStress = 1e-6;        // imbalance of forces, as a share of the largest force
+constexpr double kMomentarySelfStress = 1e-3;
+constexpr double kMostSelfStress = 0.1;     // where joints are being closed
+constexpr double kOpenShare = 30.0;         // of the angle that these are open by
+constexpr int kRefinements = 3;
+
+// What redundant rows may be off by. Where lengths have few digits, forces balance to as few.
+constexpr double kRowSolved = 1e-11;   // of the scene
+constexpr double kDrift = 1e3;         // of the scene, times the imbalance
+constexpr double kMostDrift = 1e-3;
+constexpr double kMostOff = 1e-5;     // [m]
+constexpr double kConsistent = 1e-6;  // [m] a row that is off by more contradicts the others
+constexpr double kRounding = 1e-13;   // of the scene, where kept rows are independent
+
+// Rows are chosen again when the smallest pivot of the rows kept falls by this factor. Early, since
+// a pivot that passes through zero takes the projection to another solution.
+constexpr double kChooseAgain = 0.1;
+constexpr double kRatesKnown = 1e-6;   // smallest pivot at which rates tell
+constexpr double kRatesAgree = 1e-6;   // of the largest speed
+constexpr double kRateDrift = 1e4;     // of the largest speed, times the imbalance
+constexpr int kMostTooFar = 10;        // steps rejected because of that, one after the other
+constexpr int kLeftOutUntilChoice = 8;  // restarts with momentary rows, at first
+
+}  // namespace
+
+void EquationsOfMotion::forget_redundant_rows() {
+  has_chosen_ = false;
+  std::fill(is_needed_.begin(), is_needed_.end(), 0);
+}
+
+// ---- the choice
+
+// Finds the redundant rows at this pose. Returns how many rows depend on others and are not
+// redundant.
+int EquationsOfMotion::choose_rows(double t, const double* y) {
+  has_chosen_ = true;
+  left_out_for_ = 0;
+  ask(t);
+  place(t, y);
+  factors_are_there_ = false;
+  ldlt_.keep_none();
+  if (rows_.empty()) return 0;
+  // Joints that are being closed depend on each other only to the angle they are open by, and
+  // lengths with few digits to as few, in some poses worse than in others.
+  double tolerance = std::clamp(kOpenShare * opening(), kSelfStress, kMostSelfStress);
+  if (redundant_rows() > 0) tolerance = std::max(tolerance, redundant_self_stress());
+  const double least = std::max(kLeastPivot, tolerance * tolerance);
+  find_matrix();
+  if (redundant_rows() == 0 && ldlt_.factor(least) == 0) return 0;
+
+  std::vector<char> redundant = independent_rows(least);
+  for (std::size_t i = 0; i < rows_.size(); ++i) redundant[i] = !redundant[i] && !is_needed_[i];
+  set_redundant(redundant);
+  find_matrix();
+  ldlt_.factor(kRoundOffPivot);
+  int momentary = 0;
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    if (!redundant[i]) continue;
+    imbalance_[i] = self_stress_imbalance(i);
+    if (imbalance_[i] <= tolerance) continue;
+    redundant[i] = 0;
+    ++momentary;
+  }
+  if (momentary > 0) {
+    set_redundant(redundant);
+    find_matrix();
+    ldlt_.factor(kRoundOffPivot);
+  }
+  pivot_at_choice_ = ldlt_.smallest_pivot();
+  return momentary;
+}
+
+// Imbalance up to which rows chosen again may stay redundant.
+double EquationsOfMotion::redundant_self_stress() const {
+  double worst = 0.0;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (is_redundant_[i]) worst = std::max(worst, imbalance_[i]);
+  return std::min(kDrift * worst, kMostDrift);
+}
+
+// A of all rows
+Eigen::MatrixXd EquationsOfMotion::dense_matrix() {
+  const std::size_t n = rows_.size();
+  const std::vector<double> zero(n, 0.0);
+  Eigen::MatrixXd A(n, n);
+  for (std::size_t i = 0; i < n; ++i) {
+    std::fill(stress_.begin(), stress_.end(), 0.0);
+    stress_[rows_[i].unknown] = 1.0;
+    find_residual(zero.data(), stress_.data(), residual_.data());
+    for (std::size_t j = 0; j < n; ++j)
+      A(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(i)) = -residual_[rows_[j].unknown];
+  }
+  return A;
+}
+
+std::vector<char> EquationsOfMotion::independent_rows(double least) {
+  std::vector<char> was_kept(rows_.size());
+  for (std::size_t i = 0; i < rows_.size(); ++i) was_kept[i] = !is_redundant_[i];
+  return choose_independent_rows(dense_matrix(), was_kept, is_needed_, least).is_kept;
+}
+
+// What is left at the bodies of the self-stress of a row that has no force in the factors that are
+// there, as a share of its largest force. No mass is in it.
+double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
+  const std::size_t own = rows_[row].unknown;
+  const std::vector<double> zero(rows_.size(), 0.0);
+  std::fill(stress_.begin(), stress_.end(), 0.0);
+  stress_[own] = 1.0;
+  for (int k = 0; k < kRefinements; ++k) {
+    find_residual(zero.data(), stress_.data(), residual_.data());
+    ldlt_.solve(residual_.data());
+    for (std::size_t u = 0; u < kept_; ++u)
+      if (!ldlt_.is_left_out(u)) stress_[u] += residual_[u];
+  }
+  respond(stress_.data());
+  double force = 0.0, torque = 0.0;  // largest ones of a row
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    force = std::max(force, std::abs(stress_[rows_[i].unknown]) * direction_[i].norm());
+  for (std::size_t p = 0; p < turns_.size(); ++p) {
+    const Turn& turn = turns_[p];
+    const double arm = radius_of_gyration_[turn.body] * direction_[turn.row].norm();
+    torque = std::max(torque, std::abs(stress_[turn.unknown]) * std::max(turn_[p].norm(), arm));
+  }
+  double imbalance = 0.0;
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
+    imbalance = std::max(imbalance, push_[i].norm() / force);
+  for (const Vector3d& twist : twist_) imbalance = std::max(imbalance, twist.norm() / torque);
+  return imbalance;
+}
+
+void EquationsOfMotion::set_redundant(const std::vector<char>& redundant) {
+  std::fill(is_verified_.begin(), is_verified_.end(), 0);
+  std::fill(redundant_off_.begin(), redundant_off_.end(), kInfinity);
+  factors_are_there_ = false;
+  if (redundant == is_redundant_) return;
+  const std::size_t n = rows_.size(), forces = impulses_.size();
+  std::vector<std::size_t> before;
+  for (const Row& row : rows_) before.push_back(row.unknown);
+  is_redundant_ = redundant;
+  couple_rows();
+  std::vector<double> old(n);
+  const auto reorder = [&](double* of_unknowns) {
+    std::copy_n(of_unknowns, n, old.begin());
+    for (std::size_t i = 0; i < n; ++i) of_unknowns[rows_[i].unknown] = old[before[i]];
+  };
+  reorder(impulses_.data());
+  if (kept_impulses_.size() == forces) reorder(kept_impulses_.data());
+  for (std::size_t at = 0; at < stage_forces_.size(); at += forces)
+    reorder(stage_forces_.data() + at);
+}
+
+// ---- the watch
+
+// Largest opening of a joint that is being closed, as an angle [rad].
+double EquationsOfMotion::opening() const {
+  double angle = 0.0;
+  for (const auto& [l, course] : courses_) {
+    if (!course.is_closing()) continue;
+    const double open = std::abs(course.share_to_close(time_).value) * course.offset().norm();
+    const double arm =
+        is_rod(l) ? length_[l].value : std::max(arm_a_[l].norm(), arm_b_[l].norm());
+    if (arm > 0.0) angle = std::max(angle, open / arm);
+  }
+  return angle;
+}
+
+// Of the joints that are being closed, open at first by e with arms of L, the largest e²/L: joints
+// that can all be met at the end may contradict each other by some of that on the way [m].
+double EquationsOfMotion::closing_curvature() const {
+  double largest = 0.0;
+  for (const auto& [l, course] : courses_) {
+    if (!course.is_closing()) continue;
+    const double arm =
+        is_rod(l) ? length_[l].value : std::max(arm_a_[l].norm(), arm_b_[l].norm());
+    const double open = course.offset().norm();
+    if (arm > 0.0) largest = std::max(largest, std::min(kOpenShare * open * open / arm, open));
+  }
+  return largest;
+}
+
+bool EquationsOfMotion::is_closing() const {
+  return std::any_of(courses_.begin(), courses_.end(),
+                     [](const auto& course) { return course.second.is_closing(); });
+}
+
+// After find_values(), with the rows kept met: sets what the redundant rows may be off by from here
+// on. False where one contradicts the others.
+bool EquationsOfMotion::limit_redundant_rows() {
+  if (redundant_rows() == 0) return true;
+  const double closing = closing_curvature();
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    if (!is_redundant_[i]) continue;
+    const double off = std::abs(value_[i]) / row_length(i);
+    if (off > kConsistent + closing) is_inconsistent_ = true;
+    const double drift = std::min(kDrift * imbalance_[i] * scale_, kMostOff);
+    redundant_off_[i] = closing > 0.0 ? kConsistent + closing
+                                      : std::max({kRowSolved * scale_, drift, 4.0 * off});
+  }
+  has_chosen_ = has_chosen_ && !is_inconsistent_;
+  return !is_inconsistent_;
+}
+
+// After find_values(): a redundant row that is off was needed after all. True where there are any:
+// these have a force again, or contradict the others while joints are being closed. Where the rows
+// kept have come near to depending on each other in one step, a shorter step tells.
+bool EquationsOfMotion::restore_redundant_if_off() {
+  if (!(worst_redundant_ > 1.0)) return false;
+  if (is_closing()) {
+    is_inconsistent_ = true;
+    return true;
+  }
+  // near a pose where the rows kept depend on each other, they hold the others less well
+  const double share = std::sqrt(std::max(ldlt_.smallest_pivot(), 1e-20));
+  const double weakness = std::max(std::sqrt(pivot_at_choice_) / share, 1.0);
+  const double rounding = kRounding * scale_ / share;
+  std::vector<char> redundant = is_redundant_;
+  bool any = false;
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    if (!redundant[i]) continue;
+    const double limit = std::min(weakness * redundant_off_[i], kMostOff);
+    if (std::abs(value_[i]) / row_length(i) <= std::max({limit, redundant_off_[i], rounding}))
+      continue;
+    redundant[i] = 0;
+    any = true;
+  }
+  if (!any) return false;
+  const bool is_far = ldlt_.smallest_pivot() < kChooseAgain * pivot_at_choice_;
+  if (is_far && ++too_far_ <= kMostTooFar) return true;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (is_redundant_[i] && !redundant[i]) is_needed_[i] = 1;
+  const std::vector<double> limits = redundant_off_;
+  set_redundant(redundant);
+  redundant_off_ = limits;
+  return true;
+}
+
+// After a projection of the velocities: false where redundant rows move as they should not. These
+// are rows again, or contradict the others where time moves them.
+bool EquationsOfMotion::redundant_rates_are_met() {
+  if (left_out_ > 0 || ldlt_.smallest_pivot() < kRatesKnown || is_closing()) return true;
+  const double speed = largest_speed();
+  const double rounding = 16.0 * std::numeric_limits<double>::epsilon() * scale_;
+  std::vector<char> redundant = is_redundant_;
+  bool any = false;
+  find_rates();
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    if (!redundant[i]) continue;
+    const double share = std::clamp(kRateDrift * imbalance_[i], kRatesAgree, kMostDrift);
+    if (std::abs(rate_[i] - rate_target_[i]) <= (share * speed + rounding) * row_length(i)) continue;
+    redundant[i] = 0;
+    any = true;
+  }
+  if (!any) return true;
+  if (varies()) {
+    is_inconsistent_ = true;
+    return false;
+  }
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (is_redundant_[i] && !redundant[i]) is_needed_[i] = 1;
+  const std::vector<double> limits = redundant_off_;
+  set_redundant(redundant);
+  redundant_off_ = limits;
+  return false;
+}
+
+// Chooses the rows again where those kept have come near to depending on each other; true where it
+// did.
+bool EquationsOfMotion::choose_again(double t, const double* y) {
+  too_far_ = 0;
+  if (redundant_rows() == 0 || is_closing()) return false;
+  if (ldlt_.smallest_pivot() >= kChooseAgain * pivot_at_choice_) return false;
+  choose_rows(t, y);
+  find_values();
+  limit_redundant_rows();
+  return true;
+}
+
+bool EquationsOfMotion::redundant_rows_are_met(double t, const std::vector<Vector3d>& positions,
+                                               const std::vector<Eigen::Quaterniond>& orientations) {
+  if (redundant_rows() == 0) return true;
+  read_pose(positions, orientations);
+  ask(t);
+  place(t, pose_.data());
+  find_values();
+  return !restore_redundant_if_off();
+}
+
+// ---- momentary rows
+
+// Of rows that factor() has left out: keeps those whose forces do not balance. Their pivot is small
+// because of a mass ratio.
+void EquationsOfMotion::verify_left_out(double least) {
+  for (bool any_kept = true; any_kept && left_out_ > 0;) {
+    any_kept = false;
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      if (is_redundant_[i]) continue;
+      if (!ldlt_.is_left_out(rows_[i].unknown)) {
+        is_verified_[i] = 0;
+      } else if (!is_verified_[i] && !ldlt_.is_kept(rows_[i].unknown)) {
+        is_verified_[i] = self_stress_imbalance(i) <= kMomentarySelfStress;
+        if (is_verified_[i]) continue;
+        ldlt_.keep(rows_[i].unknown);
+        any_kept = true;
+      }
+    }
+    if (!any_kept) return;
+    find_matrix();
+    left_out_ = ldlt_.factor(least);
+  }
+}
+
+// Rows that are momentary for long may be redundant: the next start chooses again.
+void EquationsOfMotion::note_left_out() {
+  if (left_out_ == 0) {
+    left_out_for_ = 0;
+    return;
+  }
+  if (choose_after_ == 0) choose_after_ = kLeftOutUntilChoice;
+  if (++left_out_for_ < choose_after_) return;
+  has_chosen_ = false;
+  choose_after_ *= 2;
+}
+
+}  // namespace constraint_sim::engine

@@ -7,6 +7,10 @@
 namespace constraint_sim::engine {
 namespace {
 
+// Residual of a forest's solution, as a share of what it is the difference of, that shows that no
+// block was singular.
+constexpr double kForestSolved = 1e-12;
+
 // Gauss's elimination with partial pivoting of the n × n part of n rows of m numbers; the other
 // columns become the solutions. One step: row k becomes that of the pivot, and those below lose it.
 inline bool eliminate_column(double* a, std::size_t k, std::size_t n, std::size_t m) {
@@ -78,10 +82,9 @@ void pass_up(const double* above, const double* solutions, std::size_t some_dofs
 
 }  // namespace
 
-void SaddleLu::analyze(std::vector<Node> nodes, const std::vector<std::pair<int, int>>& loops) {
+void SaddleLu::analyze(const std::vector<Node>& nodes, const std::vector<Link>& links) {
   blocks_.clear();
   node_of_.clear();
-  general_ = GeneralPointer{};
   std::size_t end = 0;
   for (const Node& node : nodes) {
     Block block{};
@@ -99,42 +102,33 @@ void SaddleLu::analyze(std::vector<Node> nodes, const std::vector<std::pair<int,
     node_of_.insert(node_of_.end(), block.n, blocks_.size());
     blocks_.push_back(block);
   }
-  if (loops.empty())
-    values_.assign(end, 0.0);
-  else
-    analyze_general(loops);
+  shape_ = shape_of(nodes, links);
+  general_ = FrontalLu{};
+  if (shape_ != Shape::kForest) {
+    std::vector<FrontalLu::Body> bodies;
+    for (const Block& block : blocks_)
+      bodies.push_back({static_cast<int>(block.first), static_cast<int>(block.dofs)});
+    general_.analyze(bodies, links);
+  }
+  values_.assign(shape_ == Shape::kGeneral ? general_.entries() : end, 0.0);
+  if (shape_ == Shape::kCheckedForest) place_entries();
 }
 
-void SaddleLu::analyze_general(const std::vector<std::pair<int, int>>& loops) {
-  std::vector<Eigen::Triplet<double>> entries;
-  const auto add = [&](std::size_t i, std::size_t j) {
-    entries.emplace_back(static_cast<int>(i), static_cast<int>(j), 1.0);
-  };
-  for (const Block& block : blocks_) {
-    for (std::size_t i = 0; i < block.n; ++i) {
-      for (std::size_t j = 0; j < block.n; ++j) add(block.first + i, block.first + j);
-      for (std::size_t j = 0; j < block.parent_dofs; ++j) {
-        add(block.first + i, blocks_[block.parent].first + j);
-        add(blocks_[block.parent].first + j, block.first + i);
-      }
-    }
+SaddleLu::Shape SaddleLu::shape_of(const std::vector<Node>& nodes, const std::vector<Link>& links) {
+  std::vector<int> links_of(nodes.size(), 0);
+  Shape shape = Shape::kForest;
+  for (const Link& link : links) {
+    const auto body = static_cast<std::size_t>(link.body);
+    if (link.other >= 0 && link.other != nodes[body].parent) return Shape::kGeneral;
+    if (nodes[body].parent < 0) continue;
+    if (nodes[body].rows > nodes[body].dofs) return Shape::kGeneral;
+    if (++links_of[body] > 1) shape = Shape::kCheckedForest;
   }
-  for (const auto& [i, j] : loops) entries.emplace_back(i, j, 1.0);
-  const auto n = static_cast<int>(size());
-  general_.pointer = std::make_unique<General>();
-  general_->matrix.resize(n, n);
-  general_->matrix.setFromTriplets(entries.begin(), entries.end());
-  general_->matrix.makeCompressed();
-  values_.assign(static_cast<std::size_t>(general_->matrix.nonZeros()), 0.0);
+  return shape;
 }
 
 SaddleLu::Slot SaddleLu::slot(int row, int column) const {
-  if (!is_forest()) {
-    const auto& matrix = general_->matrix;
-    const int* const begin = matrix.innerIndexPtr() + matrix.outerIndexPtr()[column];
-    const int* const end = matrix.innerIndexPtr() + matrix.outerIndexPtr()[column + 1];
-    return static_cast<Slot>(std::lower_bound(begin, end, row) - matrix.innerIndexPtr());
-  }
+  if (shape_ == Shape::kGeneral) return general_.slot(row, column);
   const auto i = static_cast<std::size_t>(row);
   const auto j = static_cast<std::size_t>(column);
   const Block& of_i = blocks_[node_of_[i]];
@@ -145,19 +139,28 @@ SaddleLu::Slot SaddleLu::slot(int row, int column) const {
   return of_j.above + (i - of_i.first) * of_j.n + j - of_j.first;
 }
 
+void SaddleLu::place_entries() {
+  slot_of_.clear();
+  general_.for_entries([&](std::size_t i, std::size_t j) {
+    slot_of_.push_back(slot(static_cast<int>(i), static_cast<int>(j)));
+  });
+  entries_.assign(slot_of_.size(), 0.0);
+  right_side_.assign(size(), 0.0);
+}
+
 bool SaddleLu::solve(double* b) {
-  if (is_forest()) return solve_forest(b);
-  std::copy(values_.begin(), values_.end(), general_->matrix.valuePtr());
-  if (!general_->is_analyzed) {
-    general_->lu.analyzePattern(general_->matrix);
-    general_->is_analyzed = true;
-  }
-  general_->lu.factorize(general_->matrix);
-  if (general_->lu.info() != Eigen::Success) return false;
-  const auto n = static_cast<Eigen::Index>(size());
-  general_->solution = general_->lu.solve(Eigen::VectorXd::Map(b, n));
-  Eigen::VectorXd::Map(b, n) = general_->solution;
-  return true;
+  if (shape_ == Shape::kForest) return solve_forest(b);
+  if (shape_ == Shape::kGeneral) return general_.solve(values_.data(), b);
+  return solve_checked(b);
+}
+
+bool SaddleLu::solve_checked(double* b) {
+  for (std::size_t e = 0; e < entries_.size(); ++e) entries_[e] = values_[slot_of_[e]];
+  std::copy(b, b + size(), right_side_.begin());
+  if (solve_forest(b) && general_.residual(entries_.data(), right_side_.data(), b) <= kForestSolved)
+    return true;
+  std::copy(right_side_.begin(), right_side_.end(), b);
+  return general_.solve(entries_.data(), b);
 }
 
 bool SaddleLu::solve_forest(double* b) {

@@ -1,18 +1,19 @@
 #pragma once
 
-#include <Eigen/SparseCore>
-#include <Eigen/SparseLU>
 #include <cstddef>
-#include <memory>
-#include <utility>
 #include <vector>
+
+#include "engine/linear/frontal_lu.h"
 
 namespace constraint_sim::engine {
 
 /// Solves the unsymmetric systems of Newton's steps on bodies and the rows between them, whose
 /// pattern stays. Nodes that form a forest are eliminated from the leaves to the roots, with
-/// partial pivoting within each: O(nodes), and nothing is allocated. Whatever has loops is left to
-/// Eigen::SparseLU, which allocates.
+/// partial pivoting within each: O(nodes). Whatever has loops is left to FrontalLu. So is a forest
+/// where a node has more rows than it moves, some of them to the world, since its own block is
+/// singular then; where it has several links, its block may be in some poses: the residual tells,
+/// and FrontalLu solves anew. Nothing is allocated by the solutions of forests, and by others once
+/// their arrays have had their largest size.
 class SaddleLu {
  public:
   /// Where an entry goes in values().
@@ -25,11 +26,10 @@ class SaddleLu {
     int rows = 0;
     int parent = -1;  ///< a later node, or -1
   };
+  /// `body` of it is the node that its rows belong to.
+  using Link = FrontalLu::Link;
 
-  /// `loops`: entries (i, j) that are neither within a node nor between a node and the dofs of its
-  /// parent, both triangles. Without any the nodes are a forest.
-  void analyze(std::vector<Node> nodes, const std::vector<std::pair<int, int>>& loops);
-  bool is_forest() const { return general_ == nullptr; }
+  void analyze(const std::vector<Node>& nodes, const std::vector<Link>& links);
 
   Slot slot(int i, int j) const;
   /// Entries of the matrix, to be set to zero and summed up before solve(), which overwrites them.
@@ -38,6 +38,8 @@ class SaddleLu {
 
   /// Replaces b by A⁻¹ b; false where A is singular.
   bool solve(double* b);
+  /// Lets the next solution depend on its matrix alone, to the last bit.
+  void forget() { general_.forget(); }
 
  private:
   /// A node's matrix [own block | coupling to the parent | right-hand side] by rows, and what the
@@ -50,38 +52,25 @@ class SaddleLu {
     std::size_t matrix, stride;
     std::size_t above;  // parent_dofs rows of n
   };
+  enum class Shape {
+    kForest,
+    kCheckedForest,  // blocks may be singular though the matrix is not
+    kGeneral,
+  };
 
+  static Shape shape_of(const std::vector<Node>& nodes, const std::vector<Link>& links);
+  void place_entries();
   bool solve_forest(double* b);
-  void analyze_general(const std::vector<std::pair<int, int>>& loops);
+  bool solve_checked(double* b);
 
-  /// What only loops need. A copy factors anew, and has the same to the last bit.
-  struct General {
-    Eigen::SparseMatrix<double> matrix;
-    Eigen::SparseLU<Eigen::SparseMatrix<double>> lu;
-    Eigen::VectorXd solution;
-    bool is_analyzed = false;
-    General() = default;
-    explicit General(const Eigen::SparseMatrix<double>& pattern) : matrix(pattern) {}
-  };
-  struct GeneralPointer {
-    std::unique_ptr<General> pointer;
-    GeneralPointer() = default;
-    GeneralPointer(const GeneralPointer& other)
-        : pointer(other.pointer ? std::make_unique<General>(other.pointer->matrix) : nullptr) {}
-    GeneralPointer(GeneralPointer&&) noexcept = default;
-    GeneralPointer& operator=(GeneralPointer other) noexcept {
-      pointer = std::move(other.pointer);
-      return *this;
-    }
-    ~GeneralPointer() = default;
-    General* operator->() const { return pointer.get(); }
-    bool operator==(std::nullptr_t) const { return pointer == nullptr; }
-  };
-
+  Shape shape_ = Shape::kForest;
   std::vector<Block> blocks_;
   std::vector<std::size_t> node_of_;  // of unknowns
   std::vector<double> values_;
-  GeneralPointer general_;
+  FrontalLu general_;
+  // ---- of a checked forest: where general_ has its entries, and those; b
+  std::vector<Slot> slot_of_;
+  std::vector<double> entries_, right_side_;
 };
 
 }  // namespace constraint_sim::engine

@@ -116,14 +116,12 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
     }
   }
 
-  // the node of a link, and whether it closes a loop
   std::vector<SaddleLu::Node> nodes(bodies_);
   const auto node_of = [&](std::size_t body) {
     return static_cast<int>(bodies_) - 1 - place[body];
   };
   std::vector<std::vector<std::size_t>> rows_of(bodies_);  // links
-  std::vector<std::size_t> loops;
-  int tree_rows = 0;
+  bool has_loops = false;
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const End& a = links_[l].ends[0];
     const End& b = links_[l].ends[1];
@@ -131,7 +129,7 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
     if (a.dofs > 0 && b.dofs > 0) {
       if (place[b.point] > place[a.point]) lower = b.point;
       const std::size_t upper = lower == a.point ? b.point : a.point;
-      if (parent[lower] != static_cast<int>(upper)) loops.push_back(l);
+      has_loops = has_loops || parent[lower] != static_cast<int>(upper);
     }
     rows_of[lower].push_back(l);
   }
@@ -149,25 +147,23 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
       unknown += links_[l].rows;
       node.rows += links_[l].rows;
     }
-    tree_rows += static_cast<int>(rows_of[body].size());
     may_depend_ = may_depend_ || rows_of[body].size() > 1;
   }
-  may_depend_ = (may_depend_ || !loops.empty()) && equations.rows() > 0;
+  may_depend_ = (may_depend_ || has_loops) && equations.rows() > 0;
   for (Link& link : links_)
     for (End& end : link.ends)
       if (end.dofs > 0) end.unknown = first_unknown_[end.point];
 
-  std::vector<std::pair<int, int>> entries;
-  for (const std::size_t l : loops) {
-    const Link& link = links_[l];
-    std::vector<int> unknowns;
-    for (const End& end : link.ends)
-      for (int k = 0; k < end.dofs; ++k) unknowns.push_back(end.unknown + k);
-    for (int k = 0; k < link.rows; ++k) unknowns.push_back(link.unknown + k);
-    for (const int i : unknowns)
-      for (const int j : unknowns) entries.emplace_back(i, j);
+  std::vector<SaddleLu::Link> links(links_.size());
+  for (std::size_t body = 0; body < bodies_; ++body) {
+    for (const std::size_t l : rows_of[body]) {
+      const auto& ends = links_[l].ends;
+      const End& other = ends[ends[0].point == body ? 1 : 0];
+      links[l] = {links_[l].unknown, links_[l].rows, node_of(body),
+                  other.dofs > 0 ? node_of(other.point) : -1};
+    }
   }
-  lu_.analyze(std::move(nodes), entries);
+  lu_.analyze(nodes, links);
 }
 
 // where what a link adds goes, in the order in which it is added
@@ -214,6 +210,7 @@ void ImplicitStep::find_slots() {
 // ---- the state that is carried
 
 void ImplicitStep::load(const std::vector<BodyState>& states, const EquationsOfMotion& equations) {
+  lu_.forget();
   for (std::size_t i = 0; i < bodies_; ++i) {
     const BodyState& state = states[at(equations.bodies()[i])];
     x_[i] = state.position;

@@ -20,6 +20,8 @@ constexpr double kCalmShare = 0.5;
 constexpr std::uint64_t kCalmFor = 50;  // [steps]
 // How long an island that could not be integrated is left to the other method [steps].
 constexpr std::uint64_t kRefusedFor = 100;
+// How long constraints that were inconsistent have to be consistent [steps].
+constexpr std::uint64_t kInconsistentFor = 3;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
@@ -62,6 +64,7 @@ void World::Impl::make_islands() {
   islands.clear();
   linked.clear();
   stiff.clear();
+  inconsistent.clear();
   island_of.assign(bodies.size(), -1);
   rotations.assign(bodies.size(), FreeRotation{});
   for (IslandMembers& members : find_islands(movable, acting, joint_ends)) {
@@ -140,6 +143,7 @@ void World::Impl::link(IslandParts* parts) {
   parts->linked = static_cast<int>(linked.size());
   linked.emplace_back(std::move(equations));
   stiff.emplace_back();
+  inconsistent.emplace_back();
 }
 
 // ---- in every step
@@ -381,7 +385,7 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
       carry_on_with(i, Method::kEnergyMomentum, chooses && is_met ? Why::kStiff : Why::kConflict);
     }
     if (island.why != Why::kConflict) {
-      if (add(integrate_by_gradients(i, span, false))) return true;
+      if (add(integrate_by_gradients(i, span))) return true;
       // a jerk: what no step of ordinary length gets across, substeps may
       if (progress.is_stiff) {
         carry_on_with(i, Method::kRungeKutta, Why::kStiff);
@@ -390,7 +394,7 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
       if (!may_give_way) return false;
       carry_on_with(i, Method::kEnergyMomentum, Why::kConflict);
     }
-    return add(integrate_by_gradients(i, span, true));
+    return add(integrate_inconsistent(i, span));
   }
 
   const int body = parts.members.bodies.front();
@@ -421,17 +425,14 @@ Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& spa
   return progress;
 }
 
-Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& span,
-                                             bool gives_way) {
+Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& span) {
   IslandParts& parts = island_parts[i];
   LinkedMotion& motion = linked[at(parts.linked)];
   std::optional<EnergyMomentum>& of_island = stiff[at(parts.linked)];
   if (!of_island) of_island.emplace(motion.equations());
   EnergyMomentum& method = *of_island;
-  if (gives_way) wait_for_agreement(i);
   ImplicitMode mode = options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
   if (options.dissipation) mode = ImplicitMode::kDissipate;
-  if (gives_way) mode = ImplicitMode::kGiveWay;
   const Progress progress =
       method.advance(span, mode, options.tolerance, &motion.equations(), &states);
   if (method.frequency() > kCalmShare * most_frequency())
@@ -440,16 +441,18 @@ Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& sp
   return progress;
 }
 
-// an island whose joints contradict each other goes on giving way until they do not
-void World::Impl::wait_for_agreement(std::size_t i) {
-  const auto is_met = [&](int index) {
-    const std::size_t j = at(index);
-    return !is_rigid(joints[j]) ||
-           fits(joints[j], state_a(j), state_b(j), joint_step(), joint_states[j]);
-  };
-  const std::vector<int>& members = island_parts[i].members.joints;
-  if (!std::all_of(members.begin(), members.end(), is_met))
-    island_parts[i].gives_way_until = step_count + kRefusedFor;
+// An island with inconsistent constraints stays with this method until they can be met, and a
+// little longer, so that what comes and goes does not change the method in every step.
+Progress World::Impl::integrate_inconsistent(std::size_t i, const SmoothSpan& span) {
+  IslandParts& parts = island_parts[i];
+  EquationsOfMotion& equations = linked[at(parts.linked)].equations();
+  std::optional<InconsistentMotion>& method = inconsistent[at(parts.linked)];
+  if (!method) method.emplace(equations);
+  linked[at(parts.linked)].forget();
+  if (stiff[at(parts.linked)]) stiff[at(parts.linked)]->forget();
+  const Progress progress = method->advance(span, &equations, &states);
+  if (!method->can_be_met()) parts.gives_way_until = step_count + kInconsistentFor;
+  return progress;
 }
 
 // within a step
@@ -483,7 +486,7 @@ void World::Impl::tell_of_islands() {
     if (l >= 0)
       island.dependent_rows =
           static_cast<std::uint32_t>(linked[at(l)].equations().dependent_rows());
-    if (island.method == Method::kEnergyMomentum)
+    if (island.method == Method::kEnergyMomentum && island.why != Why::kConflict)
       island.unresolved_bodies = find_unresolved(at(index), nullptr);
     report.unresolved_bodies += island.unresolved_bodies;
     report.local_error = std::max(report.local_error, island.local_error);

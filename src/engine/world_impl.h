@@ -13,6 +13,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/islands.h"
 #include "engine/methods/energy_momentum.h"
+#include "engine/methods/inconsistent_motion.h"
 #include "engine/methods/runge_kutta.h"
 #include "engine/methods/sequential_impulses.h"
 #include "engine/workers.h"
@@ -98,12 +99,13 @@ struct World::Impl {
   std::vector<int> island_of;                        // of bodies; -1 of immovable ones
   std::vector<LinkedMotion> linked;                  // of the islands with joints
   std::vector<std::optional<EnergyMomentum>> stiff;  // the same, of those that are, or were, stiff
-  std::vector<FreeRotation> rotations;               // of bodies
-  std::vector<double> fastest_spring;                // of bodies [1/s]
-  double reference_energy = 0.0;                     // [J] at the last edit
-  double largest_kinetic_energy = 0.0;               // [J] since the last edit
-  std::uint64_t quiet_steps = 0;                     // after which an island may rest; 0: never
-  bool is_fresh = true;                              // no step since the last edit
+  std::vector<std::optional<InconsistentMotion>> inconsistent;  // the same, where constraints were
+  std::vector<FreeRotation> rotations;                          // of bodies
+  std::vector<double> fastest_spring;                           // of bodies [1/s]
+  double reference_energy = 0.0;                                // [J] at the last edit
+  double largest_kinetic_energy = 0.0;                          // [J] since the last edit
+  std::uint64_t quiet_steps = 0;  // after which an island may rest; 0: never
+  bool is_fresh = true;           // no step since the last edit
 
   // ---- what is awake, and what the rest tells; made anew when somebody wakes or falls asleep
   bool any_waking = false;  // somebody was woken, and the lists do not know yet
@@ -209,8 +211,8 @@ struct World::Impl {
   bool integrate_island(std::size_t i, const SmoothSpan& span);
   Progress integrate_by_substeps(std::size_t i, const SmoothSpan& span, double most_frequency);
   double most_frequency() const;
-  Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span, bool gives_way);
-  void wait_for_agreement(std::size_t i);
+  Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span);
+  Progress integrate_inconsistent(std::size_t i, const SmoothSpan& span);
   int threads_worth_it() const;
   void gather_from_islands();
   void carry_on_with(std::size_t i, Method method, Why why);

@@ -410,6 +410,12 @@ Vector3d EquationsOfMotion::offset(std::size_t ball) const {
   return Vector3d::Zero();
 }
 
+Vector3d EquationsOfMotion::offset_rate(std::size_t ball) const {
+  for (const auto& [l, course] : courses_)
+    if (l == ball) return length_[l].rate * course.offset();
+  return Vector3d::Zero();
+}
+
 void EquationsOfMotion::read_pose(const std::vector<Vector3d>& positions,
                                   const std::vector<Quaterniond>& orientations) {
   pose_.resize(size());

@@ -93,11 +93,14 @@ class EquationsOfMotion {
     return load_acceleration_[body];
   }
   const Eigen::Vector3d& load_torque(std::size_t turning) const { return load_torque_[turning]; }
-  /// Moves fixed points, lengths and offsets to time t, for the next three.
+  /// Moves fixed points, lengths and offsets to time t, for the next five.
   void move_with_time(double t);
   const Eigen::Vector3d& position(std::size_t fixed_point) const { return position_[fixed_point]; }
+  const Eigen::Vector3d& velocity(std::size_t fixed_point) const { return velocity_[fixed_point]; }
   const Course& length(std::size_t l) const { return length_[l]; }
   Eigen::Vector3d offset(std::size_t ball) const;
+  /// Of the same [m/s].
+  Eigen::Vector3d offset_rate(std::size_t ball) const;
   /// Marks rows without a force, with the bodies there and those that turn so: redundant rows by
   /// kRedundant, and rows whose pivot falls below this share of its entry by 1. Returns how many.
   int find_dependent(double t, const std::vector<Eigen::Vector3d>& positions,

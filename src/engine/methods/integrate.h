@@ -53,6 +53,7 @@ struct Progress {
   int iterations = 0;      ///< Newton's, where there are any
   bool is_stiff = false;   ///< the other method is the better one; not done where it was so at once
   double projected = 0.0;  ///< kinetic energy that velocities lost when they were made to fit [J]
+  double corrected = 0.0;  ///< energy that corrections of positions added, left in the bodies [J]
 };
 
 namespace runge_kutta {

@@ -1,0 +1,672 @@
+#include "engine/methods/inconsistent_motion.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "engine/methods/runge_kutta.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+
+// Share of the weights on the diagonal where a right-hand side can be met, and where not: then the
+// part that cannot be met is amplified by up to ε over this.
+constexpr double kLeastShare = 1e-11;
+constexpr double kInconsistentShare = 1e-6;
+// Error that rounding of inconsistent rows may cause, as a share of the scene.
+constexpr double kPositionNoise = 1e-10;
+constexpr int kMostMarquardtSteps = 20;
+constexpr double kMostShare = 1e4;
+
+constexpr double kMostAngle = 0.1;  // that a joint turns by in one step [rad]
+constexpr double kMostParts = 32.0;
+constexpr int kMostMidpointSteps = 16;
+constexpr double kMidpointFound = 1e-14;  // of the scene
+// Energy that the impulses of a midpoint step may add before they are left out, as a share.
+constexpr double kMostAdded = 1e-3;
+
+constexpr double kMet = 1e-6;         // [m]
+constexpr double kReachable = 1e-10;  // of the scene: what runge_kutta can project
+constexpr double kRateMet = 1e-6;     // of the largest speed
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+Matrix3d cross_matrix(const Vector3d& a) {
+  Matrix3d m;
+  m << 0.0, -a.z(), a.y(), a.z(), 0.0, -a.x(), -a.y(), a.x(), 0.0;
+  return m;
+}
+
+double largest(const std::vector<double>& list) {
+  double most = 0.0;
+  for (const double x : list)
+    if (!(std::abs(x) <= most)) most = std::abs(x);  // a NaN stays
+  return most;
+}
+
+Vector3d momentum_of(const Quaterniond& q, const Vector3d& inertia, const Vector3d& w) {
+  return q * inertia.cwiseProduct(q.conjugate() * w);
+}
+
+}  // namespace
+
+// ---- what is compiled
+
+InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
+    : body_indices_(equations.bodies()),
+      bodies_(equations.bodies().size()),
+      turning_(equations.turning()),
+      points_(equations.points()),
+      is_free_(points_ == bodies_),
+      rows_(equations) {
+  for (std::size_t i = 0; i < bodies_; ++i) mass_.push_back(1.0 / equations.inverse_mass(i));
+  for (std::size_t i = 0; i < turning_; ++i) {
+    inertia_.push_back(equations.inertia(i));
+    radius_.push_back(equations.radius_of_gyration(i));
+  }
+  for (const RegularizedRows::Row& row : rows_.rows()) {
+    stiffness_.push_back(equations.links()[row.joint].stiffness);
+    damping_.push_back(equations.links()[row.joint].damping);
+  }
+  for (Configuration* c : {&start_, &end_, &met_}) {
+    c->position.assign(points_, Vector3d::Zero());
+    c->orientation.assign(turning_, Quaterniond::Identity());
+  }
+  for (BodyVectors* u :
+       {&velocity_, &velocity_before_, &displacement_, &change_, &drive_, &target_.fixed}) {
+    u->linear.assign(points_, Vector3d::Zero());
+    u->angular.assign(turning_, Vector3d::Zero());
+  }
+  for (Numbers* list : {&values_, &b_, &lambda_, &compliance_, &step_impulses_, &impulses_, &q_,
+                        &drive_rates_, &drive_before_, &target_.length, &target_.rate})
+    list->assign(rows_.rows().size(), 0.0);
+}
+
+void InconsistentMotion::load(const std::vector<BodyState>& states) {
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const BodyState& state = states[at(body_indices_[i])];
+    end_.position[i] = state.position;
+    velocity_.linear[i] = state.linear_velocity;
+    if (i >= turning_) continue;
+    end_.orientation[i] = state.orientation;
+    velocity_.angular[i] = state.angular_velocity;
+  }
+}
+
+void InconsistentMotion::store(std::vector<BodyState>* states) const {
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    BodyState& state = (*states)[at(body_indices_[i])];
+    state.position = end_.position[i];
+    state.linear_velocity = velocity_.linear[i];
+    if (i >= turning_) continue;
+    state.orientation = end_.orientation[i];
+    state.angular_velocity = velocity_.angular[i];
+  }
+}
+
+// lengths, offsets, their rates, and immovable points at time t
+void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configuration* configuration) {
+  equations->move_with_time(t);
+  target_.is_driven = equations->varies();
+  for (std::size_t p = bodies_; p < points_; ++p) {
+    configuration->position[p] = equations->position(p);
+    target_.fixed.linear[p] = equations->velocity(p);
+  }
+  for (std::size_t l = 0; l < equations->links().size(); ++l) {
+    const std::size_t i = rows_.first_row(l);
+    if (!equations->is_ball(l)) {
+      target_.length[i] = equations->length(l).value;
+      target_.rate[i] = equations->length(l).rate;
+      continue;
+    }
+    const Vector3d offset = equations->offset(l);
+    const Vector3d rate = equations->offset_rate(l);
+    for (std::size_t k = 0; k < 3; ++k) {
+      target_.length[i + k] = offset[static_cast<Eigen::Index>(k)];
+      target_.rate[i + k] = rate[static_cast<Eigen::Index>(k)];
+    }
+  }
+  scale_ = largest(target_.length);
+  for (const Vector3d& x : configuration->position)
+    scale_ = std::max(scale_, x.cwiseAbs().maxCoeff());
+  if (scale_ == 0.0) scale_ = 1.0;
+}
+
+// ---- a span
+
+Progress InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* equations,
+                                     std::vector<BodyState>* states) {
+  Progress progress;
+  equations_ = equations;
+  equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
+  load(*states);
+  ask(span.t, equations, &end_);
+  rows_.measure(end_, &at_end_);
+  std::fill(impulses_.begin(), impulses_.end(), 0.0);
+  std::fill(step_impulses_.begin(), step_impulses_.end(), 0.0);
+  work_ = 0.0;
+  spring_energy_ = spring_energy();
+  const double before = kinetic_energy(velocity_);
+  fit_velocities();
+  progress.projected = before + work_ - kinetic_energy(velocity_);
+  for (std::size_t i = 0; i < impulses_.size(); ++i) impulses_[i] += step_impulses_[i];
+
+  const int parts = number_of_parts(span.h);
+  const double h = span.h / parts;
+  for (int k = 0; k < parts; ++k) {
+    const double energy = kinetic_energy(velocity_) + spring_energy_;
+    std::swap(start_, end_);
+    std::swap(at_start_, at_end_);
+    ask(span.t + (k + 1) * h, equations, &end_);
+    step(h, energy, &progress);
+    ++progress.substeps;
+  }
+  progress.projected = std::max(progress.projected, 0.0);
+  find_whether_met();
+  progress.done =
+      std::isfinite(kinetic_energy(velocity_)) && std::isfinite(errors(at_end_, &values_));
+  if (!progress.done) return progress;
+  for (std::size_t i = 0; i < impulses_.size(); ++i) {
+    const RegularizedRows::Row& row = rows_.rows()[i];
+    const Vector3d along = row.axis < 0 ? Vector3d::UnitX() : Vector3d(Vector3d::Unit(row.axis));
+    equations->add_impulse(row.joint, impulses_[i] * along);
+  }
+  store(states);
+  return progress;
+}
+
+// so that no rod and no body turns by more than kMostAngle in one step
+int InconsistentMotion::number_of_parts(double h) const {
+  double rate = 0.0;
+  for (const Vector3d& w : velocity_.angular) rate = std::max(rate, w.norm());
+  for (const RegularizedRows::Row& row : rows_.rows()) {
+    if (row.axis >= 0 || row.is_spring) continue;
+    const EquationsOfMotion::Link& joint = equations_->links()[row.joint];
+    const RegularizedRows::JointGeometry& g = at_end_[row.joint];
+    Vector3d d_dot = velocity_.linear[joint.b] - velocity_.linear[joint.a] +
+                     target_.fixed.linear[joint.b] - target_.fixed.linear[joint.a];
+    if (joint.a < turning_) d_dot -= velocity_.angular[joint.a].cross(g.arm[0]);
+    if (joint.b < turning_) d_dot += velocity_.angular[joint.b].cross(g.arm[1]);
+    rate = std::max(rate, row.direction.cross(d_dot).norm() / std::max(g.d.norm(), 1e-9 * scale_));
+  }
+  const double parts = std::ceil(h * rate / kMostAngle);
+  return parts < kMostParts ? std::max(static_cast<int>(parts), 1) : static_cast<int>(kMostParts);
+}
+
+void InconsistentMotion::step(double h, double energy_before, Progress* progress) {
+  velocity_before_ = velocity_;
+  drive_before_ = drive_rates_;
+  double allowed = 0.0;
+  for (const bool has_impulses : {true, false}) {
+    velocity_ = velocity_before_;
+    work_ = 0.0;
+    std::fill(step_impulses_.begin(), step_impulses_.end(), 0.0);
+    if (has_impulses) {
+      if (!midpoint(h, progress)) continue;
+    } else {
+      ++progress->rejected;
+      explicit_step(h, progress);
+    }
+    lambda_ = step_impulses_;
+    fit_velocities();
+    work_ += work_of_drives();
+    spring_energy_ = spring_energy();
+    allowed = energy_before + work_ + work_of_loads() - spring_energy_;
+    const double kinetic = kinetic_energy(velocity_);
+    if (kinetic <= allowed + kMostAdded * std::max(kinetic, std::abs(allowed))) break;
+  }
+  cap_energy(allowed, progress);
+  progress->projected -= damped_energy(h);
+  for (std::size_t i = 0; i < impulses_.size(); ++i) impulses_[i] += step_impulses_[i];
+}
+
+// ---- with impulses that lead to where the rows are met
+
+bool InconsistentMotion::midpoint(double h, Progress* progress) {
+  std::fill(q_.begin(), q_.end(), 0.0);
+  for (std::size_t i = 0; i < q_.size(); ++i)
+    compliance_[i] = 1.0 / (0.25 * h * h * stiffness_[i] + 0.5 * h * damping_[i]);
+  drift(h);
+  int found = 0;  // how often in a row
+  double before = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < kMostMidpointSteps; ++k) {
+    met_ = end_;
+    at_met_ = at_end_;
+    meet(&met_, &at_met_, progress);
+    rows_.linearize(at_start_, at_end_, end_);
+    rows_.find_weights(&weights_);
+    const double worst = find_missing(h);
+    found = worst <= kMidpointFound * scale_ ? found + 1 : 0;
+    if (found == 2) break;
+    if (!std::isfinite(worst) || (k > 3 && worst > before && found == 0)) return false;
+    before = worst;
+    rows_.factor(kLeastShare, weights_, &compliance_);
+    rows_.solve(&b_);
+    for (std::size_t i = 0; i < q_.size(); ++i) q_[i] += b_[i];
+    drift(h);
+  }
+  if (found < 2) return false;
+  for (std::size_t i = 0; i < bodies_; ++i)
+    velocity_.linear[i] = 2.0 / h * displacement_.linear[i] - velocity_before_.linear[i];
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const Vector3d& w = displacement_.angular[i];
+    const Vector3d rate = 2.0 / h * w - velocity_before_.angular[i];
+    const Matrix3d mean =
+        (Matrix3d::Identity() + 0.5 * cross_matrix(w) + 0.25 * w * w.transpose()) /
+        (1.0 + 0.25 * w.squaredNorm());
+    velocity_.angular[i] = rate + w.cross(mean * rate);
+  }
+  for (std::size_t i = 0; i < q_.size(); ++i) step_impulses_[i] = 2.0 / h * q_[i];
+  std::swap(end_, met_);
+  std::swap(at_end_, at_met_);
+  return true;
+}
+
+// b_: what the rows at end_ miss of met_, and springs of their law; returns the most [m]
+double InconsistentMotion::find_missing(double h) {
+  double worst = 0.0;
+  const auto consider = [&](double error) {
+    if (!(std::abs(error) <= worst)) worst = std::abs(error);  // a NaN stays
+  };
+  for (std::size_t i = 0; i < q_.size(); ++i) {
+    const RegularizedRows::Row& row = rows_.rows()[i];
+    const Vector3d& d = at_end_[row.joint].d;
+    if (!row.is_spring) {
+      b_[i] = row.direction.dot(at_met_[row.joint].d - d);
+      consider(b_[i]);
+      continue;
+    }
+    // the law, −k (s₀ + ½Δs) − c Δs/h with s the stretch, over what it has of Δs
+    const double start = at_start_[row.joint].d.norm();
+    const double length = target_.length[i] - 0.5 * h * target_.rate[i];
+    const double stretch = 0.5 * (start + d.norm()) - length;
+    const double rate = (d.norm() - start) / h - target_.rate[i];
+    const double force = -stiffness_[i] * stretch - damping_[i] * rate;
+    b_[i] = compliance_[i] * (0.5 * h * h * force - q_[i]);
+    consider(b_[i] * weights_[i] / (weights_[i] + compliance_[i]));
+  }
+  return worst;
+}
+
+// end_ by the midpoint rule with the impulses q_ along the rows as they are linearized
+void InconsistentMotion::drift(double h) {
+  rows_.apply_transpose(q_, &displacement_);
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    displacement_.linear[i] =
+        displacement_.linear[i] / mass_[i] +
+        h * (velocity_before_.linear[i] + 0.5 * h * equations_->load_acceleration(i));
+    end_.position[i] = start_.position[i] + displacement_.linear[i];
+  }
+  for (std::size_t i = 0; i < turning_; ++i)
+    turn(i, h, displacement_.angular[i] + 0.5 * h * h * equations_->load_torque(i));
+  rows_.measure(end_, &at_end_);
+}
+
+// r_w of implicit_step.h by Newton's method; `torque` is ½h² times the mean torque
+void InconsistentMotion::turn(std::size_t body, double h, const Vector3d& torque) {
+  const Quaterniond& q = start_.orientation[body];
+  const Matrix3d R = q.toRotationMatrix();
+  const Matrix3d J = R * inertia_[body].asDiagonal() * R.transpose();
+  const Vector3d a = 0.5 * h * velocity_before_.angular[body];
+  const Vector3d g = J * a + torque;
+  Vector3d w = 2.0 * a;
+  for (int k = 0; k < kMostMarquardtSteps; ++k) {
+    const Vector3d u = J * (w - a);
+    const Vector3d residual = u + 0.5 * w.cross(u) - g + 0.5 * w.cross(g);
+    const Matrix3d slope = (Matrix3d::Identity() + 0.5 * cross_matrix(w)) * J -
+                           0.5 * cross_matrix(u) - 0.5 * cross_matrix(g);
+    const Vector3d change = slope.partialPivLu().solve(residual);
+    w -= change;
+    if (!(change.norm() > 4.0 * kEpsilon * w.norm())) break;
+  }
+  displacement_.angular[body] = w;
+  const Vector3d half = 0.5 * w;
+  end_.orientation[body] = (Quaterniond(1.0, half.x(), half.y(), half.z()) * q).normalized();
+}
+
+// ---- without
+
+// v⁺ by Euler's method, implicit in springs, that meets the rates; x⁺ = x + h v⁺, and then meet()
+void InconsistentMotion::explicit_step(double h, Progress* progress) {
+  rows_.linearize(at_start_, at_start_, start_);
+  rows_.find_weights(&weights_);
+  for (std::size_t i = 0; i < bodies_; ++i)
+    displacement_.linear[i] =
+        h * (velocity_before_.linear[i] + h * equations_->load_acceleration(i));
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const Quaterniond& q = start_.orientation[i];
+    const Vector3d response =
+        q * (q.conjugate() * equations_->load_torque(i)).cwiseQuotient(inertia_[i]);
+    displacement_.angular[i] = h * (velocity_before_.angular[i] + h * response);
+  }
+  std::fill(displacement_.linear.begin() + static_cast<std::ptrdiff_t>(bodies_),
+            displacement_.linear.end(), Vector3d::Zero());
+  for (std::size_t i = 0; i < q_.size(); ++i) {
+    const RegularizedRows::Row& row = rows_.rows()[i];
+    const double moved = rows_.apply(row, displacement_);
+    q_[i] = h * drive_before_[i] - moved;
+    if (!row.is_spring) continue;
+    const double given = h * (h * stiffness_[i] + damping_[i]);
+    const double stretch = at_start_[row.joint].d.norm() - target_.length[i];
+    const double ahead = rows_.apply(row, target_.fixed) - target_.rate[i];
+    compliance_[i] = 1.0 / given;
+    q_[i] = -compliance_[i] * h * (h * stiffness_[i] * stretch + h * damping_[i] * ahead) - moved;
+  }
+  rows_.factor(kLeastShare, weights_, &compliance_);
+  rows_.solve(&q_);
+  rows_.add_response(q_, &displacement_);
+
+  for (std::size_t i = 0; i < q_.size(); ++i) step_impulses_[i] = q_[i] / h;
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    velocity_.linear[i] = displacement_.linear[i] / h;
+    end_.position[i] = start_.position[i] + displacement_.linear[i];
+  }
+  std::vector<Vector3d> momentum(turning_);
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const Quaterniond& q = start_.orientation[i];
+    momentum[i] = momentum_of(q, inertia_[i], displacement_.angular[i] / h);
+    end_.orientation[i] = (rotation(displacement_.angular[i]) * q).normalized();
+  }
+  rows_.measure(end_, &at_end_);
+  meet(&end_, &at_end_, progress);
+  for (std::size_t i = 0; i < turning_; ++i)
+    velocity_.angular[i] =
+        momentum_of(end_.orientation[i], inertia_[i].cwiseInverse(), momentum[i]);
+}
+
+// ---- positions
+
+// C of rigid rows [m], 0 of springs; returns Σ C²/a
+double InconsistentMotion::errors(const Rows& geometry, Numbers* values) const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < values->size(); ++i) {
+    const RegularizedRows::Row& row = rows_.rows()[i];
+    const Vector3d& d = geometry[row.joint].d;
+    (*values)[i] = (row.axis < 0 ? d.norm() : d[row.axis]) - target_.length[i];
+    if (row.is_spring) (*values)[i] = 0.0;
+    sum += (*values)[i] * (*values)[i] / weights_[i];
+  }
+  return sum;
+}
+
+// moves by `share` of change_; returns how far at most [m]
+double InconsistentMotion::displace(double share, Configuration* configuration) const {
+  double most = 0.0;
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const Vector3d& dx = change_.linear[i];
+    configuration->position[i] += share * dx;
+    if (!(dx.norm() <= most)) most = dx.norm();
+  }
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const Vector3d& w = change_.angular[i];
+    Quaterniond& q = configuration->orientation[i];
+    q = (rotation(share * w) * q).normalized();
+    if (!(w.norm() * radius_[i] <= most)) most = w.norm() * radius_[i];
+  }
+  return most;
+}
+
+// Levenberg & Marquardt; the weights 1/a stay those of the beginning. Springs resist as in a step.
+void InconsistentMotion::meet(Configuration* configuration, Rows* geometry, Progress* progress) {
+  rows_.linearize(*geometry, *geometry, *configuration);
+  rows_.find_weights(&weights_);
+  double sum = errors(*geometry, &values_);
+  double share = 0.0;
+  Configuration moved;
+  Rows there;
+  for (int k = 0; k < kMostMarquardtSteps && share <= kMostShare; ++k) {
+    const double worst = largest(values_);
+    const double least =
+        std::clamp(kEpsilon * worst / (kPositionNoise * scale_), kLeastShare, kInconsistentShare);
+    share = std::max(share, least);
+    ++progress->iterations;
+    rows_.factor(share, weights_, &compliance_);
+    for (std::size_t i = 0; i < b_.size(); ++i) b_[i] = -values_[i];
+    rows_.solve(&b_);
+    for (auto* list : {&change_.linear, &change_.angular})
+      std::fill(list->begin(), list->end(), Vector3d::Zero());
+    rows_.add_response(b_, &change_);
+    moved = *configuration;
+    const double most = displace(1.0, &moved);
+    if (!(most > 4.0 * kEpsilon * scale_ + kEpsilon * worst / share)) return;
+    rows_.measure(moved, &there);
+    const double next = errors(there, &values_);
+    if (!(next <= sum * (1.0 + 1e-14))) {
+      share = std::max(10.0 * share, 1e-4);
+      errors(*geometry, &values_);
+      continue;
+    }
+    sum = next;
+    std::swap(*configuration, moved);
+    std::swap(*geometry, there);
+    share *= 0.2;
+    rows_.linearize(*geometry, *geometry, *configuration);
+  }
+}
+
+// ---- velocities
+
+// Projects velocity_ onto the rates asked for at end_.
+void InconsistentMotion::fit_velocities() {
+  rows_.linearize(at_end_, at_end_, end_);
+  rows_.find_weights(&weights_);
+  find_drive();
+  rows_.factor(kLeastShare, weights_, nullptr);
+  for (int pass = 0; pass < 2; ++pass) {
+    for (std::size_t i = 0; i < b_.size(); ++i) {
+      const RegularizedRows::Row& row = rows_.rows()[i];
+      b_[i] = row.is_spring ? 0.0 : drive_rates_[i] - rows_.apply(row, velocity_);
+    }
+    rows_.solve(&b_);
+    rows_.add_response(b_, &velocity_);
+    for (std::size_t i = 0; i < b_.size(); ++i) {
+      step_impulses_[i] += b_[i];
+      work_ += b_[i] * drive_rates_[i];
+    }
+  }
+}
+
+// The velocity of least kinetic energy that meets the rates asked for, as far as that goes.
+void InconsistentMotion::find_drive() {
+  for (auto* list : {&drive_.linear, &drive_.angular})
+    std::fill(list->begin(), list->end(), Vector3d::Zero());
+  std::fill(drive_rates_.begin(), drive_rates_.end(), 0.0);
+  if (!target_.is_driven) return;
+  Numbers rates(b_.size(), 0.0);
+  for (std::size_t i = 0; i < rates.size(); ++i) {
+    const RegularizedRows::Row& row = rows_.rows()[i];
+    if (!row.is_spring) rates[i] = target_.rate[i] - rows_.apply(row, target_.fixed);
+  }
+  solve_drive(kLeastShare, rates);
+  double off = 0.0;
+  for (std::size_t i = 0; i < rates.size(); ++i)
+    off = std::max(off, std::abs(drive_rates_[i] - rates[i]));
+  if (!(off <= kReachable * largest(rates))) solve_drive(kInconsistentShare, rates);
+}
+
+void InconsistentMotion::solve_drive(double share, const Numbers& rates) {
+  for (auto* list : {&drive_.linear, &drive_.angular})
+    std::fill(list->begin(), list->end(), Vector3d::Zero());
+  std::fill(drive_rates_.begin(), drive_rates_.end(), 0.0);
+  rows_.factor(share, weights_, nullptr);
+  for (int pass = 0; pass < 2; ++pass) {
+    for (std::size_t i = 0; i < b_.size(); ++i) b_[i] = rates[i] - drive_rates_[i];
+    rows_.solve(&b_);
+    rows_.add_response(b_, &drive_);
+    for (std::size_t i = 0; i < b_.size(); ++i)
+      if (!rows_.rows()[i].is_spring) drive_rates_[i] = rows_.apply(rows_.rows()[i], drive_);
+  }
+}
+
+// ---- energy
+
+double InconsistentMotion::momentum_product(const BodyVectors& u, const BodyVectors& v) const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < bodies_; ++i) sum += mass_[i] * u.linear[i].dot(v.linear[i]);
+  for (std::size_t i = 0; i < turning_; ++i)
+    sum += u.angular[i].dot(momentum_of(end_.orientation[i], inertia_[i], v.angular[i]));
+  return sum;
+}
+
+double InconsistentMotion::kinetic_energy(const BodyVectors& velocity) const {
+  return 0.5 * momentum_product(velocity, velocity);
+}
+
+// at end_
+double InconsistentMotion::spring_energy() const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < stiffness_.size(); ++i) {
+    if (!rows_.rows()[i].is_spring) continue;
+    const double stretch = at_end_[rows_.rows()[i].joint].d.norm() - target_.length[i];
+    sum += 0.5 * stiffness_[i] * stretch * stretch;
+  }
+  return sum;
+}
+
+// of what lambda_, the impulses that moved the bodies, did along the rates asked for
+double InconsistentMotion::work_of_drives() const {
+  if (!target_.is_driven) return 0.0;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < lambda_.size(); ++i) {
+    const RegularizedRows::Row& row = rows_.rows()[i];
+    const double rate = row.is_spring ? target_.rate[i] - rows_.apply(row, target_.fixed)
+                                      : 0.5 * (drive_before_[i] + drive_rates_[i]);
+    sum += lambda_[i] * rate;
+  }
+  return sum;
+}
+
+// what dampers took from start_ to end_
+double InconsistentMotion::damped_energy(double h) const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < damping_.size(); ++i) {
+    if (damping_[i] == 0.0) continue;
+    const std::size_t l = rows_.rows()[i].joint;
+    const double rate = (at_end_[l].d.norm() - at_start_[l].d.norm()) / h - target_.rate[i];
+    sum += h * damping_[i] * rate * rate;
+  }
+  return sum;
+}
+
+// of gravity and wrenches from start_ to end_
+double InconsistentMotion::work_of_loads() const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < bodies_; ++i)
+    sum += mass_[i] * equations_->load_acceleration(i).dot(end_.position[i] - start_.position[i]);
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const Eigen::AngleAxisd turned(end_.orientation[i] * start_.orientation[i].conjugate());
+    sum += equations_->load_torque(i).dot(turned.angle() * turned.axis());
+  }
+  return sum;
+}
+
+void InconsistentMotion::scale(const BodyVectors& part, double factor) {
+  for (std::size_t i = 0; i < bodies_; ++i) velocity_.linear[i] -= (1.0 - factor) * part.linear[i];
+  for (std::size_t i = 0; i < turning_; ++i)
+    velocity_.angular[i] -= (1.0 - factor) * part.angular[i];
+}
+
+// The parts of velocity_ are orthogonal in kinetic energy: what drives, the motion as one body, and
+// the rest.
+void InconsistentMotion::cap_energy(double allowed, Progress* progress) {
+  double excess = kinetic_energy(velocity_) - allowed;
+  if (excess > 0.0) {
+    BodyVectors rest = velocity_;
+    BodyVectors centre, turning;
+    const auto take_off = [&](const BodyVectors& part) {
+      for (std::size_t i = 0; i < bodies_; ++i) rest.linear[i] -= part.linear[i];
+      for (std::size_t i = 0; i < turning_; ++i) rest.angular[i] -= part.angular[i];
+    };
+    const auto lower = [&](const BodyVectors& part) {
+      const double energy = kinetic_energy(part);
+      if (!(energy > 0.0) || !(excess > 0.0)) return;
+      scale(part, std::sqrt(std::max(0.0, 1.0 - excess / energy)));
+      excess -= std::min(excess, energy);
+    };
+    take_off(drive_);
+    if (is_free_) {
+      find_rigid_motion(&centre, &turning);
+      take_off(centre);
+      take_off(turning);
+    }
+    lower(rest);
+    if (is_free_) lower(turning);
+    excess = kinetic_energy(velocity_) - allowed;
+  }
+  if (excess > 0.0)
+    progress->corrected += excess;
+  else
+    progress->projected -= excess;
+}
+
+// of a free island, with the momenta of velocity_
+void InconsistentMotion::find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const {
+  double mass = 0.0;
+  Vector3d x = Vector3d::Zero(), v = Vector3d::Zero();
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    mass += mass_[i];
+    x += mass_[i] * end_.position[i];
+    v += mass_[i] * velocity_.linear[i];
+  }
+  x /= mass;
+  v /= mass;
+  Matrix3d inertia = Matrix3d::Zero();
+  Vector3d L = Vector3d::Zero();
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const Matrix3d r = cross_matrix(end_.position[i] - x);
+    inertia -= mass_[i] * r * r;
+    L += mass_[i] * r * (velocity_.linear[i] - v);
+    if (i >= turning_) continue;
+    const Matrix3d R = end_.orientation[i].toRotationMatrix();
+    const Matrix3d J = R * inertia_[i].asDiagonal() * R.transpose();
+    inertia += J;
+    L += J * velocity_.angular[i];
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(inertia);
+  Vector3d w = Vector3d::Zero();
+  for (Eigen::Index k = 0; k < 3; ++k)
+    if (eigen.eigenvalues()[k] > 1e-12 * eigen.eigenvalues()[2])
+      w +=
+          eigen.eigenvectors().col(k).dot(L) / eigen.eigenvalues()[k] * eigen.eigenvectors().col(k);
+  centre->linear.assign(points_, v);
+  centre->angular.assign(turning_, Vector3d::Zero());
+  turning->linear.assign(points_, Vector3d::Zero());
+  turning->angular.assign(turning_, w);
+  for (std::size_t i = 0; i < bodies_; ++i) turning->linear[i] = w.cross(end_.position[i] - x);
+}
+
+// ---- whether the rows are still inconsistent
+
+void InconsistentMotion::find_whether_met() {
+  errors(at_end_, &values_);
+  can_be_met_ = largest(values_) <= kMet;
+  double speed = 0.0, off = 0.0;
+  for (const Vector3d& v : velocity_.linear) speed = std::max(speed, v.norm());
+  for (std::size_t i = 0; i < values_.size(); ++i) {
+    const RegularizedRows::Row& row = rows_.rows()[i];
+    if (row.is_spring) continue;
+    const double rate = target_.rate[i] - rows_.apply(row, target_.fixed);
+    speed = std::max(speed, std::abs(rate));
+    off = std::max(off, std::abs(rate - rows_.apply(row, velocity_)));
+  }
+  for (std::size_t i = 0; i < turning_; ++i)
+    speed = std::max(speed, radius_[i] * velocity_.angular[i].norm());
+  if (off > kRateMet * speed) can_be_met_ = false;
+  if (!can_be_met_) return;
+  // what of C no displacement can remove
+  rows_.factor(kLeastShare, weights_, nullptr);
+  b_ = values_;
+  rows_.solve(&b_);
+  for (std::size_t i = 0; i < b_.size(); ++i)
+    if (std::abs(kLeastShare * weights_[i] * b_[i]) > kReachable * scale_) can_be_met_ = false;
+}
+
+}  // namespace constraint_sim::engine

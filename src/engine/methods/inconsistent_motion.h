@@ -1,0 +1,109 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <vector>
+
+#include "constraint_sim/body.h"
+#include "engine/methods/equations_of_motion.h"
+#include "engine/methods/integrate.h"
+#include "engine/methods/regularized_rows.h"
+
+namespace constraint_sim::engine {
+
+struct SmoothSpan;
+
+/// The motion of an island with inconsistent constraints: rigid rows that cannot all be met.
+/// Positions go where Σ C²/a is least, a the diagonal entry of G M⁻¹ Gᵀ; velocities meet the rates
+/// asked for in the sense of least squares. A step is
+///   1. the midpoint rule with the discrete gradients of implicit_step.h, with the impulses along
+///      Ḡ that lead to 2; it keeps energy and both momenta
+///   2. Levenberg & Marquardt on Σ C²/a from there, which moves positions alone
+///   3. velocities projected onto the rates, which only takes energy off
+/// Where the impulses of 1 are not found, or would add energy, they are left out: then 2 does all
+/// of the correction. What energy is above that of the start of the step, plus the work of wrenches
+/// and driven joints, is taken off the velocities: first off those within the island, then, where
+/// nothing holds the island to the world, off its rotation, and never off the motion of its centre.
+class InconsistentMotion {
+ public:
+  explicit InconsistentMotion(const EquationsOfMotion& equations);
+
+  /// Carries the bodies through the span; impulses add up in `equations`. Leaves the bodies as they
+  /// are where the state is not finite.
+  Progress advance(const SmoothSpan& span, EquationsOfMotion* equations,
+                   std::vector<BodyState>* states);
+  /// Whether all rows could be met at the end of the last span, and so could their rates.
+  bool can_be_met() const { return can_be_met_; }
+
+ private:
+  using Vector3d = Eigen::Vector3d;
+  using Rows = RegularizedRows::Geometry;
+  using Numbers = std::vector<double>;  // by row
+
+  /// What time asks of the rows.
+  struct Target {
+    Numbers length;          // [m]: length of a distance, component of a ball joint's offset
+    Numbers rate;            // the same [m/s]
+    BodyVectors fixed;       // velocities of immovable points, zero elsewhere
+    bool is_driven = false;  // any of it may change with time
+  };
+  void load(const std::vector<BodyState>& states);
+  void store(std::vector<BodyState>* states) const;
+  void ask(double t, EquationsOfMotion* equations, Configuration* configuration);
+  int number_of_parts(double h) const;
+
+  void step(double h, double energy_before, Progress* progress);
+  bool midpoint(double h, Progress* progress);
+  double find_missing(double h);
+  void drift(double h);
+  void turn(std::size_t body, double h, const Vector3d& torque);
+  void explicit_step(double h, Progress* progress);
+  void meet(Configuration* configuration, Rows* geometry, Progress* progress);
+  double displace(double share, Configuration* configuration) const;
+  double errors(const Rows& geometry, Numbers* values) const;
+
+  void fit_velocities();
+  void find_drive();
+  void solve_drive(double share, const Numbers& rates);
+  void cap_energy(double allowed, Progress* progress);
+  void scale(const BodyVectors& part, double factor);
+  void find_rigid_motion(BodyVectors* centre, BodyVectors* rotation) const;
+  void find_whether_met();
+
+  double kinetic_energy(const BodyVectors& velocity) const;
+  double spring_energy() const;
+  double work_of_drives() const;
+  double work_of_loads() const;
+  double damped_energy(double h) const;
+  double momentum_product(const BodyVectors& u, const BodyVectors& v) const;
+
+  const EquationsOfMotion* equations_ = nullptr;  // of the span
+  std::vector<int> body_indices_;
+  std::size_t bodies_, turning_, points_;
+  bool is_free_;  // no point is fixed
+  std::vector<double> mass_;
+  std::vector<Vector3d> inertia_;
+  std::vector<double> radius_;               // of gyration
+  std::vector<double> stiffness_, damping_;  // by row
+  RegularizedRows rows_;
+
+  Configuration start_, end_, met_;
+  Rows at_start_, at_end_, at_met_;
+  BodyVectors velocity_, velocity_before_;
+  BodyVectors displacement_;  // of drift() since the start
+  BodyVectors change_;        // scratch
+  Target target_;
+
+  Numbers weights_, values_, b_, lambda_, compliance_;
+  Numbers step_impulses_;               // of all rows in one step [N s]
+  Numbers impulses_;                    // the same, since the start of the span
+  Numbers q_;                           // ½h times the impulses of a midpoint step
+  BodyVectors drive_;                   // velocity that rates ask for, of least kinetic energy
+  Numbers drive_rates_, drive_before_;  // G of it, now and at the start of the step
+  double work_ = 0.0;                   // of driven joints in one step [J]
+  double spring_energy_ = 0.0;          // at end_ [J]
+  double scale_ = 1.0;                  // largest coordinate or length [m]
+  bool can_be_met_ = false;
+};
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,182 @@
+#include "engine/methods/regularized_rows.h"
+
+#include <utility>
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr std::array<double, 2> kSign{-1.0, 1.0};  // of ends A and B
+
+std::size_t end_of(const EquationsOfMotion::Link& joint, std::size_t end) {
+  return end == 0 ? joint.a : joint.b;
+}
+
+}  // namespace
+
+RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
+    : joints_(equations.links()),
+      bodies_(equations.bodies().size()),
+      turning_(equations.turning()) {
+  for (std::size_t p = 0; p < equations.points(); ++p)
+    inverse_mass_.push_back(equations.inverse_mass(p));
+  for (std::size_t i = 0; i < turning_; ++i) inertia_.push_back(equations.inertia(i));
+  std::vector<std::vector<std::pair<std::size_t, std::size_t>>> ends_on(bodies_);  // row, end
+  for (std::size_t l = 0; l < joints_.size(); ++l) {
+    first_row_.push_back(rows_.size());
+    const bool is_ball = equations.is_ball(l);
+    for (int k = 0; k < (is_ball ? 3 : 1); ++k) {
+      for (std::size_t e = 0; e < 2; ++e) {
+        const std::size_t point = end_of(joints_[l], e);
+        if (point < bodies_) ends_on[point].emplace_back(rows_.size(), e);
+      }
+      Row row;
+      row.joint = l;
+      row.axis = is_ball ? k : -1;
+      row.is_spring = !is_ball && !equations.is_rod(l);
+      row.angular.fill(Vector3d::Zero());
+      row.response = row.angular;
+      if (is_ball) row.direction = Vector3d::Unit(k);
+      rows_.push_back(row);
+    }
+  }
+  std::vector<std::pair<int, int>> pattern;
+  for (std::size_t body = 0; body < bodies_; ++body) {
+    const auto& ends = ends_on[body];
+    for (std::size_t m = 0; m < ends.size(); ++m)
+      for (std::size_t n = 0; n <= m; ++n) {
+        couplings_.push_back(
+            {ends[m].first, ends[n].first, ends[m].second, ends[n].second, body, 0});
+        pattern.emplace_back(static_cast<int>(ends[m].first), static_cast<int>(ends[n].first));
+      }
+  }
+  ldlt_.analyze(static_cast<int>(rows_.size()), pattern);
+  const auto slot = [&](std::size_t i, std::size_t j) {
+    return ldlt_.slot(static_cast<int>(i), static_cast<int>(j));
+  };
+  for (Coupling& c : couplings_) c.slot = slot(c.i, c.j);
+  for (std::size_t i = 0; i < rows_.size(); ++i) rows_[i].diagonal = slot(i, i);
+  permuted_.assign(rows_.size(), 0.0);
+}
+
+void RegularizedRows::measure(const Configuration& configuration, Geometry* geometry) const {
+  geometry->resize(joints_.size());
+  for (std::size_t l = 0; l < joints_.size(); ++l) {
+    JointGeometry& g = (*geometry)[l];
+    const EquationsOfMotion::Link& joint = joints_[l];
+    g.d = configuration.position[joint.b] - configuration.position[joint.a];
+    for (std::size_t e = 0; e < 2; ++e) {
+      const std::size_t point = end_of(joint, e);
+      g.arm[e].setZero();
+      if (point >= turning_) continue;
+      g.arm[e] = configuration.orientation[point] * (e == 0 ? joint.anchor_a : joint.anchor_b);
+      g.d += kSign[e] * g.arm[e];
+    }
+  }
+}
+
+void RegularizedRows::linearize(const Geometry& a, const Geometry& b,
+                                const Configuration& inertia) {
+  std::vector<Matrix3d> inverse_inertia(turning_);
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const Matrix3d R = inertia.orientation[i].toRotationMatrix();
+    inverse_inertia[i] = R * inertia_[i].cwiseInverse().asDiagonal() * R.transpose();
+  }
+  for (Row& row : rows_) {
+    const JointGeometry& g = a[row.joint];
+    const JointGeometry& h = b[row.joint];
+    if (row.axis < 0) {
+      const double length = g.d.norm() + h.d.norm();
+      row.direction = length > 0.0 ? Vector3d((g.d + h.d) / length) : Vector3d(Vector3d::UnitX());
+    }
+    for (std::size_t e = 0; e < 2; ++e) {
+      const std::size_t point = end_of(joints_[row.joint], e);
+      if (point >= turning_) continue;
+      row.angular[e] = (0.5 * kSign[e] * (g.arm[e] + h.arm[e])).cross(row.direction);
+      row.response[e] = inverse_inertia[point] * row.angular[e];
+    }
+  }
+}
+
+double RegularizedRows::product(const Coupling& c) const {
+  const Row& i = rows_[c.i];
+  const Row& j = rows_[c.j];
+  const double sign = kSign[c.end_i] * kSign[c.end_j];
+  double sum = sign * inverse_mass_[c.body] * i.direction.dot(j.direction);
+  if (c.body < turning_) sum += i.angular[c.end_i].dot(j.response[c.end_j]);
+  return sum;
+}
+
+void RegularizedRows::find_weights(std::vector<double>* weights) const {
+  weights->assign(rows_.size(), 0.0);
+  for (const Coupling& c : couplings_)
+    if (c.i == c.j) (*weights)[c.i] += product(c);
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    if (rows_[i].axis != 0) continue;
+    double* const w = weights->data() + i;
+    w[0] = w[1] = w[2] = (w[0] + w[1] + w[2]) / 3.0;
+  }
+}
+
+void RegularizedRows::factor(double share, const std::vector<double>& weights,
+                             const std::vector<double>* compliance) {
+  std::vector<double>& A = ldlt_.values();
+  std::fill(A.begin(), A.end(), 0.0);
+  for (const Coupling& c : couplings_)
+    if (compliance != nullptr || (!rows_[c.i].is_spring && !rows_[c.j].is_spring))
+      A[c.slot] += product(c);
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const bool is_off = rows_[i].is_spring && compliance == nullptr;
+    double added = share * weights[i];
+    if (is_off) added = 1.0;
+    if (rows_[i].is_spring && compliance != nullptr) added = (*compliance)[i];
+    A[rows_[i].diagonal] += added;
+  }
+  ldlt_.factor(0.01 * share);
+}
+
+void RegularizedRows::solve(std::vector<double>* b) {
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    permuted_[static_cast<std::size_t>(ldlt_.place(static_cast<int>(i)))] = (*b)[i];
+  ldlt_.solve(permuted_.data());
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    (*b)[i] = permuted_[static_cast<std::size_t>(ldlt_.place(static_cast<int>(i)))];
+}
+
+double RegularizedRows::apply(const Row& row, const BodyVectors& u) const {
+  double sum = 0.0;
+  for (std::size_t e = 0; e < 2; ++e) {
+    const std::size_t point = end_of(joints_[row.joint], e);
+    sum += kSign[e] * row.direction.dot(u.linear[point]);
+    if (point < turning_) sum += row.angular[e].dot(u.angular[point]);
+  }
+  return sum;
+}
+
+void RegularizedRows::add_response(const std::vector<double>& lambda, BodyVectors* u) const {
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const Row& row = rows_[i];
+    for (std::size_t e = 0; e < 2; ++e) {
+      const std::size_t point = end_of(joints_[row.joint], e);
+      u->linear[point] += kSign[e] * inverse_mass_[point] * lambda[i] * row.direction;
+      if (point < turning_) u->angular[point] += lambda[i] * row.response[e];
+    }
+  }
+}
+
+void RegularizedRows::apply_transpose(const std::vector<double>& lambda, BodyVectors* u) const {
+  for (auto* list : {&u->linear, &u->angular})
+    std::fill(list->begin(), list->end(), Vector3d::Zero());
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const Row& row = rows_[i];
+    for (std::size_t e = 0; e < 2; ++e) {
+      const std::size_t point = end_of(joints_[row.joint], e);
+      u->linear[point] += kSign[e] * lambda[i] * row.direction;
+      if (point < turning_) u->angular[point] += lambda[i] * row.angular[e];
+    }
+  }
+}
+
+}  // namespace constraint_sim::engine

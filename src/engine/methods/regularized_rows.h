@@ -1,0 +1,93 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "engine/linear/sparse_ldlt.h"
+#include "engine/methods/equations_of_motion.h"
+
+namespace constraint_sim::engine {
+
+/// Positions of all points of an EquationsOfMotion, fixed ones last, and orientations of those of
+/// its bodies that turn.
+struct Configuration {
+  std::vector<Eigen::Vector3d> position;
+  std::vector<Eigen::Quaterniond> orientation;
+};
+
+/// A velocity, displacement or impulse of each body: linear of all, angular of those that turn.
+struct BodyVectors {
+  std::vector<Eigen::Vector3d> linear, angular;
+};
+
+/// The Jacobian G of all joints of an island, springs included, and the factors of
+/// A = G M⁻¹ Gᵀ + diagonal. Every row is kept, whether or not the row depends on others: the
+/// diagonal makes A regular. Directions are unit vectors, so that a row measures metres.
+class RegularizedRows {
+ public:
+  explicit RegularizedRows(const EquationsOfMotion& equations);
+
+  struct Row {
+    std::size_t joint = 0;  ///< as EquationsOfMotion::joints()
+    int axis = -1;          ///< of a ball joint; -1: along the vector between the anchors
+    bool is_spring = false;
+    SparseLdlt::Slot diagonal = 0;
+    Eigen::Vector3d direction = Eigen::Vector3d::UnitX();
+    std::array<Eigen::Vector3d, 2> angular, response;  ///< of ends A and B: J_ang, I⁻¹ J_angᵀ
+  };
+  const std::vector<Row>& rows() const { return rows_; }
+  std::size_t first_row(std::size_t joint) const { return first_row_[joint]; }
+
+  /// Of one joint: the vector from anchor A to anchor B, and the arms of both in world axes [m].
+  struct JointGeometry {
+    Eigen::Vector3d d;
+    std::array<Eigen::Vector3d, 2> arm;
+  };
+  using Geometry = std::vector<JointGeometry>;
+  void measure(const Configuration& configuration, Geometry* geometry) const;
+
+  /// Jacobian at the mean of two geometries, of the same one twice: there. The direction of a
+  /// distance is the mean of both vectors over the mean of their lengths, so that its product with
+  /// the change of the vector is the change of the length (Gonzalez, J. Nonlinear Sci. 6 (1996)).
+  void linearize(const Geometry& a, const Geometry& b, const Configuration& inertia);
+
+  /// Diagonal entries of G M⁻¹ Gᵀ now, of a ball joint their mean, so that no axis is preferred.
+  void find_weights(std::vector<double>* weights) const;
+  /// Factors with `share` times the weight added to rigid rows, and `compliance` (by row) to those
+  /// of springs; without it springs do not act.
+  void factor(double share, const std::vector<double>& weights,
+              const std::vector<double>* compliance);
+  /// Replaces b, by row, by A⁻¹ b.
+  void solve(std::vector<double>* b);
+
+  /// G u of one row; immovable points count where `u` has them.
+  double apply(const Row& row, const BodyVectors& u) const;
+  /// Adds M⁻¹ Gᵀ λ.
+  void add_response(const std::vector<double>& lambda, BodyVectors* u) const;
+  /// Replaces u by Gᵀ λ.
+  void apply_transpose(const std::vector<double>& lambda, BodyVectors* u) const;
+
+ private:
+  /// Two rows on one body, or one row and itself.
+  struct Coupling {
+    std::size_t i, j, end_i, end_j, body;
+    SparseLdlt::Slot slot;
+  };
+
+  double product(const Coupling& c) const;
+
+  std::vector<EquationsOfMotion::Link> joints_;
+  std::size_t bodies_, turning_;
+  std::vector<double> inverse_mass_;
+  std::vector<Eigen::Vector3d> inertia_;
+  std::vector<Row> rows_;
+  std::vector<std::size_t> first_row_;
+  std::vector<Coupling> couplings_;
+  SparseLdlt ldlt_;
+  std::vector<double> permuted_;
+};
+
+}  // namespace constraint_sim::engine

@@ -359,7 +359,8 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
     island.substeps += static_cast<std::uint32_t>(progress.substeps);
     island.rejected += static_cast<std::uint32_t>(progress.rejected);
     island.iterations += static_cast<std::uint32_t>(progress.iterations);
-    island_parts[i].projected_energy += progress.projected;
+    // what was not done was taken back
+    if (progress.done) island_parts[i].projected_energy += progress.projected;
     return progress.done;
   };
   for (const int body : parts.turning_freely) {

@@ -17,12 +17,11 @@ using Eigen::Vector3d;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-// Share of the weights on the diagonal where a right-hand side can be met, and where not: then the
-// part that cannot be met is amplified by up to ε over this.
+// Share of the weights on the diagonal where a right-hand side can be met, and where not: rates
+// then cause velocities of up to 1/(2 sqrt(share)) of them.
 constexpr double kLeastShare = 1e-11;
-constexpr double kInconsistentShare = 1e-6;
-// Error that rounding of inconsistent rows may cause, as a share of the scene.
-constexpr double kPositionNoise = 1e-10;
+constexpr double kInconsistentShare = 1e-8;
+constexpr double kInconsistentRates = 1e-6;
 constexpr int kMostMarquardtSteps = 20;
 constexpr double kMostShare = 1e4;
 
@@ -30,12 +29,16 @@ constexpr double kMostAngle = 0.1;  // that a joint turns by in one step [rad]
 constexpr double kMostParts = 32.0;
 constexpr int kMostMidpointSteps = 16;
 constexpr double kMidpointFound = 1e-14;  // of the scene
+// Share of the scene below which a change that is more than half of the one before is rounding.
+constexpr double kRounding = 1e-10;
 // Energy that the impulses of a midpoint step may add before they are left out, as a share.
 constexpr double kMostAdded = 1e-3;
+constexpr double kMostAddedDriven = 0.5;
 
-constexpr double kMet = 1e-6;         // [m]
-constexpr double kReachable = 1e-10;  // of the scene: what runge_kutta can project
-constexpr double kRateMet = 1e-6;     // of the largest speed
+constexpr double kMet = 1e-6;            // [m]
+constexpr double kReachable = 1e-10;     // of the scene: what runge_kutta can project
+constexpr double kRateMet = 1e-6;        // of the largest speed
+constexpr double kRateRounding = 1e-12;  // of the scene, in a second
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
@@ -50,6 +53,11 @@ double largest(const std::vector<double>& list) {
   for (const double x : list)
     if (!(std::abs(x) <= most)) most = std::abs(x);  // a NaN stays
   return most;
+}
+
+void clear(BodyVectors* u) {
+  for (auto* list : {&u->linear, &u->angular})
+    std::fill(list->begin(), list->end(), Vector3d::Zero());
 }
 
 Vector3d momentum_of(const Quaterniond& q, const Vector3d& inertia, const Vector3d& w) {
@@ -149,7 +157,7 @@ Progress InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* 
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
   load(*states);
   ask(span.t, equations, &end_);
-  rows_.measure(end_, &at_end_);
+  rows_.measure(end_, target_.length, &at_end_);
   std::fill(impulses_.begin(), impulses_.end(), 0.0);
   std::fill(step_impulses_.begin(), step_impulses_.end(), 0.0);
   work_ = 0.0;
@@ -217,15 +225,25 @@ void InconsistentMotion::step(double h, double energy_before, Progress* progress
     }
     lambda_ = step_impulses_;
     fit_velocities();
+    if (is_free_ && !has_impulses) restore_angular_momentum(h);
     work_ += work_of_drives();
     spring_energy_ = spring_energy();
     allowed = energy_before + work_ + work_of_loads() - spring_energy_;
-    const double kinetic = kinetic_energy(velocity_);
-    if (kinetic <= allowed + kMostAdded * std::max(kinetic, std::abs(allowed))) break;
+    if (kinetic_energy(velocity_) <= allowed + most_added(h)) break;
   }
   cap_energy(allowed, progress);
   progress->projected -= damped_energy(h);
   for (std::size_t i = 0; i < impulses_.size(); ++i) impulses_[i] += step_impulses_[i];
+}
+
+// Energy that the impulses of a midpoint step may add before they are left out [J]: a share of what
+// there is, or of what loads alone would make of bodies at rest. The work of driven joints that are
+// inconsistent is known no better than that.
+double InconsistentMotion::most_added(double h) const {
+  double energy = kinetic_energy(velocity_);
+  for (std::size_t i = 0; i < bodies_; ++i)
+    energy += 0.5 * mass_[i] * (h * equations_->load_acceleration(i)).squaredNorm();
+  return (target_.is_driven ? kMostAddedDriven : kMostAdded) * energy;
 }
 
 // ---- with impulses that lead to where the rows are met
@@ -244,7 +262,8 @@ bool InconsistentMotion::midpoint(double h, Progress* progress) {
     rows_.linearize(at_start_, at_end_, end_);
     rows_.find_weights(&weights_);
     const double worst = find_missing(h);
-    found = worst <= kMidpointFound * scale_ ? found + 1 : 0;
+    const bool is_rounding = worst < kRounding * scale_ && worst > 0.5 * before;
+    found = worst <= kMidpointFound * scale_ || is_rounding ? found + 1 : 0;
     if (found == 2) break;
     if (!std::isfinite(worst) || (k > 3 && worst > before && found == 0)) return false;
     before = worst;
@@ -307,7 +326,7 @@ void InconsistentMotion::drift(double h) {
   }
   for (std::size_t i = 0; i < turning_; ++i)
     turn(i, h, displacement_.angular[i] + 0.5 * h * h * equations_->load_torque(i));
-  rows_.measure(end_, &at_end_);
+  rows_.measure(end_, target_.length, &at_end_);
 }
 
 // r_w of implicit_step.h by Newton's method; `torque` is ½h² times the mean torque
@@ -375,7 +394,7 @@ void InconsistentMotion::explicit_step(double h, Progress* progress) {
     momentum[i] = momentum_of(q, inertia_[i], displacement_.angular[i] / h);
     end_.orientation[i] = (rotation(displacement_.angular[i]) * q).normalized();
   }
-  rows_.measure(end_, &at_end_);
+  rows_.measure(end_, target_.length, &at_end_);
   meet(&end_, &at_end_, progress);
   for (std::size_t i = 0; i < turning_; ++i)
     velocity_.angular[i] =
@@ -397,54 +416,67 @@ double InconsistentMotion::errors(const Rows& geometry, Numbers* values) const {
   return sum;
 }
 
-// moves by `share` of change_; returns how far at most [m]
-double InconsistentMotion::displace(double share, Configuration* configuration) const {
+// moves by change_; returns how far at most [m]
+double InconsistentMotion::displace(Configuration* configuration) const {
   double most = 0.0;
   for (std::size_t i = 0; i < bodies_; ++i) {
     const Vector3d& dx = change_.linear[i];
-    configuration->position[i] += share * dx;
+    configuration->position[i] += dx;
     if (!(dx.norm() <= most)) most = dx.norm();
   }
   for (std::size_t i = 0; i < turning_; ++i) {
     const Vector3d& w = change_.angular[i];
     Quaterniond& q = configuration->orientation[i];
-    q = (rotation(share * w) * q).normalized();
+    q = (rotation(w) * q).normalized();
     if (!(w.norm() * radius_[i] <= most)) most = w.norm() * radius_[i];
   }
   return most;
 }
 
-// Levenberg & Marquardt; the weights 1/a stay those of the beginning. Springs resist as in a step.
+// change_: −M⁻¹Gᵀ (A + µD)⁻¹ C, D the weights. What of C no motion can remove is taken out of it
+// first, by D t = C − µD (A + µD)⁻¹ C with t = (A + µD)⁻¹ A D⁻¹C: what rounding makes of it then
+// goes down with the gradient Gᵀ D⁻¹ C and not with C. Springs resist as in a step.
+void InconsistentMotion::find_correction(double share) {
+  clear(&change_);
+  rows_.factor(share, weights_, &compliance_);
+  for (std::size_t i = 0; i < b_.size(); ++i) b_[i] = values_[i] / weights_[i];
+  rows_.add_response(b_, &change_);
+  for (std::size_t i = 0; i < b_.size(); ++i) b_[i] = rows_.apply(rows_.rows()[i], change_);
+  rows_.solve(&b_);
+  for (std::size_t i = 0; i < b_.size(); ++i)
+    b_[i] = rows_.rows()[i].is_spring ? 0.0 : -weights_[i] * b_[i];
+  rows_.solve(&b_);
+  clear(&change_);
+  rows_.add_response(b_, &change_);
+}
+
+// Levenberg & Marquardt; the weights 1/a stay those of the beginning.
 void InconsistentMotion::meet(Configuration* configuration, Rows* geometry, Progress* progress) {
   rows_.linearize(*geometry, *geometry, *configuration);
   rows_.find_weights(&weights_);
   double sum = errors(*geometry, &values_);
-  double share = 0.0;
+  double share = 0.0, before = std::numeric_limits<double>::infinity();
   Configuration moved;
   Rows there;
   for (int k = 0; k < kMostMarquardtSteps && share <= kMostShare; ++k) {
-    const double worst = largest(values_);
-    const double least =
-        std::clamp(kEpsilon * worst / (kPositionNoise * scale_), kLeastShare, kInconsistentShare);
-    share = std::max(share, least);
+    const double least = kInconsistentShare * std::sqrt(largest(values_) / scale_);
+    share = std::max(share, std::clamp(least, kLeastShare, kInconsistentShare));
     ++progress->iterations;
-    rows_.factor(share, weights_, &compliance_);
-    for (std::size_t i = 0; i < b_.size(); ++i) b_[i] = -values_[i];
-    rows_.solve(&b_);
-    for (auto* list : {&change_.linear, &change_.angular})
-      std::fill(list->begin(), list->end(), Vector3d::Zero());
-    rows_.add_response(b_, &change_);
+    find_correction(share);
     moved = *configuration;
-    const double most = displace(1.0, &moved);
-    if (!(most > 4.0 * kEpsilon * scale_ + kEpsilon * worst / share)) return;
-    rows_.measure(moved, &there);
+    const double most = displace(&moved);
+    const bool is_rounding = most < kRounding * scale_ && most > 0.5 * before;
+    if (!(most > 16.0 * kEpsilon * scale_) || is_rounding) return;
+    rows_.measure(moved, target_.length, &there);
     const double next = errors(there, &values_);
     if (!(next <= sum * (1.0 + 1e-14))) {
       share = std::max(10.0 * share, 1e-4);
+      before = std::numeric_limits<double>::infinity();
       errors(*geometry, &values_);
       continue;
     }
     sum = next;
+    before = most;
     std::swap(*configuration, moved);
     std::swap(*geometry, there);
     share *= 0.2;
@@ -476,8 +508,7 @@ void InconsistentMotion::fit_velocities() {
 
 // The velocity of least kinetic energy that meets the rates asked for, as far as that goes.
 void InconsistentMotion::find_drive() {
-  for (auto* list : {&drive_.linear, &drive_.angular})
-    std::fill(list->begin(), list->end(), Vector3d::Zero());
+  clear(&drive_);
   std::fill(drive_rates_.begin(), drive_rates_.end(), 0.0);
   if (!target_.is_driven) return;
   Numbers rates(b_.size(), 0.0);
@@ -489,12 +520,11 @@ void InconsistentMotion::find_drive() {
   double off = 0.0;
   for (std::size_t i = 0; i < rates.size(); ++i)
     off = std::max(off, std::abs(drive_rates_[i] - rates[i]));
-  if (!(off <= kReachable * largest(rates))) solve_drive(kInconsistentShare, rates);
+  if (!(off <= kReachable * largest(rates))) solve_drive(kInconsistentRates, rates);
 }
 
 void InconsistentMotion::solve_drive(double share, const Numbers& rates) {
-  for (auto* list : {&drive_.linear, &drive_.angular})
-    std::fill(list->begin(), list->end(), Vector3d::Zero());
+  clear(&drive_);
   std::fill(drive_rates_.begin(), drive_rates_.end(), 0.0);
   rows_.factor(share, weights_, nullptr);
   for (int pass = 0; pass < 2; ++pass) {
@@ -598,7 +628,7 @@ void InconsistentMotion::cap_energy(double allowed, Progress* progress) {
       take_off(turning);
     }
     lower(rest);
-    if (is_free_) lower(turning);
+    if (is_free_ && !target_.is_driven) lower(turning);
     excess = kinetic_energy(velocity_) - allowed;
   }
   if (excess > 0.0)
@@ -609,38 +639,62 @@ void InconsistentMotion::cap_energy(double allowed, Progress* progress) {
 
 // of a free island, with the momenta of velocity_
 void InconsistentMotion::find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const {
-  double mass = 0.0;
-  Vector3d x = Vector3d::Zero(), v = Vector3d::Zero();
-  for (std::size_t i = 0; i < bodies_; ++i) {
-    mass += mass_[i];
-    x += mass_[i] * end_.position[i];
-    v += mass_[i] * velocity_.linear[i];
-  }
-  x /= mass;
-  v /= mass;
-  Matrix3d inertia = Matrix3d::Zero();
-  Vector3d L = Vector3d::Zero();
-  for (std::size_t i = 0; i < bodies_; ++i) {
-    const Matrix3d r = cross_matrix(end_.position[i] - x);
-    inertia -= mass_[i] * r * r;
-    L += mass_[i] * r * (velocity_.linear[i] - v);
-    if (i >= turning_) continue;
-    const Matrix3d R = end_.orientation[i].toRotationMatrix();
-    const Matrix3d J = R * inertia_[i].asDiagonal() * R.transpose();
-    inertia += J;
-    L += J * velocity_.angular[i];
-  }
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(inertia);
-  Vector3d w = Vector3d::Zero();
-  for (Eigen::Index k = 0; k < 3; ++k)
-    if (eigen.eigenvalues()[k] > 1e-12 * eigen.eigenvalues()[2])
-      w +=
-          eigen.eigenvectors().col(k).dot(L) / eigen.eigenvalues()[k] * eigen.eigenvectors().col(k);
-  centre->linear.assign(points_, v);
+  const Rigid body = as_one_body(end_, velocity_);
+  centre->linear.assign(points_, body.velocity);
   centre->angular.assign(turning_, Vector3d::Zero());
+  const Vector3d w = body.inverse_inertia * body.momentum;
   turning->linear.assign(points_, Vector3d::Zero());
   turning->angular.assign(turning_, w);
-  for (std::size_t i = 0; i < bodies_; ++i) turning->linear[i] = w.cross(end_.position[i] - x);
+  for (std::size_t i = 0; i < bodies_; ++i)
+    turning->linear[i] = w.cross(end_.position[i] - body.centre);
+}
+
+// of a free island after an explicit step, whose corrections of positions change it
+void InconsistentMotion::restore_angular_momentum(double h) {
+  const Rigid before = as_one_body(start_, velocity_before_);
+  const Rigid now = as_one_body(end_, velocity_);
+  Vector3d missing = before.momentum - now.momentum;
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const Vector3d arm = 0.5 * (start_.position[i] - before.centre + end_.position[i] - now.centre);
+    missing += h * mass_[i] * arm.cross(equations_->load_acceleration(i));
+  }
+  for (std::size_t i = 0; i < turning_; ++i) missing += h * equations_->load_torque(i);
+  const Vector3d w = now.inverse_inertia * missing;
+  for (std::size_t i = 0; i < bodies_; ++i)
+    velocity_.linear[i] += w.cross(end_.position[i] - now.centre);
+  for (Vector3d& spin : velocity_.angular) spin += w;
+}
+
+// mass, place, momenta and inertia of all bodies together
+InconsistentMotion::Rigid InconsistentMotion::as_one_body(const Configuration& configuration,
+                                                          const BodyVectors& velocity) const {
+  Rigid body;
+  double mass = 0.0;
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    mass += mass_[i];
+    body.centre += mass_[i] * configuration.position[i];
+    body.velocity += mass_[i] * velocity.linear[i];
+  }
+  body.centre /= mass;
+  body.velocity /= mass;
+  Matrix3d inertia = Matrix3d::Zero();
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const Matrix3d r = cross_matrix(configuration.position[i] - body.centre);
+    inertia -= mass_[i] * r * r;
+    body.momentum += mass_[i] * r * (velocity.linear[i] - body.velocity);
+    if (i >= turning_) continue;
+    const Matrix3d R = configuration.orientation[i].toRotationMatrix();
+    const Matrix3d J = R * inertia_[i].asDiagonal() * R.transpose();
+    inertia += J;
+    body.momentum += J * velocity.angular[i];
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(inertia);
+  for (Eigen::Index k = 0; k < 3; ++k) {  // points in a line have no inertia about it
+    const Vector3d axis = eigen.eigenvectors().col(k);
+    if (eigen.eigenvalues()[k] > 1e-12 * eigen.eigenvalues()[2])
+      body.inverse_inertia += axis * axis.transpose() / eigen.eigenvalues()[k];
+  }
+  return body;
 }
 
 // ---- whether the rows are still inconsistent
@@ -659,7 +713,7 @@ void InconsistentMotion::find_whether_met() {
   }
   for (std::size_t i = 0; i < turning_; ++i)
     speed = std::max(speed, radius_[i] * velocity_.angular[i].norm());
-  if (off > kRateMet * speed) can_be_met_ = false;
+  if (off > kRateMet * speed + kRateRounding * scale_) can_be_met_ = false;
   if (!can_be_met_) return;
   // what of C no displacement can remove
   rows_.factor(kLeastShare, weights_, nullptr);

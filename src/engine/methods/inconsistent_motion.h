@@ -47,6 +47,13 @@ class InconsistentMotion {
     BodyVectors fixed;       // velocities of immovable points, zero elsewhere
     bool is_driven = false;  // any of it may change with time
   };
+  /// All bodies as one, about the centre of mass.
+  struct Rigid {
+    Vector3d centre = Vector3d::Zero(), velocity = Vector3d::Zero();
+    Vector3d momentum = Vector3d::Zero();  // angular
+    Eigen::Matrix3d inverse_inertia = Eigen::Matrix3d::Zero();
+  };
+
   void load(const std::vector<BodyState>& states);
   void store(std::vector<BodyState>* states) const;
   void ask(double t, EquationsOfMotion* equations, Configuration* configuration);
@@ -59,7 +66,8 @@ class InconsistentMotion {
   void turn(std::size_t body, double h, const Vector3d& torque);
   void explicit_step(double h, Progress* progress);
   void meet(Configuration* configuration, Rows* geometry, Progress* progress);
-  double displace(double share, Configuration* configuration) const;
+  void find_correction(double share);
+  double displace(Configuration* configuration) const;
   double errors(const Rows& geometry, Numbers* values) const;
 
   void fit_velocities();
@@ -67,7 +75,10 @@ class InconsistentMotion {
   void solve_drive(double share, const Numbers& rates);
   void cap_energy(double allowed, Progress* progress);
   void scale(const BodyVectors& part, double factor);
-  void find_rigid_motion(BodyVectors* centre, BodyVectors* rotation) const;
+  void find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const;
+  void restore_angular_momentum(double h);
+  Rigid as_one_body(const Configuration& configuration, const BodyVectors& velocity) const;
+  double most_added(double h) const;
   void find_whether_met();
 
   double kinetic_energy(const BodyVectors& velocity) const;

@@ -1,0 +1,388 @@
+// Constraints that cannot all be met: where they come to rest against an independent least-squares
+// fit, momenta and energy, and when the island is back with the method it came from.
+
+#include <Eigen/LU>
+#include <functional>
+#include <memory>
+#include <numeric>
+
+#include "engine/constraints/joint.h"
+#include "engine/methods/inconsistent_motion.h"
+#include "engine/methods/runge_kutta.h"
+#include "problems.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+constexpr double kClosingTime = 0.5;
+
+/// An island carried by InconsistentMotion alone, from the first step on.
+class Island {
+ public:
+  explicit Island(double gravity = kGravity) : gravity_(0.0, 0.0, -gravity) {
+    add(0.0, Vector3d::Zero());
+  }
+
+  std::size_t add(double mass, const Vector3d& position,
+                  const Vector3d& inertia = Vector3d::Zero()) {
+    MassProperties properties;
+    if (mass > 0.0) properties.inverse_mass = 1.0 / mass;
+    if (!inertia.isZero(0.0)) {
+      properties.inertia = inertia;
+      properties.inverse_inertia = inertia.cwiseInverse();
+    }
+    masses_.push_back(properties);
+    BodyState state;
+    state.position = position;
+    states.push_back(state);
+    return states.size() - 1;
+  }
+  std::size_t join(std::size_t a, const Vector3d& anchor_a, std::size_t b, const Vector3d& anchor_b,
+                   const JointType& type, const Motor& motor = {}) {
+    Joint joint = make_joint("j", kWorldBody, anchor_a, kWorldBody, anchor_b, type);
+    joint.motor = motor;
+    if (auto* distance = std::get_if<DistanceJoint>(&joint.type); distance && !distance->length)
+      distance->length = (place(b, anchor_b) - place(a, anchor_a)).norm();
+    joints.push_back(joint);
+    ends_.emplace_back(a, b);
+    return joints.size() - 1;
+  }
+  std::size_t join(std::size_t a, std::size_t b, double length) {
+    return join(a, Vector3d::Zero(), b, Vector3d::Zero(), rod(length));
+  }
+
+  Progress step(double h) {
+    if (!motion_) compile();
+    const JointStep step{t, h, 0.1, kClosingTime};
+    std::vector<JointCourse> courses;
+    for (std::size_t j = 0; j < joints.size(); ++j)
+      courses.emplace_back(joints[j], step, joint_states[j]);
+    equations_->clear();
+    const SmoothSpan span{t, h, gravity_, loads, courses, false, false};
+    const Progress progress = motion_->advance(span, equations_.get(), &states);
+    for (std::size_t i = 0; i < states.size(); ++i)
+      if (!masses_[i].is_movable()) states[i].position += h * states[i].linear_velocity;
+    for (std::size_t l = 0; l < joints.size(); ++l) {
+      const auto j = static_cast<std::size_t>(equations_->joints()[l]);
+      const double zeta = courses[j].is_driven() ? courses[j].zeta(t + h) : 0.0;
+      finish_span(step, joint_states[j]);
+      read_smooth_joint(joints[j], states[ends_[j].first], states[ends_[j].second], step,
+                        equations_->impulse(l), zeta, joint_states[j]);
+    }
+    t += h;
+    return progress;
+  }
+  bool can_be_met() const { return motion_->can_be_met(); }
+
+  double kinetic_energy() const {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      if (!masses_[i].is_movable()) continue;
+      const Vector3d w = states[i].orientation.conjugate() * states[i].angular_velocity;
+      sum += 0.5 * states[i].linear_velocity.squaredNorm() / masses_[i].inverse_mass +
+             0.5 * w.dot(masses_[i].inertia.cwiseProduct(w));
+    }
+    return sum;
+  }
+  double energy() const {
+    double sum = kinetic_energy();
+    for (std::size_t i = 0; i < states.size(); ++i)
+      if (masses_[i].is_movable())
+        sum -= gravity_.dot(states[i].position) / masses_[i].inverse_mass;
+    for (std::size_t j = 0; j < joints.size(); ++j)
+      sum += elastic_energy(joints[j], joint_states[j]);
+    return sum;
+  }
+  Vector3d momentum() const {
+    Vector3d sum = Vector3d::Zero();
+    for (std::size_t i = 0; i < states.size(); ++i)
+      if (masses_[i].is_movable()) sum += states[i].linear_velocity / masses_[i].inverse_mass;
+    return sum;
+  }
+  Vector3d angular_momentum() const {
+    Vector3d sum = Vector3d::Zero();
+    for (std::size_t i = 0; i < states.size(); ++i) {
+      if (!masses_[i].is_movable()) continue;
+      sum += states[i].position.cross(states[i].linear_velocity) / masses_[i].inverse_mass +
+             apply_inertia(masses_[i].inertia, states[i].orientation, states[i].angular_velocity);
+    }
+    return sum;
+  }
+  /// Largest ∂/∂x of ½Σ C²/a of point masses, in metres: what one of them is still pulled by.
+  double gradient() const {
+    std::vector<Vector3d> pull(states.size(), Vector3d::Zero());
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      const auto [a, b] = ends_[j];
+      const Vector3d d = place(b, joints[j].anchor_b) - place(a, joints[j].anchor_a);
+      const double weight = 1.0 / (masses_[a].inverse_mass + masses_[b].inverse_mass);
+      const Vector3d f = weight * joint_states[j].error * d.normalized();
+      pull[a] -= masses_[a].inverse_mass * f;
+      pull[b] += masses_[b].inverse_mass * f;
+    }
+    double most = 0.0;
+    for (const Vector3d& x : pull) most = std::max(most, x.norm());
+    return most;
+  }
+  Vector3d place(std::size_t body, const Vector3d& anchor) const {
+    return states[body].position + states[body].orientation * anchor;
+  }
+
+  std::vector<BodyState> states;
+  std::vector<Joint> joints;
+  std::vector<JointState> joint_states;
+  std::vector<Load> loads;
+  double t = 0.0;
+
+ private:
+  void compile() {
+    joint_states.resize(joints.size());
+    for (std::size_t j = 0; j < joints.size(); ++j)
+      begin_joint(joints[j], states[ends_[j].first], states[ends_[j].second], t, joint_states[j]);
+    std::vector<int> all(joints.size());
+    std::iota(all.begin(), all.end(), 0);
+    equations_ = std::make_unique<EquationsOfMotion>(all, joints, ends_, masses_);
+    motion_ = std::make_unique<InconsistentMotion>(*equations_);
+  }
+
+  Vector3d gravity_;
+  std::vector<MassProperties> masses_;
+  std::vector<std::pair<std::size_t, std::size_t>> ends_;
+  std::unique_ptr<EquationsOfMotion> equations_;
+  std::unique_ptr<InconsistentMotion> motion_;
+};
+
+const std::vector<double> kSteps{0.1, 1.0 / 30.0, 0.01, 0.001};
+
+long ticks(double duration, double h) { return std::lround(duration / h); }
+
+// ---- against an independent fit
+
+struct Anchor {
+  Vector3d place;
+  double length;
+};
+
+const std::vector<Anchor> kTetrahedron{{{1.0, 1.0, 1.0}, 1.0},
+                                       {{1.0, -1.0, -1.0}, 1.5},
+                                       {{-1.0, 1.0, -1.0}, 2.0},
+                                       {{-1.0, -1.0, 1.0}, 2.5},
+                                       {{0.0, 0.0, 2.0}, 1.0}};
+const Vector3d kTetrahedronStart(0.1, 0.1, 0.1);
+
+/// Where Σ (‖x − p‖ − ℓ)² is least, by Newton's method from x; ℓ goes from the lengths at first to
+/// those asked for by `share`.
+Vector3d fit(Vector3d x, double share) {
+  for (int k = 0; k < 100; ++k) {
+    Vector3d gradient = Vector3d::Zero();
+    Matrix3d slope = Matrix3d::Zero();
+    for (const Anchor& anchor : kTetrahedron) {
+      const Vector3d d = x - anchor.place;
+      const Vector3d n = d.normalized();
+      const double first = (kTetrahedronStart - anchor.place).norm();
+      const double error = d.norm() - (first + share * (anchor.length - first));
+      gradient += error * n;
+      slope += n * n.transpose() + error / d.norm() * (Matrix3d::Identity() - n * n.transpose());
+    }
+    const Vector3d change = slope.partialPivLu().solve(gradient);
+    x -= change;
+    if (change.norm() < 1e-15) break;
+  }
+  return x;
+}
+
+// The peak is that of the fit itself as the lengths close; velocities are those of the rates, which
+// differ from the fit's by the curvature of the rods times what they are off, here a fifth.
+TEST(Inconsistent, FiveRodsComeToRestWhereTheirErrorsAreLeast) {
+  double peak = 0.0;
+  Vector3d x = kTetrahedronStart;
+  for (int k = 1; k <= 1000; ++k) {
+    const double u = 0.001 * k;
+    const Vector3d next = fit(x, u * u * u * (10.0 + u * (-15.0 + 6.0 * u)));
+    peak = std::max(peak, (next - x).squaredNorm() / std::pow(0.001 * kClosingTime, 2));  // 2 kg
+    x = next;
+  }
+  for (const double h : kSteps) {
+    Island island;
+    const std::size_t bob = island.add(2.0, kTetrahedronStart);
+    for (const Anchor& anchor : kTetrahedron)
+      island.join(0, anchor.place, bob, Vector3d::Zero(), rod(anchor.length));
+    double highest = 0.0;
+    for (long k = 0; k < ticks(3.0, h); ++k) {
+      const double before = k > 0 ? island.energy() : 0.0;
+      ASSERT_TRUE(island.step(h).done);
+      highest = std::max(highest, island.kinetic_energy());
+      if (island.t < kClosingTime + 1.5 * h) continue;
+      ASSERT_LE(island.energy(), before + 1e-12) << h << " s, at " << island.t;
+      ASSERT_FALSE(island.can_be_met());
+    }
+    EXPECT_LE(highest, 1.5 * peak) << h;
+    EXPECT_LE(island.kinetic_energy(), 1e-20) << h;
+    EXPECT_LE((island.states[bob].position - x).norm(), 1e-9) << h;
+    EXPECT_LE(island.gradient(), 1e-9) << h;
+  }
+}
+
+// ---- momenta
+
+Island five_points(double gravity, double too_long) {
+  Island island(gravity);
+  const std::vector<Vector3d> places{
+      {1.0, 1.0, 1.0}, {1.0, -1.0, -1.0}, {-1.0, 1.0, -1.0}, {-1.0, -1.0, 1.0}, {0.0, 0.0, 0.1}};
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const std::size_t id = island.add(i < 4 ? 1.0 + 0.3 * static_cast<double>(i) : 2.0, places[i]);
+    island.states[id].linear_velocity =
+        Vector3d(0.7, 1.1, 0.4).cross(places[i]) + Vector3d(0.3, 0.0, 2.0);
+    for (std::size_t j = 1; j < id; ++j) {
+      const double length = (places[i] - places[j - 1]).norm();
+      island.join(j, id, id == 5 && j == 1 ? too_long * length : length);
+    }
+  }
+  return island;
+}
+
+// Rounding adds up over the ticks: 1e-15 of 18.5 kg m²/s in each, and 4000 of them.
+TEST(Inconsistent, ATumblingNetKeepsItsMomenta) {
+  for (const double h : kSteps) {
+    Island island = five_points(0.0, 1.2);
+    const Vector3d P = island.momentum(), L = island.angular_momentum();
+    for (long k = 0; k < ticks(4.0, h); ++k) {
+      const double before = island.kinetic_energy();
+      const Progress progress = island.step(h);
+      ASSERT_TRUE(progress.done);
+      if (island.t < kClosingTime + 1.5 * h) continue;
+      ASSERT_LE(island.kinetic_energy(), before * (1.0 + 1e-13)) << h << " s, at " << island.t;
+      ASSERT_LE(progress.corrected, 1e-13 * before);
+    }
+    EXPECT_LE((island.momentum() - P).norm(), 1e-9) << h;
+    EXPECT_LE((island.angular_momentum() - L).norm(), 1e-9) << h;
+    EXPECT_LE(island.gradient(), 1e-9) << h;
+  }
+}
+
+// Two boxes on two ball joints whose anchors are 1 and 1.1 m apart.
+TEST(Inconsistent, TumblingBoxesKeepTheirMomenta) {
+  for (const double h : kSteps) {
+    Island island(0.0);
+    const std::size_t a = island.add(1.0, {0.0, 0.0, 0.0}, {0.1, 0.2, 0.25});
+    const std::size_t b = island.add(3.0, {0.0, 0.0, 1.0}, {0.5, 0.3, 0.4});
+    for (const double side : {-1.0, 1.0})
+      island.join(a, {0.5 * side, 0.0, 0.5}, b, {0.55 * side, 0.0, -0.5}, BallJoint{});
+    for (const std::size_t body : {a, b}) {
+      island.states[body].angular_velocity = {1.0, 0.5, 2.0};
+      island.states[body].linear_velocity =
+          Vector3d(1.0, 0.5, 2.0).cross(island.states[body].position);
+    }
+    const Vector3d P = island.momentum(), L = island.angular_momentum();
+    for (long k = 0; k < ticks(4.0, h); ++k) {
+      const double before = k > 0 ? island.energy() : 0.0;
+      ASSERT_TRUE(island.step(h).done);
+      if (island.t < kClosingTime + 1.5 * h) continue;
+      ASSERT_LE(island.energy(), before * (1.0 + 1e-13)) << h << " s, at " << island.t;
+    }
+    EXPECT_LE((island.momentum() - P).norm(), 1e-9) << h;
+    EXPECT_LE((island.angular_momentum() - L).norm(), 1e-9) << h;
+    // each of the two is off by half of what the anchors differ by
+    for (const JointState& state : island.joint_states) EXPECT_NEAR(state.error, 0.05, 1e-9) << h;
+  }
+}
+
+// ---- under gravity
+
+/// Of a pendulum of this length [m] let go level: its angle below the level after a time [s].
+double pendulum_angle(double length, double duration) {
+  const int n = 20000;
+  const double h = duration / n;
+  double angle = 0.0, rate = 0.0;
+  const auto acceleration = [&](double at) { return kGravity / length * std::cos(at); };
+  for (int k = 0; k < n; ++k) {  // velocity Verlet: off by 1e-8
+    rate += 0.5 * h * acceleration(angle);
+    angle += h * rate;
+    rate += 0.5 * h * acceleration(angle);
+  }
+  return angle;
+}
+
+// Two rods of 1 and 1.2 m hold a mass as one of 1.1 m does. It hangs still for the closing time, as
+// if gravity began then.
+TEST(Inconsistent, RodsOfTwoLengthsSwingAsOneBetween) {
+  std::vector<double> errors;
+  const std::vector<double> steps{1.0 / 50.0, 1.0 / 100.0, 1.0 / 200.0};
+  for (const double h : steps) {
+    Island island;
+    const std::size_t bob = island.add(2.0, {1.1, 0.0, 0.0});
+    island.join(0, bob, 1.0);
+    island.join(0, bob, 1.2);
+    double lost = 0.0;
+    for (long k = 0; k < ticks(3.0, h); ++k) {
+      const double before = k > 0 ? island.energy() : 0.0;
+      const Progress progress = island.step(h);
+      ASSERT_TRUE(progress.done);
+      ASSERT_EQ(progress.rejected, 0);
+      lost += progress.projected;
+      ASSERT_NEAR(island.joint_states[0].error, -island.joint_states[1].error, 1e-12);
+      if (island.t < kClosingTime + 1.5 * h) continue;
+      ASSERT_LE(island.energy(), before + 1e-12);
+    }
+    EXPECT_NEAR(island.joint_states[0].error, 0.1, 1e-12);
+    EXPECT_NEAR(island.energy(), -lost, 1e-9);  // it began with none
+    const double angle = pendulum_angle(1.1, 3.0);
+    const Vector3d exact(1.1 * std::cos(angle), 0.0, -1.1 * std::sin(angle));
+    errors.push_back((island.states[bob].position - exact).norm());
+  }
+  EXPECT_NEAR(order(steps, errors), 2.0, 0.3);
+}
+
+// ---- driven rows
+
+Motor motor(double bias) {
+  Motor of;
+  of.bias = bias;
+  return of;
+}
+
+TEST(Inconsistent, MotorsAgainstEachOtherShareTheDifference) {
+  for (const double h : {0.1, 0.01, 0.001}) {
+    Island island(0.0);
+    const std::size_t bob = island.add(2.0, {1.0, 0.0, 0.0});
+    island.join(0, Vector3d::Zero(), bob, Vector3d::Zero(), rod(1.0), motor(0.3));
+    island.join(0, Vector3d::Zero(), bob, Vector3d::Zero(), rod(1.0), motor(-0.1));
+    for (long k = 0; k < ticks(2.0, h); ++k) {
+      ASSERT_TRUE(island.step(h).done);
+      EXPECT_NEAR(island.states[bob].position.x(), 1.0 + 0.1 * island.t, 1e-9);
+      EXPECT_NEAR(island.states[bob].linear_velocity.x(), 0.1, 1e-9);
+      EXPECT_FALSE(island.can_be_met());
+    }
+  }
+}
+
+// A kinematic body draws one of two rods that cannot both be met; then it stands still.
+TEST(Inconsistent, AMovingBodyDrawsWhatItCan) {
+  Island island(0.0);
+  const std::size_t hand = island.add(0.0, {2.0, 0.0, 0.0});
+  const std::size_t bob = island.add(1.0, {1.0, 0.0, 0.0});
+  island.join(0, bob, 1.0);
+  island.join(bob, hand, 1.0);
+  island.states[hand].linear_velocity = {0.5, 0.0, 0.0};
+  for (int k = 0; k < 100; ++k) {
+    ASSERT_TRUE(island.step(0.01).done);
+    ASSERT_NEAR(island.states[bob].position.x(), 1.0 + 0.25 * island.t, 1e-9);
+  }
+  island.states[hand].linear_velocity.setZero();
+  for (int k = 0; k < 10; ++k) ASSERT_TRUE(island.step(0.01).done);
+  EXPECT_LE(island.kinetic_energy(), 1e-20);
+  EXPECT_FALSE(island.can_be_met());
+  island.states[hand].linear_velocity = {-0.5, 0.0, 0.0};
+  for (int k = 0; k < 100; ++k) ASSERT_TRUE(island.step(0.01).done);
+  island.states[hand].linear_velocity.setZero();
+  ASSERT_TRUE(island.step(0.01).done);
+  EXPECT_TRUE(island.can_be_met());
+  EXPECT_NEAR(island.joint_states[0].error, 0.0, 1e-9);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -264,7 +264,8 @@ TEST(Inconsistent, ATumblingNetKeepsItsMomenta) {
   }
 }
 
-// Two boxes on two ball joints whose anchors are 1 and 1.1 m apart.
+// Two boxes on two ball joints whose anchors are 1 and 1.1 m apart. What the last corrections of
+// positions, up to 1e-14 m, do to the angular momentum adds up.
 TEST(Inconsistent, TumblingBoxesKeepTheirMomenta) {
   for (const double h : kSteps) {
     Island island(0.0);
@@ -285,7 +286,7 @@ TEST(Inconsistent, TumblingBoxesKeepTheirMomenta) {
       ASSERT_LE(island.energy(), before * (1.0 + 1e-13)) << h << " s, at " << island.t;
     }
     EXPECT_LE((island.momentum() - P).norm(), 1e-9) << h;
-    EXPECT_LE((island.angular_momentum() - L).norm(), 1e-9) << h;
+    EXPECT_LE((island.angular_momentum() - L).norm(), 1e-8) << h;
     // each of the two is off by half of what the anchors differ by
     for (const JointState& state : island.joint_states) EXPECT_NEAR(state.error, 0.05, 1e-9) << h;
   }
@@ -382,6 +383,108 @@ TEST(Inconsistent, AMovingBodyDrawsWhatItCan) {
   ASSERT_TRUE(island.step(0.01).done);
   EXPECT_TRUE(island.can_be_met());
   EXPECT_NEAR(island.joint_states[0].error, 0.0, 1e-9);
+}
+
+// ---- heavy and light, stiff and soft
+
+// A load on a string of light links, of which one is doubled by a rod of another length.
+TEST(Inconsistent, HeavyLoadsOnLightLinksGainNothing) {
+  for (const double load : {1.0, 1e3, 1e6}) {
+    for (const double h : {0.1, 0.01, 0.001}) {
+      Island island;
+      std::size_t before = 0;
+      for (int i = 1; i <= 6; ++i) {
+        const Vector3d place(0.6 * i, 0.0, -0.8 * i);
+        const std::size_t id = island.add(i < 6 ? 1.0 : load, place);
+        island.join(before, id, 1.0);
+        if (i == 3) island.join(before, id, 1.1);
+        before = id;
+      }
+      for (long k = 0; k < ticks(2.0, h); ++k) {
+        const double energy = k > 0 ? island.energy() : 0.0;
+        const Progress progress = island.step(h);
+        ASSERT_TRUE(progress.done);
+        if (island.t < kClosingTime + 1.5 * h) continue;
+        ASSERT_LE(island.energy(), energy + progress.corrected + 1e-12 * load * kGravity * 6.0)
+            << load << " kg, " << h << " s, at " << island.t;
+        ASSERT_LE(progress.corrected, 1e-12 * load * kGravity * 6.0);
+      }
+      double worst = 0.0;
+      for (const JointState& state : island.joint_states)
+        worst = std::max(worst, std::abs(state.error));
+      EXPECT_NEAR(worst, 0.05, 1e-6) << load << " kg, " << h << " s";
+    }
+  }
+}
+
+// Springs of any stiffness stay bounded, and what dampers take is told apart from what is lost.
+TEST(Inconsistent, StiffSpringsStayBounded) {
+  for (const double stiffness : {1e2, 1e6, 1e12}) {
+    for (const double h : {0.1, 0.01, 0.001}) {
+      Island island;
+      const std::size_t bob = island.add(2.0, {1.1, 0.0, 0.0});
+      const std::size_t knob = island.add(0.05, {1.6, 0.0, 0.0});
+      island.join(0, bob, 1.0);
+      island.join(0, bob, 1.2);
+      island.join(bob, Vector3d::Zero(), knob, Vector3d::Zero(), spring(0.5, stiffness, 0.1));
+      for (long k = 0; k < ticks(2.0, h); ++k) {
+        const double energy = k > 0 ? island.energy() : 0.0;
+        const Progress progress = island.step(h);
+        ASSERT_TRUE(progress.done);
+        if (island.t < kClosingTime + 1.5 * h) continue;
+        ASSERT_LE(island.energy(), energy + progress.corrected + 1e-9)
+            << stiffness << " N/m, " << h << " s, at " << island.t;
+      }
+      EXPECT_LE(island.kinetic_energy(), 1.1 * 2.05 * kGravity * 1.6);
+      EXPECT_NEAR(island.joint_states[0].error, 0.1, 1e-6);
+    }
+  }
+}
+
+// ---- in a World
+
+World with(World world, double time_step) {
+  WorldOptions options = world.options();
+  options.time_step = time_step;
+  world.set_options(options);
+  return world;
+}
+
+TEST(Inconsistent, AnIslandIsSmoothAgainOnceARodHasGone) {
+  World world = with(World(), 0.01);
+  const BodyId bob = problems::add_mass(&world, "bob", {1.0, 0.0, 0.0});
+  const JointId shorter = world.add_joint(hang("shorter", bob, rod(1.0)));
+  const JointId longer = world.add_joint(hang("longer", bob, rod(1.2)));
+  for (int k = 0; k < 100; ++k) {
+    ASSERT_FALSE(world.step().failed);
+    ASSERT_LE(world.report().projected_energy, 1e-3) << world.time();  // of 10 J
+  }
+  EXPECT_EQ(world.islands().front().why, Why::kConflict);
+  world.remove_joint(longer);
+  run(world, 2);
+  EXPECT_EQ(world.islands().front().why, Why::kSmooth);
+  run(world, 60);
+  EXPECT_LE(std::abs(world.joint_state(shorter).error), 1e-12);
+}
+
+// Two winches on one load, one of which swings by 0.1 m: they agree once a period, and for good
+// once it stops.
+TEST(Inconsistent, AnIslandIsSmoothAgainOnceMotorsAgree) {
+  World world = with(World(), 0.01);
+  const BodyId bob = problems::add_mass(&world, "bob", {0.0, 0.0, -1.0});
+  world.add_joint(hang("still", bob, rod(1.0)));
+  const JointId winch = world.add_joint(hang("winch", bob, rod(1.0)));
+  for (const double bias : {0.1, -0.1}) {
+    Motor motor;
+    motor.bias = bias;
+    motor.timeout = 0.5;
+    world.set_motor(winch, motor);
+    run(world, 50);
+    EXPECT_EQ(world.islands().front().why, Why::kConflict);
+  }
+  run(world, 5);
+  EXPECT_EQ(world.islands().front().why, Why::kSmooth);
+  EXPECT_LE(world.report().max_constraint_error, 1e-9);
 }
 
 }  // namespace

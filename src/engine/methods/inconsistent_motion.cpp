@@ -157,7 +157,7 @@ Progress InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* 
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
   load(*states);
   ask(span.t, equations, &end_);
-  rows_.measure(end_, target_.length, &at_end_);
+  rows_.measure(end_, &at_end_);
   std::fill(impulses_.begin(), impulses_.end(), 0.0);
   std::fill(step_impulses_.begin(), step_impulses_.end(), 0.0);
   work_ = 0.0;
@@ -295,11 +295,16 @@ double InconsistentMotion::find_missing(double h) {
   const auto consider = [&](double error) {
     if (!(std::abs(error) <= worst)) worst = std::abs(error);  // a NaN stays
   };
+  for (std::size_t i = 0; i < bodies_; ++i) change_.linear[i] = met_.position[i] - end_.position[i];
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const Quaterniond turned = met_.orientation[i] * end_.orientation[i].conjugate();
+    change_.angular[i] = std::copysign(2.0, turned.w()) * turned.vec();
+  }
   for (std::size_t i = 0; i < q_.size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
     const Vector3d& d = at_end_[row.joint].d;
     if (!row.is_spring) {
-      b_[i] = row.direction.dot(at_met_[row.joint].d - d);
+      b_[i] = rows_.apply(row, change_);
       consider(b_[i]);
       continue;
     }
@@ -326,7 +331,7 @@ void InconsistentMotion::drift(double h) {
   }
   for (std::size_t i = 0; i < turning_; ++i)
     turn(i, h, displacement_.angular[i] + 0.5 * h * h * equations_->load_torque(i));
-  rows_.measure(end_, target_.length, &at_end_);
+  rows_.measure(end_, &at_end_);
 }
 
 // r_w of implicit_step.h by Newton's method; `torque` is ½h² times the mean torque
@@ -394,7 +399,7 @@ void InconsistentMotion::explicit_step(double h, Progress* progress) {
     momentum[i] = momentum_of(q, inertia_[i], displacement_.angular[i] / h);
     end_.orientation[i] = (rotation(displacement_.angular[i]) * q).normalized();
   }
-  rows_.measure(end_, target_.length, &at_end_);
+  rows_.measure(end_, &at_end_);
   meet(&end_, &at_end_, progress);
   for (std::size_t i = 0; i < turning_; ++i)
     velocity_.angular[i] =
@@ -403,13 +408,37 @@ void InconsistentMotion::explicit_step(double h, Progress* progress) {
 
 // ---- positions
 
+// Components of a vector that a ball joint asks for.
+Vector3d InconsistentMotion::components(const Numbers& list, std::size_t row) const {
+  return Eigen::Map<const Vector3d>(list.data() + rows_.first_row(rows_.rows()[row].joint));
+}
+
+// Of d of a ball joint between two bodies, which is to go down with the length of its offset but
+// may turn with the bodies: what is beyond that.
+double InconsistentMotion::share_off(std::size_t row, const Vector3d& d) const {
+  const double distance = d.norm(), offset = components(target_.length, row).norm();
+  return distance > offset ? 1.0 - offset / distance : 0.0;
+}
+
+// of C, at end_ [m/s]
+double InconsistentMotion::rate_asked_for(std::size_t i) const {
+  const RegularizedRows::Row& row = rows_.rows()[i];
+  if (row.axis < 0 || !rows_.is_between_bodies(row.joint)) return target_.rate[i];
+  const Vector3d offset = components(target_.length, i);
+  const Vector3d& d = at_end_[row.joint].d;
+  if (offset.isZero(0.0) || d.isZero(0.0)) return 0.0;
+  return offset.normalized().dot(components(target_.rate, i)) * d.normalized()[row.axis];
+}
+
 // C of rigid rows [m], 0 of springs; returns Σ C²/a
 double InconsistentMotion::errors(const Rows& geometry, Numbers* values) const {
   double sum = 0.0;
   for (std::size_t i = 0; i < values->size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
     const Vector3d& d = geometry[row.joint].d;
-    (*values)[i] = (row.axis < 0 ? d.norm() : d[row.axis]) - target_.length[i];
+    (*values)[i] = row.axis < 0 ? d.norm() - target_.length[i] : d[row.axis] * share_off(i, d);
+    if (row.axis >= 0 && !rows_.is_between_bodies(row.joint))
+      (*values)[i] = d[row.axis] - target_.length[i];
     if (row.is_spring) (*values)[i] = 0.0;
     sum += (*values)[i] * (*values)[i] / weights_[i];
   }
@@ -467,7 +496,7 @@ void InconsistentMotion::meet(Configuration* configuration, Rows* geometry, Prog
     const double most = displace(&moved);
     const bool is_rounding = most < kRounding * scale_ && most > 0.5 * before;
     if (!(most > 16.0 * kEpsilon * scale_) || is_rounding) return;
-    rows_.measure(moved, target_.length, &there);
+    rows_.measure(moved, &there);
     const double next = errors(there, &values_);
     if (!(next <= sum * (1.0 + 1e-14))) {
       share = std::max(10.0 * share, 1e-4);
@@ -514,7 +543,7 @@ void InconsistentMotion::find_drive() {
   Numbers rates(b_.size(), 0.0);
   for (std::size_t i = 0; i < rates.size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
-    if (!row.is_spring) rates[i] = target_.rate[i] - rows_.apply(row, target_.fixed);
+    if (!row.is_spring) rates[i] = rate_asked_for(i) - rows_.apply(row, target_.fixed);
   }
   solve_drive(kLeastShare, rates);
   double off = 0.0;
@@ -707,7 +736,7 @@ void InconsistentMotion::find_whether_met() {
   for (std::size_t i = 0; i < values_.size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
     if (row.is_spring) continue;
-    const double rate = target_.rate[i] - rows_.apply(row, target_.fixed);
+    const double rate = rate_asked_for(i) - rows_.apply(row, target_.fixed);
     speed = std::max(speed, std::abs(rate));
     off = std::max(off, std::abs(rate - rows_.apply(row, velocity_)));
   }

@@ -69,6 +69,9 @@ class InconsistentMotion {
   void find_correction(double share);
   double displace(Configuration* configuration) const;
   double errors(const Rows& geometry, Numbers* values) const;
+  Vector3d components(const Numbers& list, std::size_t row) const;
+  double share_off(std::size_t row, const Vector3d& d) const;
+  double rate_asked_for(std::size_t row) const;
 
   void fit_velocities();
   void find_drive();

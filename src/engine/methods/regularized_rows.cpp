@@ -61,8 +61,7 @@ RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
   permuted_.assign(rows_.size(), 0.0);
 }
 
-void RegularizedRows::measure(const Configuration& configuration,
-                              const std::vector<double>& targets, Geometry* geometry) const {
+void RegularizedRows::measure(const Configuration& configuration, Geometry* geometry) const {
   geometry->resize(joints_.size());
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     JointGeometry& g = (*geometry)[l];
@@ -75,11 +74,9 @@ void RegularizedRows::measure(const Configuration& configuration,
       g.arm[e] = configuration.orientation[point] * (e == 0 ? joint.anchor_a : joint.anchor_b);
       g.d += kSign[e] * g.arm[e];
     }
-    const std::size_t row = first_row_[l];
-    if (rows_[row].axis < 0 || joint.a >= bodies_ || joint.b >= bodies_) continue;
-    const Vector3d off = g.d - Eigen::Map<const Vector3d>(targets.data() + row);
-    g.arm[0] += 0.5 * off;
-    g.arm[1] -= 0.5 * off;
+    if (rows_[first_row_[l]].axis < 0 || !is_between_bodies(l)) continue;
+    g.arm[0] += 0.5 * g.d;
+    g.arm[1] -= 0.5 * g.d;
   }
 }
 

@@ -42,16 +42,18 @@ class RegularizedRows {
   std::size_t first_row(std::size_t joint) const { return first_row_[joint]; }
 
   /// Of one joint: the vector from anchor A to anchor B, and the arms at which its forces act, in
-  /// world axes [m]. Those of a ball joint that is off between two bodies meet halfway, so that its
-  /// forces have no moment about anything.
+  /// world axes [m]. Those of a ball joint between two bodies meet halfway, so that its forces have
+  /// no moment where it is off.
   struct JointGeometry {
     Eigen::Vector3d d;
     std::array<Eigen::Vector3d, 2> arm;
   };
   using Geometry = std::vector<JointGeometry>;
-  /// `targets`: by row, components of d that a ball joint is to have [m].
-  void measure(const Configuration& configuration, const std::vector<double>& targets,
-               Geometry* geometry) const;
+  void measure(const Configuration& configuration, Geometry* geometry) const;
+  /// Whether neither end of the joint is a fixed point.
+  bool is_between_bodies(std::size_t joint) const {
+    return joints_[joint].a < bodies_ && joints_[joint].b < bodies_;
+  }
 
   /// Jacobian at the mean of two geometries, of the same one twice: there. The direction of a
   /// distance is the mean of both vectors over the mean of their lengths, so that its product with

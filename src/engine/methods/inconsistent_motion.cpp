@@ -22,8 +22,9 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kLeastShare = 1e-11;
 constexpr double kInconsistentShare = 1e-8;
 constexpr double kInconsistentRates = 1e-6;
-constexpr int kMostMarquardtSteps = 20;
+constexpr int kMostMarquardtSteps = 60;
 constexpr double kMostShare = 1e4;
+constexpr double kRejectedShare = 1e-6;  // at least, after a step that was rejected
 
 constexpr double kMostAngle = 0.1;  // that a joint turns by in one step [rad]
 constexpr double kMostParts = 32.0;
@@ -499,7 +500,7 @@ void InconsistentMotion::meet(Configuration* configuration, Rows* geometry, Prog
     rows_.measure(moved, &there);
     const double next = errors(there, &values_);
     if (!(next <= sum * (1.0 + 1e-14))) {
-      share = std::max(10.0 * share, 1e-4);
+      share = std::max(10.0 * share, kRejectedShare);
       before = std::numeric_limits<double>::infinity();
       errors(*geometry, &values_);
       continue;

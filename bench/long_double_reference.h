@@ -371,6 +371,7 @@ class Mechanics {
     return rows;
   }
 
+  // the lower triangle of A
   MatrixX matrix(const std::vector<Pose>& poses, const std::vector<Row>& rows) const {
     const auto n = static_cast<Eigen::Index>(rows.size());
     MatrixX A = MatrixX::Zero(n, n);
@@ -391,7 +392,6 @@ class Mechanics {
         }
       }
     }
-    A.triangularView<Eigen::StrictlyUpper>() = A.transpose();
     return A;
   }
 

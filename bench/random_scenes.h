@@ -273,13 +273,15 @@ class Generator {
       const Vector3d p = place(a, of.anchor_a), q = place(b, of.anchor_b);
       if (r.chance(0.4) || !std::holds_alternative<BallJoint>(of.type)) {
         add_joint(a, p, b, q, of.type);  // the same once more
-      } else {  // the common point at a distance from another point of the first body
-        const Vector3d from = p + r.vector(1.0);
-        if (turns(a))
-          add_joint(a, from, b, q, DistanceJoint{});
-        else
-          add_joint(a, p, b, from, DistanceJoint{});
+        continue;
       }
+      // from the common point, in one of the bodies, to another point of the other
+      const bool is_on_a = turns(a) && (!turns(b) || r.chance(0.5));
+      const Vector3d from = p + r.vector(1.0);
+      if (is_on_a)
+        add_joint(a, from, b, q, DistanceJoint{});
+      else
+        add_joint(a, p, b, from, DistanceJoint{});
     }
     words_ += ", dependent";
   }

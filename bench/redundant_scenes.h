@@ -231,38 +231,47 @@ inline World door_with_knob() {
   return world;
 }
 
-/// A boom on a hinge of two ball joints and a stay, with a load of 1000 kg on light links.
+/// A boom on a hinge of two ball joints and a stay, with a load of 1e4 kg on light links, which
+/// make it stiff.
 inline World crane_boom() {
   World world;
   const BodyId boom = world.add_body(body_at("boom", {4.0, 0.2, 0.2}, 50.0, {2.0, 0.0, 0.0}));
   join_hinge(&world, kWorldBody, boom, Vector3d::Zero(), Vector3d::UnitY(), 0.3);
   join(&world, kWorldBody, {0.0, 0.0, 3.0}, boom, {4.0, 0.0, 0.0});
-  const BodyId load = hang_chain(&world, boom, {4.0, 0.0, 0.0}, 4, 0.5, 0.01, 1000.0);
+  const BodyId load = hang_chain(&world, boom, {4.0, 0.0, 0.0}, 4, 0.5, 0.02, 1e4);
   set_twist(&world, load, {1.0, 0.5, 0.0}, Vector3d::Zero());
   return world;
 }
 
-/// A light ring held in one point by a ball joint and a rod, with a load of 1e5 kg on a rod below.
+/// A light ring on a ball joint, with a rod from there across the ring that follows from it, and a
+/// load of 1e5 kg on a rod below.
 inline World hook_stiff() {
   World world;
   const BodyId ring = world.add_body(body_at("ring", {0.2, 0.2, 0.05}, 0.5, {0.0, 0.0, -0.1}));
   join_ball(&world, kWorldBody, ring, Vector3d::Zero());
-  join(&world, kWorldBody, {0.6, 0.0, 0.8}, ring, Vector3d::Zero());
+  join(&world, kWorldBody, Vector3d::Zero(), ring, {0.1, 0.05, -0.15});
   const BodyId load = problems::add_mass(&world, "load", {0.0, 0.0, -1.2}, 1e5);
   join(&world, ring, {0.0, 0.0, -0.2}, load, {0.0, 0.0, -1.2});
   set_twist(&world, load, {3.0, 1.0, 0.0}, Vector3d::Zero());
   return world;
 }
 
-/// A box with a corner held by a ball joint, and by a rod that follows from it.
+/// A box and a mass, held in a point of the box by a ball joint, and by a rod from a corner that
+/// follows from it. Both tumble in free space. The rod turns, so it takes the place of each row of
+/// the ball joint in turn.
 inline World ball_and_dependent_rod(const Vector3d& origin = Vector3d::Zero()) {
-  World world;
-  const BodyId id = world.add_body(
-      body_at("box", {0.3, 0.2, 0.1}, 1.0, origin, Quaterniond(0.9, 0.1, -0.3, 0.2).normalized()));
-  const Vector3d p = world.state(id).orientation * Vector3d(0.15, 0.1, 0.05) + origin;
-  join_ball(&world, kWorldBody, id, p);
-  join(&world, kWorldBody, p + Vector3d(0.5, 0.3, 1.0), id, p);
-  spin_about(&world, id, p, {1.0, 2.0, 3.0});
+  WorldOptions options;
+  options.gravity.setZero();
+  World world(options);
+  const Quaterniond q = Quaterniond(0.9, 0.1, -0.3, 0.2).normalized();
+  const BodyId box = world.add_body(body_at("box", {0.6, 0.4, 0.2}, 1.0, origin, q));
+  const Vector3d arm = q * Vector3d(0.5, 0.0, 0.0), corner = q * Vector3d(-0.3, -0.2, -0.1);
+  const BodyId mass = problems::add_mass(&world, "mass", origin + arm);
+  join_ball(&world, box, mass, origin + arm);
+  join(&world, box, origin + corner, mass, origin + arm);
+  const Vector3d v(0.6, 0.7, 0.4), w(1.0, 2.0, 3.0);
+  set_twist(&world, box, v, w);
+  set_twist(&world, mass, v + w.cross(arm), Vector3d::Zero());
   return world;
 }
 
@@ -464,12 +473,13 @@ inline World tripod(double load) {
   return world;
 }
 
-/// A box at 1e6 rad/s on a ball joint. What the tick cannot show is reported.
-inline World fast_box() {
+/// A box that turns at 1e6 rad/s on a ball joint at its corner. What the tick cannot show is
+/// reported.
+inline World fast_box(const Vector3d& w) {
   World world;
-  const BodyId id = world.add_body(body_at("box", {0.3, 0.2, 0.1}, 1.0, {0.0, 0.0, 0.3}));
+  const BodyId id = world.add_body(body_at("box", {0.3, 0.2, 0.1}, 1.0, {0.15, 0.1, 0.05}));
   join_ball(&world, kWorldBody, id, Vector3d::Zero());
-  spin_about(&world, id, Vector3d::Zero(), {0.0, 1e3, 1e6});
+  spin_about(&world, id, Vector3d::Zero(), w);
   return world;
 }
 

@@ -28,8 +28,11 @@ inline constexpr Setting kSettings[] = {
 struct Finding {
   std::string setting;
   long tick = 0;
-  std::string what;    // class: joints, energy, state, finite, report, moved, ...
+  std::string what;    // class: joints, energy, state, finite, report, conflict
   std::string detail;  // figures
+
+  /// Whether it is wrong without a word. A word that is wrong is told beside.
+  bool is_silent() const { return !what.empty() && what != "conflict"; }
 };
 
 /// Whether the last step says that its result is not to be relied upon. Errors that are merely
@@ -103,8 +106,10 @@ class Judge {
       if (reference::is_spring(joint))
         is_damped_ = is_damped_ || std::get<DistanceJoint>(joint.type).damping > 0.0;
     }
-    for (const Body& body : made.bodies)
+    for (const Body& body : made.bodies) {
       if (body.type == BodyType::kKinematic) is_driven_ = true;
+      if (std::holds_alternative<Box>(body.shape)) turns_ = true;
+    }
     if (!made.wrenches.empty()) is_driven_ = true;
   }
 
@@ -206,6 +211,10 @@ class Judge {
     for (const Pose& pose : poses)
       if (!pose.x.allFinite() || !pose.q.coeffs().allFinite() || !pose.v.allFinite())
         return found("finite", "a state is not finite");
+    if (t <= kSampleInterval * static_cast<double>(motion_.samples.size()) + 1e-9 && !has_limits_)
+      for (const Island& island : world.islands())
+        if (island.why == Why::kConflict)
+          return found("conflict", "joints that the reference meets are taken for contradictory");
     const auto [error, joint] = mechanics_.worst_joint(poses, t);
     so_far->has_said = so_far->has_said || says_so(world, setting.method, error);
     so_far->estimate += report.local_error;
@@ -213,7 +222,7 @@ class Judge {
       so_far->uses_impulses = so_far->uses_impulses || island.method == Method::kSequentialImpulses;
     if (error > joints_allowed() && !so_far->has_said)
       return found("joints", mechanics_.scene().joints[joint].name + figure(" is off by", error));
-    if (std::abs(report.max_constraint_error - error) > 1e-9 + 1e-3 * error + 1e-12 * coordinate_ &&
+    if (std::abs(report.max_constraint_error - error) > joints_allowed() + 1e-3 * error &&
         !report.failed)
       return found("report", figure("max_constraint_error", report.max_constraint_error) +
                                  figure(" while joints are off by", error));
@@ -233,8 +242,9 @@ class Judge {
     const bool loses = is_damped_ || so_far->uses_impulses || is_thrown();
     const double off = loses ? rise : std::abs(rise);
     double allowed = 1e-6 * so_far->scale + 100.0 * so_far->estimate * so_far->scale;
-    // what Baumgarte's corrections lift, at most, and rotations of first order
-    if (so_far->uses_impulses) allowed += weight() * so_far->corrected + 1e-3 * so_far->scale;
+    // what Baumgarte's corrections lift, at most; of rotations the method is of first order
+    if (so_far->uses_impulses) allowed += weight() * so_far->corrected;
+    if (so_far->uses_impulses && turns_) allowed += 1e-3 * so_far->scale;
     if (!(off > allowed)) return false;
     finding->what = rise > 0.0 ? "energy rises" : "energy falls";
     finding->detail = figure("by", rise) + " J" + figure(" of", so_far->scale) + " J";
@@ -335,7 +345,7 @@ class Judge {
   Mechanics mechanics_;
   Motion motion_;
   double coordinate_ = 0.0;
-  bool has_limits_ = false, is_driven_ = false, is_damped_ = false;
+  bool has_limits_ = false, is_driven_ = false, is_damped_ = false, turns_ = false;
 };
 
 /// All findings on the scene of a seed, and whether the reference could follow it.

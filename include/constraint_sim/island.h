@@ -15,7 +15,7 @@ enum class Why {
   kLimit,       ///< a joint with limits: rope, strut
   kForceLimit,  ///< a motor with a force limit
   kStiff,       ///< joints or springs move its bodies faster than substeps are worth
-  kConflict,    ///< joints contradict each other: all give way a little, by least squares
+  kConflict,    ///< joints contradict each other: met by least squares
   kRefused,     ///< nothing else could carry it
   kAtRest,      ///< nothing moves in it: it is left out until something touches it
 };

@@ -22,6 +22,14 @@ constexpr std::uint64_t kCalmFor = 50;  // [steps]
 constexpr std::uint64_t kRefusedFor = 100;
 // How long constraints that were inconsistent have to be consistent [steps].
 constexpr std::uint64_t kInconsistentFor = 3;
+// Where gradients are given up at once: substeps would cost less than this share of them.
+constexpr double kMuchCheaper = 4.0;
+// What a tick by gradients usually takes, and what one of Newton's iterations costs beside an
+// evaluation of the equations of motion: of points on a tree of rods, and of all others.
+constexpr double kUsualIterations = 15.0;
+constexpr double kPointIteration = 6.0, kIteration = 20.0;
+// What substeps may lose when they take over within a tick, as a share of the kinetic energy.
+constexpr double kMostProjected = 1e-9;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
@@ -174,17 +182,18 @@ void World::Impl::sort_islands() {
     island.why = parts.nature;
     if (touched[i] && method_for(island.why) != Method::kSequentialImpulses)
       island.why = Why::kContact;
-    if (step_count < parts.refused_until) {
+    if (is_fresh) parts.memory = MethodMemory{};
+    if (step_count < parts.memory.refused_until) {
       island.why = Why::kRefused;
       any_refused = true;
     }
-    if (touched[i]) parts.touched_until = step_count + kRefusedFor;
+    if (touched[i]) parts.memory.touched_until = step_count + kRefusedFor;
     if (method_for(island.why) == Method::kSequentialImpulses) {
-      parts.gives_way_until = 0;
-    } else if (step_count < parts.gives_way_until) {
+      parts.memory.inconsistent_until = 0;
+    } else if (step_count < parts.memory.inconsistent_until) {
       island.why = Why::kConflict;
       any_stiff = true;
-    } else if (parts.is_stiff && island.why == Why::kSmooth) {
+    } else if (parts.memory.is_stiff && island.why == Why::kSmooth) {
       island.why = Why::kStiff;
       any_stiff = true;
     }
@@ -353,50 +362,15 @@ void World::Impl::find_loads(double from, double to) {
 bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   const IslandParts& parts = island_parts[i];
   const Accuracy accuracy{options.order, options.tolerance};
-  Island& island = islands[i];
-  const auto add = [&](const Progress& progress) {
-    island.local_error += progress.local_error;
-    island.substeps += static_cast<std::uint32_t>(progress.substeps);
-    island.rejected += static_cast<std::uint32_t>(progress.rejected);
-    island.iterations += static_cast<std::uint32_t>(progress.iterations);
-    // what was not done was taken back
-    if (progress.done) island_parts[i].projected_energy += progress.projected;
-    return progress.done;
-  };
   for (const int body : parts.turning_freely) {
     Vector3d torque = Vector3d::Zero();
     for (const Load& load : loads)
       if (load.body == body) torque += load.torque;
-    if (!add(rotations[at(body)].advance(span.h, torque, masses[at(body)], accuracy,
-                                         &states[at(body)])))
+    if (!note(i, rotations[at(body)].advance(span.h, torque, masses[at(body)], accuracy,
+                                             &states[at(body)])))
       return false;
   }
-  if (parts.linked >= 0) {
-    const bool chooses = options.method == Method::kAuto;
-    // soon after a contact it is errors left by impulses that cannot be met, which these close
-    // again
-    const bool may_give_way = step_count >= parts.touched_until;
-    Progress progress;
-    progress.is_stiff = true;
-    if (island.method == Method::kRungeKutta) {
-      progress = integrate_by_substeps(i, span, chooses ? most_frequency() : kInfinity);
-      if (add(progress)) return true;
-      if (!chooses && !may_give_way) return false;
-      const bool is_met = !linked[at(parts.linked)].equations().is_inconsistent();
-      carry_on_with(i, Method::kEnergyMomentum, chooses && is_met ? Why::kStiff : Why::kConflict);
-    }
-    if (island.why != Why::kConflict) {
-      if (add(integrate_by_gradients(i, span))) return true;
-      // a jerk: what no step of ordinary length gets across, substeps may
-      if (progress.is_stiff) {
-        carry_on_with(i, Method::kRungeKutta, Why::kStiff);
-        if (add(integrate_by_substeps(i, span, kInfinity))) return true;
-      }
-      if (!may_give_way) return false;
-      carry_on_with(i, Method::kEnergyMomentum, Why::kConflict);
-    }
-    return add(integrate_inconsistent(i, span));
-  }
+  if (parts.linked >= 0) return integrate_joints(i, span);
 
   const int body = parts.members.bodies.front();
   Vector3d acceleration = options.gravity;
@@ -406,28 +380,107 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   return true;
 }
 
-// what joints may swing bodies with before substeps are not worth it, or not allowed [rad/s]
-double World::Impl::most_frequency() const {
-  double limit = options.stiffness_limit;
-  if (options.tolerance == 0.0) limit = std::min(limit, options.order == 5 ? kStable5 : kStable8);
-  return limit / options.time_step;
+// Adds to an island what an attempt came to; false where it was not done.
+bool World::Impl::note(std::size_t i, const Progress& progress) {
+  Island& island = islands[i];
+  island.local_error += progress.local_error;
+  island.substeps += static_cast<std::uint32_t>(progress.substeps);
+  island.rejected += static_cast<std::uint32_t>(progress.rejected);
+  island.iterations += static_cast<std::uint32_t>(progress.iterations);
+  // what was not done was taken back
+  if (progress.done) island_parts[i].projected_energy += progress.projected;
+  return progress.done;
+}
+
+// The method of the island first. Where that fails, the other one; and where the reason is that the
+// joints cannot all be met, the motion that comes nearest to it.
+bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
+  IslandParts& parts = island_parts[i];
+  Island& island = islands[i];
+  bool is_met = island.why != Why::kConflict;
+  const auto by_substeps = [&](double most_frequency, double most_projected) {
+    const Progress progress = integrate_by_substeps(i, span, most_frequency, most_projected);
+    is_met = !progress.is_inconsistent;
+    return note(i, progress);
+  };
+  const auto by_gradients = [&](int most_halvings) {
+    const Progress progress = integrate_by_gradients(i, span, most_halvings);
+    is_met = !progress.is_inconsistent;
+    return note(i, progress);
+  };
+  if (is_met && island.method == Method::kRungeKutta) {
+    const bool chooses = options.method == Method::kAuto;
+    if (by_substeps(chooses ? most_frequency(i) : kInfinity, kInfinity)) return true;
+    const Why why = chooses && parts.memory.is_stiff ? Why::kStiff : Why::kRefused;
+    if (is_met) carry_on_with(i, Method::kEnergyMomentum, why);
+  }
+  if (is_met) {
+    if (by_gradients(EnergyMomentum::kMostHalvings)) return true;
+    // a jerk: what no step of ordinary length gets across, substeps may; they begin with velocities
+    // that fit the joints, and what energy that takes is bounded, or else all that can be had
+    const Why why = island.why;
+    for (const double most_projected : {kMostProjected, kInfinity}) {
+      if (!is_met) break;
+      carry_on_with(i, Method::kRungeKutta, why);
+      if (by_substeps(kInfinity, most_projected)) return true;
+      if (!is_met || most_projected == kInfinity) break;
+      carry_on_with(i, Method::kEnergyMomentum, why);
+      if (by_gradients(2 * EnergyMomentum::kMostHalvings)) return true;
+    }
+  }
+  // soon after a contact it is errors left by impulses that cannot be met, which these close again
+  if (is_met || step_count < parts.memory.touched_until) return false;
+  if (island.why != Why::kConflict) carry_on_with(i, Method::kEnergyMomentum, Why::kConflict);
+  return note(i, integrate_inconsistent(i, span));
+}
+
+// What joints may swing the bodies of an island with before substeps cost more than gradients, or
+// are not allowed [rad/s]. Costs are counted in evaluations of the equations of motion.
+double World::Impl::most_frequency(std::size_t i) const {
+  const double stable = options.order == 5 ? kStable5 : kStable8;
+  if (options.tolerance == 0.0)
+    return std::min(options.stiffness_limit, stable) / options.time_step;
+  return std::max(options.stiffness_limit, stable * gradient_cost(i) / stages()) /
+         options.time_step;
+}
+
+double World::Impl::stages() const {
+  return options.order == 5 ? DormandPrince5::kStages : DormandPrince8::kStages;
+}
+
+// of a tick, as the last one was, or as such a tick usually is
+double World::Impl::gradient_cost(std::size_t i) const {
+  const IslandParts& parts = island_parts[i];
+  const EquationsOfMotion& equations = linked[at(parts.linked)].equations();
+  const bool is_simple = equations.turning() == 0 && equations.rows() <= equations.bodies().size();
+  const double iterations =
+      parts.memory.gradient_iterations > 0 ? parts.memory.gradient_iterations : kUsualIterations;
+  return iterations * (is_simple ? kPointIteration : kIteration);
 }
 
 Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& span,
-                                            double most_frequency) {
+                                            double most_frequency, double most_projected) {
   IslandParts& parts = island_parts[i];
-  const Accuracy accuracy{options.order, options.tolerance, most_frequency};
-  const Progress progress = linked[at(parts.linked)].advance(span, accuracy, &states);
-  parts.stiff_ticks = progress.is_stiff ? parts.stiff_ticks + 1 : 0;
-  if (progress.done && parts.stiff_ticks < kStiffFor) return progress;
+  MethodMemory& memory = parts.memory;
+  const Accuracy accuracy{options.order, options.tolerance, most_frequency, most_projected};
+  Progress progress = linked[at(parts.linked)].advance(span, accuracy, &states);
+  if (progress.is_stiff && progress.done && options.tolerance > 0.0)
+    progress.is_stiff = stages() * (progress.substeps + progress.rejected) > gradient_cost(i);
+  memory.stiff_ticks = progress.is_stiff ? memory.stiff_ticks + 1 : 0;
+  if (progress.done && memory.stiff_ticks < kStiffFor) return progress;
   if (!progress.done) linked[at(parts.linked)].begin_step();  // forgets what it did in vain
-  parts.is_stiff = parts.is_to_be_asked = true;
-  parts.stiff_until = step_count + (progress.is_stiff ? kCalmFor : kRefusedFor);
+  parts.is_to_be_asked = true;
+  if (progress.done || progress.is_stiff) {
+    memory.is_stiff = true;
+    memory.stiff_until = step_count + kCalmFor;
+  }
   return progress;
 }
 
-Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& span) {
+Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& span,
+                                             int most_halvings) {
   IslandParts& parts = island_parts[i];
+  MethodMemory& memory = parts.memory;
   LinkedMotion& motion = linked[at(parts.linked)];
   std::optional<EnergyMomentum>& of_island = stiff[at(parts.linked)];
   if (!of_island) of_island.emplace(motion.equations());
@@ -435,10 +488,13 @@ Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& sp
   ImplicitMode mode = options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
   if (options.dissipation) mode = ImplicitMode::kDissipate;
   const Progress progress =
-      method.advance(span, mode, options.tolerance, &motion.equations(), &states);
-  if (method.frequency() > kCalmShare * most_frequency())
-    parts.stiff_until = std::max(parts.stiff_until, step_count + kCalmFor);
-  parts.is_stiff = parts.is_stiff && step_count < parts.stiff_until;
+      method.advance(span, mode, options.tolerance, most_halvings, &motion.equations(), &states);
+  memory.gradient_iterations = static_cast<std::uint32_t>(std::max(progress.iterations, 1));
+  if (method.frequency() > kCalmShare * most_frequency(i))
+    memory.stiff_until = std::max(memory.stiff_until, step_count + kCalmFor);
+  else if (method.frequency() * kMuchCheaper < most_frequency(i))
+    memory.stiff_until = 0;
+  memory.is_stiff = memory.is_stiff && step_count < memory.stiff_until;
   return progress;
 }
 
@@ -452,7 +508,7 @@ Progress World::Impl::integrate_inconsistent(std::size_t i, const SmoothSpan& sp
   linked[at(parts.linked)].forget();
   if (stiff[at(parts.linked)]) stiff[at(parts.linked)]->forget();
   const Progress progress = method->advance(span, &equations, &states);
-  if (!method->can_be_met()) parts.gives_way_until = step_count + kInconsistentFor;
+  if (!method->can_be_met()) parts.memory.inconsistent_until = step_count + kInconsistentFor;
   return progress;
 }
 
@@ -472,7 +528,7 @@ void World::Impl::refuse_island(std::size_t i) {
     joint_states[at(j)] = joint_states_before[at(j)];
   islands[i].method = Method::kSequentialImpulses;
   islands[i].why = Why::kRefused;
-  island_parts[i].refused_until = step_count + kRefusedFor;
+  island_parts[i].memory.refused_until = step_count + kRefusedFor;
   any_refused = true;
   ++island_parts[i].changes;
   report.rejected += islands[i].rejected;

@@ -43,19 +43,25 @@ struct Energy {
   double kinetic = 0.0, potential = 0.0;
 };
 
+/// What decides which method an island has, beside its state. An edit clears it.
+struct MethodMemory {
+  bool is_stiff = false;                  ///< as measured when it was last advanced
+  int stiff_ticks = 0;                    ///< how often in a row substeps found it so
+  std::uint32_t gradient_iterations = 0;  ///< Newton's, of the last tick by gradients; 0: none yet
+  std::uint64_t stiff_until = 0;          ///< step before which it is not asked again
+  std::uint64_t refused_until = 0;        ///< step
+  std::uint64_t touched_until = 0;        ///< step until which its last contact counts as near
+  std::uint64_t inconsistent_until = 0;   ///< step
+};
+
 /// What an island is made of, and what is kept for it from step to step.
 struct IslandParts {
   IslandMembers members;
-  Why nature = Why::kSmooth;          ///< of its joints and options; contacts come and go
-  int linked = -1;                    ///< into Impl::linked; -1: no joints, or never integrated
-  std::uint64_t quiet_for = 0;        ///< steps in a row that moved nothing to speak of
-  bool is_stiff = false;              ///< as measured when it was last carried
-  int stiff_ticks = 0;                ///< how often in a row substeps found it so
-  std::uint64_t stiff_until = 0;      ///< step before which it is not asked again
-  std::vector<int> turning_freely;    ///< bodies whose rotation no joint acts on
-  std::uint64_t refused_until = 0;    ///< step
-  std::uint64_t touched_until = 0;    ///< step until which its last contact counts as near
-  std::uint64_t gives_way_until = 0;  ///< step
+  Why nature = Why::kSmooth;        ///< of its joints and options; contacts come and go
+  int linked = -1;                  ///< into Impl::linked; -1: no joints, or never integrated
+  std::uint64_t quiet_for = 0;      ///< steps in a row that moved nothing to speak of
+  std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
+  MethodMemory memory;
 
   // of this step; each island writes its own, for several may be carried at once
   double projected_energy = 0.0;  ///< [J]
@@ -209,9 +215,14 @@ struct World::Impl {
   void split_step();
   void find_loads(double from, double to);
   bool integrate_island(std::size_t i, const SmoothSpan& span);
-  Progress integrate_by_substeps(std::size_t i, const SmoothSpan& span, double most_frequency);
-  double most_frequency() const;
-  Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span);
+  bool integrate_joints(std::size_t i, const SmoothSpan& span);
+  bool note(std::size_t i, const Progress& progress);
+  Progress integrate_by_substeps(std::size_t i, const SmoothSpan& span, double most_frequency,
+                                 double most_projected);
+  double most_frequency(std::size_t i) const;
+  double gradient_cost(std::size_t i) const;
+  double stages() const;
+  Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span, int most_halvings);
   Progress integrate_inconsistent(std::size_t i, const SmoothSpan& span);
   int threads_worth_it() const;
   void gather_from_islands();

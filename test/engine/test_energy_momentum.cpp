@@ -125,11 +125,10 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
   struct Case {
     bool is_closed;
     ImplicitRule rule;
-    double softness;
   };
-  for (const auto& [is_closed, rule, softness] :
-       {Case{false, ImplicitRule::kMidpoint, 0.0}, Case{true, ImplicitRule::kMidpoint, 0.0},
-        Case{false, ImplicitRule::kBdf1, 0.0}, Case{true, ImplicitRule::kBdf2, 0.1}}) {
+  for (const auto& [is_closed, rule] :
+       {Case{false, ImplicitRule::kMidpoint}, Case{true, ImplicitRule::kMidpoint},
+        Case{false, ImplicitRule::kBdf2}, Case{true, ImplicitRule::kBdf2}}) {
     const Assembly assembly(is_closed);
     EquationsOfMotion equations = assembly.equations();
     std::vector<JointCourse> courses(assembly.joints.size());
@@ -141,10 +140,10 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
     equations.begin(0.0, assembly.states, {0.0, 0.0, -kGravity}, loads, courses);
     ImplicitStep step(equations);
     step.load(assembly.states, equations);
-    step.begin(0.0, 0.1, ImplicitRule::kMidpoint, 0.0, &equations);
+    step.begin(0.0, 0.1, ImplicitRule::kMidpoint, &equations);
     if (rule != ImplicitRule::kMidpoint) {  // with a step before it, whatever that found
       step.finish(ImplicitStep::Unknowns(step.size(), 0.01), &equations);
-      step.begin(0.1, 0.1, rule, softness, &equations);
+      step.begin(0.1, 0.1, rule, &equations);
     }
 
     Random random;
@@ -459,13 +458,8 @@ TEST(EnergyMomentum, IsTakenWhereAnIslandIsStiffAndLeftWhereItIsNot) {
   const double energy = world.energy();
   world = with(world, 1.0 / 4000.0);
   double projected = 0.0;
-  std::uint32_t changes = 0;
-  for (int i = 0; i < 300; ++i) {
-    projected += world.step().projected_energy;
-    changes += world.report().changes;
-  }
+  for (int i = 0; i < 300; ++i) projected += world.step().projected_energy;
   EXPECT_EQ(world.islands().front().method, Method::kRungeKutta);
-  EXPECT_GE(changes, 1u);
   // what the change costs is what the report says
   EXPECT_NEAR(world.energy(), energy - projected, 1e-9 * 5e5);
 
@@ -506,7 +500,7 @@ TEST(EnergyMomentum, ComesAndGoesAsAnIslandGrowsStiffAndCalmAgain) {
     last = id;
   }
   Joint line = make_joint("line", last, Vector3d::Zero(), kWorldBody, {2.0, 0.0, 0.0},
-                          spring(1.0, 5000.0, 0.0));
+                          spring(1.0, 2e5, 0.0));
   line.motor.amplitude = 0.06;
   line.motor.frequency = 0.05;
   line.motor.phase = kPi;  // first shorter, by 0.4 m, then back
@@ -648,7 +642,7 @@ TEST(EnergyMomentum, DoubledRodsOfAHeavyChainChangeNothing) {
   World doubled = with(scene, 1.0 / 30.0);
   run_exactly(single, 3.0);
   const Record record = run_exactly(doubled, 3.0);
-  EXPECT_EQ(record.stiff_steps, 90u);
+  EXPECT_GE(record.stiff_steps, 86u);  // the first few ticks by substeps, to learn what these cost
   EXPECT_EQ(doubled.report().dependent_rows, 3u);
   EXPECT_LE(problems::largest_difference(single, doubled), 1e-9);
 }
@@ -664,17 +658,16 @@ TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
   const JointId longer = world.add_joint(hang("longer", bob, rod(1.2)));
   run(world, 100);
   EXPECT_EQ(only_reason(world), Why::kConflict);
-  // ½(d² − 1)² + ½(d² − 1.44)² is least where d² = 1.22; the weight moves that by 1e-9 of it
-  const double middle = std::sqrt(1.22);
+  const double middle = 1.1;  // in metres, and of the same mass
   double highest = -kInfinity, lowest = kInfinity;
   for (int i = 0; i < 1000; ++i) {
     ASSERT_FALSE(world.step().failed);
-    EXPECT_NEAR(world.joint_state(shorter).error, middle - 1.0, 1e-6);
-    EXPECT_NEAR(world.joint_state(longer).error, middle - 1.2, 1e-6);
+    EXPECT_NEAR(world.joint_state(shorter).error, middle - 1.0, 1e-9);
+    EXPECT_NEAR(world.joint_state(longer).error, middle - 1.2, 1e-9);
     highest = std::max(highest, world.energy());
     lowest = std::min(lowest, world.energy());
   }
-  EXPECT_LE(highest - lowest, 0.05);  // BDF2 on a swing of 10 J: no shaking
+  EXPECT_LE(highest - lowest, 0.05);  // a swing of 10 J: no shaking
   EXPECT_EQ(only_reason(world), Why::kConflict);
 
   world.remove_joint(longer);
@@ -708,9 +701,8 @@ TEST(EnergyMomentum, MotorsAgainstEachOtherShareTheDifference) {
     ASSERT_FALSE(world.step().failed);
     EXPECT_EQ(only_reason(world), Why::kConflict);
   }
-  const double middle = std::sqrt(0.5 * (1.1 * 1.1 + 0.9 * 0.9));
-  EXPECT_NEAR(world.joint_state(a).error, middle - 1.1, 1e-4);  // it moves on, a little behind
-  EXPECT_NEAR(world.joint_state(b).error, middle - 0.9, 1e-4);
+  EXPECT_NEAR(world.joint_state(a).error, -0.1, 1e-9);
+  EXPECT_NEAR(world.joint_state(b).error, 0.1, 1e-9);
 }
 
 // ---- extremes
@@ -740,7 +732,7 @@ TEST(EnergyMomentum, CarriesLoopsOfHeavyAndLightBodies) {
   world.step();
   const double energy = world.energy();
   const Record record = run_exactly(world, 5.0);
-  EXPECT_EQ(record.stiff_steps, 300u);
+  EXPECT_GE(record.stiff_steps, 296u);
   EXPECT_LE(record.iterations, 6.0);
   EXPECT_NEAR(world.energy(), energy, 1e-10 * 0.5e6);
 }
@@ -844,7 +836,11 @@ TEST(EnergyMomentum, InertiasMayDifferAMillionfold) {
     const BodyId end = scene.add_body(load);
     scene.add_joint(
         make_joint("low", needle, {0.0, 0.01, -0.5}, end, {0.0, 0.01, 0.5}, BallJoint{}));
-    World world = with(scene, 1.0 / 30.0);
+    WorldOptions options = scene.options();
+    options.method = Method::kEnergyMomentum;
+    options.time_step = 1.0 / 30.0;
+    scene.set_options(options);
+    World world = scene;
     world.step();  // makes the velocities fit
     const double energy = world.energy();
     const Record record = run_exactly(world, 5.0);

@@ -18,7 +18,8 @@ class RandomScenes : public testing::TestWithParam<std::uint64_t> {};
 TEST_P(RandomScenes, AreNeverSilentlyWrong) {
   for (std::uint64_t seed = GetParam(); seed < GetParam() + kScenesATest; ++seed) {
     const Verdict verdict = judge_seed(seed);
-    for (const Finding& finding : verdict.findings) ADD_FAILURE() << line_of(verdict, finding);
+    for (const Finding& finding : verdict.findings)
+      if (finding.is_silent()) ADD_FAILURE() << line_of(verdict, finding);
   }
 }
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomScenes,
@@ -83,18 +84,24 @@ TEST(Reference, TurnsABoxForthAndBack) {
 TEST(Judge, FindsWhatIsOff) {
   const Setting setting = {"auto", Method::kAuto, 8};
   EXPECT_EQ(Judge(pendulum()).judge(setting).what, "");
-  const auto judge_other = [&](const std::function<void(Scene*)>& change) {
-    Scene other = pendulum();
-    change(&other);
-    World world = make_world(other);
+  const auto judge_other = [&](const std::function<void(World*)>& change) {
+    World world = make_world(pendulum());
+    change(&world);
     return Judge(pendulum()).judge(setting, &world).what;
   };
-  EXPECT_EQ(judge_other([](Scene* scene) {
-              std::get<DistanceJoint>(scene->joints[0].type).length = 1.001;
-            }),
+  EXPECT_EQ(judge_other([](World* world) { world->set_broken(world->find_joint("rod"), true); }),
             "joints");
-  EXPECT_EQ(judge_other([](Scene* scene) { scene->options.gravity.z() = -9.80; }), "energy falls");
-  EXPECT_EQ(judge_other([](Scene* scene) { scene->bodies[0].state.linear_velocity.y() = 1e-5; }),
+  EXPECT_EQ(judge_other([](World* world) {
+              WorldOptions options = world->options();
+              options.gravity.z() = -9.80;
+              world->set_options(options);
+            }),
+            "energy falls");
+  EXPECT_EQ(judge_other([](World* world) {
+              BodyState state = world->state(world->find_body("bob"));
+              state.linear_velocity.y() = 1e-5;
+              world->set_state(world->find_body("bob"), state);
+            }),
             "state");
 }
 

@@ -88,13 +88,14 @@ struct System {
     return lu.solve(x->data());
   }
 
-  /// A solution is as good as its residual, of which a refinement leaves 1e-12 at most.
+  /// A solution is as good as its residual, of which refinements and the check
+  /// of a forest leave 1e-10 at most, as a share of the largest sum of |A| |x| + |b|.
   void expect_solved(const char* what) {
     const VectorXd b = VectorXd::LinSpaced(A.rows(), -1.0, 1.0);
     VectorXd x = b;
     ASSERT_TRUE(solve(&x)) << what;
     const VectorXd size = A.cwiseAbs() * x.cwiseAbs() + b.cwiseAbs();
-    EXPECT_LE((b - A * x).cwiseAbs().maxCoeff(), 2e-12 * size.maxCoeff()) << what;
+    EXPECT_LE((b - A * x).cwiseAbs().maxCoeff(), 2e-10 * size.maxCoeff()) << what;
   }
 };
 
@@ -174,11 +175,11 @@ TEST(SaddleLu, AgreesWithADenseFactorisation) {
     const VectorXd b = VectorXd::LinSpaced(system.A.rows(), -1.0, 1.0);
     VectorXd x = b;
     ASSERT_TRUE(system.solve(&x)) << graph.name;
-    // ‖A⁻¹‖ times the residual that is left, 1e-12 of ‖A‖ ‖x‖
+    // ‖A⁻¹‖ times the residual that is left, at most 1e-10 of 2 ‖A‖ ‖x‖
     const double norm = system.A.cwiseAbs().rowwise().sum().maxCoeff();
     const double inverse = dense.inverse().cwiseAbs().rowwise().sum().maxCoeff();
     const double largest = x.cwiseAbs().maxCoeff();
-    EXPECT_LE((x - dense.solve(b)).cwiseAbs().maxCoeff(), 4e-12 * norm * inverse * largest)
+    EXPECT_LE((x - dense.solve(b)).cwiseAbs().maxCoeff(), 2e-10 * norm * inverse * largest)
         << graph.name;
   }
 }

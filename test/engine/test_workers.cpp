@@ -75,7 +75,7 @@ TEST(Threads, ChangeNotOneBit) {
     }
     if (step == 10) worlds.back() = worlds.front();  // with one thread, in the middle
   }
-  EXPECT_GT(changes, 100u);  // methods came and went
+  EXPECT_GT(changes, 20u);  // methods came and went
   EXPECT_GT(worlds.front().report().islands[static_cast<std::size_t>(Method::kEnergyMomentum)], 0u);
 }
 

@@ -70,7 +70,7 @@ void World::set_time(double time, std::uint64_t step_count) {
     wrench.start += time - now;
     wrench.end += time - now;
   }
-  for (IslandParts& parts : impl_->island_parts) parts.refused_until = 0;
+  for (IslandParts& parts : impl_->island_parts) parts.memory.refused_until = 0;
   impl_->base_time = time;
   impl_->base_step = step_count;
   impl_->step_count = step_count;

@@ -5,20 +5,18 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/linear/dense_front.h"
+
 namespace constraint_sim::engine {
 namespace {
 
-// A pivot is at least this share of the largest entry of its column.
-constexpr double kThreshold = 0.01;
-// Columns that are eliminated before what is right of them is changed.
-constexpr std::size_t kPanel = 8;
-// Entries that a front may have in vain where it takes in a child: a share, and so many.
+// Entries that a front may have in vain where it takes in its children: a share, and so many.
 constexpr double kInVain = 0.1;
-constexpr std::size_t kFewInVain = 200;
+constexpr std::size_t kFewInVain = 100;
 
 // Residual, as a share of what it is the difference of, that ends a refinement, and what each step
 // of it must gain at least. With new factors a solution is taken as it is below the third.
-constexpr double kRefined = 1e-12;
+constexpr double kRefined = 1e-10;
 constexpr double kGain = 0.3;
 constexpr int kMostRefinements = 10;
 constexpr double kSolved = 1e-8;
@@ -32,6 +30,7 @@ std::vector<std::size_t> little_fill_order(std::size_t n,
                                            const std::vector<FrontalLu::Link>& links) {
   std::vector<Eigen::Triplet<double>> triplets;
   const auto size = static_cast<int>(n);
+  triplets.reserve(n + 2 * links.size());
   for (int i = 0; i < size; ++i) triplets.emplace_back(i, i, 1.0);
   for (const FrontalLu::Link& link : links) {
     if (link.other < 0) continue;
@@ -59,35 +58,7 @@ void make_room(std::vector<Number>* list, std::size_t size) {
   if (list->size() < size) list->resize(size + size / 4);
 }
 
-// ---- the dense matrix of a front, by rows
-
-// Takes l u off a: rows × columns, l with kPivots columns. Two rows at a time share what they read.
-template <std::size_t kPivots>
-void subtract(const double* l, const double* u, double* a, std::size_t rows, std::size_t columns,
-              std::size_t stride) {
-  std::size_t i = 0;
-  for (; i + 2 <= rows; i += 2) {
-    double* const __restrict first = a + i * stride;
-    double* const __restrict second = first + stride;
-    const double* const x = l + i * stride;
-    const double* const y = x + stride;
-    for (std::size_t j = 0; j < columns; ++j) {
-      double p = first[j], q = second[j];
-      for (std::size_t k = 0; k < kPivots; ++k) {
-        p -= x[k] * u[k * stride + j];
-        q -= y[k] * u[k * stride + j];
-      }
-      first[j] = p;
-      second[j] = q;
-    }
-  }
-  for (; i < rows; ++i) {
-    double* const __restrict row = a + i * stride;
-    const double* const x = l + i * stride;
-    for (std::size_t j = 0; j < columns; ++j)
-      for (std::size_t k = 0; k < kPivots; ++k) row[j] -= x[k] * u[k * stride + j];
-  }
-}
+// ---- parts of a substitution
 
 // Takes a x off y: rows × columns. Four sums at a time do not wait for each other.
 void subtract_products(const double* a, std::size_t stride, std::size_t rows, std::size_t columns,
@@ -120,96 +91,6 @@ void subtract_triangle(const double* l, std::size_t stride, std::size_t n, doubl
       for (std::size_t j = k; j < i; ++j) x[i] -= l[i * stride + j] * x[j];
   }
 }
-
-class DenseFront {
- public:
-  DenseFront(double* values, std::size_t size, std::size_t summed, std::size_t* rows,
-             std::size_t* columns)
-      : a_(values), size_(size), summed_(summed), rows_(rows), columns_(columns) {}
-
-  // Eliminates as many of the first `summed` unknowns as have pivots; returns how many. They are
-  // the first then, and L, U are in place.
-  std::size_t eliminate() {
-    std::size_t done = 0, end = summed_;  // those from `end` on had no pivot
-    for (std::size_t before = 0; done < end;) {
-      const std::size_t width = std::min(kPanel, end - done);
-      const std::size_t pivots = eliminate_panel(done, width);
-      update(done, pivots, done + width);
-      done += pivots;
-      for (std::size_t k = width - pivots; k-- > 0;) swap_columns(done + k, --end);
-      if (done == end && end < summed_ && done > before) {  // those may have one by now
-        before = done;
-        end = summed_;
-      }
-    }
-    return done;
-  }
-
- private:
-  // Columns without a pivot go behind those that have one.
-  std::size_t eliminate_panel(std::size_t begin, std::size_t width) {
-    std::size_t done = begin;
-    for (std::size_t end = begin + width; done < end;) {
-      std::size_t pivot = done;
-      double largest = 0.0;
-      for (std::size_t i = done; i < summed_; ++i) {
-        const double size = std::abs(a_[i * size_ + done]);
-        if (!(size <= largest)) {
-          largest = size;
-          pivot = i;
-        }
-      }
-      double below = 0.0;
-      for (std::size_t i = summed_; i < size_; ++i)
-        below = std::max(below, std::abs(a_[i * size_ + done]));
-      if (!(largest > 0.0) || largest < kThreshold * below) {
-        swap_columns(done, --end);
-        continue;
-      }
-      if (pivot != done) {
-        std::swap_ranges(a_ + pivot * size_, a_ + (pivot + 1) * size_, a_ + done * size_);
-        std::swap(rows_[pivot], rows_[done]);
-      }
-      const double* const __restrict row = a_ + done * size_;
-      const double inverse = 1.0 / row[done];
-      for (std::size_t i = done + 1; i < size_; ++i) {
-        double* const __restrict other = a_ + i * size_;
-        const double factor = other[done] *= inverse;
-        if (factor == 0.0) continue;
-        for (std::size_t j = done + 1; j < begin + width; ++j) other[j] -= factor * row[j];
-      }
-      ++done;
-    }
-    return done - begin;
-  }
-
-  // what the pivots of a panel do to the columns from `right` on
-  void update(std::size_t begin, std::size_t pivots, std::size_t right) {
-    for (std::size_t k = begin; k < begin + pivots; ++k)
-      for (std::size_t i = k + 1; i < begin + pivots; ++i)
-        for (std::size_t j = right; j < size_; ++j)
-          a_[i * size_ + j] -= a_[i * size_ + k] * a_[k * size_ + j];
-    const std::size_t below = begin + pivots;
-    const auto take = [&](std::size_t k, auto subtract_some) {
-      subtract_some(a_ + below * size_ + k, a_ + k * size_ + right, a_ + below * size_ + right,
-                    size_ - below, size_ - right, size_);
-    };
-    std::size_t k = begin;
-    for (; k + 4 <= below; k += 4) take(k, subtract<4>);
-    for (; k < below; ++k) take(k, subtract<1>);
-  }
-
-  void swap_columns(std::size_t j, std::size_t k) {
-    if (j == k) return;
-    for (std::size_t i = 0; i < size_; ++i) std::swap(a_[i * size_ + j], a_[i * size_ + k]);
-    std::swap(columns_[j], columns_[k]);
-  }
-
-  double* a_;
-  std::size_t size_, summed_;
-  std::size_t* rows_;
-  std::size_t* columns_;
-};
 
 }  // namespace
 
@@ -347,19 +228,20 @@ void FrontalLu::join(Groups* groups) {
   const auto entries = [](std::size_t own, std::size_t border) { return own * (own + 2 * border); };
   for (std::size_t g = 0; g < n; ++g)
     if (groups->parent[g] != g) children[groups->parent[g]].push_back(g);
+  std::vector<std::size_t> needed(n);  // entries without joining
   for (std::size_t g = 0; g < n; ++g) {
     auto& own = groups->own[g];
     const std::size_t border = groups->border[g].size();
-    std::vector<std::size_t> kept;
+    needed[g] = entries(own.size(), border);
     for (std::size_t k = children[g].size(); k-- > 0;) {
       const std::size_t child = children[g][k];
-      const std::size_t apart = entries(own.size(), border) +
-                                entries(groups->own[child].size(), groups->border[child].size());
+      const std::size_t apart = needed[g] + needed[child];
       const std::size_t together = entries(own.size() + groups->own[child].size(), border);
       if (static_cast<double>(together) >
           (1.0 + kInVain) * static_cast<double>(apart) + static_cast<double>(kFewInVain))
         continue;
       groups->is_joined[child] = 1;
+      needed[g] = apart;
       own.insert(own.end(), groups->own[child].begin(), groups->own[child].end());
     }
   }
@@ -374,68 +256,72 @@ void FrontalLu::join(Groups* groups) {
 }
 
 void FrontalLu::make_fronts(const Groups& groups) {
-  const std::size_t n = groups.own.size();
-  std::vector<std::vector<std::size_t>> children(n);
-  std::vector<std::size_t> order;  // parents before children
-  for (std::size_t g = n; g-- > 0;) {
+  std::vector<std::vector<std::size_t>> children(groups.own.size());
+  std::vector<std::size_t> pending, order;
+  for (std::size_t g = groups.own.size(); g-- > 0;) {
     if (groups.is_joined[g]) continue;
     if (groups.parent[g] != g)
       children[groups.parent[g]].push_back(g);
     else
-      order.push_back(g);
+      pending.push_back(g);
   }
-  std::vector<std::size_t> pending = order;
-  order.clear();
   while (!pending.empty()) {
-    const std::size_t g = pending.back();
+    order.push_back(pending.back());
     pending.pop_back();
-    order.push_back(g);
-    pending.insert(pending.end(), children[g].begin(), children[g].end());
+    const auto& more = children[order.back()];
+    pending.insert(pending.end(), more.begin(), more.end());
   }
-  std::reverse(order.begin(), order.end());
 
   fronts_.clear();
   unknown_.clear();
   child_.clear();
   place_.clear();
   entry_.clear();
-  std::vector<std::size_t> front_of(n), place(n_);
-  for (const std::size_t g : order) {
+  std::vector<std::size_t> front_of(groups.own.size()), place(n_);
+  for (std::size_t k = order.size(); k-- > 0;) {  // children before parents
+    const std::size_t g = order[k];
     front_of[g] = fronts_.size();
-    Front front;
-    front.own = groups.own[g].size();
-    front.border = groups.border[g].size();
-    front.unknowns = unknown_.size();
-    front.is_root = groups.parent[g] == g;
-    unknown_.insert(unknown_.end(), groups.own[g].begin(), groups.own[g].end());
-    unknown_.insert(unknown_.end(), groups.border[g].begin(), groups.border[g].end());
-    const std::size_t* const unknowns = unknown_.data() + front.unknowns;
-    for (std::size_t k = 0; k < front.own + front.border; ++k) place[unknowns[k]] = k;
-    // what the children leave goes on the stack in their order; the last is the first to go
     std::vector<std::size_t> of_front;
     for (const std::size_t child : children[g]) of_front.push_back(front_of[child]);
-    std::sort(of_front.begin(), of_front.end());
-    child_.insert(child_.end(), of_front.begin(), of_front.end());
-    front.children_end = child_.size();
-    for (const std::size_t child : of_front) {
-      fronts_[child].place_in_parent = place_.size();
-      const std::size_t* const border =
-          unknown_.data() + fronts_[child].unknowns + fronts_[child].own;
-      for (std::size_t k = 0; k < fronts_[child].border; ++k) place_.push_back(place[border[k]]);
-    }
-    // entries with an own unknown and none that is eliminated before
-    for (std::size_t i = 0; i < front.own + front.border; ++i) {
-      for (std::size_t s = row_begin_[unknowns[i]]; s < row_begin_[unknowns[i] + 1]; ++s) {
-        const std::size_t of_column = groups.group_of[column_[s]];
-        const std::size_t of_row = groups.group_of[unknowns[i]];
-        const bool is_own = of_row == g ? of_column >= g : of_column == g;
-        if (is_own) entry_.push_back({s, i, place[column_[s]]});
-      }
-    }
-    front.entries_end = entry_.size();
-    fronts_.push_back(front);
+    std::sort(of_front.begin(), of_front.end());  // as what they leave is on the stack
+    add_front(groups, g, of_front, &place);
   }
   factors_.assign(fronts_.size(), Factor{});
+}
+
+// `place`: room for where unknowns are in the front.
+void FrontalLu::add_front(const Groups& groups, std::size_t g,
+                          const std::vector<std::size_t>& children,
+                          std::vector<std::size_t>* place) {
+  Front front;
+  front.own = groups.own[g].size();
+  front.border = groups.border[g].size();
+  front.unknowns = unknown_.size();
+  front.is_root = groups.parent[g] == g;
+  unknown_.insert(unknown_.end(), groups.own[g].begin(), groups.own[g].end());
+  unknown_.insert(unknown_.end(), groups.border[g].begin(), groups.border[g].end());
+  const std::size_t* const unknowns = unknown_.data() + front.unknowns;
+  for (std::size_t k = 0; k < front.own + front.border; ++k) (*place)[unknowns[k]] = k;
+
+  for (const std::size_t child : children) {
+    Front& of_child = fronts_[child];
+    of_child.place_in_parent = place_.size();
+    const std::size_t* const border = unknown_.data() + of_child.unknowns + of_child.own;
+    for (std::size_t k = 0; k < of_child.border; ++k) place_.push_back((*place)[border[k]]);
+  }
+  child_.insert(child_.end(), children.begin(), children.end());
+  front.children_end = child_.size();
+
+  // entries with an own unknown and none that is eliminated before
+  for (std::size_t i = 0; i < front.own + front.border; ++i) {
+    const bool is_own = i < front.own;
+    for (std::size_t s = row_begin_[unknowns[i]]; s < row_begin_[unknowns[i] + 1]; ++s) {
+      const std::size_t of_column = groups.group_of[column_[s]];
+      if (is_own ? of_column >= g : of_column == g) entry_.push_back({s, i, (*place)[column_[s]]});
+    }
+  }
+  front.entries_end = entry_.size();
+  fronts_.push_back(front);
 }
 
 std::size_t FrontalLu::slot(int row, int column) const {

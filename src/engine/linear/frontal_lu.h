@@ -78,6 +78,8 @@ class FrontalLu {
   static void find_borders(Groups* groups);
   static void join(Groups* groups);
   void make_fronts(const Groups& groups);
+  void add_front(const Groups& groups, std::size_t g, const std::vector<std::size_t>& children,
+                 std::vector<std::size_t>* place);
 
   bool factor(const double* values);
   void assemble(std::size_t f, const double* values);

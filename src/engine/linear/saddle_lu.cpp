@@ -9,7 +9,7 @@ namespace {
 
 // Residual of a forest's solution, as a share of what it is the difference of, that shows that no
 // block was singular.
-constexpr double kForestSolved = 1e-12;
+constexpr double kForestSolved = 1e-10;
 
 // Gauss's elimination with partial pivoting of the n × n part of n rows of m numbers; the other
 // columns become the solutions. One step: row k becomes that of the pivot, and those below lose it.

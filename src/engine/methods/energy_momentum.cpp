@@ -15,13 +15,12 @@ constexpr int kMostNewtonSteps = 25;
 constexpr double kSolved = 1e-14;
 constexpr double kRounding = 1e-7;
 constexpr double kSquared = 1e-16;
+// They are given up where the changes are larger than this, and grow.
+constexpr double kDiverged = 10.0;
 // What a row may be off then, as a share of the scene.
 constexpr double kRowSolved = 1e-11;
 
-constexpr int kMostHalvings = 5;
 constexpr double kMostParts = 32.0;
-// What rigid rows give way where they may: the square of their step over their period.
-constexpr double kSoftness = 1e-6;
 constexpr int kSpansUntilLonger = 4;
 
 // Suzuki's coefficients
@@ -37,12 +36,10 @@ bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
   numbers_.resize(2 * equations->size());
   double* const y = numbers_.data();
   equations->load(*states, y);
-  if (mode_ != ImplicitMode::kGiveWay) {
-    progress->projected = equations->kinetic_energy(y);
-    if (!equations->start(span.t, y, y + equations->size())) return false;
-    progress->projected -= equations->kinetic_energy(y);
-    equations->store(y, states);
-  }
+  progress->projected = equations->kinetic_energy(y);
+  if (!equations->start(span.t, y, y + equations->size())) return false;
+  progress->projected -= equations->kinetic_energy(y);
+  equations->store(y, states);
   refinement_ = -1;
   spans_since_ = 0;
   step_before_ = 0.0;
@@ -60,7 +57,8 @@ int EnergyMomentum::parts_for_turning(double h, bool composes, double tolerance)
 }
 
 Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, double tolerance,
-                                 EquationsOfMotion* equations, std::vector<BodyState>* states) {
+                                 int most_halvings, EquationsOfMotion* equations,
+                                 std::vector<BodyState>* states) {
   Progress progress;
   const bool is_new = !has_started_ || span.is_edited || mode != mode_;
   mode_ = mode;
@@ -69,6 +67,7 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
     has_started_ = start(span, equations, states, &progress);
     if (!has_started_) {
       progress.done = false;
+      progress.is_inconsistent = true;
       return progress;
     }
   }
@@ -80,9 +79,10 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
   }
   refinement_ = std::max(refinement_, least);
   for (;; ++refinement_) {
-    if (refinement_ > kMostHalvings) {
+    if (refinement_ > most_halvings) {
       has_started_ = false;
       progress.done = false;
+      progress.is_inconsistent = equations->is_inconsistent();
       return progress;
     }
     step_equations_.load(*states, *equations);
@@ -97,10 +97,9 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
                              : step(t, h, 0, equations, &progress);
     }
     const std::size_t redundant = equations->redundant_rows();
-    if (done && mode != ImplicitMode::kGiveWay &&
-        !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
+    if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
       done = false;
-      if (equations->is_inconsistent()) refinement_ = kMostHalvings;
+      if (equations->is_inconsistent()) refinement_ = most_halvings;
       if (equations->redundant_rows() < redundant) --refinement_;  // again, with all rows needed
     }
     if (done) break;
@@ -126,12 +125,10 @@ bool EnergyMomentum::composition(double t, double h, EquationsOfMotion* equation
 
 bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
                           Progress* progress) {
-  const bool gives_way = mode_ == ImplicitMode::kGiveWay;
   ImplicitRule rule = ImplicitRule::kMidpoint;
-  if (gives_way) rule = ImplicitRule::kBdf1;
   const bool goes_on = std::abs(h - step_before_) <= 1e-9 * h;
-  if (goes_on && (gives_way || mode_ == ImplicitMode::kDissipate)) rule = ImplicitRule::kBdf2;
-  step_equations_.begin(t, h, rule, gives_way ? kSoftness : 0.0, equations);
+  if (goes_on && mode_ == ImplicitMode::kDissipate) rule = ImplicitRule::kBdf2;
+  if (!step_equations_.begin(t, h, rule, equations)) return false;
   unknowns_ = found_[stage];
   ++progress->substeps;
   double before = std::numeric_limits<double>::infinity();
@@ -142,7 +139,8 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
     ++progress->iterations;
     if (!step_equations_.solve(change_.data())) return false;
     const double moved = step_equations_.add(change_.data(), &unknowns_) / step_equations_.scale();
-    if (!std::isfinite(moved)) return false;
+    const bool diverges = i > 1 && moved > kDiverged && moved > before;
+    if (!std::isfinite(moved) || diverges) return false;
     const bool is_rounding = moved < kRounding && moved > 0.5 * before;
     const bool is_solved =
         (moved < kSolved || is_rounding) && worst_row <= kRowSolved * step_equations_.scale();

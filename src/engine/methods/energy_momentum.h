@@ -17,7 +17,6 @@ enum class ImplicitMode {
   kOrder2,     ///< the midpoint rule
   kOrder4,     ///< composed; of order 2 where there are dampers, which take no steps back
   kDissipate,  ///< BDF2
-  kGiveWay,    ///< BDF2 with rigid rows a little soft, for those that contradict each other
 };
 
 /// An island with joints, carried through time by steps of ImplicitStep: one a span, or five
@@ -27,6 +26,8 @@ class EnergyMomentum {
  public:
   /// Up to this h ω a body's motion is what the steps show.
   static constexpr double kResolved = 2.0;
+  /// A span is made of so many halvings where nothing else helps, unless more are asked for.
+  static constexpr int kMostHalvings = 9;
 
   explicit EnergyMomentum(const EquationsOfMotion& equations) : step_equations_(equations) {}
 
@@ -34,7 +35,7 @@ class EnergyMomentum {
   /// are where it cannot.
   /// `tolerance` [m/s] is for the turning of bodies, whose other motion the span is short enough
   /// for.
-  Progress advance(const SmoothSpan& span, ImplicitMode mode, double tolerance,
+  Progress advance(const SmoothSpan& span, ImplicitMode mode, double tolerance, int most_halvings,
                    EquationsOfMotion* equations, std::vector<BodyState>* states);
   /// Largest ω of the bodies by what held them in the last step [rad/s].
   double frequency() const { return step_equations_.frequency(); }

@@ -25,7 +25,8 @@ constexpr std::size_t kMostStages = DormandPrince8::kStages + 1;
 constexpr double kLeastPivotOfForces = 3e-11;
 constexpr double kLeastPivotOfProjections = 1e-9;
 
-// Rows left out are passed at velocities that are off by no more than the square root of their pivot.
+// Rows left out are passed at velocities that are off by no more than the square root of their
+// pivot.
 constexpr double kRatesAgree = 1e-4;  // of the largest speed
 constexpr int kMostNewtonSteps = 8;
 constexpr double kProjected = 1e-10;  // of the scene's size: more is no solution
@@ -73,8 +74,7 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
   L_at_ = q_at_ + 4 * turning_;
   size_ = even(L_at_ + 3 * turning_);
   add_links(all_joints, ends, masses);
-  for (auto* list : {&is_redundant_, &is_needed_, &is_verified_})
-    list->assign(rows_.size(), 0);
+  for (auto* list : {&is_redundant_, &is_needed_, &is_verified_}) list->assign(rows_.size(), 0);
   for (auto* list : {&imbalance_, &redundant_off_}) list->assign(rows_.size(), 0.0);
   couple_rows();
 
@@ -424,20 +424,26 @@ void EquationsOfMotion::read_pose(const std::vector<Vector3d>& positions,
     Eigen::Map<Eigen::Vector4d>(pose_.data() + q_at_ + 4 * i) = orientations[i].coeffs();
 }
 
-int EquationsOfMotion::find_dependent(double t, const std::vector<Vector3d>& positions,
-                                      const std::vector<Quaterniond>& orientations, double least,
-                                      std::vector<char>* rows) {
+bool EquationsOfMotion::find_dependent(double t, const std::vector<Vector3d>& positions,
+                                       const std::vector<Quaterniond>& orientations, double least,
+                                       std::vector<char>* rows) {
   read_pose(positions, orientations);
   ask(t);
   place(t, pose_.data());
   factor(least);
-  if (choose_again(t, pose_.data())) factor(least);
   factors_are_there_ = false;
+  if (is_choice_due()) {
+    find_values();
+    if (redundant_rows_are_off()) return false;  // never choose where rows are off
+    choose_again(t, pose_.data());
+    factor(least);
+    factors_are_there_ = false;
+  }
   rows->assign(rows_.size(), 0);
   for (std::size_t i = 0; i < rows_.size(); ++i)
     (*rows)[i] = is_redundant_[i] ? kRedundant : ldlt_.is_left_out(rows_[i].unknown);
   dependent_rows_ = std::max(dependent_rows_, left_out_);
-  return left_out_ + static_cast<int>(redundant_rows());
+  return true;
 }
 
 void EquationsOfMotion::add_impulse(std::size_t l, const Vector3d& impulse) {

@@ -102,10 +102,11 @@ class EquationsOfMotion {
   /// Of the same [m/s].
   Eigen::Vector3d offset_rate(std::size_t ball) const;
   /// Marks rows without a force, with the bodies there and those that turn so: redundant rows by
-  /// kRedundant, and rows whose pivot falls below this share of its entry by 1. Returns how many.
-  int find_dependent(double t, const std::vector<Eigen::Vector3d>& positions,
-                     const std::vector<Eigen::Quaterniond>& orientations, double least,
-                     std::vector<char>* rows);
+  /// kRedundant, and rows whose pivot falls below this share of its entry by 1. False where the
+  /// step before has left redundant rows so far off that it has to be shorter.
+  bool find_dependent(double t, const std::vector<Eigen::Vector3d>& positions,
+                      const std::vector<Eigen::Quaterniond>& orientations, double least,
+                      std::vector<char>* rows);
   /// Whether the redundant rows are met there; makes those that are not ordinary rows again.
   bool redundant_rows_are_met(double t, const std::vector<Eigen::Vector3d>& positions,
                               const std::vector<Eigen::Quaterniond>& orientations);
@@ -274,6 +275,9 @@ class EquationsOfMotion {
   double closing_curvature() const;
   bool is_closing() const;
   bool limit_redundant_rows();
+  bool is_choice_due() const;
+  double redundant_limit(std::size_t row) const;
+  bool redundant_rows_are_off() const;
   bool restore_redundant_if_off();
   bool redundant_rates_are_met();
   void read_pose(const std::vector<Eigen::Vector3d>& positions,
@@ -354,8 +358,8 @@ class EquationsOfMotion {
   int left_out_ = 0;  // rows without a force in the factors that are there, redundant ones apart
   int dependent_rows_ = 0;
   std::vector<double> solution_, residual_, stress_;  // by unknown
-  std::vector<double> stage_forces_;  // by unknown, then of springs; stage by stage
-  std::vector<double> impulses_;      // the same, summed up
+  std::vector<double> stage_forces_;                  // by unknown, then of springs; stage by stage
+  std::vector<double> impulses_;                      // the same, summed up
   std::vector<double> kept_impulses_;
   std::vector<double> pose_;     // a state, for find_dependent()
   std::vector<double> squares_;  // ω² of bodies, for frequency()

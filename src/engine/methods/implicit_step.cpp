@@ -246,10 +246,6 @@ void ImplicitStep::set_rule(double h, ImplicitRule rule) {
       s_ = 4.0 / 9.0 * h * h;
       share_ = 1.0;
       break;
-    case ImplicitRule::kBdf1:
-      s_ = h * h;
-      share_ = 1.0;
-      break;
   }
 }
 
@@ -276,17 +272,12 @@ void ImplicitStep::predict() {
         turn.a = w_before_[i] / 3.0;
         turn.b = h / 9.0 * (8.0 * L - 2.0 * L_before_[i]);
         break;
-      case ImplicitRule::kBdf1:
-        turn.a.setZero();
-        turn.b = h * L;
-        break;
     }
     L_before_[i] = L;
   }
 }
 
-void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
-                         EquationsOfMotion* equations) {
+bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotion* equations) {
   set_rule(h, rule);
   predict();
   equations->move_with_time(t);
@@ -320,14 +311,13 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
     if (link.kind == Kind::kRod) shape.scale /= shape.d0.norm();
     shape.is_left_out = shape.is_redundant = {};
   }
-  if (may_depend_ && softness == 0.0) leave_out_dependent(t, equations);
+  if (may_depend_ && !leave_out_dependent(t, equations)) return false;
 
   equations->move_with_time(t + h);
   for (std::size_t p = bodies_; p < x_.size(); ++p) shift_[p] = equations->position(p) - x_[p];
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
     Shape& shape = shapes_[l];
-    if (link.kind != Kind::kSpring) shape.compliance = softness * s_ / (shape.scale * shape.scale);
     if (link.kind == Kind::kBall) {
       shape.offset = equations->offset(l);
       continue;
@@ -339,7 +329,7 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
       continue;
     }
     // midpoint: σ = −k (½(s₀ + s₁) − ½(ℓ₀ + ℓ₁)) − (c/h)(s₁ − s₀ − (ℓ₁ − ℓ₀))
-    // BDF2:     σ = −k (s₁ − ℓ₁) − (c/2h)(3 s₁ − 4 s₀ + s₋) + c ℓ̇₁, of BDF1 alike;
+    // BDF2:     σ = −k (s₁ − ℓ₁) − (c/2h)(3 s₁ − 4 s₀ + s₋) + c ℓ̇₁;
     // each divided by what it has of s₁
     const double k = link.stiffness;
     const double rate = link.damping / h;
@@ -354,10 +344,6 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
         shape.compliance = 1.0 / (k + 1.5 * rate);
         shape.target = shape.compliance *
                        (k * length + link.damping * speed + rate * (2.0 * s0 - 0.5 * shape.before));
-        break;
-      case ImplicitRule::kBdf1:
-        shape.compliance = 1.0 / (k + rate);
-        shape.target = shape.compliance * (k * length + link.damping * speed + rate * s0);
         break;
     }
     shape.before = s0;
@@ -383,11 +369,12 @@ void ImplicitStep::begin(double t, double h, ImplicitRule rule, double softness,
       right_[at(links_[l].unknown + k)] = shapes_[l].scale / s_;
     }
   }
+  return true;
 }
 
 // Rows that follow from others have no λ in this step: with another one λ would wander.
-void ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
-  if (equations->find_dependent(t, x_, q_, kDependentPivot, &is_dependent_) == 0) return;
+bool ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
+  if (!equations->find_dependent(t, x_, q_, kDependentPivot, &is_dependent_)) return false;
   for (std::size_t l = 0; l < links_.size(); ++l) {
     if (links_[l].kind == Kind::kSpring) continue;
     const std::size_t row = equations->row_of(l);
@@ -396,6 +383,7 @@ void ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
       shapes_[l].is_redundant[k] = is_dependent_[row + k] == EquationsOfMotion::kRedundant;
     }
   }
+  return true;
 }
 
 void ImplicitStep::evaluate(const Unknowns& unknowns) {
@@ -665,14 +653,8 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
 
   // of Δx or w, its like of the step before, and the velocity there
   const auto rate = [&](const Vector3d& change, const Vector3d& before, const Vector3d& velocity) {
-    switch (rule_) {
-      case ImplicitRule::kMidpoint:
-        return Vector3d(2.0 / h_ * change - velocity);
-      case ImplicitRule::kBdf2:
-        return Vector3d((1.5 * change - 0.5 * before) / h_);
-      default:
-        return Vector3d(change / h_);
-    }
+    if (rule_ == ImplicitRule::kMidpoint) return Vector3d(2.0 / h_ * change - velocity);
+    return Vector3d((1.5 * change - 0.5 * before) / h_);
   };
   for (std::size_t i = 0; i < bodies_; ++i) {
     const auto first = at(first_unknown_[i]);

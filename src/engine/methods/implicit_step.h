@@ -23,8 +23,6 @@ enum class ImplicitRule {
   /// Takes the energy out of such motions: backward differences of order 2. Hairer & Wanner II,
   /// section V.1.
   kBdf2,
-  /// The same of order 1, implicit Euler: needs no step before it.
-  kBdf1,
 };
 
 /// One step of an island as a system of equations for Newton's method. Unknowns: Δx and, of a body
@@ -35,13 +33,11 @@ enum class ImplicitRule {
 ///   g = 0 at the end of the step
 /// with forces f and torques T at the mean d̄, r̄ (midpoint) or at the end, and
 ///   midpoint: s = h²/2,  p = h v₀,                          a = ½ h ω₀,  b = ½ h L₀
-///   BDF1:     s = h²,    p = h v₀,                          a = 0,       b = h L₀
 ///   BDF2:     s = 4h²/9, p = Δx₋/3 + (8 v₀ − 2 v₋) h/9,     a = w₋/3,    b = (8 L₀ − 2 L₋) h/9
 /// where minus is of the step before. A rod has g = ½(d·d − ℓ²) and pulls with λ d; a ball joint
 /// has g = d and pulls with λ; a spring pulls with λ d/‖d‖ (midpoint: d̄ over the mean of ‖d‖), and
 /// has for g its law divided by its stiffness, so that none is too stiff. Equations and unknowns
-/// are scaled: bodies by √m, rows to unit norm. With a `softness` rigid rows give way, g + ελ = 0,
-/// so that those that contradict each other meet where the sum of m_eff g² is least.
+/// are scaled: bodies by √m, rows to unit norm.
 class ImplicitStep {
  public:
   explicit ImplicitStep(const EquationsOfMotion& equations);
@@ -60,8 +56,8 @@ class ImplicitStep {
 
   /// From time t to t + h [s], h of either sign; `equations` know what acts. BDF2 goes on from a
   /// finish() of the same h, whatever its rule, with the state as it was left.
-  /// `softness` is ε in units of s/m_eff.
-  void begin(double t, double h, ImplicitRule rule, double softness, EquationsOfMotion* equations);
+  /// False where the step before has to be shorter.
+  bool begin(double t, double h, ImplicitRule rule, EquationsOfMotion* equations);
   /// The residual and its derivative there.
   void evaluate(const Unknowns& unknowns);
   const std::vector<double>& residual() const { return residual_; }
@@ -136,7 +132,7 @@ class ImplicitStep {
   void set_rule(double h, ImplicitRule rule);
   void predict();
   void find_slots();
-  void leave_out_dependent(double t, EquationsOfMotion* equations);
+  bool leave_out_dependent(double t, EquationsOfMotion* equations);
   void evaluate_bodies(const Unknowns& unknowns);
   void evaluate_link(const Link& link, Shape* shape, const Unknowns& unknowns);
   void evaluate_rod(const Link& link, Shape* shape, const Unknowns& unknowns);

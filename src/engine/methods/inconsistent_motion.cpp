@@ -29,6 +29,7 @@ constexpr double kRejectedShare = 1e-6;  // at least, after a step that was reje
 constexpr double kMostAngle = 0.1;  // that a joint turns by in one step [rad]
 constexpr double kMostParts = 32.0;
 constexpr int kMostMidpointSteps = 16;
+constexpr int kMostHalvings = 50;         // of a displacement: then nothing of it is left
 constexpr double kMidpointFound = 1e-14;  // of the scene
 // Share of the scene below which a change that is more than half of the one before is rounding.
 constexpr double kRounding = 1e-10;
@@ -232,9 +233,38 @@ void InconsistentMotion::step(double h, double energy_before, Progress* progress
     allowed = energy_before + work_ + work_of_loads() - spring_energy_;
     if (kinetic_energy(velocity_) <= allowed + most_added(h)) break;
   }
+  allowed = hold_back(energy_before, allowed);
   cap_energy(allowed, progress);
   progress->projected -= damped_energy(h);
   for (std::size_t i = 0; i < impulses_.size(); ++i) impulses_[i] += step_impulses_[i];
+}
+
+// Halves the displacement until bodies at rest at its end would have no more energy than there was,
+// the lifting of weights aside; returns the kinetic energy allowed there [J]. Corrections of
+// positions else stretch springs without end where rows are near singular. The centre of a free
+// island goes on.
+double InconsistentMotion::hold_back(double energy_before, double allowed) {
+  Vector3d along = Vector3d::Zero();
+  double kept = 0.0;  // kinetic energy
+  if (is_free_) {
+    along = as_one_body(end_, velocity_).centre - as_one_body(start_, velocity_).centre;
+    BodyVectors centre, turning;
+    find_rigid_motion(&centre, &turning);
+    kept = kinetic_energy(centre);
+  }
+  for (int k = 0; k < kMostHalvings; ++k) {
+    const double lifted = is_free_ ? 0.0 : std::max(0.0, -work_of_loads());
+    const double rounding = kEpsilon * (std::abs(energy_before) + kept + spring_energy_);
+    if (allowed + lifted >= kept - 16.0 * rounding) break;
+    for (std::size_t i = 0; i < bodies_; ++i)
+      end_.position[i] = 0.5 * (start_.position[i] + along + end_.position[i]);
+    for (std::size_t i = 0; i < turning_; ++i)
+      end_.orientation[i] = start_.orientation[i].slerp(0.5, end_.orientation[i]).normalized();
+    rows_.measure(end_, &at_end_);
+    spring_energy_ = spring_energy();
+    allowed = energy_before + work_ + work_of_loads() - spring_energy_;
+  }
+  return allowed;
 }
 
 // Energy that the impulses of a midpoint step may add before they are left out [J]: a share of what
@@ -402,9 +432,23 @@ void InconsistentMotion::explicit_step(double h, Progress* progress) {
   }
   rows_.measure(end_, &at_end_);
   meet(&end_, &at_end_, progress);
+  stop_against_correction();
   for (std::size_t i = 0; i < turning_; ++i)
     velocity_.angular[i] =
         momentum_of(end_.orientation[i], inertia_[i].cwiseInverse(), momentum[i]);
+}
+
+// Takes off the velocities what runs against the correction of positions, which undoes that motion.
+void InconsistentMotion::stop_against_correction() {
+  double against = 0.0, square = 0.0;
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    change_.linear[i] = end_.position[i] - start_.position[i] - displacement_.linear[i];
+    against += mass_[i] * change_.linear[i].dot(velocity_.linear[i]);
+    square += mass_[i] * change_.linear[i].squaredNorm();
+  }
+  if (!(against < 0.0)) return;
+  for (std::size_t i = 0; i < bodies_; ++i)
+    velocity_.linear[i] -= against / square * change_.linear[i];
 }
 
 // ---- positions

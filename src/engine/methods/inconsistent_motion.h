@@ -65,6 +65,7 @@ class InconsistentMotion {
   void drift(double h);
   void turn(std::size_t body, double h, const Vector3d& torque);
   void explicit_step(double h, Progress* progress);
+  void stop_against_correction();
   void meet(Configuration* configuration, Rows* geometry, Progress* progress);
   void find_correction(double share);
   double displace(Configuration* configuration) const;
@@ -82,6 +83,7 @@ class InconsistentMotion {
   void restore_angular_momentum(double h);
   Rigid as_one_body(const Configuration& configuration, const BodyVectors& velocity) const;
   double most_added(double h) const;
+  double hold_back(double energy_before, double allowed);
   void find_whether_met();
 
   double kinetic_energy(const BodyVectors& velocity) const;

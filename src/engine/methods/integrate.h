@@ -50,7 +50,8 @@ struct Progress {
   double local_error = 0.0;  ///< estimate, sum of the substeps [m]
   int substeps = 0;
   int rejected = 0;
-  int iterations = 0;      ///< Newton's, where there are any
+  int iterations = 0;            ///< Newton's, where there are any
+  bool is_inconsistent = false;  ///< not done because the joints cannot all be met
   bool is_stiff = false;   ///< the other method is the better one; not done where it was so at once
   double projected = 0.0;  ///< kinetic energy that velocities lost when they were made to fit [J]
   double corrected = 0.0;  ///< energy that corrections of positions added, left in the bodies [J]
@@ -212,6 +213,7 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
     const double h = is_last ? left : left / std::ceil(left / step);
     if (progress.substeps + progress.rejected > runge_kutta::kMostAttempts || t + h == t) {
       progress.done = false;
+      progress.is_inconsistent = failures > 0 && t + h == t;
       return progress;
     }
     const double error = runge_kutta::attempt<Pair>(system, memory, t, h);
@@ -222,6 +224,7 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
       ++progress.rejected;
       if (error < 0.0 && ++failures > runge_kutta::kMostFailures) {
         progress.done = false;
+        progress.is_inconsistent = true;
         return progress;
       }
       continue;

@@ -1,8 +1,8 @@
 // Rows of an EquationsOfMotion that follow from others.
 //
-// A redundant row follows from the rows kept wherever the joints let the bodies go: it has no force,
-// and holds because the others do. A momentary row follows from others in a singular pose that the
-// motion passes: it is left out of the factors there, and no longer.
+// A redundant row follows from the rows kept wherever the joints let the bodies go: it has no
+// force, and holds because the others do. A momentary row follows from others in a singular pose
+// that the motion passes: it is left out of the factors there, and no longer.
 //
 // Both have a self-stress n: forces of the rows, 1 of the row itself, that balance at every body,
 // Gᵀn = 0. That holds to rounding or not at all, and no mass is in it, so a pivot that is small
@@ -24,17 +24,18 @@ using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-constexpr double kLeastPivot = 1e-8;        // of rows kept, with the diagonal scaled to one
-constexpr double kRoundOffPivot = 1e-13;    // in the order of little fill, which is another one
-constexpr double kSelfStress = 1e-6;        // imbalance of forces, as a share of the largest force
+constexpr double kLeastPivot = 1e-8;       // of rows kept, with the diagonal scaled to one
+constexpr double kRoundOffPivot = 1e-13;   // in the order of little fill, which is another one
+constexpr double kSelfStress = 1e-6;       // imbalance of forces, as a share of the largest force
+constexpr double kExactSelfStress = 1e-9;  // the same, of rows that follow to rounding
 constexpr double kMomentarySelfStress = 1e-3;
-constexpr double kMostSelfStress = 0.1;     // where joints are being closed
-constexpr double kOpenShare = 30.0;         // of the angle that these are open by
+constexpr double kMostSelfStress = 0.1;  // where joints are being closed
+constexpr double kOpenShare = 30.0;      // of the angle that these are open by
 constexpr int kRefinements = 3;
 
 // What redundant rows may be off by. Where lengths have few digits, forces balance to as few.
-constexpr double kRowSolved = 1e-11;   // of the scene
-constexpr double kDrift = 1e3;         // of the scene, times the imbalance
+constexpr double kRowSolved = 1e-11;  // of the scene
+constexpr double kDrift = 1e3;        // of the scene, times the imbalance
 constexpr double kMostDrift = 1e-3;
 constexpr double kMostOff = 1e-5;     // [m]
 constexpr double kConsistent = 1e-6;  // [m] a row that is off by more contradicts the others
@@ -43,10 +44,11 @@ constexpr double kRounding = 1e-13;   // of the scene, where kept rows are indep
 // Rows are chosen again when the smallest pivot of the rows kept falls by this factor. Early, since
 // a pivot that passes through zero takes the projection to another solution.
 constexpr double kChooseAgain = 0.1;
-constexpr double kRatesKnown = 1e-6;   // smallest pivot at which rates tell
-constexpr double kRatesAgree = 1e-6;   // of the largest speed
-constexpr double kRateDrift = 1e4;     // of the largest speed, times the imbalance
-constexpr int kMostTooFar = 10;        // steps rejected because of that, one after the other
+constexpr double kRatesKnown = 1e-6;    // smallest pivot at which rates tell
+constexpr double kRatesAgree = 1e-6;    // of the largest speed
+constexpr double kOpenRates = 3.0;      // of the largest speed, times the angle joints are open by
+constexpr double kRateDrift = 1e4;      // of the largest speed, times the imbalance
+constexpr int kMostTooFar = 10;         // steps rejected because of that, one after the other
 constexpr int kLeftOutUntilChoice = 8;  // restarts with momentary rows, at first
 
 }  // namespace
@@ -185,8 +187,7 @@ double EquationsOfMotion::opening() const {
   for (const auto& [l, course] : courses_) {
     if (!course.is_closing()) continue;
     const double open = std::abs(course.share_to_close(time_).value) * course.offset().norm();
-    const double arm =
-        is_rod(l) ? length_[l].value : std::max(arm_a_[l].norm(), arm_b_[l].norm());
+    const double arm = is_rod(l) ? length_[l].value : std::max(arm_a_[l].norm(), arm_b_[l].norm());
     if (arm > 0.0) angle = std::max(angle, open / arm);
   }
   return angle;
@@ -198,8 +199,7 @@ double EquationsOfMotion::closing_curvature() const {
   double largest = 0.0;
   for (const auto& [l, course] : courses_) {
     if (!course.is_closing()) continue;
-    const double arm =
-        is_rod(l) ? length_[l].value : std::max(arm_a_[l].norm(), arm_b_[l].norm());
+    const double arm = is_rod(l) ? length_[l].value : std::max(arm_a_[l].norm(), arm_b_[l].norm());
     const double open = course.offset().norm();
     if (arm > 0.0) largest = std::max(largest, std::min(kOpenShare * open * open / arm, open));
   }
@@ -221,11 +221,27 @@ bool EquationsOfMotion::limit_redundant_rows() {
     const double off = std::abs(value_[i]) / row_length(i);
     if (off > kConsistent + closing) is_inconsistent_ = true;
     const double drift = std::min(kDrift * imbalance_[i] * scale_, kMostOff);
-    redundant_off_[i] = closing > 0.0 ? kConsistent + closing
-                                      : std::max({kRowSolved * scale_, drift, 4.0 * off});
+    redundant_off_[i] =
+        closing > 0.0 ? kConsistent + closing : std::max({kRowSolved * scale_, drift, 4.0 * off});
   }
   has_chosen_ = has_chosen_ && !is_inconsistent_;
   return !is_inconsistent_;
+}
+
+// What a redundant row may be off by [m]. Near a pose where the rows kept depend on each other,
+// they hold the others less well.
+double EquationsOfMotion::redundant_limit(std::size_t row) const {
+  const double share = std::sqrt(std::max(ldlt_.smallest_pivot(), 1e-20));
+  const double weakness = std::max(std::sqrt(pivot_at_choice_) / share, 1.0);
+  const double limit = std::min(weakness * redundant_off_[row], kMostOff);
+  return std::max({limit, redundant_off_[row], kRounding * scale_ / share});
+}
+
+bool EquationsOfMotion::redundant_rows_are_off() const {
+  if (!(worst_redundant_ > 1.0) || is_closing()) return false;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (is_redundant_[i] && std::abs(value_[i]) / row_length(i) > redundant_limit(i)) return true;
+  return false;
 }
 
 // After find_values(): a redundant row that is off was needed after all. True where there are any:
@@ -237,21 +253,10 @@ bool EquationsOfMotion::restore_redundant_if_off() {
     is_inconsistent_ = true;
     return true;
   }
-  // near a pose where the rows kept depend on each other, they hold the others less well
-  const double share = std::sqrt(std::max(ldlt_.smallest_pivot(), 1e-20));
-  const double weakness = std::max(std::sqrt(pivot_at_choice_) / share, 1.0);
-  const double rounding = kRounding * scale_ / share;
   std::vector<char> redundant = is_redundant_;
-  bool any = false;
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
-    if (!redundant[i]) continue;
-    const double limit = std::min(weakness * redundant_off_[i], kMostOff);
-    if (std::abs(value_[i]) / row_length(i) <= std::max({limit, redundant_off_[i], rounding}))
-      continue;
-    redundant[i] = 0;
-    any = true;
-  }
-  if (!any) return false;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (redundant[i] && std::abs(value_[i]) / row_length(i) > redundant_limit(i)) redundant[i] = 0;
+  if (redundant == is_redundant_) return false;
   const bool is_far = ldlt_.smallest_pivot() < kChooseAgain * pivot_at_choice_;
   if (is_far && ++too_far_ <= kMostTooFar) return true;
   for (std::size_t i = 0; i < rows_.size(); ++i)
@@ -265,16 +270,19 @@ bool EquationsOfMotion::restore_redundant_if_off() {
 // After a projection of the velocities: false where redundant rows move as they should not. These
 // are rows again, or contradict the others where time moves them.
 bool EquationsOfMotion::redundant_rates_are_met() {
-  if (left_out_ > 0 || ldlt_.smallest_pivot() < kRatesKnown || is_closing()) return true;
+  if (left_out_ > 0 || ldlt_.smallest_pivot() < kRatesKnown) return true;
+  const bool closes = is_closing();
+  const double open = kOpenRates * opening();
   const double speed = largest_speed();
   const double rounding = 16.0 * std::numeric_limits<double>::epsilon() * scale_;
   std::vector<char> redundant = is_redundant_;
   bool any = false;
   find_rates();
   for (std::size_t i = 0; i < rows_.size(); ++i) {
-    if (!redundant[i]) continue;
-    const double share = std::clamp(kRateDrift * imbalance_[i], kRatesAgree, kMostDrift);
-    if (std::abs(rate_[i] - rate_target_[i]) <= (share * speed + rounding) * row_length(i)) continue;
+    if (!redundant[i] || (closes && imbalance_[i] > kExactSelfStress)) continue;
+    const double share = std::clamp(kRateDrift * imbalance_[i], kRatesAgree, kMostDrift) + open;
+    if (std::abs(rate_[i] - rate_target_[i]) <= (share * speed + rounding) * row_length(i))
+      continue;
     redundant[i] = 0;
     any = true;
   }
@@ -291,20 +299,26 @@ bool EquationsOfMotion::redundant_rates_are_met() {
   return false;
 }
 
+// Whether the rows kept have come near to depending on each other.
+bool EquationsOfMotion::is_choice_due() const {
+  return redundant_rows() > 0 && !is_closing() &&
+         ldlt_.smallest_pivot() < kChooseAgain * pivot_at_choice_;
+}
+
 // Chooses the rows again where those kept have come near to depending on each other; true where it
 // did.
 bool EquationsOfMotion::choose_again(double t, const double* y) {
   too_far_ = 0;
-  if (redundant_rows() == 0 || is_closing()) return false;
-  if (ldlt_.smallest_pivot() >= kChooseAgain * pivot_at_choice_) return false;
+  if (!is_choice_due()) return false;
   choose_rows(t, y);
   find_values();
   limit_redundant_rows();
   return true;
 }
 
-bool EquationsOfMotion::redundant_rows_are_met(double t, const std::vector<Vector3d>& positions,
-                                               const std::vector<Eigen::Quaterniond>& orientations) {
+bool EquationsOfMotion::redundant_rows_are_met(
+    double t, const std::vector<Vector3d>& positions,
+    const std::vector<Eigen::Quaterniond>& orientations) {
   if (redundant_rows() == 0) return true;
   read_pose(positions, orientations);
   ask(t);

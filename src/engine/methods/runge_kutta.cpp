@@ -16,6 +16,7 @@ using Eigen::Vector3d;
 
 // No pair is stable beyond this h ω: with few enough substeps there is no need to ask for ω.
 constexpr double kMostStable = 8.0;
+constexpr double kFarTooStiff = 8.0;
 
 template <class System>
 Progress integrate(System& system, const StageMemory& memory, double t, double h,
@@ -93,6 +94,8 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
   }
   Progress progress = integrate_equations(memory, span, accuracy);
   progress.projected = projected;
+  progress.is_inconsistent =
+      !progress.done && (progress.is_inconsistent || equations_.is_inconsistent());
   if (kMostStable * progress.substeps >= accuracy.most_frequency * span.h)
     progress.is_stiff = is_stiff(accuracy);
   if (progress.done)
@@ -106,14 +109,24 @@ bool LinkedMotion::is_stiff(const Accuracy& accuracy) {
   return std::isfinite(accuracy.most_frequency) && equations_.frequency() > accuracy.most_frequency;
 }
 
+// so stiff that not even a few spans of substeps are to be tried
+bool LinkedMotion::is_far_too_stiff(const Accuracy& accuracy) {
+  const double most =
+      accuracy.tolerance > 0.0 ? kFarTooStiff * accuracy.most_frequency : accuracy.most_frequency;
+  return std::isfinite(most) && equations_.frequency() > most;
+}
+
 Progress LinkedMotion::start(const SmoothSpan& span, const Accuracy& accuracy,
                              const StageMemory& memory) {
   Progress progress;
-  progress.projected = equations_.kinetic_energy(memory.state());
+  const double before = equations_.kinetic_energy(memory.state());
   has_started_ = equations_.start(span.t, memory.state(), memory.derivatives());
-  progress.projected -= equations_.kinetic_energy(memory.state());
+  progress.projected = before - equations_.kinetic_energy(memory.state());
+  progress.is_inconsistent = !has_started_;
+  if (std::isfinite(accuracy.most_projected))
+    has_started_ = has_started_ && progress.projected <= accuracy.most_projected * before;
   if (!has_started_) progress.rejected = 1;
-  progress.is_stiff = has_started_ && is_stiff(accuracy);
+  progress.is_stiff = has_started_ && is_far_too_stiff(accuracy);
   has_started_ = has_started_ && !progress.is_stiff;
   progress.done = has_started_;
   return progress;

@@ -28,6 +28,8 @@ struct Accuracy {
   double tolerance;  ///< [m] of local error per second; 0: one substep a span
   /// What joints may swing bodies with before the island counts as stiff [rad/s].
   double most_frequency = std::numeric_limits<double>::infinity();
+  /// What the start may take of the kinetic energy, as a share.
+  double most_projected = std::numeric_limits<double>::infinity();
 };
 
 /// An island with joints, carried through time by an embedded Runge-Kutta pair: Hairer, Nørsett &
@@ -50,6 +52,7 @@ class LinkedMotion {
   Progress start(const SmoothSpan& span, const Accuracy& accuracy, const StageMemory& memory);
 
   bool is_stiff(const Accuracy& accuracy);
+  bool is_far_too_stiff(const Accuracy& accuracy);
   Progress integrate_equations(const StageMemory& memory, const SmoothSpan& span,
                                const Accuracy& accuracy);
 

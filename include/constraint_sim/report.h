@@ -55,7 +55,9 @@ struct StepReport {
   std::uint32_t torn_joints = 0;        ///< that broke in this step
   double projected_energy = 0.0;  ///< kinetic energy lost where velocities were made to fit the
                                   ///< joints, when a method took over or an edit came [J]
-  bool failed = false;            ///< the result was not finite: the state before the step was kept
+  bool failed = false;            ///< the result was not finite, or the time has no next tick: the
+                                  ///< state before the step was kept
+  bool stopped = false;           ///< the stop flag was set: the state before the step was kept
 
   // what it cost
   std::array<std::uint32_t, kMethodCount> islands{};  ///< carried by each method

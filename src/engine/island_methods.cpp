@@ -253,8 +253,8 @@ void World::Impl::integrate() {
     for (const int j : changing_courses)
       if (is_integrated(at(j)))
         courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
-    const SmoothSpan smooth_span{t,       span.h,       options.gravity,  loads,
-                                 courses, is_disturbed, is_fresh || k > 0};
+    const SmoothSpan smooth_span{t,       span.h,       options.gravity,   loads,
+                                 courses, is_disturbed, is_fresh || k > 0, stop};
     workers.run(threads_worth_it(), smooth.size(), [&](std::size_t s) {
       const std::size_t i = at(smooth[s]);
       if (!island_parts[i].has_failed)
@@ -348,7 +348,7 @@ void World::Impl::find_loads(double from, double to) {
 
 bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   const IslandParts& parts = island_parts[i];
-  const Accuracy accuracy{options.order, options.tolerance};
+  const Accuracy accuracy{options.order, options.tolerance, kInfinity, stop};
   Island& island = islands[i];
   const auto add = [&](const Progress& progress) {
     island.local_error += progress.local_error;
@@ -410,7 +410,7 @@ double World::Impl::most_frequency() const {
 Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& span,
                                             double most_frequency) {
   IslandParts& parts = island_parts[i];
-  const Accuracy accuracy{options.order, options.tolerance, most_frequency};
+  const Accuracy accuracy{options.order, options.tolerance, most_frequency, stop};
   const Progress progress = linked[at(parts.linked)].advance(span, accuracy, &states);
   parts.stiff_ticks = progress.is_stiff ? parts.stiff_ticks + 1 : 0;
   if (progress.done && parts.stiff_ticks < kStiffFor) return progress;

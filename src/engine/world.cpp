@@ -16,7 +16,21 @@ using Eigen::Vector3d;
 // a whole physics engine in six steps, as the tutorial has it
 const StepReport& World::step() {
   Impl& world = *impl_;
-  world.begin_step();
+  try {
+    world.begin_step();
+    if (world.has_next_tick())
+      world.take_stages();
+    else
+      world.abandon_step().failed = true;
+  } catch (...) {
+    world.abandon_step().failed = true;
+    throw;
+  }
+  return world.report;
+}
+
+void World::Impl::take_stages() {
+  Impl& world = *this;
   world.find_pairs();         // 1. broadphase: fast and approximate
   world.find_contacts();      // 2. narrowphase: accurate but slow
   world.choose_methods();     //    smooth islands part here from the tutorial:
@@ -25,11 +39,28 @@ const StepReport& World::step() {
   world.update_velocities();  // 4. by gravity, and by the impulses of the step before
   world.solve_rows();         // 5. to what the rows allow
   world.update_positions();   // 6. with the final velocities
-  world.finish_step();
-  return world.report;
+  if (is_set(stop))
+    world.abandon_step().stopped = true;
+  else
+    world.finish_step();
 }
 
+// as after an edit: the state is that before the step, and nothing else is kept
+StepReport& World::Impl::abandon_step() {
+  if (is_remembered) go_back();
+  forget_contacts();
+  edited = topology_edited = true;
+  report = StepReport{};
+  report.step = step_count;
+  report.time = time();
+  return report;
+}
+
+// whether time goes on by a tick: far from 0 a short one rounds to nothing
+bool World::Impl::has_next_tick() const { return step_end > step_start && std::isfinite(step_end); }
+
 void World::Impl::begin_step() {
+  is_remembered = false;
   if (edited)
     recompile();
   else if (any_waking)
@@ -48,6 +79,7 @@ void World::Impl::remember() {
     states_before[static_cast<std::size_t>(i)] = states[static_cast<std::size_t>(i)];
   for (const int j : awake_joints)
     joint_states_before[static_cast<std::size_t>(j)] = joint_states[static_cast<std::size_t>(j)];
+  is_remembered = true;
 }
 
 void World::Impl::go_back() {
@@ -130,6 +162,7 @@ void World::Impl::collide_pairs() {
   auto before = touching_before.begin();  // both lists are sorted, so one pass matches them
   for (const Broadphase::Pair& ends : broadphase.pairs()) {
     if (std::binary_search(unpaired.begin(), unpaired.end(), ends)) continue;
+    if (is_set(stop)) return;
     const auto a = static_cast<std::size_t>(ends.first);
     const auto b = static_cast<std::size_t>(ends.second);
     const Manifold manifold = collide(bodies[a].shape, states[a], bodies[b].shape, states[b]);
@@ -232,7 +265,7 @@ void World::Impl::apply_wrenches() {
 void World::Impl::solve_rows() {
   if (rows.empty()) return;
   const StageTimer timer(*this, Stage::kSolve);
-  solver.solve(states, rows, options.iterations);
+  solver.solve(states, rows, options.iterations, stop);
   report.iterations += static_cast<std::uint32_t>(options.iterations);
 }
 

@@ -148,6 +148,7 @@ struct World::Impl {
       joint_rows;  // first row of each of impulse_joints, and one past the last
   std::vector<std::size_t> contact_rows;  // row of the normal of each contact point
   SequentialImpulses solver;
+  bool is_remembered = false;  // the state before the step is in the next two
   std::vector<BodyState> states_before;
   std::vector<JointState> joint_states_before;
 
@@ -155,6 +156,7 @@ struct World::Impl {
   std::vector<Contact> contacts;  // those of sleepers first
   StepReport report;
   Clock clock = nullptr;
+  StopFlag stop = nullptr;
 
   // ---- editing (edits/)
   std::size_t index(BodyId id) const;
@@ -184,6 +186,9 @@ struct World::Impl {
   void list_shapes(const std::vector<int>& resting_bodies);
 
   // ---- stepping (world.cpp), in the order of a step
+  void take_stages();
+  StepReport& abandon_step();
+  bool has_next_tick() const;
   void begin_step();
   void remember();
   void go_back();

@@ -12,6 +12,11 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
+void check_next_tick(double time, double tick) {
+  if (!(time + tick > time && std::isfinite(time + tick)))
+    refuse("time", "a tick of " + shortest(tick) + " s is lost beside " + shortest(time) + " s");
+}
+
 }  // namespace
 
 World::World(const WorldOptions& options) : impl_(std::make_unique<Impl>()) {
@@ -48,6 +53,7 @@ const WorldOptions& World::options() const { return impl_->options; }
 
 void World::set_options(const WorldOptions& options) {
   validate(options);
+  check_next_tick(time(), options.time_step);
   if (options.time_step != impl_->options.time_step) set_time(time(), step_count());
   impl_->options = options;
   impl_->wake_all();
@@ -57,9 +63,11 @@ void World::set_options(const WorldOptions& options) {
 double World::time() const { return impl_->time(); }
 std::uint64_t World::step_count() const { return impl_->step_count; }
 void World::set_clock(Clock clock) { impl_->clock = clock; }
+void World::set_stop_flag(StopFlag stop) { impl_->stop = stop; }
 
 void World::set_time(double time, std::uint64_t step_count) {
   check_finite("time", time);
+  check_next_tick(time, impl_->options.time_step);
   const double now = this->time();
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     JointState& state = impl_->joint_states[j];

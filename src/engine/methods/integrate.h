@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "constraint_sim/stop_flag.h"
 #include "engine/methods/embedded_pairs.h"
 
 namespace constraint_sim::engine {
@@ -197,10 +198,10 @@ double stretch(double error, double allowed) {
 
 /// Carries state() from t to t + duration. stage 0 of derivatives() is there before and after.
 /// `tolerance` [m] of error per second; 0: one step whatever its error. `step` [s] is what the next
-/// substep is tried with.
+/// substep is tried with. A set `stop` flag ends it as not done.
 template <class Pair, class System>
 Progress integrate(System& system, const StageMemory& memory, double t, double duration,
-                   double tolerance, double& step) {
+                   double tolerance, double& step, StopFlag stop = nullptr) {
   Progress progress;
   const double end = t + duration;
   double left = duration;
@@ -209,7 +210,8 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
   while (left > 0.0) {
     const bool is_last = left <= step;
     const double h = is_last ? left : left / std::ceil(left / step);
-    if (progress.substeps + progress.rejected > runge_kutta::kMostAttempts || t + h == t) {
+    if (progress.substeps + progress.rejected > runge_kutta::kMostAttempts || t + h == t ||
+        is_set(stop)) {
       progress.done = false;
       return progress;
     }

@@ -20,6 +20,7 @@ struct SmoothSpan {
   const std::vector<JointCourse>& courses;  ///< of all joints of the world
   bool is_disturbed;                        ///< something may have jumped since the last span
   bool is_edited;                           ///< also positions or velocities may have
+  StopFlag stop = nullptr;
 };
 
 /// How an integration is asked for.
@@ -28,6 +29,7 @@ struct Accuracy {
   double tolerance;  ///< [m] of local error per second; 0: one substep a span
   /// What joints may swing bodies with before the island counts as stiff [rad/s].
   double most_frequency = std::numeric_limits<double>::infinity();
+  StopFlag stop = nullptr;
 };
 
 /// An island with joints, carried through time by an embedded Runge-Kutta pair: Hairer, Nørsett &

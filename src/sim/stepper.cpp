@@ -205,9 +205,9 @@ bool Stepper::step_once() {
     end_tick(false);
     throw;
   }
-  const bool was_abandoned = world_.report().stopped;
-  end_tick(was_abandoned);
-  if (was_abandoned) return false;
+  was_abandoned_ = world_.report().stopped;
+  end_tick(was_abandoned_);
+  if (was_abandoned_) return false;
   const double seconds = run_time() - start;
   may_be_long_ = seconds > kMayBeLong;
   if (world_.report().failed) fail(why_failed(world_));
@@ -246,7 +246,7 @@ Boundary Stepper::edit(std::function<void(World&)> change) {
 }
 
 void Stepper::post(std::function<void(World&)> change) {
-  if (tick_run_time() > kPatience) throw LongTick();
+  if (tick_run_time() > patience()) throw LongTick();
   enqueue([this, change = std::move(change)] { apply(change); });
 }
 
@@ -271,7 +271,7 @@ Boundary Stepper::inspect(const std::function<void(const World&)>& look) {
       return enqueue_and_wait([this, &look] { look(world_); }, Delay::kRefuse);
     } catch (const LongTick&) {
       const std::lock_guard<std::mutex> lock(before_mutex_);
-      if (!has_before_ && tick_run_time() > kPatience) throw;
+      if (!has_before_ && tick_run_time() > patience()) throw;
       if (!has_before_) continue;  // that tick has just ended
       look(before_);
       return {before_.time(), before_.step_count()};
@@ -330,11 +330,11 @@ Boundary Stepper::enqueue_and_wait(std::function<void()> run, Delay delay) {
 // whether a tick has run for so long, and keeps it from being done
 bool Stepper::waits_for_long_tick(const std::future<Boundary>& done) const {
   for (;;) {
-    const double left = kPatience - std::max(tick_run_time(), 0.0);
+    const double left = patience() - std::max(tick_run_time(), 0.0);
     if (done.wait_for(std::chrono::duration<double>(std::max(left, 0.0))) ==
         std::future_status::ready)
       return false;
-    if (tick_run_time() >= kPatience) return true;
+    if (tick_run_time() >= patience()) return true;
   }
 }
 

@@ -143,6 +143,7 @@ class Stepper {
   bool waits_for_long_tick(const std::future<Boundary>& done) const;
   bool withdraw(std::uint64_t ticket);
   void abandon_tick(std::uint64_t ticket);
+  double patience() const { return was_abandoned_ ? 0.1 * kPatience : kPatience; }
   double tick_run_time() const;
   void apply(const std::function<void(World&)>& change);
   bool is_wanted() const;
@@ -190,6 +191,7 @@ class Stepper {
   std::atomic<bool> paused_;
   std::atomic<bool> failed_{false};
   std::atomic<bool> abandon_{false};      // the tick that runs
+  std::atomic<bool> was_abandoned_{false};  // the last tick; the same again will take as long
   std::atomic<double> tick_start_{-1.0};  // run time [s]; below 0: none runs
   std::atomic<bool> time_stages_{false};
   std::atomic<std::uint64_t> dropped_ticks_{0};

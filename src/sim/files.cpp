@@ -57,7 +57,7 @@ void check_size(const std::string& path, std::size_t size) {
 std::string real_path(const std::string& what, const std::string& path) {
   char* const found = ::realpath(path.c_str(), nullptr);
   if (found == nullptr) refuse(what, path, errno);
-  const std::string real = found;
+  std::string real = found;
   std::free(found);  // NOLINT: as realpath wants it
   return real;
 }
@@ -164,7 +164,7 @@ void write_file(const std::string& path, const std::string& text) {
 
 std::string path_below(const std::string& folder, const std::string& path) {
   const std::string top = real_path("use", folder);
-  const std::string target = resolved(path.empty() || path[0] != '/' ? top + "/" + path : path);
+  std::string target = resolved(path.empty() || path[0] != '/' ? top + "/" + path : path);
   const std::string inside = top == "/" ? top : top + "/";
   const std::string name = target.substr(target.rfind('/') + 1);
   if (target.compare(0, inside.size(), inside) != 0 || name == ".." || name == ".")

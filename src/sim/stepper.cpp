@@ -132,27 +132,32 @@ void Stepper::take_requested_steps() {
   StepRequest& request = step_requests_.front();
   step_while([&] { return request.remaining > 0; }, [&] { --request.remaining; });
   if (failed_ || request.remaining > 0) return;
-  end_request(request, nullptr);
+  show(request);
+  if (request.thrown)
+    request.done.set_exception(request.thrown);
+  else
+    request.done.set_value(now());
   step_requests_.pop_front();
 }
 
-void Stepper::end_request(StepRequest& request, std::exception_ptr thrown) {
+void Stepper::show(StepRequest& request) const {
   try {
     if (request.look) request.look(world_);
   } catch (...) {
-    if (!thrown) thrown = std::current_exception();
+    request.thrown = std::current_exception();
   }
-  if (thrown)
-    request.done.set_exception(thrown);
-  else
-    request.done.set_value(now());
 }
 
 void Stepper::cancel_steps(const std::string& why) {
+  for (StepRequest& request : step_requests_) show(request);
+  end_requests(why);
+}
+
+void Stepper::end_requests(const std::string& why) {
   for (StepRequest& request : step_requests_)
-    end_request(request, std::make_exception_ptr(NotNow(
-                             "step: " + std::to_string(request.steps - request.remaining) + " of " +
-                             std::to_string(request.steps) + " steps done: " + why)));
+    request.done.set_exception(std::make_exception_ptr(
+        NotNow("step: " + std::to_string(request.steps - request.remaining) + " of " +
+               std::to_string(request.steps) + " steps done: " + why)));
   step_requests_.clear();
 }
 
@@ -253,8 +258,9 @@ void Stepper::post(std::function<void(World&)> change) {
 Boundary Stepper::interrupt(const std::string& by, std::function<void(World&)> change) {
   return enqueue_and_wait(
       [this, &by, &change] {
+        for (StepRequest& request : step_requests_) show(request);  // what they came to
         apply(change);
-        cancel_steps("cancelled by " + by);
+        end_requests("cancelled by " + by);
       },
       Delay::kAbandonTick);
 }
@@ -310,7 +316,7 @@ Boundary Stepper::step(std::uint64_t steps, std::function<void(const World&)> lo
         if (step_requests_.size() >= kMostWaiting)
           throw NotNow("step: " + std::to_string(kMostWaiting) +
                        " calls wait already; pause_physics cancels them");
-        step_requests_.push_back({steps, steps, std::move(look), std::move(promise)});
+        step_requests_.push_back({steps, steps, std::move(look), std::move(promise), nullptr});
       },
       Delay::kRefuse);
   return done.get();
@@ -402,7 +408,10 @@ void Stepper::cancel_all() {
     for (Task& task : tasks_) task.done.set_exception(cancelled);
     tasks_.clear();
   }
-  for (StepRequest& request : step_requests_) end_request(request, cancelled);
+  for (StepRequest& request : step_requests_) {
+    show(request);
+    request.done.set_exception(cancelled);
+  }
   step_requests_.clear();
 }
 

@@ -4,6 +4,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <exception>
 #include <functional>
 #include <future>
 #include <mutex>
@@ -103,7 +104,8 @@ class Stepper {
   /// Returns during a long tick before it has taken effect.
   void unpause();
   /// Carries a paused world on by `steps`; `look` sees it right after the last one that was taken,
-  /// also where an exception follows. Edits go on in between. Throws NotNow unless paused, when
+  /// also where an exception follows, and once more where a change that would have cancelled it
+  /// throws. Edits go on in between. Throws NotNow unless paused, when
   /// kMostWaiting wait already, when the physics fails on the way, or when it is cancelled.
   Boundary step(std::uint64_t steps, std::function<void(const World&)> look);
   /// The world stands, failed, until it is edited. Of the stepping thread.
@@ -133,6 +135,7 @@ class Stepper {
     std::uint64_t remaining;
     std::function<void(const World&)> look;
     std::promise<Boundary> done;
+    std::exception_ptr thrown;  ///< by look
   };
 
   /// What becomes of a task that a long tick keeps waiting.
@@ -149,7 +152,8 @@ class Stepper {
   bool is_wanted() const;
   void cancel_all();
   void cancel_steps(const std::string& why);
-  void end_request(StepRequest& request, std::exception_ptr thrown);
+  void end_requests(const std::string& why);
+  void show(StepRequest& request) const;
   void run_tasks();
   void tell_of_edits();
   void take_steps();
@@ -190,9 +194,9 @@ class Stepper {
   bool stopping_ = false;
   std::atomic<bool> paused_;
   std::atomic<bool> failed_{false};
-  std::atomic<bool> abandon_{false};      // the tick that runs
+  std::atomic<bool> abandon_{false};        // the tick that runs
   std::atomic<bool> was_abandoned_{false};  // the last tick; the same again will take as long
-  std::atomic<double> tick_start_{-1.0};  // run time [s]; below 0: none runs
+  std::atomic<double> tick_start_{-1.0};    // run time [s]; below 0: none runs
   std::atomic<bool> time_stages_{false};
   std::atomic<std::uint64_t> dropped_ticks_{0};
 };

@@ -18,9 +18,11 @@ catkin_package(
 
 add_library(constraint_sim_ros STATIC
   src/ros/conversions.cpp
+  src/ros/event_log.cpp
   src/ros/markers.cpp
   src/ros/parameters.cpp
   src/ros/publishers.cpp
+  src/ros/scenes.cpp
   src/ros/services.cpp
   src/ros/simulator_node.cpp
 )

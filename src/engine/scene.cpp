@@ -1,8 +1,6 @@
 #include "constraint_sim/scene.h"
 
-#include <fstream>
 #include <limits>
-#include <sstream>
 
 #include "engine/method_names.h"
 #include "engine/validate.h"
@@ -13,7 +11,7 @@ namespace {
 
 [[noreturn]] void fail_unknown(const YamlElement& element, const std::string& word,
                                const std::string& existing) {
-  element.fail("there is no '" + word + "' (yet); there are " + existing);
+  element.fail("there is no " + quoted(word) + " (yet); there are " + existing);
 }
 
 WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults) {
@@ -138,7 +136,7 @@ BodyId read_body_reference(const YamlElement& item, const std::string& key, cons
   if (!reference) return kWorldBody;
   const std::string name = reference->word();
   if (name == "world") return kWorldBody;
-  if (!world.has_body(name)) reference->fail("there is no body '" + name + "'");
+  if (!world.has_body(name)) reference->fail("there is no body " + quoted(name));
   return world.find_body(name);
 }
 
@@ -270,15 +268,6 @@ World load_scene(const std::string& text, const std::string& source, const World
     item.attempt([&] { world.add_wrench(wrench); });
   }
   return world;
-}
-
-World load_scene_file(const std::string& path, const WorldOptions& defaults) {
-  std::ifstream file(path);
-  file.peek();  // a folder can be opened, but not read
-  if (!file.is_open() || file.bad()) throw SceneError(path + ": cannot read this file");
-  std::ostringstream text;
-  text << file.rdbuf();
-  return load_scene(text.str(), path, defaults);
 }
 
 }  // namespace constraint_sim::engine

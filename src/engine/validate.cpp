@@ -1,5 +1,6 @@
 #include "engine/validate.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -30,6 +31,23 @@ std::string shortest(double value) {
   }
   return text;
 }
+
+std::string excerpt(const std::string& text) {
+  constexpr std::size_t kMost = 40;
+  std::size_t end = std::min(text.size(), kMost);
+  const auto is_within_character = [&](std::size_t i) {
+    return i < text.size() && (static_cast<unsigned char>(text[i]) & 0xc0U) == 0x80U;  // UTF-8
+  };
+  while (end > 0 && is_within_character(end)) --end;
+  std::string shown = text.substr(0, end);
+  for (char& c : shown) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7f) c = '?';
+  }
+  return end < text.size() ? shown + "..." : shown;
+}
+
+std::string quoted(const std::string& text) { return "'" + excerpt(text) + "'"; }
 
 std::string shown(const Eigen::Vector3d& v) {
   return "(" + shortest(v.x()) + ", " + shortest(v.y()) + ", " + shortest(v.z()) + ")";
@@ -63,7 +81,7 @@ void check_name(const std::string& field, const std::string& name) {
   if (name == "world") refuse(field, "'world' is the world itself, choose another name");
   bool legal = is_name_start(name.front());
   for (const char c : name) legal = legal && is_name_character(c);
-  if (!legal) refuse(field, "must match [A-Za-z0-9_][A-Za-z0-9_./-]*, got '" + name + "'");
+  if (!legal) refuse(field, "must match [A-Za-z0-9_][A-Za-z0-9_./-]*, got " + quoted(name));
 }
 
 void validate(const BodyState& state) {

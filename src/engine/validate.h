@@ -12,6 +12,11 @@ namespace constraint_sim::engine {
 /// The fewest digits that read back to the same double.
 std::string shortest(double value);
 
+/// The first 40 characters of a text that came from outside, what cannot be printed as `?`.
+std::string excerpt(const std::string& text);
+/// The same in single quotes.
+std::string quoted(const std::string& text);
+
 /// `(x, y, z)`.
 std::string shown(const Eigen::Vector3d& v);
 

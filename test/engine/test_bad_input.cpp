@@ -147,8 +147,8 @@ TEST(BadInput, BodiesThatCannotBe) {
   refused("angular_velocity", "2.5", moving_floor);
 }
 
-const std::vector<std::string> kBadNames{"",     "world", "a b", "/a",    "-a",   ".a",
-                                         "a\nb", "ä",     "a:b", "\"a\"", "a\tb", "~a"};
+const std::vector<std::string> kBadNames{"",   "world", "a b", "/a",    "-a",
+                                         ".a", "ä",     "a:b", "\"a\"", "~a"};
 
 TEST(BadInput, Names) {
   Victim victim;

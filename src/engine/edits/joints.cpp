@@ -26,7 +26,7 @@ std::size_t World::Impl::index(JointId id) const {
 JointId World::add_joint(const Joint& joint, bool broken) {
   validate(joint);
   if (has_joint(joint.name))
-    refuse("name", "there is already a constraint named '" + joint.name + "'");
+    refuse("name", "there is already a constraint named " + quoted(joint.name));
   impl_->check_ends(joint);
   Joint filled = joint;
   impl_->fill_in(filled);
@@ -47,15 +47,15 @@ JointId World::add_joint(const Joint& joint, bool broken) {
 void World::Impl::check_ends(const Joint& joint) const {
   const std::size_t a = index(joint.body_a);
   const std::size_t b = index(joint.body_b);
-  const std::string names = "'" + bodies[a].name + "' and '" + bodies[b].name + "'";
+  const std::string names = quoted(bodies[a].name) + " and " + quoted(bodies[b].name);
   if (a == b) refuse("body_b", "must be another body than body_a, got " + names);
   if (!is_movable(a) && !is_movable(b))
     refuse("body_b", "one of the two bodies must be dynamic, got " + names);
   const auto check_anchor = [&](const char* field, std::size_t i, const Vector3d& anchor) {
     const bool cannot_turn = is_movable(i) && masses[i].inertia.isZero(0.0);
     if (cannot_turn && !anchor.isZero(0.0))
-      refuse(field, "'" + bodies[i].name +
-                        "' is a point mass without inertia, its anchor must be (0, 0, 0), got " +
+      refuse(field, quoted(bodies[i].name) +
+                        " is a point mass without inertia, its anchor must be (0, 0, 0), got " +
                         shown(anchor));
   };
   check_anchor("anchor_a", a, joint.anchor_a);

@@ -5,6 +5,7 @@
 #include <condition_variable>
 #include <cstdint>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -12,9 +13,13 @@ namespace constraint_sim::engine {
 
 class Workers::Team {
  public:
-  explicit Team(int threads) {
+  /// With fewer threads where the system has no more: the work gets done, and is the same.
+  explicit Team(int threads) : asked_for_(threads) {
     others_.reserve(static_cast<std::size_t>(threads - 1));
-    for (int i = 1; i < threads; ++i) others_.emplace_back([this] { work(); });
+    try {
+      for (int i = 1; i < threads; ++i) others_.emplace_back([this] { work(); });
+    } catch (const std::system_error&) {
+    }
   }
   Team(const Team&) = delete;
   Team& operator=(const Team&) = delete;
@@ -27,7 +32,7 @@ class Workers::Team {
     for (std::thread& other : others_) other.join();
   }
 
-  int threads() const { return static_cast<int>(others_.size()) + 1; }
+  int asked_for() const { return asked_for_; }
 
   void run(std::size_t count, const AnyTask& task) {
     // pieces small enough that nobody waits long for the last one
@@ -82,6 +87,7 @@ class Workers::Team {
   std::size_t count_ = 0, piece_ = 1;
   std::atomic<std::size_t> next_{0};
 
+  int asked_for_;
   std::vector<std::thread> others_;
 };
 
@@ -91,7 +97,7 @@ Workers& Workers::operator=(const Workers&) { return *this; }
 Workers::~Workers() = default;
 
 void Workers::share(int threads, std::size_t count, const AnyTask& task) {
-  if (!team_ || team_->threads() != threads) team_ = std::make_unique<Team>(threads);
+  if (!team_ || team_->asked_for() != threads) team_ = std::make_unique<Team>(threads);
   team_->run(count, task);
 }
 

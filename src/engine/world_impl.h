@@ -209,6 +209,7 @@ struct World::Impl {
   bool integrate_island(std::size_t i, const SmoothSpan& span);
   Progress integrate_by_substeps(std::size_t i, const SmoothSpan& span, double most_frequency);
   double most_frequency() const;
+  int most_attempts() const;
   Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span, bool gives_way);
   void wait_for_agreement(std::size_t i);
   int threads_worth_it() const;
@@ -233,7 +234,10 @@ struct World::Impl {
   void drop_spent_wrenches();
   void measure();
   void find_worst_joint(const std::vector<int>& among, StepReport* worst) const;
-  bool is_finite() const;
+  [[noreturn]] static void fail(Failure why);
+  void keep_state_before(Failure why);
+  Failure failure_of_motion();
+  bool tells_finite_numbers() const;
 
   class StageTimer;
 

@@ -722,7 +722,7 @@ TEST(SaveScene, KeepsTheSmallestAndTheLargestNumbers) {
   World world;
   Body body;
   body.name = "a";
-  body.mass = std::numeric_limits<double>::max();
+  body.mass = kMostMagnitude;
   body.state.position = {std::numeric_limits<double>::denorm_min(), -0.0, 0.1};
   world.add_body(body);
   const World again = load_scene(save_scene(world));

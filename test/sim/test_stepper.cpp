@@ -216,8 +216,7 @@ TEST_F(StepperTest, AFailedWorldStandsUntilItIsEdited) {
   with_stepper([&] {
     stepper_->edit([](World& world) {
       engine::BodyState state;
-      state.linear_velocity = {1e308, 0.0, 0.0};
-      state.position = {1.7e308, 0.0, 0.0};
+      state.position.x() = state.linear_velocity.x() = engine::kMostMagnitude;
       world.set_state(world.find_body("ball"), state);
     });
   });

@@ -48,6 +48,7 @@ const WorldOptions& World::options() const { return impl_->options; }
 
 void World::set_options(const WorldOptions& options) {
   validate(options);
+  check_next_tick("time_step", time(), options.time_step);
   if (options.time_step != impl_->options.time_step) set_time(time(), step_count());
   impl_->options = options;
   impl_->wake_all();
@@ -60,6 +61,7 @@ void World::set_clock(Clock clock) { impl_->clock = clock; }
 
 void World::set_time(double time, std::uint64_t step_count) {
   check_finite("time", time);
+  check_next_tick("time", time, impl_->options.time_step);
   const double now = this->time();
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     JointState& state = impl_->joint_states[j];
@@ -156,6 +158,24 @@ const char* name(Method method) {
   constexpr std::array<const char*, kMethodCount> kNames = {
       "auto", "runge_kutta", "energy_momentum", "sequential_impulses"};
   return kNames[static_cast<std::size_t>(method)];
+}
+
+const char* text(Failure failure) {
+  switch (failure) {
+    case Failure::kNone:
+      break;
+    case Failure::kNotFinite:
+      return "a number was not finite";
+    case Failure::kOutOfRange:
+      return "a body is beyond 1e20 m, m/s or rad/s";
+    case Failure::kTooManyPairs:
+      return "more than 1000000 pairs of bodies are near each other";
+    case Failure::kTooManyContacts:
+      return "bodies touch in more than 300000 points";
+    case Failure::kNoNextTick:
+      return "a tick is lost beside so long a time";
+  }
+  return "";
 }
 
 const char* name(Stage stage) {

@@ -21,9 +21,10 @@ template <class System>
 Progress integrate(System& system, const StageMemory& memory, double t, double h,
                    const Accuracy& accuracy, double& step) {
   if (step == 0.0) step = h;
-  return accuracy.order == 5
-             ? integrate<DormandPrince5>(system, memory, t, h, accuracy.tolerance, step)
-             : integrate<DormandPrince8>(system, memory, t, h, accuracy.tolerance, step);
+  return accuracy.order == 5 ? integrate<DormandPrince5>(system, memory, t, h, accuracy.tolerance,
+                                                         step, accuracy.most_attempts)
+                             : integrate<DormandPrince8>(system, memory, t, h, accuracy.tolerance,
+                                                         step, accuracy.most_attempts);
 }
 
 /// The quaternion (x, y, z, w) of a body with known angular momentum, as a System.

@@ -76,7 +76,10 @@ void World::Impl::make_islands() {
     island.joints = static_cast<std::uint32_t>(members.joints.size());
     IslandParts& parts = island_parts.emplace_back();
     parts.members = std::move(members);
+    for (const auto& [first_body, memory] : loaded_memory)
+      if (first_body == island.first_body) static_cast<IslandMemory&>(parts) = memory;
   }
+  loaded_memory.clear();
 }
 
 void World::Impl::classify_islands() {

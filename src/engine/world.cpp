@@ -56,6 +56,7 @@ void World::Impl::begin_step() {
   step_start = time();
   step_end = time_of(step_count + 1);
   report = StepReport{};
+  contacts_are_new = false;
   if (!has_next_tick(step_start, options.time_step)) fail(Failure::kNoNextTick);
 }
 
@@ -67,6 +68,9 @@ void World::Impl::remember() {
     states_before[static_cast<std::size_t>(i)] = states[static_cast<std::size_t>(i)];
   for (const int j : awake_joints)
     joint_states_before[static_cast<std::size_t>(j)] = joint_states[static_cast<std::size_t>(j)];
+  memory_before.resize(island_parts.size());
+  for (const int i : awake_islands)
+    memory_before[static_cast<std::size_t>(i)] = island_parts[static_cast<std::size_t>(i)];
 }
 
 void World::Impl::go_back() {
@@ -74,6 +78,10 @@ void World::Impl::go_back() {
     states[static_cast<std::size_t>(i)] = states_before[static_cast<std::size_t>(i)];
   for (const int j : awake_joints)
     joint_states[static_cast<std::size_t>(j)] = joint_states_before[static_cast<std::size_t>(j)];
+  for (const int i : awake_islands)
+    static_cast<IslandMemory&>(island_parts[static_cast<std::size_t>(i)]) =
+        memory_before[static_cast<std::size_t>(i)];
+  if (contacts_are_new) std::swap(touching, touching_before);
 }
 
 // what follows from bodies, joints and options: once after an edit
@@ -92,13 +100,13 @@ void World::Impl::recompile() {
   }
   std::sort(unpaired.begin(), unpaired.end());
 
-  const auto is_gone = [](const TouchingPair& pair) { return pair.a < 0 || pair.b < 0; };
+  const auto is_gone = [this](const TouchingPair& pair) { return !is_known(pair); };
   for (std::vector<TouchingPair>* pairs : {&touching, &resting}) {
+    pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_gone), pairs->end());
     for (TouchingPair& pair : *pairs) {
       pair.a = body_index[pair.id_a.value];
       pair.b = body_index[pair.id_b.value];
     }
-    pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_gone), pairs->end());
   }
 
   changing_courses.clear();  // until the islands are sorted anew
@@ -135,6 +143,7 @@ void World::Impl::find_contacts() {
   collide_pairs();
   while (wake_touched()) {
     std::swap(touching, touching_before);  // back to the contacts of the step before
+    contacts_are_new = false;
     spread_waking();
     remember();
     find_pairs();
@@ -144,6 +153,7 @@ void World::Impl::find_contacts() {
 
 void World::Impl::collide_pairs() {
   std::swap(touching, touching_before);
+  contacts_are_new = true;
   touching.clear();
   if (moving_shapes.empty()) return;
   const StageTimer timer(*this, Stage::kNarrowphase);
@@ -288,7 +298,6 @@ void World::Impl::keep_state_before(Failure why) {
   for (std::optional<EnergyMomentum>& motion : stiff)
     if (motion) motion->forget();
   is_fresh = true;
-  touching.clear();
   contacts.resize(resting_contacts);
   report.failed = true;
   report.failure = why;

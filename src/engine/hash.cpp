@@ -123,11 +123,11 @@ void add(Fnv1a& hash, const IslandMemory& memory, const std::string& first_body)
     hash.add(value);
 }
 
-void add(Fnv1a& hash, const Wrench& wrench, const std::string& body) {
+void add(Fnv1a& hash, const Wrench& wrench, const std::string& body, double now) {
   hash.add(body);
   hash.add(wrench.force);
   hash.add(wrench.torque);
-  hash.add(wrench.start);
+  hash.add(std::max(wrench.start, now));  // before now it makes no difference
   hash.add(wrench.end);
 }
 
@@ -157,7 +157,7 @@ std::uint64_t World::state_hash() const {
   }
   for (const std::size_t i : body_order)
     for (const Wrench& wrench : world.wrenches)
-      if (wrench.body == world.body_ids[i]) add(hash, wrench, world.bodies[i].name);
+      if (wrench.body == world.body_ids[i]) add(hash, wrench, world.bodies[i].name, world.time());
   for (const auto* pairs : {&world.touching, &world.resting})
     for (const TouchingPair& pair : *pairs)
       if (world.is_known(pair)) add(hash, pair, name_of(pair.id_a), name_of(pair.id_b));

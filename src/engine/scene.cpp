@@ -269,7 +269,9 @@ Wrench read_wrench(const YamlElement& item, const World& world) {
   item.read("force", &wrench.force);
   item.read("torque", &wrench.torque);
   item.read("start", &wrench.start);
-  item.attempt([&] { check_not_negative("start", wrench.start); });
+  item.attempt([&] {
+    if (world.time() >= 0.0) check_not_negative("start", wrench.start);
+  });
   if (const auto end = item.find("end")) {
     if (const auto duration = item.find("duration"))
       duration->fail("the end already says it; give one or the other");

@@ -196,7 +196,7 @@ void write_wrench(YAML::Emitter* out, const World& world, const Wrench& wrench) 
   write(out, "body", world.body(wrench.body).name);
   write(out, "force", wrench.force);
   write(out, "torque", wrench.torque);
-  write(out, "start", wrench.start);
+  write(out, "start", std::max(wrench.start, world.time()));  // before now it makes no difference
   if (std::isfinite(wrench.end)) write(out, "end", wrench.end);
   *out << YAML::EndMap;
 }

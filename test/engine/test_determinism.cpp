@@ -131,7 +131,7 @@ struct Parts {
   Body body = make_body("body", Box{{1.0, 2.0, 3.0}}, 2.0, {1.1, 1.2, 1.3});
   Body fixture = make_body("fixture", Sphere{1.0}, 2.0, {9.0, 0.0, 0.0});
   Joint joint = make_joint("joint", kWorldBody, {0.1, 0.2, 0.3}, kWorldBody, {0.4, 0.5, 0.6});
-  Wrench wrench{{}, {0.1, 0.2, 0.3}, {0.4, 0.5, 0.6}, 1.5, 3.5};
+  Wrench wrench{{}, {0.1, 0.2, 0.3}, {0.4, 0.5, 0.6}, 2.75, 3.5};
   WorldOptions options;
   double time = 2.5;
   std::uint64_t step = 10;

@@ -148,8 +148,10 @@ class World {
   /// Takes over from another world: its time goes on, and its ids are not used again. All ids of
   /// this world change, and the phases of motors shift so that the motion is the same as from 0.
   void continue_from(const World& other);
-  /// 64-bit FNV-1a over step, time, and by name all bodies and joints with their state, and
-  /// wrenches; no caches.
+  /// 64-bit FNV-1a over all that decides the motion: options but for `threads`, step and time, and
+  /// by name bodies and joints with their state and place in the order of adding, wrenches, contact
+  /// impulses, what islands remember, and whether methods begin anew. Equal hashes mean equal
+  /// futures.
   std::uint64_t state_hash() const;
   /// Times the stages of each step from now on; nullptr: no longer.
   void set_clock(Clock clock);
@@ -159,6 +161,7 @@ class World {
 
  private:
   struct Impl;
+  friend struct Insides;  // of saving and loading
   std::unique_ptr<Impl> impl_;
 };
 

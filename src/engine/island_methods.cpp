@@ -20,6 +20,10 @@ constexpr double kCalmShare = 0.5;
 constexpr std::uint64_t kCalmFor = 50;  // [steps]
 // How long an island that could not be integrated is left to the other method [steps].
 constexpr std::uint64_t kRefusedFor = 100;
+// Substeps of an island in one span; of all bodies together; and what each has at least, so that a
+// step of any number of bodies has an end.
+constexpr int kMostAttempts = 50000, kLeastAttempts = 100;
+constexpr std::size_t kMostAttemptsOfAll = 300000;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
@@ -72,7 +76,10 @@ void World::Impl::make_islands() {
     island.joints = static_cast<std::uint32_t>(members.joints.size());
     IslandParts& parts = island_parts.emplace_back();
     parts.members = std::move(members);
+    for (const auto& [first_body, memory] : loaded_memory)
+      if (first_body == island.first_body) static_cast<IslandMemory&>(parts) = memory;
   }
+  loaded_memory.clear();
 }
 
 void World::Impl::classify_islands() {
@@ -348,7 +355,7 @@ void World::Impl::find_loads(double from, double to) {
 
 bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   const IslandParts& parts = island_parts[i];
-  const Accuracy accuracy{options.order, options.tolerance, kInfinity, stop};
+  const Accuracy accuracy{options.order, options.tolerance, kInfinity, most_attempts(), stop};
   Island& island = islands[i];
   const auto add = [&](const Progress& progress) {
     island.local_error += progress.local_error;
@@ -407,10 +414,16 @@ double World::Impl::most_frequency() const {
   return limit / options.time_step;
 }
 
+// of one island in one span: the more bodies there are, the fewer
+int World::Impl::most_attempts() const {
+  const std::size_t share = kMostAttemptsOfAll / std::max<std::size_t>(1, awake_bodies.size());
+  return static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
+}
+
 Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& span,
                                             double most_frequency) {
   IslandParts& parts = island_parts[i];
-  const Accuracy accuracy{options.order, options.tolerance, most_frequency, stop};
+  const Accuracy accuracy{options.order, options.tolerance, most_frequency, most_attempts(), stop};
   const Progress progress = linked[at(parts.linked)].advance(span, accuracy, &states);
   parts.stiff_ticks = progress.is_stiff ? parts.stiff_ticks + 1 : 0;
   if (progress.done && parts.stiff_ticks < kStiffFor) return progress;

@@ -35,6 +35,30 @@ struct TouchingPair {
 struct JointStart {
   Motor motor;  ///< also after continue_from() with the phase of the scene, right from time 0
   bool broken = false;
+  std::optional<JointState> state;  ///< of a joint that goes on as saved
+  double time = 0.0;                ///< when it had that state [s]
+};
+
+/// What decides how an island is carried, beside its bodies and joints.
+struct IslandMemory {
+  std::uint64_t quiet_for = 0;        ///< steps in a row that moved nothing to speak of
+  bool is_stiff = false;              ///< as measured when it was last carried
+  int stiff_ticks = 0;                ///< how often in a row substeps found it so
+  std::uint64_t stiff_until = 0;      ///< step before which it is not asked again
+  std::uint64_t refused_until = 0;    ///< step
+  std::uint64_t touched_until = 0;    ///< step until which its last contact counts as near
+  std::uint64_t gives_way_until = 0;  ///< step
+
+  bool is_none() const {
+    return !is_stiff &&
+           (quiet_for | stiff_until | refused_until | touched_until | gives_way_until) == 0 &&
+           stiff_ticks == 0;
+  }
+  /// The steps are counted from another one.
+  void move(std::uint64_t from, std::uint64_t to) {
+    for (std::uint64_t* until : {&stiff_until, &refused_until, &touched_until, &gives_way_until})
+      *until = *until > from ? *until - from + to : 0;
+  }
 };
 
 /// Of gravity, with 0 at the height 0, and of springs where potential [J].
@@ -43,18 +67,11 @@ struct Energy {
 };
 
 /// What an island is made of, and what is kept for it from step to step.
-struct IslandParts {
+struct IslandParts : IslandMemory {
   IslandMembers members;
-  Why nature = Why::kSmooth;          ///< of its joints and options; contacts come and go
-  int linked = -1;                    ///< into Impl::linked; -1: no joints, or never integrated
-  std::uint64_t quiet_for = 0;        ///< steps in a row that moved nothing to speak of
-  bool is_stiff = false;              ///< as measured when it was last carried
-  int stiff_ticks = 0;                ///< how often in a row substeps found it so
-  std::uint64_t stiff_until = 0;      ///< step before which it is not asked again
-  std::vector<int> turning_freely;    ///< bodies whose rotation no joint acts on
-  std::uint64_t refused_until = 0;    ///< step
-  std::uint64_t touched_until = 0;    ///< step until which its last contact counts as near
-  std::uint64_t gives_way_until = 0;  ///< step
+  Why nature = Why::kSmooth;        ///< of its joints and options; contacts come and go
+  int linked = -1;                  ///< into Impl::linked; -1: no joints, or never integrated
+  std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
 
   // of this step; each island writes its own, for several may be carried at once
   double projected_energy = 0.0;  ///< [J]
@@ -94,7 +111,9 @@ struct World::Impl {
   std::vector<Broadphase::Pair> unpaired;  // joined bodies that may overlap, sorted
   std::vector<std::pair<std::size_t, std::size_t>> joint_ends;  // the two bodies of each joint
   std::vector<IslandParts> island_parts;
-  std::vector<Island> islands;                       // the same, as it is told
+  std::vector<Island> islands;  // the same, as it is told
+  std::vector<std::pair<BodyId, IslandMemory>>
+      loaded_memory;                                 // by first body, until there are islands
   std::vector<int> island_of;                        // of bodies; -1 of immovable ones
   std::vector<LinkedMotion> linked;                  // of the islands with joints
   std::vector<std::optional<EnergyMomentum>> stiff;  // the same, of those that are, or were, stiff
@@ -151,6 +170,8 @@ struct World::Impl {
   bool is_remembered = false;  // the state before the step is in the next two
   std::vector<BodyState> states_before;
   std::vector<JointState> joint_states_before;
+  std::vector<IslandMemory> memory_before;
+  bool contacts_are_new = false;  // those of the step before are in touching_before
 
   // ---- what a step tells
   std::vector<Contact> contacts;  // those of sleepers first
@@ -165,9 +186,16 @@ struct World::Impl {
   void fill_in(Joint& joint) const;
   double inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const;
   void start_joint(std::size_t j);
+  void continue_joint(std::size_t j, const JointState& saved);
   double end_of(const Motor& motor) const;
   void wake_ends(const Joint& joint);
   void forget_contacts();
+  void continue_asleep(const std::vector<BodyId>& ids);
+  void continue_contact(TouchingPair pair);
+  bool is_known(const TouchingPair& pair) const;
+  bool is_as_added(JointId id) const;
+  std::vector<std::pair<BodyId, IslandMemory>> memories() const;
+  bool starts_methods_anew() const;
   void erase_joint(std::size_t j);
   void erase_wrenches(BodyId id);
 
@@ -186,9 +214,7 @@ struct World::Impl {
   void list_shapes(const std::vector<int>& resting_bodies);
 
   // ---- stepping (world.cpp), in the order of a step
-  void take_stages();
-  StepReport& abandon_step();
-  bool has_next_tick() const;
+  void abandon_step();
   void begin_step();
   void remember();
   void go_back();
@@ -214,6 +240,7 @@ struct World::Impl {
   bool integrate_island(std::size_t i, const SmoothSpan& span);
   Progress integrate_by_substeps(std::size_t i, const SmoothSpan& span, double most_frequency);
   double most_frequency() const;
+  int most_attempts() const;
   Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span, bool gives_way);
   void wait_for_agreement(std::size_t i);
   int threads_worth_it() const;
@@ -238,7 +265,10 @@ struct World::Impl {
   void drop_spent_wrenches();
   void measure();
   void find_worst_joint(const std::vector<int>& among, StepReport* worst) const;
-  bool is_finite() const;
+  [[noreturn]] static void fail(Failure why);
+  void keep_state_before(Failure why);
+  Failure failure_of_motion();
+  bool tells_finite_numbers() const;
 
   class StageTimer;
 
@@ -270,6 +300,12 @@ class World::Impl::StageTimer {
   Impl& world_;
   Stage stage_;
   double start_;
+};
+
+/// The way in for what saves and loads.
+struct Insides {
+  static World::Impl& of(World& world) { return *world.impl_; }
+  static const World::Impl& of(const World& world) { return *world.impl_; }
 };
 
 }  // namespace constraint_sim::engine

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdio>
 #include <string>
 #include <utility>
 
@@ -18,18 +17,11 @@ double run_time() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-std::string shown(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%g", value);
-  return text;
-}
-
 std::string why_failed(const World& world) {
-  const double tick = world.options().time_step;
-  const double time = world.time();
-  if (time + tick > time && std::isfinite(time + tick))
-    return "the result of a tick was not finite";
-  return "time has no next tick: " + shown(tick) + " s are lost beside " + shown(time) + " s";
+  const engine::StepReport& report = world.report();
+  std::string why = engine::text(report.failure);
+  if (report.failed_body) why += ": '" + world.body(*report.failed_body).name + "'";
+  return why;
 }
 
 }  // namespace

@@ -25,11 +25,13 @@ from support import NODE, Listener, call, node_command, properties, running, sph
 QUICK = 1.0  # [s] in which every call is answered, and in which the node ends
 CALLS_A_SECOND = 100
 MOST_STEPS = 7  # calls of step that wait at the same time
-# A tick that takes minutes: the rope is carried by sweeps without end
+# A tick of some seconds: as many sweeps as there may be over many ropes
 ENDLESS = """
-world: {iterations: 2147483647}
+world: {iterations: 10000}
 bodies: [{name: ball, mass: 1, position: [1, 0, 0]}]
-constraints: [{name: leash, type: rope, body_b: ball, max_length: 1}]"""
+constraints:
+- {name: leash, type: rope, body_b: ball, max_length: 1}
+""" + "".join("- {name: r%d, type: rope, body_b: ball, max_length: 1}\n" % i for i in range(20000))
 
 
 @contextlib.contextmanager
@@ -154,7 +156,7 @@ class Hostile(unittest.TestCase):
         with node(scene="pendulum") as process, traffic(self) as beside:
             before = memory_of(process)
             for end in ("pause_physics", "load_scene", "reset_world", "reset_simulation"):
-                self.assertTrue(self.quick("load_scene", text=ENDLESS).success)
+                self.assertTrue(call("load_scene", text=ENDLESS).success)  # a long text
                 self.quick("unpause_physics")
                 made = beside.made
                 wait_until(lambda: beside.made > made + 30, "calls during the tick")
@@ -206,6 +208,14 @@ class Hostile(unittest.TestCase):
                 self.assertEqual([b.name for b in answers[0].bodies], ["bob"])
                 same = answers[0].state_hash == properties().state_hash
                 self.assertEqual(same, end == "pause_physics")
+
+    def test_texts_that_no_scene_is_are_refused_at_once(self):
+        with node() as process:
+            before = memory_of(process)
+            for text in (",", "[" * 100000, "world: {threads: 100000}",
+                         "world: {iterations: 2147483647}"):
+                self.refused(["text"], "load_scene", text=text)
+            self.assertLess(memory_of(process) - before, 50.0)
 
     # ---- files
 

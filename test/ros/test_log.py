@@ -58,13 +58,13 @@ constraints: [{name: thread, body_b: load, break_force: 1}]""")
             log.wait(Log.WARN, "broken", "'thread'")
             self.assertEqual(len(log.lines("broken")), 1)
 
-            body = sphere("fast", 1.7e308)
-            body.twist.linear.x = 1e308
+            body = sphere("fast", 1e20)
+            body.twist.linear.x = 1e20
             call("add_body", body=body)
             call("unpause_physics")
-            log.wait(Log.ERROR, "failed", "not finite")
+            log.wait(Log.ERROR, "failed", "'fast'")
             call("unpause_physics")
-            log.wait(Log.WARN, "unpause_physics", "failed", "not finite")
+            log.wait(Log.WARN, "unpause_physics", "failed", "'fast'")
             call("remove_body", name="fast")
             log.wait(Log.INFO, "goes on")
 

@@ -2,7 +2,6 @@
 
 #include <atomic>
 #include <chrono>
-#include <limits>
 #include <memory>
 #include <stdexcept>
 #include <string>
@@ -217,8 +216,7 @@ TEST_F(StepperTest, AFailedWorldStandsUntilItIsEdited) {
   with_stepper([&] {
     stepper_->edit([](World& world) {
       engine::BodyState state;
-      state.linear_velocity = {1e308, 0.0, 0.0};
-      state.position = {1.7e308, 0.0, 0.0};
+      state.position.x() = state.linear_velocity.x() = engine::kMostMagnitude;
       world.set_state(world.find_body("ball"), state);
     });
   });
@@ -262,8 +260,7 @@ TEST_F(StepperTest, AFailureSaysWhy) {
   with_stepper([&] {
     stepper_->edit([](World& world) {
       engine::BodyState state;
-      state.linear_velocity = {1e308, 0.0, 0.0};
-      state.position = {1.7e308, 0.0, 0.0};
+      state.position.x() = state.linear_velocity.x() = engine::kMostMagnitude;
       world.set_state(world.find_body("ball"), state);
     });
     try {
@@ -274,7 +271,7 @@ TEST_F(StepperTest, AFailureSaysWhy) {
   });
   EXPECT_NE(text.find("step: 0 of 5 steps done"), std::string::npos) << text;
   EXPECT_NE(text.find(stepper_->failure()), std::string::npos) << text;
-  EXPECT_EQ(stepper_->failure(), "the result of a tick was not finite");
+  EXPECT_EQ(stepper_->failure(), "a body is beyond 1e20 m, m/s or rad/s: 'ball'");
 }
 
 TEST_F(StepperTest, MoreStepsThanCouldEverBeTakenAreDroppedAndTimeGoesOn) {
@@ -383,7 +380,7 @@ TEST_F(RunningStepper, ManyThreadsEditAtOnce) {
   EXPECT_EQ(bodies, 1u + kThreads * kEdits / 2);
 }
 
-/// A stepper in a tick that takes minutes: a rope under sweeps without end.
+/// A stepper in a tick that takes many seconds: as many sweeps as there may be over many rods.
 class EndlessTick : public RunningStepper {
  protected:
   EndlessTick() {
@@ -398,7 +395,7 @@ class EndlessTick : public RunningStepper {
   static World endless() {
     engine::WorldOptions options;
     options.method = engine::Method::kSequentialImpulses;
-    options.iterations = std::numeric_limits<int>::max();
+    options.iterations = 10000;
     World world(options);
     engine::Body ball;
     ball.name = "ball";
@@ -407,7 +404,10 @@ class EndlessTick : public RunningStepper {
     engine::Joint rod;
     rod.name = "rod";
     rod.body_b = world.add_body(ball);
-    world.add_joint(rod);
+    for (int i = 0; i < 10000; ++i) {
+      rod.name = "rod_" + std::to_string(i);
+      world.add_joint(rod);
+    }
     return world;
   }
 
@@ -424,7 +424,7 @@ class EndlessTick : public RunningStepper {
 constexpr double kQuick = 1.0;  // [s], as the node promises; each takes kPatience
 
 TEST_F(EndlessTick, QueriesSeeTheWorldBeforeIt) {
-  for (int i = 0; i < 100; ++i) {
+  for (int i = 0; i < 10; ++i) {
     EXPECT_LT(seconds([&] {
                 stepper_.inspect([&](const World& world) { EXPECT_EQ(world.state_hash(), hash_); });
               }),

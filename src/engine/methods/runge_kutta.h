@@ -29,6 +29,7 @@ struct Accuracy {
   double tolerance;  ///< [m] of local error per second; 0: one substep a span
   /// What joints may swing bodies with before the island counts as stiff [rad/s].
   double most_frequency = std::numeric_limits<double>::infinity();
+  int most_attempts = 50000;  ///< substeps, those in vain included, beyond which it is refused
   StopFlag stop = nullptr;
 };
 

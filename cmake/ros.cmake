@@ -18,9 +18,11 @@ catkin_package(
 
 add_library(constraint_sim_ros STATIC
   src/ros/conversions.cpp
+  src/ros/event_log.cpp
   src/ros/markers.cpp
   src/ros/parameters.cpp
   src/ros/publishers.cpp
+  src/ros/scenes.cpp
   src/ros/services.cpp
   src/ros/simulator_node.cpp
 )
@@ -48,7 +50,7 @@ install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION
 install(DIRECTORY include/constraint_sim/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
 install(DIRECTORY launch config DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # not executable where they lie: rosrun would find them there as well as where they are installed
-catkin_install_python(PROGRAMS src/tools/bag_report src/tools/watch_error
+catkin_install_python(PROGRAMS src/tools/bag_report src/tools/simulator_bag src/tools/watch_error
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES src/tools/run_statistics.py DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(PROGRAMS bench/node_throughput.py RENAME constraint_sim_node_throughput

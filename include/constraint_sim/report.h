@@ -35,6 +35,26 @@ inline constexpr std::size_t kStageCount = 7;
 
 const char* name(Stage stage);
 
+/// Why a step has failed. The state before it is kept then.
+enum class Failure {
+  kNone,
+  kNotFinite,        ///< a number was not finite
+  kOutOfRange,       ///< a body is farther or faster than kMostMagnitude
+  kTooManyPairs,     ///< more than kMostPairs of bodies overlap with their boxes
+  kTooManyContacts,  ///< more than kMostContacts points touch
+  kNoNextTick,       ///< the time is so long that a tick is lost beside it
+};
+
+/// One line in plain words; empty for kNone.
+const char* text(Failure failure);
+
+/// Largest coordinate of a position [m], velocity [m/s] and angular velocity [rad/s], so that their
+/// squares and cubes, and those times a mass, are finite.
+inline constexpr double kMostMagnitude = 1e20;
+/// What a step may have to do with: beyond these it fails, within a bounded time and memory.
+inline constexpr std::size_t kMostPairs = 1000000;
+inline constexpr std::size_t kMostContacts = 300000;
+
 /// What a step did, how wrong it is, and what it cost.
 struct StepReport {
   std::uint64_t step = 0;  ///< steps since the start, this one included
@@ -53,9 +73,12 @@ struct StepReport {
   std::uint32_t dependent_rows = 0;     ///< equations that followed from others, at most at once
   std::uint32_t unresolved_bodies = 0;  ///< of stiff islands, that move faster than a step can show
   std::uint32_t torn_joints = 0;        ///< that broke in this step
-  double projected_energy = 0.0;  ///< kinetic energy lost where velocities were made to fit the
-                                  ///< joints, when a method took over or an edit came [J]
-  bool failed = false;            ///< the result was not finite: the state before the step was kept
+  double projected_energy = 0.0;      ///< kinetic energy lost where velocities were made to fit the
+                                      ///< joints, when a method took over or an edit came [J]
+  bool failed = false;                ///< the state before the step was kept
+  Failure failure = Failure::kNone;   ///< why
+  std::optional<BodyId> failed_body;  ///< whose motion it was, where it was one body's
+  bool stopped = false;               ///< the stop flag was set: the state before the step was kept
 
   // what it cost
   std::array<std::uint32_t, kMethodCount> islands{};  ///< carried by each method

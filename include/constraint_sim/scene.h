@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstddef>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "constraint_sim/world.h"
 
@@ -14,13 +16,24 @@ class SceneError : public std::invalid_argument {
   using std::invalid_argument::invalid_argument;
 };
 
+inline constexpr std::size_t kMostSceneBytes = std::size_t{16} << 20;
+
 /// Makes a world from a scene in YAML (docs/scenes.md). `source` names it in errors.
-/// `defaults` are the options of a scene that does not set them itself. Throws SceneError.
+/// `defaults` are the options of a scene that does not set them itself. Throws SceneError, also
+/// when the text is longer than kMostSceneBytes, or has lists and maps more than 32 deep.
 World load_scene(const std::string& text, const std::string& source = "scene",
                  const WorldOptions& defaults = {});
 
-/// The same from a file. Throws SceneError, also when the file cannot be read.
+/// The same from a file. Throws SceneError, also when this is no regular file of at most
+/// kMostSceneBytes that can be read.
 World load_scene_file(const std::string& path, const WorldOptions& defaults = {});
+
+/// The names that the scenes in a folder have: of `pendulum.yaml` it is `pendulum`. In their order.
+std::vector<std::string> scene_names(const std::string& folder);
+
+/// The file that `scene` stands for: the scene of that name in `folder`, or else itself, a path.
+/// Throws SceneError where there is neither, with the names in the folder that may be meant.
+std::string file_of_scene(const std::string& scene, const std::string& folder);
 
 /// The world as it is now, as a scene in long form: loading it gives the same bodies, joints and
 /// motion, every number to 4 ulp, and saving that again gives the same text.

@@ -13,6 +13,7 @@
 #include "constraint_sim/island.h"
 #include "constraint_sim/joint.h"
 #include "constraint_sim/report.h"
+#include "constraint_sim/stop_flag.h"
 #include "constraint_sim/wrench.h"
 
 namespace constraint_sim::engine {
@@ -118,7 +119,8 @@ class World {
   const std::vector<Wrench>& wrenches() const;
 
   // ---- motion
-  /// Carries the world on by one tick. The report stays valid until the next call.
+  /// Carries the world on by one tick. The report stays valid until the next call. Where memory or
+  /// threads run out it throws what the system did, and the state is that of before.
   const StepReport& step();
   const StepReport& report() const;
   /// Contact points that the last step met, those of islands at rest before all others, in a stable
@@ -140,19 +142,26 @@ class World {
   /// time goes on; a motor's sinusoid is one of simulated time, as ever. set_time(0, 0) afterwards
   /// makes the motion that of a new world, bit for bit.
   void reset();
-  /// Goes on from this simulated time [s] and step; timeouts and wrenches move along.
+  /// Goes on from this simulated time [s] and step; timeouts and wrenches move along. A time to
+  /// which adding a tick changes nothing is refused.
   void set_time(double time, std::uint64_t step_count);
   /// Takes over from another world: its time goes on, and its ids are not used again. All ids of
   /// this world change, and the phases of motors shift so that the motion is the same as from 0.
   void continue_from(const World& other);
-  /// 64-bit FNV-1a over step, time, and by name all bodies and joints with their state, and
-  /// wrenches; no caches.
+  /// 64-bit FNV-1a over all that decides the motion: options but for `threads`, step and time, and
+  /// by name bodies and joints with their state and place in the order of adding, wrenches, contact
+  /// impulses, what islands remember, and whether methods begin anew. Equal hashes mean equal
+  /// futures.
   std::uint64_t state_hash() const;
   /// Times the stages of each step from now on; nullptr: no longer.
   void set_clock(Clock clock);
+  /// Steps look at this flag from now on and, once it is set, end early with `stopped` in the
+  /// report and the state of before; nullptr: no longer. It must outlive the world.
+  void set_stop_flag(StopFlag stop);
 
  private:
   struct Impl;
+  friend struct Insides;  // of saving and loading
   std::unique_ptr<Impl> impl_;
 };
 

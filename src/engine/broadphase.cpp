@@ -119,7 +119,7 @@ void Broadphase::Tree::build(const std::vector<Proxy>& proxies, int node, int fi
 }
 
 void Broadphase::pair_within(const Tree& tree, int node) {
-  if (tree[node].leaves == 1 || !tree[node].movable) return;
+  if (tree[node].leaves == 1 || !tree[node].movable || is_full()) return;
   pair_within(tree, Tree::left_child(node));
   pair_within(tree, tree.right_child(node));
   pair_between(tree, Tree::left_child(node), tree, tree.right_child(node));
@@ -128,7 +128,7 @@ void Broadphase::pair_within(const Tree& tree, int node) {
 void Broadphase::pair_between(const Tree& tree_a, int node_a, const Tree& tree_b, int node_b) {
   const Node& a = tree_a[node_a];
   const Node& b = tree_b[node_b];
-  if (!a.movable && !b.movable) return;
+  if ((!a.movable && !b.movable) || is_full()) return;
   if (!test(a.box, b.box)) return;
 
   // splitting the larger box keeps a big body from being compared with everything at every level
@@ -146,7 +146,7 @@ void Broadphase::pair_between(const Tree& tree_a, int node_a, const Tree& tree_b
 // an unbounded one with all leaves
 void Broadphase::pair_with(const Proxy& proxy, const Tree& tree) {
   for (const Node& node : tree.nodes)
-    if (node.leaves == 1) pair_proxies(proxy, {node.box, node.body, node.movable});
+    if (node.leaves == 1 && !is_full()) pair_proxies(proxy, {node.box, node.body, node.movable});
 }
 
 void Broadphase::pair_proxies(const Proxy& a, const Proxy& b) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "constraint_sim/body.h"
+#include "constraint_sim/report.h"
 
 namespace constraint_sim::engine {
 
@@ -40,11 +41,14 @@ class Broadphase {
   void set_resting(const std::vector<Proxy>& proxies);
 
   /// All pairs, of these and of these with resting ones, with at least one movable body whose boxes
-  /// overlap, sorted. Valid until the next call.
+  /// overlap, sorted; of more than kMostPairs only some. Valid until the next call.
   const std::vector<Pair>& find_pairs(const std::vector<Proxy>& proxies);
 
   /// What the last call found.
   const std::vector<Pair>& pairs() const { return pairs_; }
+
+  /// Whether there are more of them than can be told.
+  bool is_full() const { return pairs_.size() > kMostPairs; }
 
   /// Box against box tests of the last call, those of the tree's inner boxes included.
   std::uint64_t tests() const { return tests_; }

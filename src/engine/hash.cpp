@@ -37,11 +37,34 @@ std::vector<std::size_t> by_name(const List& list, std::size_t first) {
   return order;
 }
 
+void add(Fnv1a& hash, const WorldOptions& options) {
+  hash.add(options.gravity);
+  for (const double value :
+       {options.time_step, options.closing_time, options.sleep_after, options.sleep_speed,
+        options.tolerance, options.stiffness_limit, options.baumgarte})
+    hash.add(value);
+  hash.add(std::string(name(options.method)));
+  for (const int value : {options.order, options.stiff_order, options.iterations})
+    hash.add(static_cast<std::uint64_t>(value));
+  hash.add(std::uint64_t{options.dissipation});
+  hash.add(std::uint64_t{options.warm_starting});
+}
+
+void add(Fnv1a&, const Point&) {}
+void add(Fnv1a& hash, const Sphere& sphere) { hash.add(sphere.radius); }
+void add(Fnv1a& hash, const Box& box) { hash.add(box.size); }
+void add(Fnv1a&, const Plane&) {}
+
 void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodyState& state) {
   hash.add(body.name);
   hash.add(static_cast<std::uint64_t>(body.type));
+  hash.add(std::uint64_t{body.shape.index()});
+  std::visit([&](const auto& shape) { add(hash, shape); }, body.shape);
   hash.add(body.mass);
   hash.add(mass.inertia);
+  hash.add(body.friction);
+  hash.add(body.restitution);
+  hash.add(std::uint64_t{body.no_collision});
   hash.add(state.position);
   hash.add(Eigen::Vector3d(state.orientation.vec()));
   hash.add(state.orientation.w());
@@ -68,8 +91,9 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   std::visit([&](const auto& type) { add(hash, type); }, joint.type);
   const Motor& motor = joint.motor;
   for (const double value : {motor.bias, motor.amplitude, motor.frequency, motor.phase,
-                             motor.max_force, state.expires_at, state.travel})
+                             motor.max_force, motor.timeout, state.expires_at, state.travel})
     hash.add(value);
+  hash.add(state.impulse);
   hash.add(joint.baumgarte.value_or(-1.0));
   hash.add(joint.break_force);
   hash.add(std::uint64_t{joint.collide_connected});
@@ -77,13 +101,33 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   if (!state.closing) return;
   hash.add(state.closing_since);
   hash.add(state.closing_offset);
+  hash.add(state.initial_error);
 }
 
-void add(Fnv1a& hash, const Wrench& wrench, const std::string& body) {
+void add(Fnv1a& hash, const TouchingPair& pair, const std::string& body_a,
+         const std::string& body_b) {
+  hash.add(body_a);
+  hash.add(body_b);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
+    hash.add(std::uint64_t{pair.manifold.points[k].feature});
+    hash.add(pair.impulses[k]);
+  }
+}
+
+void add(Fnv1a& hash, const IslandMemory& memory, const std::string& first_body) {
+  hash.add(first_body);
+  for (const std::uint64_t value :
+       {memory.quiet_for, std::uint64_t{memory.is_stiff},
+        static_cast<std::uint64_t>(memory.stiff_ticks), memory.stiff_until, memory.refused_until,
+        memory.touched_until, memory.inconsistent_until, std::uint64_t{memory.gradient_iterations}})
+    hash.add(value);
+}
+
+void add(Fnv1a& hash, const Wrench& wrench, const std::string& body, double now) {
   hash.add(body);
   hash.add(wrench.force);
   hash.add(wrench.torque);
-  hash.add(wrench.start);
+  hash.add(std::max(wrench.start, now));  // before now it makes no difference
   hash.add(wrench.end);
 }
 
@@ -92,17 +136,34 @@ void add(Fnv1a& hash, const Wrench& wrench, const std::string& body) {
 std::uint64_t World::state_hash() const {
   const Impl& world = *impl_;
   Fnv1a hash;
+  add(hash, world.options);
   hash.add(world.step_count);
-  hash.add(world.time());
+  hash.add(world.base_step);
+  hash.add(world.base_time);
+  const auto name_of = [&](BodyId id) -> const std::string& {
+    return world.bodies[world.index(id)].name;
+  };
+  // rows are solved in the order of adding, which therefore decides the last bits
   const std::vector<std::size_t> body_order = by_name(world.bodies, 1);
-  for (const std::size_t i : body_order)
+  for (const std::size_t i : body_order) {
+    hash.add(std::uint64_t{i});
     add(hash, world.bodies[i], world.masses[i], world.states[i]);
-  for (const std::size_t j : by_name(world.joints, 0))
-    add(hash, world.joints[j], world.bodies[world.index(world.joints[j].body_a)].name,
-        world.bodies[world.index(world.joints[j].body_b)].name, world.joint_states[j]);
+    hash.add(std::uint64_t{world.asleep[i]});
+  }
+  for (const std::size_t j : by_name(world.joints, 0)) {
+    hash.add(std::uint64_t{j});
+    add(hash, world.joints[j], name_of(world.joints[j].body_a), name_of(world.joints[j].body_b),
+        world.joint_states[j]);
+  }
   for (const std::size_t i : body_order)
     for (const Wrench& wrench : world.wrenches)
-      if (wrench.body == world.body_ids[i]) add(hash, wrench, world.bodies[i].name);
+      if (wrench.body == world.body_ids[i]) add(hash, wrench, world.bodies[i].name, world.time());
+  for (const auto* pairs : {&world.touching, &world.resting})
+    for (const TouchingPair& pair : *pairs)
+      if (world.is_known(pair)) add(hash, pair, name_of(pair.id_a), name_of(pair.id_b));
+  for (const auto& [first_body, memory] : world.memories())
+    if (world.body_index[first_body.value] >= 0) add(hash, memory, name_of(first_body));
+  hash.add(std::uint64_t{world.starts_methods_anew()});
   return hash.value();
 }
 

@@ -30,6 +30,10 @@ constexpr double kUsualIterations = 15.0;
 constexpr double kPointIteration = 6.0, kIteration = 20.0;
 // What substeps may lose when they take over within a tick, as a share of the kinetic energy.
 constexpr double kMostProjected = 1e-9;
+// Substeps of an island in one span; of all bodies together; and what each has at least, so that a
+// step of any number of bodies has an end.
+constexpr int kMostAttempts = 50000, kLeastAttempts = 100;
+constexpr std::size_t kMostAttemptsOfAll = 300000;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
@@ -83,7 +87,10 @@ void World::Impl::make_islands() {
     island.joints = static_cast<std::uint32_t>(members.joints.size());
     IslandParts& parts = island_parts.emplace_back();
     parts.members = std::move(members);
+    for (const auto& [first_body, memory] : loaded_memory)
+      if (first_body == island.first_body) static_cast<IslandMemory&>(parts) = memory;
   }
+  loaded_memory.clear();
 }
 
 void World::Impl::classify_islands() {
@@ -182,18 +189,17 @@ void World::Impl::sort_islands() {
     island.why = parts.nature;
     if (touched[i] && method_for(island.why) != Method::kSequentialImpulses)
       island.why = Why::kContact;
-    if (is_fresh) parts.memory = MethodMemory{};
-    if (step_count < parts.memory.refused_until) {
+    if (step_count < parts.refused_until) {
       island.why = Why::kRefused;
       any_refused = true;
     }
-    if (touched[i]) parts.memory.touched_until = step_count + kRefusedFor;
+    if (touched[i]) parts.touched_until = step_count + kRefusedFor;
     if (method_for(island.why) == Method::kSequentialImpulses) {
-      parts.memory.inconsistent_until = 0;
-    } else if (step_count < parts.memory.inconsistent_until) {
+      parts.inconsistent_until = 0;
+    } else if (step_count < parts.inconsistent_until) {
       island.why = Why::kConflict;
       any_stiff = true;
-    } else if (parts.memory.is_stiff && island.why == Why::kSmooth) {
+    } else if (parts.is_stiff && island.why == Why::kSmooth) {
       island.why = Why::kStiff;
       any_stiff = true;
     }
@@ -266,8 +272,8 @@ void World::Impl::integrate() {
     for (const int j : changing_courses)
       if (is_integrated(at(j)))
         courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
-    const SmoothSpan smooth_span{t,       span.h,       options.gravity,  loads,
-                                 courses, is_disturbed, is_fresh || k > 0};
+    const SmoothSpan smooth_span{t,       span.h,       options.gravity,   loads,
+                                 courses, is_disturbed, is_fresh || k > 0, stop};
     workers.run(threads_worth_it(), smooth.size(), [&](std::size_t s) {
       const std::size_t i = at(smooth[s]);
       if (!island_parts[i].has_failed)
@@ -361,7 +367,8 @@ void World::Impl::find_loads(double from, double to) {
 
 bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   const IslandParts& parts = island_parts[i];
-  const Accuracy accuracy{options.order, options.tolerance};
+  const Accuracy accuracy{options.order, options.tolerance, kInfinity,
+                          kInfinity,     most_attempts(),   stop};
   for (const int body : parts.turning_freely) {
     Vector3d torque = Vector3d::Zero();
     for (const Load& load : loads)
@@ -411,7 +418,7 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
   if (is_met && island.method == Method::kRungeKutta) {
     const bool chooses = options.method == Method::kAuto;
     if (by_substeps(chooses ? most_frequency(i) : kInfinity, kInfinity)) return true;
-    const Why why = chooses && parts.memory.is_stiff ? Why::kStiff : Why::kRefused;
+    const Why why = chooses && parts.is_stiff ? Why::kStiff : Why::kRefused;
     if (is_met) carry_on_with(i, Method::kEnergyMomentum, why);
   }
   if (is_met) {
@@ -429,7 +436,7 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
     }
   }
   // soon after a contact it is errors left by impulses that cannot be met, which these close again
-  if (is_met || step_count < parts.memory.touched_until) return false;
+  if (is_met || step_count < parts.touched_until) return false;
   if (island.why != Why::kConflict) carry_on_with(i, Method::kEnergyMomentum, Why::kConflict);
   return note(i, integrate_inconsistent(i, span));
 }
@@ -454,15 +461,22 @@ double World::Impl::gradient_cost(std::size_t i) const {
   const EquationsOfMotion& equations = linked[at(parts.linked)].equations();
   const bool is_simple = equations.turning() == 0 && equations.rows() <= equations.bodies().size();
   const double iterations =
-      parts.memory.gradient_iterations > 0 ? parts.memory.gradient_iterations : kUsualIterations;
+      parts.gradient_iterations > 0 ? parts.gradient_iterations : kUsualIterations;
   return iterations * (is_simple ? kPointIteration : kIteration);
+}
+
+// of one island in one span: the more bodies there are, the fewer
+int World::Impl::most_attempts() const {
+  const std::size_t share = kMostAttemptsOfAll / std::max<std::size_t>(1, awake_bodies.size());
+  return static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
 }
 
 Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& span,
                                             double most_frequency, double most_projected) {
   IslandParts& parts = island_parts[i];
-  MethodMemory& memory = parts.memory;
-  const Accuracy accuracy{options.order, options.tolerance, most_frequency, most_projected};
+  IslandMemory& memory = parts;
+  const Accuracy accuracy{options.order,  options.tolerance, most_frequency,
+                          most_projected, most_attempts(),   stop};
   Progress progress = linked[at(parts.linked)].advance(span, accuracy, &states);
   if (progress.is_stiff && progress.done && options.tolerance > 0.0)
     progress.is_stiff = stages() * (progress.substeps + progress.rejected) > gradient_cost(i);
@@ -480,7 +494,7 @@ Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& spa
 Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& span,
                                              int most_halvings) {
   IslandParts& parts = island_parts[i];
-  MethodMemory& memory = parts.memory;
+  IslandMemory& memory = parts;
   LinkedMotion& motion = linked[at(parts.linked)];
   std::optional<EnergyMomentum>& of_island = stiff[at(parts.linked)];
   if (!of_island) of_island.emplace(motion.equations());
@@ -508,7 +522,7 @@ Progress World::Impl::integrate_inconsistent(std::size_t i, const SmoothSpan& sp
   linked[at(parts.linked)].forget();
   if (stiff[at(parts.linked)]) stiff[at(parts.linked)]->forget();
   const Progress progress = method->advance(span, &equations, &states);
-  if (!method->can_be_met()) parts.memory.inconsistent_until = step_count + kInconsistentFor;
+  if (!method->can_be_met()) parts.inconsistent_until = step_count + kInconsistentFor;
   return progress;
 }
 
@@ -528,7 +542,7 @@ void World::Impl::refuse_island(std::size_t i) {
     joint_states[at(j)] = joint_states_before[at(j)];
   islands[i].method = Method::kSequentialImpulses;
   islands[i].why = Why::kRefused;
-  island_parts[i].memory.refused_until = step_count + kRefusedFor;
+  island_parts[i].refused_until = step_count + kRefusedFor;
   any_refused = true;
   ++island_parts[i].changes;
   report.rejected += islands[i].rejected;

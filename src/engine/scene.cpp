@@ -1,11 +1,10 @@
 #include "constraint_sim/scene.h"
 
-#include <fstream>
 #include <limits>
-#include <sstream>
 
 #include "engine/method_names.h"
 #include "engine/validate.h"
+#include "engine/world_impl.h"
 #include "engine/yaml_element.h"
 
 namespace constraint_sim::engine {
@@ -13,13 +12,13 @@ namespace {
 
 [[noreturn]] void fail_unknown(const YamlElement& element, const std::string& word,
                                const std::string& existing) {
-  element.fail("there is no '" + word + "' (yet); there are " + existing);
+  element.fail("there is no " + quoted(word) + " (yet); there are " + existing);
 }
 
 WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults) {
   item.expect_keys({"gravity", "time_step", "method", "closing_time", "sleep_after", "sleep_speed",
                     "threads", "order", "tolerance", "stiff_order", "dissipation",
-                    "stiffness_limit", "iterations", "warm_starting", "baumgarte"});
+                    "stiffness_limit", "iterations", "warm_starting", "baumgarte", "clock"});
   WorldOptions options = defaults;
   item.read("gravity", &options.gravity);
   item.read("time_step", &options.time_step);
@@ -43,6 +42,21 @@ WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults)
   item.read("threads", &options.threads);
   item.attempt([&] { validate(options); });
   return options;
+}
+
+void read_clock(const YamlElement& item, World* world) {
+  item.expect_keys({"time", "since", "step"});
+  double time = 0.0;
+  item.read("time", &time);
+  std::uint64_t since = 0;
+  if (const auto value = item.find("since")) since = value->count();
+  std::uint64_t step = since;
+  if (const auto value = item.find("step")) step = value->count();
+  if (step < since) item.at("step").fail("must not be below since, got " + std::to_string(step));
+  item.attempt([&] { world->set_time(time, since); });
+  auto& impl = Insides::of(*world);
+  impl.step_count = step;
+  item.attempt([&] { check_next_tick("step", world->time(), world->options().time_step); });
 }
 
 // ---- bodies
@@ -112,7 +126,7 @@ void read_plane_pose(const YamlElement& item, const YamlElement& plane, BodyStat
 Body read_body(const YamlElement& item) {
   item.expect_keys({"name", "type", "shape", "mass", "inertia", "position", "orientation",
                     "linear_velocity", "angular_velocity", "friction", "restitution",
-                    "no_collision"});
+                    "no_collision", "asleep"});
   Body body;
   body.name = item.at("name").word();
   if (const auto type = item.find("type")) body.type = read_body_type(*type);
@@ -138,7 +152,7 @@ BodyId read_body_reference(const YamlElement& item, const std::string& key, cons
   if (!reference) return kWorldBody;
   const std::string name = reference->word();
   if (name == "world") return kWorldBody;
-  if (!world.has_body(name)) reference->fail("there is no body '" + name + "'");
+  if (!world.has_body(name)) reference->fail("there is no body " + quoted(name));
   return world.find_body(name);
 }
 
@@ -203,7 +217,7 @@ Joint read_joint(const YamlElement& item, const World& world) {
   const std::string type = type_element ? type_element->word() : "distance";
   YamlElement::Words keys = keys_of_type(item, type);
   keys.insert(keys.end(), {"name", "type", "body_a", "anchor_a", "body_b", "anchor_b", "motor",
-                           "baumgarte", "break_force", "collide_connected", "broken"});
+                           "baumgarte", "break_force", "collide_connected", "broken", "state"});
   item.expect_keys(keys);
 
   Joint joint;
@@ -223,15 +237,47 @@ Joint read_joint(const YamlElement& item, const World& world) {
   return joint;
 }
 
+/// What a saved joint goes on from.
+JointState read_joint_state(const YamlElement& item) {
+  item.expect_keys(
+      {"travel", "expires_at", "impulse", "closing_since", "closing_offset", "initial_error"});
+  JointState state;
+  item.read("travel", &state.travel);
+  if (const auto value = item.find("expires_at")) state.expires_at = value->number_or_infinity();
+  item.read("impulse", &state.impulse);
+  if (const auto since = item.find("closing_since")) {
+    state.closing = true;
+    state.closing_since = since->number();
+    state.closing_offset = item.at("closing_offset").numbers(3);
+    state.initial_error = item.at("initial_error").number();
+  }
+  item.attempt([&] {
+    check_finite("travel", state.travel);
+    if (std::isfinite(state.expires_at)) check_finite("expires_at", state.expires_at);
+    check_finite("closing_since", state.closing_since);
+    check_finite("closing_offset", state.closing_offset);
+    check_finite("initial_error", state.initial_error);
+  });
+  return state;
+}
+
 Wrench read_wrench(const YamlElement& item, const World& world) {
-  item.expect_keys({"body", "force", "torque", "start", "duration"});
+  item.expect_keys({"body", "force", "torque", "start", "duration", "end"});
   item.at("body");
   Wrench wrench;
   wrench.body = read_body_reference(item, "body", world);
   item.read("force", &wrench.force);
   item.read("torque", &wrench.torque);
   item.read("start", &wrench.start);
-  item.attempt([&] { check_not_negative("start", wrench.start); });
+  item.attempt([&] {
+    if (world.time() >= 0.0) check_not_negative("start", wrench.start);
+  });
+  if (const auto end = item.find("end")) {
+    if (const auto duration = item.find("duration"))
+      duration->fail("the end already says it; give one or the other");
+    wrench.end = end->number();
+    return wrench;
+  }
   double duration = std::numeric_limits<double>::infinity();
   item.read("duration", &duration);
   wrench.end = wrench.start + duration;
@@ -241,44 +287,122 @@ Wrench read_wrench(const YamlElement& item, const World& world) {
   return wrench;
 }
 
+// ---- what a saved scene goes on from
+
+TouchingPair read_contact(const YamlElement& item, const World& world) {
+  item.expect_keys({"body_a", "body_b", "normal", "points"});
+  TouchingPair pair;
+  pair.id_a = read_body_reference(item, "body_a", world);
+  pair.id_b = read_body_reference(item, "body_b", world);
+  for (const char* key : {"body_a", "body_b"})
+    if (world.body(key[5] == 'a' ? pair.id_a : pair.id_b).no_collision)
+      item.fail(std::string(key) + " touches nothing");
+  item.read("normal", &pair.manifold.normal);
+  const std::vector<YamlElement> points = item.at("points").items();
+  if (points.empty() || points.size() > pair.manifold.points.size())
+    item.at("points").fail("must be 1 to 8, got " + std::to_string(points.size()));
+  for (const YamlElement& element : points) {
+    element.expect_keys({"feature", "position", "depth", "impulse"});
+    const auto k = static_cast<std::size_t>(pair.manifold.count++);
+    Manifold::Point& point = pair.manifold.points[k];
+    const std::uint64_t feature = element.at("feature").count();
+    if (feature > std::numeric_limits<std::uint32_t>::max())
+      element.at("feature").fail("is none, got " + std::to_string(feature));
+    point.feature = static_cast<std::uint32_t>(feature);
+    element.read("position", &point.position);
+    element.read("depth", &point.depth);
+    element.read("impulse", &pair.impulses[k]);
+  }
+  return pair;
+}
+
+IslandMemory read_island(const YamlElement& item) {
+  item.expect_keys({"first_body", "quiet_for", "is_stiff", "stiff_ticks", "stiff_until",
+                    "refused_until", "touched_until", "inconsistent_until", "gradient_iterations"});
+  const auto read = [&](const char* key, std::uint64_t* target) {
+    if (const auto value = item.find(key)) *target = value->count();
+  };
+  IslandMemory memory;
+  read("quiet_for", &memory.quiet_for);
+  item.read("is_stiff", &memory.is_stiff);
+  item.read("stiff_ticks", &memory.stiff_ticks);
+  item.attempt([&] { check_not_negative("stiff_ticks", memory.stiff_ticks); });
+  read("stiff_until", &memory.stiff_until);
+  read("refused_until", &memory.refused_until);
+  read("touched_until", &memory.touched_until);
+  read("inconsistent_until", &memory.inconsistent_until);
+  std::uint64_t iterations = 0;
+  read("gradient_iterations", &iterations);
+  memory.gradient_iterations =
+      static_cast<std::uint32_t>(std::min<std::uint64_t>(iterations, 1u << 30));
+  return memory;
+}
+
 std::vector<YamlElement> items_of(const YamlElement& scene, const std::string& key) {
   const auto list = scene.find(key);
   return list ? list->items() : std::vector<YamlElement>{};
+}
+
+/// Whether a body slept when the scene was saved.
+bool read_asleep(const YamlElement& item, const Body& body) {
+  bool asleep = false;
+  item.read("asleep", &asleep);
+  const bool can_sleep = body.type == BodyType::kDynamic &&
+                         body.state.linear_velocity.isZero(0.0) &&
+                         body.state.angular_velocity.isZero(0.0);
+  if (asleep && !can_sleep) item.at("asleep").fail("a body that moves or is fixed does not sleep");
+  return asleep;
+}
+
+void continue_from_saved(const YamlElement& scene, const std::vector<BodyId>& asleep,
+                         World* world) {
+  auto& impl = Insides::of(*world);
+  impl.continue_asleep(asleep);
+  for (const YamlElement& item : items_of(scene, "contacts")) {
+    const TouchingPair pair = read_contact(item, *world);
+    item.attempt([&] { impl.continue_contact(pair); });
+  }
+  for (const YamlElement& item : items_of(scene, "islands")) {
+    const IslandMemory memory = read_island(item);
+    item.at("first_body");
+    impl.loaded_memory.emplace_back(read_body_reference(item, "first_body", *world), memory);
+  }
 }
 
 }  // namespace
 
 World load_scene(const std::string& text, const std::string& source, const WorldOptions& defaults) {
   const YamlElement scene = YamlElement::parse(text, source);
-  scene.expect_keys({"world", "bodies", "constraints", "wrenches"});
+  scene.expect_keys({"world", "bodies", "constraints", "wrenches", "contacts", "islands"});
 
   const auto options = scene.find("world");
   World world(options ? read_options(*options, defaults) : defaults);
 
+  if (options)
+    if (const auto clock = options->find("clock")) read_clock(*clock, &world);
+
+  std::vector<BodyId> asleep;
   for (const YamlElement& item : items_of(scene, "bodies")) {
     const Body body = read_body(item);
-    item.attempt([&] { world.add_body(body); });
+    const BodyId id = item.attempt([&] { return world.add_body(body); });
+    if (read_asleep(item, body)) asleep.push_back(id);
   }
   for (const YamlElement& item : items_of(scene, "constraints")) {
     const Joint joint = read_joint(item, world);
     bool broken = false;
     item.read("broken", &broken);
-    item.attempt([&] { world.add_joint(joint, broken); });
+    const JointId id = item.attempt([&] { return world.add_joint(joint, broken); });
+    if (const auto state = item.find("state")) {
+      auto& impl = Insides::of(world);
+      impl.continue_joint(impl.index(id), read_joint_state(*state));
+    }
   }
   for (const YamlElement& item : items_of(scene, "wrenches")) {
     const Wrench wrench = read_wrench(item, world);
     item.attempt([&] { world.add_wrench(wrench); });
   }
+  continue_from_saved(scene, asleep, &world);
   return world;
-}
-
-World load_scene_file(const std::string& path, const WorldOptions& defaults) {
-  std::ifstream file(path);
-  file.peek();  // a folder can be opened, but not read
-  if (!file.is_open() || file.bad()) throw SceneError(path + ": cannot read this file");
-  std::ostringstream text;
-  text << file.rdbuf();
-  return load_scene(text.str(), path, defaults);
 }
 
 }  // namespace constraint_sim::engine

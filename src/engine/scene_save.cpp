@@ -5,6 +5,7 @@
 
 #include "constraint_sim/scene.h"
 #include "engine/validate.h"
+#include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -25,13 +26,29 @@ void write(YAML::Emitter* out, const char* key, bool value) {
   *out << YAML::Key << key << YAML::Value << value;
 }
 
+void write(YAML::Emitter* out, const char* key, std::uint64_t value) {
+  *out << YAML::Key << key << YAML::Value << value;
+}
+
 void write(YAML::Emitter* out, const char* key, const Eigen::Ref<const Eigen::VectorXd>& values) {
   *out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginSeq;
   for (Eigen::Index i = 0; i < values.size(); ++i) *out << shortest(values[i]);
   *out << YAML::EndSeq;
 }
 
-void write_options(YAML::Emitter* out, const WorldOptions& options) {
+/// Nothing at the start.
+void write_clock(YAML::Emitter* out, const World& world) {
+  const auto& impl = Insides::of(world);
+  if (impl.step_count == 0 && impl.base_time == 0.0) return;
+  *out << YAML::Key << "clock" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  write(out, "time", impl.base_time);
+  write(out, "since", impl.base_step);
+  write(out, "step", impl.step_count);
+  *out << YAML::EndMap;
+}
+
+void write_options(YAML::Emitter* out, const World& world) {
+  const WorldOptions& options = world.options();
   *out << YAML::Key << "world" << YAML::Value << YAML::BeginMap;
   write(out, "gravity", options.gravity);
   write(out, "time_step", options.time_step);
@@ -48,6 +65,7 @@ void write_options(YAML::Emitter* out, const WorldOptions& options) {
   write(out, "sleep_after", options.sleep_after);
   write(out, "sleep_speed", options.sleep_speed);
   *out << YAML::Key << "threads" << YAML::Value << options.threads;
+  write_clock(out, world);
   *out << YAML::EndMap;
 }
 
@@ -85,7 +103,10 @@ struct ShapeWriter {
   }
 };
 
-void write_body(YAML::Emitter* out, const Body& body, const BodyState& state) {
+void write_body(YAML::Emitter* out, const World& world, BodyId id) {
+  const Body& body = world.body(id);
+  const BodyState& state = world.state(id);
+  const auto& impl = Insides::of(world);
   *out << YAML::BeginMap;
   write(out, "name", body.name);
   write(out, "type", type_name(body.type));
@@ -101,34 +122,11 @@ void write_body(YAML::Emitter* out, const Body& body, const BodyState& state) {
   write(out, "friction", body.friction);
   write(out, "restitution", body.restitution);
   write(out, "no_collision", body.no_collision);
+  if (impl.asleep[impl.index(id)]) write(out, "asleep", true);
   *out << YAML::EndMap;
 }
 
 // ---- constraints
-
-/// The motor that, started at time 0, goes on as this one does from `time` [s].
-Motor from_now_on(Motor motor, const JointState& state, double time) {
-  if (time != 0.0 && motor.frequency != 0.0) {
-    const double turn = 2.0 * M_PI;
-    motor.phase = std::fmod(motor.phase + turn * motor.frequency * time, turn);
-    if (motor.phase < 0.0) motor.phase += turn;
-  }
-  if (std::isfinite(state.expires_at)) {
-    motor.timeout = std::max(0.0, state.time_left(motor, time));
-    if (motor.timeout == 0.0) motor.bias = 0.0;
-  } else {
-    motor.timeout = 0.0;
-  }
-  return motor;
-}
-
-/// Lengths with what the motor has added to them.
-DistanceJoint with_travel(DistanceJoint distance, double travel) {
-  if (distance.length) *distance.length = std::max(0.0, *distance.length + travel);
-  if (distance.min_length > 0.0) distance.min_length = std::max(0.0, distance.min_length + travel);
-  distance.max_length += travel;
-  return distance;
-}
 
 void write_distance(YAML::Emitter* out, const DistanceJoint& distance) {
   const bool has_length = !distance.is_limited() || distance.is_soft();
@@ -154,8 +152,24 @@ void write_motor(YAML::Emitter* out, const Motor& motor) {
   *out << YAML::EndMap;
 }
 
+/// What a joint goes on from; nothing where adding it would find the same.
+void write_state(YAML::Emitter* out, const Joint& joint, const JointState& state, bool is_new) {
+  if (is_new) return;
+  *out << YAML::Key << "state" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  write(out, "travel", state.travel);
+  if (joint.motor.timeout > 0.0) write(out, "expires_at", state.expires_at);
+  write(out, "impulse", state.impulse);
+  if (state.closing) {
+    write(out, "closing_since", state.closing_since);
+    write(out, "closing_offset", state.closing_offset);
+    write(out, "initial_error", state.initial_error);
+  }
+  *out << YAML::EndMap;
+}
+
 void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
                  const JointState& state) {
+  const bool is_new = Insides::of(world).is_as_added(world.find_joint(joint.name));
   const auto body_name = [&](BodyId id) {
     return id == kWorldBody ? std::string("world") : world.body(id).name;
   };
@@ -167,25 +181,81 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   write(out, "body_b", body_name(joint.body_b));
   write(out, "anchor_b", joint.anchor_b);
   if (const auto* distance = std::get_if<DistanceJoint>(&joint.type))
-    write_distance(out, with_travel(*distance, state.travel));
-  write_motor(out, from_now_on(joint.motor, state, world.time()));
+    write_distance(out, *distance);
+  write_motor(out, joint.motor);
   if (joint.baumgarte) write(out, "baumgarte", *joint.baumgarte);
   write(out, "break_force", joint.break_force);
   write(out, "collide_connected", joint.collide_connected);
   if (state.broken) write(out, "broken", true);
+  write_state(out, joint, state, is_new);
   *out << YAML::EndMap;
 }
 
 void write_wrench(YAML::Emitter* out, const World& world, const Wrench& wrench) {
-  const double start = std::max(0.0, wrench.start - world.time());
-  const double end = wrench.end - world.time();
   *out << YAML::BeginMap;
   write(out, "body", world.body(wrench.body).name);
   write(out, "force", wrench.force);
   write(out, "torque", wrench.torque);
-  write(out, "start", start);
-  if (std::isfinite(end)) write(out, "duration", end - start);
+  write(out, "start", std::max(wrench.start, world.time()));  // before now it makes no difference
+  if (std::isfinite(wrench.end)) write(out, "end", wrench.end);
   *out << YAML::EndMap;
+}
+
+// ---- what is kept from step to step
+
+void write_contact(YAML::Emitter* out, const World& world, const TouchingPair& pair) {
+  *out << YAML::BeginMap;
+  write(out, "body_a", world.body(pair.id_a).name);
+  write(out, "body_b", world.body(pair.id_b).name);
+  write(out, "normal", pair.manifold.normal);
+  *out << YAML::Key << "points" << YAML::Value << YAML::BeginSeq;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
+    const Manifold::Point& point = pair.manifold.points[k];
+    *out << YAML::Flow << YAML::BeginMap;
+    write(out, "feature", std::uint64_t{point.feature});
+    write(out, "position", point.position);
+    write(out, "depth", point.depth);
+    write(out, "impulse", pair.impulses[k]);
+    *out << YAML::EndMap;
+  }
+  *out << YAML::EndSeq << YAML::EndMap;
+}
+
+void write_contacts(YAML::Emitter* out, const World& world) {
+  const auto& impl = Insides::of(world);
+  const auto is_gone = [&](const TouchingPair& pair) { return !impl.is_known(pair); };
+  std::vector<TouchingPair> pairs = impl.touching;
+  pairs.insert(pairs.end(), impl.resting.begin(), impl.resting.end());
+  pairs.erase(std::remove_if(pairs.begin(), pairs.end(), is_gone), pairs.end());
+  if (pairs.empty()) return;
+  const auto in_order = [&](const TouchingPair& l, const TouchingPair& r) {
+    return std::make_pair(impl.index(l.id_a), impl.index(l.id_b)) <
+           std::make_pair(impl.index(r.id_a), impl.index(r.id_b));
+  };
+  std::sort(pairs.begin(), pairs.end(), in_order);
+  *out << YAML::Key << "contacts" << YAML::Value << YAML::BeginSeq;
+  for (const TouchingPair& pair : pairs) write_contact(out, world, pair);
+  *out << YAML::EndSeq;
+}
+
+void write_islands(YAML::Emitter* out, const World& world) {
+  const auto memories = Insides::of(world).memories();
+  if (memories.empty()) return;
+  *out << YAML::Key << "islands" << YAML::Value << YAML::BeginSeq;
+  for (const auto& [first_body, memory] : memories) {
+    *out << YAML::Flow << YAML::BeginMap;
+    write(out, "first_body", world.body(first_body).name);
+    write(out, "quiet_for", memory.quiet_for);
+    write(out, "is_stiff", memory.is_stiff);
+    write(out, "stiff_ticks", static_cast<std::uint64_t>(memory.stiff_ticks));
+    write(out, "stiff_until", memory.stiff_until);
+    write(out, "refused_until", memory.refused_until);
+    write(out, "touched_until", memory.touched_until);
+    write(out, "inconsistent_until", memory.inconsistent_until);
+    write(out, "gradient_iterations", std::uint64_t{memory.gradient_iterations});
+    *out << YAML::EndMap;
+  }
+  *out << YAML::EndSeq;
 }
 
 }  // namespace
@@ -193,9 +263,9 @@ void write_wrench(YAML::Emitter* out, const World& world, const Wrench& wrench) 
 std::string save_scene(const World& world) {
   YAML::Emitter out;
   out << YAML::BeginMap;
-  write_options(&out, world.options());
+  write_options(&out, world);
   out << YAML::Key << "bodies" << YAML::Value << YAML::BeginSeq;
-  for (const BodyId id : world.body_ids()) write_body(&out, world.body(id), world.state(id));
+  for (const BodyId id : world.body_ids()) write_body(&out, world, id);
   out << YAML::EndSeq;
   out << YAML::Key << "constraints" << YAML::Value << YAML::BeginSeq;
   for (const JointId id : world.joint_ids())
@@ -206,6 +276,8 @@ std::string save_scene(const World& world) {
     for (const Wrench& wrench : world.wrenches()) write_wrench(&out, world, wrench);
     out << YAML::EndSeq;
   }
+  write_contacts(&out, world);
+  write_islands(&out, world);
   out << YAML::EndMap;
   return std::string(out.c_str()) + "\n";
 }

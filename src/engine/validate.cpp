@@ -1,8 +1,10 @@
 #include "engine/validate.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <limits>
 #include <stdexcept>
 
 #include "constraint_sim/world.h"
@@ -10,8 +12,38 @@
 namespace constraint_sim::engine {
 namespace {
 
+constexpr std::size_t kLongestName = 255;
+constexpr double kLeastMagnitude = 1e-20;  // of what is divided by
+constexpr int kMostThreads = 256;
+constexpr int kMostIterations = 10000;
+constexpr double kShortestTick = 1e-12, kLongestTick = 1e6;  // [s]
+// of the largest mass at the largest distance, and of the least [kg m²]
+constexpr double kMostInertia = 1e60, kLeastInertia = 1e-60;
+
 bool is_name_start(char c) {
   return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+}
+
+void check_most(const std::string& field, double size, double most, const std::string& got) {
+  if (size > most) refuse(field, "must be at most " + shortest(most) + ", got " + got);
+}
+
+void check_between(const std::string& field, double value, double least, double most) {
+  if (!(value >= least && value <= most))
+    refuse(field, "must be from " + shortest(least) + " to " + shortest(most) + ", got " +
+                      shortest(value));
+}
+
+/// 0, or a number whose square is not.
+void check_zero_or_positive(const std::string& field, double value) {
+  check_not_negative(field, value);
+  if (value != 0.0) check_positive(field, value);
+}
+
+void check_count(const std::string& field, int value, int most) {
+  if (value < 1) refuse(field, "must be >= 1, got " + std::to_string(value));
+  if (value > most)
+    refuse(field, "must be at most " + std::to_string(most) + ", got " + std::to_string(value));
 }
 
 bool is_name_character(char c) { return is_name_start(c) || c == '.' || c == '/' || c == '-'; }
@@ -31,26 +63,47 @@ std::string shortest(double value) {
   return text;
 }
 
+std::string excerpt(const std::string& text) {
+  constexpr std::size_t kMost = 40;
+  std::size_t end = std::min(text.size(), kMost);
+  const auto is_within_character = [&](std::size_t i) {
+    return i < text.size() && (static_cast<unsigned char>(text[i]) & 0xc0U) == 0x80U;  // UTF-8
+  };
+  while (end > 0 && is_within_character(end)) --end;
+  std::string shown = text.substr(0, end);
+  for (char& c : shown) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7f) c = '?';
+  }
+  return end < text.size() ? shown + "..." : shown;
+}
+
+std::string quoted(const std::string& text) { return "'" + excerpt(text) + "'"; }
+
 std::string shown(const Eigen::Vector3d& v) {
   return "(" + shortest(v.x()) + ", " + shortest(v.y()) + ", " + shortest(v.z()) + ")";
 }
 
 void check_finite(const std::string& field, double value) {
   if (!std::isfinite(value)) refuse(field, "must be a finite number, got " + shortest(value));
+  check_most(field, std::abs(value), kMostMagnitude, shortest(value));
 }
 
 void check_finite(const std::string& field, const Eigen::Vector3d& value) {
   if (!value.allFinite()) refuse(field, "must be finite numbers, got " + shown(value));
+  check_most(field, value.lpNorm<Eigen::Infinity>(), kMostMagnitude, shown(value));
 }
 
 void check_positive(const std::string& field, double value) {
   if (!std::isfinite(value) || value <= 0.0)
     refuse(field, "must be a finite number > 0, got " + shortest(value));
+  check_between(field, value, kLeastMagnitude, kMostMagnitude);
 }
 
 void check_not_negative(const std::string& field, double value) {
   if (!std::isfinite(value) || value < 0.0)
     refuse(field, "must be a finite number >= 0, got " + shortest(value));
+  check_most(field, value, kMostMagnitude, shortest(value));
 }
 
 void check_share(const std::string& field, double value) {
@@ -58,12 +111,27 @@ void check_share(const std::string& field, double value) {
     refuse(field, "must be between 0 and 1, got " + shortest(value));
 }
 
+// a time that is no whole number of its own roundings could stand still in the tick after next
+bool has_next_tick(double time, double time_step) {
+  const double size = std::abs(time);
+  return std::nextafter(size, std::numeric_limits<double>::infinity()) - size <= time_step;
+}
+
+void check_next_tick(const std::string& field, double time, double time_step) {
+  if (!has_next_tick(time, time_step))
+    refuse(field, "a tick of " + shortest(time_step) + " s is lost beside a time of " +
+                      shortest(time) + " s");
+}
+
 void check_name(const std::string& field, const std::string& name) {
   if (name.empty()) refuse(field, "must not be empty, got ''");
   if (name == "world") refuse(field, "'world' is the world itself, choose another name");
+  if (name.size() > kLongestName)
+    refuse(field, "must be at most " + std::to_string(kLongestName) + " characters, got " +
+                      std::to_string(name.size()));
   bool legal = is_name_start(name.front());
   for (const char c : name) legal = legal && is_name_character(c);
-  if (!legal) refuse(field, "must match [A-Za-z0-9_][A-Za-z0-9_./-]*, got '" + name + "'");
+  if (!legal) refuse(field, "must match [A-Za-z0-9_][A-Za-z0-9_./-]*, got " + quoted(name));
 }
 
 void validate(const BodyState& state) {
@@ -90,10 +158,15 @@ void validate(const Body& body) {
   } else {
     check_not_negative("mass", body.mass);
   }
-  check_finite("inertia", body.inertia);
+  if (!body.inertia.allFinite())
+    refuse("inertia", "must be finite numbers, got " + shown(body.inertia));
   if (!body.inertia.isZero(0.0) && !(body.inertia.minCoeff() > 0.0))
     refuse("inertia", "must be three numbers > 0, or all 0 to follow from the shape, got " +
                           shown(body.inertia));
+  if (!body.inertia.isZero(0.0) &&
+      (body.inertia.minCoeff() < kLeastInertia || body.inertia.maxCoeff() > kMostInertia))
+    refuse("inertia", "must be from " + shortest(kLeastInertia) + " to " + shortest(kMostInertia) +
+                          ", got " + shown(body.inertia));
   const bool turns = body.type != BodyType::kDynamic || !body.inertia.isZero(0.0) ||
                      !unit_inertia(body.shape).isZero(0.0);
   if (!turns && !body.state.angular_velocity.isZero(0.0))
@@ -123,14 +196,15 @@ void validate(const Motor& motor) {
 namespace {
 
 void validate_type(const DistanceJoint& joint) {
-  if (joint.length) check_not_negative("length", *joint.length);
+  if (joint.length) check_zero_or_positive("length", *joint.length);
   check_not_negative("min_length", joint.min_length);
   if (!(joint.max_length > 0.0))
     refuse("max_length", "must be a number > 0, got " + shortest(joint.max_length));
+  if (std::isfinite(joint.max_length)) check_positive("max_length", joint.max_length);
   if (joint.max_length < joint.min_length)
     refuse("max_length", "must not be below min_length " + shortest(joint.min_length) + ", got " +
                              shortest(joint.max_length));
-  check_not_negative("frequency", joint.frequency);
+  check_zero_or_positive("frequency", joint.frequency);
   check_not_negative("damping_ratio", joint.damping_ratio);
   check_not_negative("stiffness", joint.stiffness);
   check_not_negative("damping", joint.damping);
@@ -168,12 +242,12 @@ void validate(const Joint& joint) {
 void validate(const WorldOptions& options) {
   check_finite("gravity", options.gravity);
   check_positive("time_step", options.time_step);
+  check_between("time_step", options.time_step, kShortestTick, kLongestTick);
   check_positive("closing_time", options.closing_time);
   if (!(options.sleep_after > 0.0))
     refuse("sleep_after", "must be above 0, or .inf, got " + shortest(options.sleep_after));
   check_not_negative("sleep_speed", options.sleep_speed);
-  if (options.threads < 1)
-    refuse("threads", "must be >= 1, got " + std::to_string(options.threads));
+  check_count("threads", options.threads, kMostThreads);
   if (options.order != 8 && options.order != 5)
     refuse("order", "must be 8 or 5, got " + std::to_string(options.order));
   check_not_negative("tolerance", options.tolerance);
@@ -181,8 +255,7 @@ void validate(const WorldOptions& options) {
     refuse("stiff_order", "must be 4 or 2, got " + std::to_string(options.stiff_order));
   if (!(options.stiffness_limit > 0.0))
     refuse("stiffness_limit", "must be above 0, or .inf, got " + shortest(options.stiffness_limit));
-  if (options.iterations < 1)
-    refuse("iterations", "must be >= 1, got " + std::to_string(options.iterations));
+  check_count("iterations", options.iterations, kMostIterations);
   check_share("baumgarte", options.baumgarte);
 }
 

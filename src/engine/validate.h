@@ -12,16 +12,26 @@ namespace constraint_sim::engine {
 /// The fewest digits that read back to the same double.
 std::string shortest(double value);
 
+/// The first 40 characters of a text that came from outside, what cannot be printed as `?`.
+std::string excerpt(const std::string& text);
+/// The same in single quotes.
+std::string quoted(const std::string& text);
+
 /// `(x, y, z)`.
 std::string shown(const Eigen::Vector3d& v);
 
+// No number is beyond kMostMagnitude, and none that is divided by below its inverse.
 void check_finite(const std::string& field, double value);
 void check_finite(const std::string& field, const Eigen::Vector3d& value);
 void check_positive(const std::string& field, double value);
 void check_not_negative(const std::string& field, double value);
 void check_share(const std::string& field, double value);  ///< in [0, 1]
 
-/// `[A-Za-z0-9_][A-Za-z0-9_./-]*` and not `world`.
+/// Whether a time [s] has a next one a tick later, and that one as well.
+bool has_next_tick(double time, double time_step);
+void check_next_tick(const std::string& field, double time, double time_step);
+
+/// `[A-Za-z0-9_][A-Za-z0-9_./-]*`, at most 255 characters, and not `world`.
 void check_name(const std::string& field, const std::string& name);
 
 }  // namespace constraint_sim::engine

@@ -7,7 +7,7 @@
 namespace constraint_sim::engine {
 
 /// Threads that share the work of a step, started when they are first wanted and kept until another
-/// number is. A copy has its own.
+/// number is. Where the system has no more threads there are fewer. A copy has its own.
 class Workers {
  public:
   Workers();
@@ -16,7 +16,7 @@ class Workers {
   ~Workers();
 
   /// Calls task(i) for every i below `count`, in any order, on this thread and `threads` − 1
-  /// others; returns when all calls have. They must not throw.
+  /// others; returns when all calls have. Throws what one of them did.
   template <typename Task>
   void run(int threads, std::size_t count, const Task& task) {
     if (threads > 1) return share(threads, count, std::cref(task));

@@ -2,34 +2,67 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "engine/constraints/contact.h"
 #include "engine/constraints/joint.h"
 #include "engine/narrowphase.h"
+#include "engine/validate.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
 
+namespace {
+
+/// Ends a step within.
+struct StepFailed {
+  Failure why;
+};
+
+}  // namespace
+
 // a whole physics engine in six steps, as the tutorial has it
 const StepReport& World::step() {
   Impl& world = *impl_;
-  world.begin_step();
-  world.find_pairs();         // 1. broadphase: fast and approximate
-  world.find_contacts();      // 2. narrowphase: accurate but slow
-  world.choose_methods();     //    smooth islands part here from the tutorial:
-  world.integrate();          //    all the way in one, to a tolerance; the others go on with
-  world.prepare_rows();       // 3. what joints and contacts ask of the velocities
-  world.update_velocities();  // 4. by gravity, and by the impulses of the step before
-  world.solve_rows();         // 5. to what the rows allow
-  world.update_positions();   // 6. with the final velocities
-  world.finish_step();
+  try {
+    world.begin_step();
+    world.find_pairs();         // 1. broadphase: fast and approximate
+    world.find_contacts();      // 2. narrowphase: accurate but slow
+    world.choose_methods();     //    smooth islands part here from the tutorial:
+    world.integrate();          //    all the way in one, to a tolerance; the others go on with
+    world.prepare_rows();       // 3. what joints and contacts ask of the velocities
+    world.update_velocities();  // 4. by gravity, and by the impulses of the step before
+    world.solve_rows();         // 5. to what the rows allow
+    world.update_positions();   // 6. with the final velocities
+    world.finish_step();
+  } catch (const StepFailed& failed) {
+    world.keep_state_before(failed.why);
+  } catch (...) {
+    world.abandon_step();
+    throw;
+  }
+  world.measure();
   return world.report;
 }
 
+void World::Impl::fail(Failure why) { throw StepFailed{why}; }
+
+// where what the system threw may have left anything half done: as after an edit
+void World::Impl::abandon_step() {
+  if (is_remembered) go_back();
+  forget_contacts();
+  edited = topology_edited = true;
+  report = StepReport{};
+  report.failed = true;
+  report.step = step_count;
+  report.time = time();
+}
+
 void World::Impl::begin_step() {
+  is_remembered = false;
   if (edited)
     recompile();
   else if (any_waking)
@@ -38,6 +71,8 @@ void World::Impl::begin_step() {
   step_start = time();
   step_end = time_of(step_count + 1);
   report = StepReport{};
+  contacts_are_new = false;
+  if (!has_next_tick(step_start, options.time_step)) fail(Failure::kNoNextTick);
 }
 
 // for a step that fails
@@ -48,6 +83,10 @@ void World::Impl::remember() {
     states_before[static_cast<std::size_t>(i)] = states[static_cast<std::size_t>(i)];
   for (const int j : awake_joints)
     joint_states_before[static_cast<std::size_t>(j)] = joint_states[static_cast<std::size_t>(j)];
+  memory_before.resize(island_parts.size());
+  for (const int i : awake_islands)
+    memory_before[static_cast<std::size_t>(i)] = island_parts[static_cast<std::size_t>(i)];
+  is_remembered = true;
 }
 
 void World::Impl::go_back() {
@@ -55,6 +94,10 @@ void World::Impl::go_back() {
     states[static_cast<std::size_t>(i)] = states_before[static_cast<std::size_t>(i)];
   for (const int j : awake_joints)
     joint_states[static_cast<std::size_t>(j)] = joint_states_before[static_cast<std::size_t>(j)];
+  for (const int i : awake_islands)
+    static_cast<IslandMemory&>(island_parts[static_cast<std::size_t>(i)]) =
+        memory_before[static_cast<std::size_t>(i)];
+  if (contacts_are_new) std::swap(touching, touching_before);
 }
 
 // what follows from bodies, joints and options: once after an edit
@@ -73,18 +116,19 @@ void World::Impl::recompile() {
   }
   std::sort(unpaired.begin(), unpaired.end());
 
-  const auto is_gone = [](const TouchingPair& pair) { return pair.a < 0 || pair.b < 0; };
+  const auto is_gone = [this](const TouchingPair& pair) { return !is_known(pair); };
   for (std::vector<TouchingPair>* pairs : {&touching, &resting}) {
+    pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_gone), pairs->end());
     for (TouchingPair& pair : *pairs) {
       pair.a = body_index[pair.id_a.value];
       pair.b = body_index[pair.id_b.value];
     }
-    pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_gone), pairs->end());
   }
 
   changing_courses.clear();  // until the islands are sorted anew
   span_ends.clear();
 
+  for (IslandParts& parts : island_parts) static_cast<IslandMemory&>(parts) = parts.after_edit();
   if (topology_edited) make_islands();
   classify_islands();
   const double quiet = std::ceil(options.sleep_after / options.time_step);
@@ -104,6 +148,7 @@ void World::Impl::find_pairs() {
   for (const int body : moving_shapes) proxies.push_back(proxy(body));
   report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
   report.broadphase_tests = broadphase.tests();
+  if (broadphase.is_full()) fail(Failure::kTooManyPairs);
 }
 
 Proxy World::Impl::proxy(int body) const {
@@ -115,6 +160,7 @@ void World::Impl::find_contacts() {
   collide_pairs();
   while (wake_touched()) {
     std::swap(touching, touching_before);  // back to the contacts of the step before
+    contacts_are_new = false;
     spread_waking();
     remember();
     find_pairs();
@@ -124,16 +170,21 @@ void World::Impl::find_contacts() {
 
 void World::Impl::collide_pairs() {
   std::swap(touching, touching_before);
+  contacts_are_new = true;
   touching.clear();
   if (moving_shapes.empty()) return;
   const StageTimer timer(*this, Stage::kNarrowphase);
+  std::size_t points = 0;
   auto before = touching_before.begin();  // both lists are sorted, so one pass matches them
   for (const Broadphase::Pair& ends : broadphase.pairs()) {
     if (std::binary_search(unpaired.begin(), unpaired.end(), ends)) continue;
+    if (is_set(stop)) return;
     const auto a = static_cast<std::size_t>(ends.first);
     const auto b = static_cast<std::size_t>(ends.second);
     const Manifold manifold = collide(bodies[a].shape, states[a], bodies[b].shape, states[b]);
     if (manifold.count == 0) continue;
+    points += static_cast<std::size_t>(manifold.count);
+    if (points > kMostContacts) fail(Failure::kTooManyContacts);
 
     TouchingPair& pair = touching.emplace_back();
     pair.a = ends.first;
@@ -232,7 +283,7 @@ void World::Impl::apply_wrenches() {
 void World::Impl::solve_rows() {
   if (rows.empty()) return;
   const StageTimer timer(*this, Stage::kSolve);
-  solver.solve(states, rows, options.iterations);
+  solver.solve(states, rows, options.iterations, stop);
   report.iterations += static_cast<std::uint32_t>(options.iterations);
 }
 
@@ -244,40 +295,73 @@ void World::Impl::update_positions() {
 }
 
 void World::Impl::finish_step() {
-  if (!is_finite()) {
-    go_back();
-    for (LinkedMotion& motion : linked) motion.forget();
-    for (std::optional<EnergyMomentum>& motion : stiff)
-      if (motion) motion->forget();
-    is_fresh = true;
-    touching.clear();
-    contacts.resize(resting_contacts);
-    report.failed = true;
-  } else {
-    const JointStep step = joint_step();
-    read_joints(step);
-    read_smooth_joints(step);
-    read_contacts();
-    ++step_count;
-    drop_spent_wrenches();
-    fall_asleep();
-    is_fresh = false;
+  if (is_set(stop)) {
+    keep_state_before(Failure::kNone);
+    report.failed = false;
+    report.stopped = true;
+    return;
   }
+  const Failure failure = failure_of_motion();
+  if (failure != Failure::kNone) fail(failure);
+  const JointStep step = joint_step();
+  read_joints(step);
+  read_smooth_joints(step);
+  read_contacts();
+  if (!tells_finite_numbers()) fail(Failure::kNotFinite);
+  ++step_count;
+  drop_spent_wrenches();
+  fall_asleep();
+  is_fresh = false;
   report.step = step_count;
-  report.time = report.failed ? step_start : step_end;
-  measure();
+  report.time = step_end;
 }
 
-// a sum that a single NaN or infinity spoils
-bool World::Impl::is_finite() const {
-  Vector3d sum = Vector3d::Zero();
-  Eigen::Vector4d turned = Eigen::Vector4d::Zero();
+void World::Impl::keep_state_before(Failure why) {
+  go_back();
+  for (LinkedMotion& motion : linked) motion.forget();
+  for (std::optional<EnergyMomentum>& motion : stiff)
+    if (motion) motion->forget();
+  is_fresh = true;
+  contacts.resize(resting_contacts);
+  report.failed = true;
+  report.failure = why;
+  report.step = step_count;
+  report.time = step_start;
+}
+
+// One sum tells that all is well; only where it does not are bodies looked at one by one.
+Failure World::Impl::failure_of_motion() {
+  double squares = 0.0;
   for (const int i : awake_bodies) {
     const BodyState& state = states[static_cast<std::size_t>(i)];
-    sum += state.position + state.linear_velocity + state.angular_velocity;
-    turned += state.orientation.coeffs();
+    squares += state.position.squaredNorm() + state.linear_velocity.squaredNorm() +
+               state.angular_velocity.squaredNorm() + state.orientation.squaredNorm();
   }
-  return std::isfinite(sum.sum() + turned.sum());
+  if (squares <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
+  for (const int i : awake_bodies) {
+    const BodyState& state = states[static_cast<std::size_t>(i)];
+    Eigen::Matrix<double, 13, 1> numbers;
+    numbers << state.position, state.linear_velocity, state.angular_velocity,
+        state.orientation.coeffs();
+    const bool is_finite = numbers.allFinite();
+    if (is_finite && numbers.lpNorm<Eigen::Infinity>() <= kMostMagnitude) continue;
+    report.failed_body = body_ids[static_cast<std::size_t>(i)];
+    return is_finite ? Failure::kOutOfRange : Failure::kNotFinite;
+  }
+  return Failure::kNone;
+}
+
+// sums that a single NaN or infinity spoils
+bool World::Impl::tells_finite_numbers() const {
+  double sum = 0.0;
+  for (const int j : awake_joints) {
+    const JointState& state = joint_states[static_cast<std::size_t>(j)];
+    sum += std::abs(state.error) + std::abs(state.error_rate) + std::abs(state.force) +
+           std::abs(state.bias) + std::abs(state.reached_rate) + std::abs(state.travel);
+  }
+  for (std::size_t i = resting_contacts; i < contacts.size(); ++i)
+    sum += contacts[i].normal_force + contacts[i].depth;
+  return std::isfinite(sum);
 }
 
 void World::Impl::read_joints(const JointStep& step) {
@@ -341,8 +425,11 @@ void World::Impl::measure() {
   const Energy now = energy(awake_bodies, awake_joints);
   largest_kinetic_energy = std::max(largest_kinetic_energy, now.kinetic);
   report.energy = now.kinetic + now.potential + resting_energy.potential;
-  if (largest_kinetic_energy > 0.0)
-    report.energy_drift = (report.energy - reference_energy) / largest_kinetic_energy;
+  if (largest_kinetic_energy > 0.0) {
+    constexpr double kMost = std::numeric_limits<double>::max();
+    const double drift = (report.energy - reference_energy) / largest_kinetic_energy;
+    report.energy_drift = std::clamp(drift, -kMost, kMost);  // what moves least may divide by least
+  }
 }
 
 void World::Impl::find_worst_joint(const std::vector<int>& among, StepReport* worst) const {

@@ -36,6 +36,39 @@ struct TouchingPair {
 struct JointStart {
   Motor motor;  ///< also after continue_from() with the phase of the scene, right from time 0
   bool broken = false;
+  std::optional<JointState> state;  ///< of a joint that goes on as saved
+  double time = 0.0;                ///< when it had that state [s]
+};
+
+/// What decides which method an island has, beside its bodies and joints. An edit clears it.
+struct IslandMemory {
+  std::uint64_t quiet_for = 0;            ///< steps in a row that moved nothing to speak of
+  bool is_stiff = false;                  ///< as measured when it was last carried
+  int stiff_ticks = 0;                    ///< how often in a row substeps found it so
+  std::uint64_t stiff_until = 0;          ///< step before which it is not asked again
+  std::uint64_t refused_until = 0;        ///< step
+  std::uint64_t touched_until = 0;        ///< step until which its last contact counts as near
+  std::uint64_t inconsistent_until = 0;   ///< step
+  std::uint32_t gradient_iterations = 0;  ///< Newton's, of the last tick by gradients; 0: none yet
+
+  /// What an edit leaves of it.
+  IslandMemory after_edit() const {
+    IslandMemory left;
+    left.quiet_for = quiet_for;
+    left.touched_until = touched_until;
+    return left;
+  }
+  bool is_none() const {
+    return !is_stiff &&
+           (quiet_for | stiff_until | refused_until | touched_until | inconsistent_until |
+            gradient_iterations) == 0 &&
+           stiff_ticks == 0;
+  }
+  /// The steps are counted from another one.
+  void move(std::uint64_t from, std::uint64_t to) {
+    for (std::uint64_t* until : {&stiff_until, &refused_until, &touched_until, &inconsistent_until})
+      *until = *until > from ? *until - from + to : 0;
+  }
 };
 
 /// Of gravity, with 0 at the height 0, and of springs where potential [J].
@@ -43,25 +76,12 @@ struct Energy {
   double kinetic = 0.0, potential = 0.0;
 };
 
-/// What decides which method an island has, beside its state. An edit clears it.
-struct MethodMemory {
-  bool is_stiff = false;                  ///< as measured when it was last advanced
-  int stiff_ticks = 0;                    ///< how often in a row substeps found it so
-  std::uint32_t gradient_iterations = 0;  ///< Newton's, of the last tick by gradients; 0: none yet
-  std::uint64_t stiff_until = 0;          ///< step before which it is not asked again
-  std::uint64_t refused_until = 0;        ///< step
-  std::uint64_t touched_until = 0;        ///< step until which its last contact counts as near
-  std::uint64_t inconsistent_until = 0;   ///< step
-};
-
 /// What an island is made of, and what is kept for it from step to step.
-struct IslandParts {
+struct IslandParts : IslandMemory {
   IslandMembers members;
   Why nature = Why::kSmooth;        ///< of its joints and options; contacts come and go
   int linked = -1;                  ///< into Impl::linked; -1: no joints, or never integrated
-  std::uint64_t quiet_for = 0;      ///< steps in a row that moved nothing to speak of
   std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
-  MethodMemory memory;
 
   // of this step; each island writes its own, for several may be carried at once
   double projected_energy = 0.0;  ///< [J]
@@ -101,7 +121,9 @@ struct World::Impl {
   std::vector<Broadphase::Pair> unpaired;  // joined bodies that may overlap, sorted
   std::vector<std::pair<std::size_t, std::size_t>> joint_ends;  // the two bodies of each joint
   std::vector<IslandParts> island_parts;
-  std::vector<Island> islands;                       // the same, as it is told
+  std::vector<Island> islands;  // the same, as it is told
+  std::vector<std::pair<BodyId, IslandMemory>>
+      loaded_memory;                                 // by first body, until there are islands
   std::vector<int> island_of;                        // of bodies; -1 of immovable ones
   std::vector<LinkedMotion> linked;                  // of the islands with joints
   std::vector<std::optional<EnergyMomentum>> stiff;  // the same, of those that are, or were, stiff
@@ -156,13 +178,17 @@ struct World::Impl {
       joint_rows;  // first row of each of impulse_joints, and one past the last
   std::vector<std::size_t> contact_rows;  // row of the normal of each contact point
   SequentialImpulses solver;
+  bool is_remembered = false;  // the state before the step is in the next two
   std::vector<BodyState> states_before;
   std::vector<JointState> joint_states_before;
+  std::vector<IslandMemory> memory_before;
+  bool contacts_are_new = false;  // those of the step before are in touching_before
 
   // ---- what a step tells
   std::vector<Contact> contacts;  // those of sleepers first
   StepReport report;
   Clock clock = nullptr;
+  StopFlag stop = nullptr;
 
   // ---- editing (edits/)
   std::size_t index(BodyId id) const;
@@ -171,9 +197,16 @@ struct World::Impl {
   void fill_in(Joint& joint) const;
   double inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const;
   void start_joint(std::size_t j);
+  void continue_joint(std::size_t j, const JointState& saved);
   double end_of(const Motor& motor) const;
   void wake_ends(const Joint& joint);
   void forget_contacts();
+  void continue_asleep(const std::vector<BodyId>& ids);
+  void continue_contact(TouchingPair pair);
+  bool is_known(const TouchingPair& pair) const;
+  bool is_as_added(JointId id) const;
+  std::vector<std::pair<BodyId, IslandMemory>> memories() const;
+  bool starts_methods_anew() const;
   void erase_joint(std::size_t j);
   void erase_wrenches(BodyId id);
 
@@ -192,6 +225,7 @@ struct World::Impl {
   void list_shapes(const std::vector<int>& resting_bodies);
 
   // ---- stepping (world.cpp), in the order of a step
+  void abandon_step();
   void begin_step();
   void remember();
   void go_back();
@@ -222,6 +256,7 @@ struct World::Impl {
   double most_frequency(std::size_t i) const;
   double gradient_cost(std::size_t i) const;
   double stages() const;
+  int most_attempts() const;
   Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span, int most_halvings);
   Progress integrate_inconsistent(std::size_t i, const SmoothSpan& span);
   int threads_worth_it() const;
@@ -246,7 +281,10 @@ struct World::Impl {
   void drop_spent_wrenches();
   void measure();
   void find_worst_joint(const std::vector<int>& among, StepReport* worst) const;
-  bool is_finite() const;
+  [[noreturn]] static void fail(Failure why);
+  void keep_state_before(Failure why);
+  Failure failure_of_motion();
+  bool tells_finite_numbers() const;
 
   class StageTimer;
 
@@ -278,6 +316,12 @@ class World::Impl::StageTimer {
   Impl& world_;
   Stage stage_;
   double start_;
+};
+
+/// The way in for what saves and loads.
+struct Insides {
+  static World::Impl& of(World& world) { return *world.impl_; }
+  static const World::Impl& of(const World& world) { return *world.impl_; }
 };
 
 }  // namespace constraint_sim::engine

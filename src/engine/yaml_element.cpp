@@ -2,76 +2,99 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <limits>
+#include <locale>
+#include <sstream>
 
 #include "constraint_sim/scene.h"
+#include "engine/validate.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-int line_of(const YAML::Mark& mark) { return mark.line + 1; }
+using Kind = YamlNode::Kind;
 
 std::string location(const std::string& source, int line) {
   return source + ":" + std::to_string(line) + ": ";
 }
 
-std::string described(const YAML::Node& node) {
-  if (node.IsScalar()) return "'" + node.Scalar() + "'";
-  if (node.IsSequence()) return "a list of " + std::to_string(node.size());
-  if (node.IsMap()) return "a map";
+std::string described(const YamlNode& node) {
+  switch (node.kind) {
+    case Kind::kScalar:
+      return quoted(node.scalar);
+    case Kind::kList:
+      return "a list of " + std::to_string(node.children.size());
+    case Kind::kMap:
+      return "a map";
+    case Kind::kNothing:
+      break;
+  }
   return "nothing";
 }
 
-/// In quotes a number or flag is text.
-bool is_quoted(const YAML::Node& node) { return node.Tag() == "!"; }
+/// The number that is all of `text`, as YAML has it: the program's locale makes no difference.
+template <class Number>
+std::optional<Number> number_in(const std::string& text) {
+  std::istringstream stream(text);
+  stream.imbue(std::locale::classic());
+  stream.unsetf(std::ios::dec);
+  Number value{};
+  if (!(stream >> std::noskipws >> value) || !(stream >> std::ws).eof()) return std::nullopt;
+  return value;
+}
+
+bool is_one_of(const std::string& word, std::initializer_list<const char*> words) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
 
 }  // namespace
 
-YamlElement::YamlElement(const YAML::Node& node, const std::string& source, const std::string& path,
-                         int line)
-    : node_(node), source_(source), path_(path), line_(line) {}
+YamlElement::YamlElement(const std::shared_ptr<const Document>& document, const YamlNode* node,
+                         const std::string& path, int line)
+    : document_(document), node_(node), path_(path), line_(line) {}
 
 YamlElement YamlElement::parse(const std::string& text, const std::string& source) {
-  std::vector<YAML::Node> documents;
+  if (text.size() > kMostSceneBytes)
+    throw SceneError(source + ": must be at most " + std::to_string(kMostSceneBytes) +
+                     " bytes, got " + std::to_string(text.size()));
+  std::shared_ptr<const Document> document;
   try {
-    documents = YAML::LoadAll(text);
-  } catch (const YAML::Exception& error) {
-    throw SceneError(location(source, line_of(error.mark)) + "not valid YAML: " + error.msg);
+    document = std::make_shared<const Document>(Document{YamlTree(text), source});
+  } catch (const YamlError& error) {
+    throw SceneError(location(source, error.line) + error.what());
   }
-  if (documents.empty() || documents.front().IsNull())
+  const YamlNode& root = document->tree.root();
+  if (root.kind == Kind::kNothing)
     throw SceneError(location(source, 1) + "expected a scene, got nothing");
-  if (documents.size() > 1)
-    throw SceneError(location(source, line_of(documents[1].Mark())) +
-                     "expected one YAML document, got " + std::to_string(documents.size()));
-  const YAML::Node& root = documents.front();
-  return {root, source, "", line_of(root.Mark())};
+  return {document, &root, "", root.line};
 }
 
-YamlElement YamlElement::child(const YAML::Node& node, const std::string& path,
+YamlElement YamlElement::child(const YamlNode* node, const std::string& path,
                                int line_if_empty) const {
-  return {node, source_, path, node.IsNull() ? line_if_empty : line_of(node.Mark())};
+  return {document_, node, path, node->kind == Kind::kNothing ? line_if_empty : node->line};
 }
 
 void YamlElement::expect_keys(const Words& known) const {
   Words seen;
   expect_map();
-  for (const auto& entry : node_) {
-    const YamlElement key = child(entry.first, path_, line_);
+  for (std::size_t i = 0; i < node_->children.size(); i += 2) {
+    const YamlElement key = child(node_->children[i], path_, line_);
     const std::string word = key.word();
     if (std::find(known.begin(), known.end(), word) == known.end())
-      key.fail("unknown key '" + word + "'");
+      key.fail("unknown key " + quoted(word));
     if (std::find(seen.begin(), seen.end(), word) != seen.end())
-      key.fail("duplicate key '" + word + "'");
+      key.fail("duplicate key " + quoted(word));
     seen.push_back(word);
   }
 }
 
 std::optional<YamlElement> YamlElement::find(const std::string& key) const {
   expect_map();
-  for (const auto& entry : node_) {
-    if (!entry.first.IsScalar() || entry.first.Scalar() != key) continue;
-    return child(entry.second, path_.empty() ? key : path_ + "." + key,
-                 line_of(entry.first.Mark()));
+  for (std::size_t i = 0; i < node_->children.size(); i += 2) {
+    const YamlNode& found = *node_->children[i];
+    if (found.kind != Kind::kScalar || found.scalar != key) continue;
+    return child(node_->children[i + 1], path_.empty() ? key : path_ + "." + key, found.line);
   }
   return std::nullopt;
 }
@@ -85,56 +108,69 @@ YamlElement YamlElement::at(const std::string& key) const {
 YamlElement::Words YamlElement::keys() const {
   Words words;
   expect_map();
-  for (const auto& entry : node_) words.push_back(child(entry.first, path_, line_).word());
+  for (std::size_t i = 0; i < node_->children.size(); i += 2)
+    words.push_back(child(node_->children[i], path_, line_).word());
   return words;
 }
 
 std::vector<YamlElement> YamlElement::items() const {
-  if (!node_.IsSequence()) fail_expecting("a list");
+  if (node_->kind != Kind::kList) fail_expecting("a list");
   std::vector<YamlElement> elements;
-  for (const auto& node : node_)
+  for (const YamlNode* const node : node_->children)
     elements.push_back(child(node, path_ + "[" + std::to_string(elements.size()) + "]", line_));
   return elements;
 }
 
 double YamlElement::number() const {
-  double value = 0.0;
-  if (!node_.IsScalar() || is_quoted(node_) || !YAML::convert<double>::decode(node_, value))
-    fail_expecting("a number");
-  if (!std::isfinite(value)) fail_expecting("a finite number");
-  return value;
+  if (!is_plain()) fail_expecting("a number");
+  if (is_one_of(node_->scalar, {".inf", ".Inf", ".INF", "+.inf", "+.Inf", "+.INF", "-.inf", "-.Inf",
+                                "-.INF", ".nan", ".NaN", ".NAN"}))
+    fail_expecting("a finite number");
+  const auto value = number_in<double>(node_->scalar);
+  if (!value) fail_expecting("a number");
+  return *value;
 }
 
 double YamlElement::number_or_infinity() const {
-  return node_.IsScalar() && !is_quoted(node_) && node_.Scalar() == ".inf"
-             ? std::numeric_limits<double>::infinity()
-             : number();
+  return is_plain() && node_->scalar == ".inf" ? std::numeric_limits<double>::infinity() : number();
 }
 
 int YamlElement::whole_number() const {
-  int value = 0;
-  if (!node_.IsScalar() || is_quoted(node_) || !YAML::convert<int>::decode(node_, value))
-    fail_expecting("a whole number");
-  return value;
+  const auto value = is_plain() ? number_in<int>(node_->scalar) : std::nullopt;
+  if (!value) fail_expecting("a whole number");
+  return *value;
+}
+
+std::uint64_t YamlElement::count() const {
+  constexpr std::int64_t kMost = std::int64_t{1} << 53;
+  const auto value = is_plain() ? number_in<std::int64_t>(node_->scalar) : std::nullopt;
+  if (!value || *value < 0 || *value > kMost) fail_expecting("a whole number from 0 to 2^53");
+  return static_cast<std::uint64_t>(*value);
 }
 
 bool YamlElement::flag() const {
-  bool value = false;
-  if (!node_.IsScalar() || is_quoted(node_) || !YAML::convert<bool>::decode(node_, value))
-    fail_expecting("true or false");
-  return value;
+  if (is_plain()) {
+    const std::string& word = node_->scalar;
+    if (is_one_of(word, {"true", "True", "TRUE", "yes", "Yes", "YES", "on", "On", "ON", "y", "Y"}))
+      return true;
+    if (is_one_of(word,
+                  {"false", "False", "FALSE", "no", "No", "NO", "off", "Off", "OFF", "n", "N"}))
+      return false;
+  }
+  fail_expecting("true or false");
 }
 
 std::string YamlElement::word() const {
-  if (!node_.IsScalar()) fail_expecting("a word");
-  return node_.Scalar();
+  if (node_->kind != Kind::kScalar) fail_expecting("a word");
+  return node_->scalar;
 }
 
 Eigen::VectorXd YamlElement::numbers(Eigen::Index size) const {
   const std::string expected = "a list of " + std::to_string(size) + " numbers";
-  if (!node_.IsSequence()) fail_expecting(expected);
+  const bool has_size =
+      node_->kind == Kind::kList && node_->children.size() == static_cast<std::size_t>(size);
+  if (!has_size) fail_expecting(expected);
   const std::vector<YamlElement> elements = items();
-  if (static_cast<Eigen::Index>(elements.size()) != size) fail_expecting(expected);
   Eigen::VectorXd values(size);
   for (Eigen::Index i = 0; i < size; ++i)
     values[i] = elements[static_cast<std::size_t>(i)].number();
@@ -158,22 +194,24 @@ void YamlElement::read(const std::string& key, Eigen::Vector3d* target) const {
 }
 
 void YamlElement::fail(const std::string& why) const {
-  throw SceneError(location(source_, line_) + (path_.empty() ? "" : path_ + ": ") + why);
+  throw SceneError(location(document_->source, line_) + (path_.empty() ? "" : path_ + ": ") + why);
 }
 
+bool YamlElement::is_plain() const { return node_->kind == Kind::kScalar && !node_->is_quoted; }
+
 void YamlElement::expect_map() const {
-  if (!node_.IsMap()) fail_expecting("a map");
+  if (node_->kind != Kind::kMap) fail_expecting("a map");
 }
 
 void YamlElement::fail_expecting(const std::string& kind) const {
-  fail("expected " + kind + ", got " + described(node_));
+  fail("expected " + kind + ", got " + described(*node_));
 }
 
 void YamlElement::fail_in_field(const std::string& field_and_why, const std::string& prefix) const {
   const bool has_prefix = field_and_why.compare(0, prefix.size(), prefix) == 0;
   const std::string what = has_prefix ? field_and_why.substr(prefix.size()) : field_and_why;
   const auto value = find(what.substr(0, what.find_first_of(".[:")));
-  throw SceneError(location(source_, value ? value->line_ : line_) + path_ + "." + what);
+  throw SceneError(location(document_->source, value ? value->line_ : line_) + path_ + "." + what);
 }
 
 }  // namespace constraint_sim::engine

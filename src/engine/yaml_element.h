@@ -1,12 +1,14 @@
 #pragma once
 
-#include <yaml-cpp/yaml.h>
-
 #include <Eigen/Core>
+#include <cstdint>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "engine/yaml_tree.h"
 
 namespace constraint_sim::engine {
 
@@ -34,6 +36,7 @@ class YamlElement {
   double number() const;              ///< finite
   double number_or_infinity() const;  ///< `.inf` as well
   int whole_number() const;
+  std::uint64_t count() const;  ///< whole, from 0 to 2^53
   bool flag() const;
   std::string word() const;
   /// Exactly `size` finite numbers.
@@ -60,17 +63,26 @@ class YamlElement {
   }
 
  private:
-  YamlElement(const YAML::Node& node, const std::string& source, const std::string& path, int line);
+  /// What all elements of a text share.
+  struct Document {
+    YamlTree tree;
+    std::string source;
+  };
 
-  YamlElement child(const YAML::Node& node, const std::string& path, int line_if_empty) const;
+  YamlElement(const std::shared_ptr<const Document>& document, const YamlNode* node,
+              const std::string& path, int line);
+
+  YamlElement child(const YamlNode* node, const std::string& path, int line_if_empty) const;
+  /// Whether this is a scalar without quotes that the functions for numbers and flags may read.
+  bool is_plain() const;
   /// Throws unless this is a map.
   void expect_map() const;
   [[noreturn]] void fail_expecting(const std::string& kind) const;
   [[noreturn]] void fail_in_field(const std::string& field_and_why,
                                   const std::string& prefix) const;
 
-  YAML::Node node_;
-  std::string source_;
+  std::shared_ptr<const Document> document_;
+  const YamlNode* node_;
   std::string path_;  ///< as in "bodies[2].mass"; empty for the document
   int line_;          ///< from 1
 };

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -270,6 +271,7 @@ engine::BodyState relative_to(const engine::BodyState& frame, const engine::Body
   relative.linear_velocity =
       R * (in_world.linear_velocity - frame.linear_velocity - frame.angular_velocity.cross(r));
   relative.angular_velocity = R * (in_world.angular_velocity - frame.angular_velocity);
+  engine::validate(relative);
   return relative;
 }
 
@@ -285,19 +287,24 @@ engine::BodyState from_relative(const engine::BodyState& frame, const engine::Bo
   return in_world;
 }
 
+double finite(double value) {
+  constexpr double kMost = std::numeric_limits<double>::max();
+  return value >= -kMost ? std::min(value, kMost) : value < 0.0 ? -kMost : kMost;
+}
+
 geometry_msgs::Point to_point(const Eigen::Vector3d& v) {
   geometry_msgs::Point msg;
-  msg.x = v.x();
-  msg.y = v.y();
-  msg.z = v.z();
+  msg.x = finite(v.x());
+  msg.y = finite(v.y());
+  msg.z = finite(v.z());
   return msg;
 }
 
 geometry_msgs::Vector3 to_vector(const Eigen::Vector3d& v) {
   geometry_msgs::Vector3 msg;
-  msg.x = v.x();
-  msg.y = v.y();
-  msg.z = v.z();
+  msg.x = finite(v.x());
+  msg.y = finite(v.y());
+  msg.z = finite(v.z());
   return msg;
 }
 
@@ -337,11 +344,11 @@ ConstraintState to_msg(const engine::Joint& joint, const engine::JointState& sta
   ConstraintState msg;
   msg.name = joint.name;
   msg.type = engine::type_name(joint.type);
-  msg.error = state.error;
-  msg.error_rate = state.error_rate;
-  msg.force = state.force;
-  msg.bias = state.bias;
-  msg.reached_rate = state.reached_rate;
+  msg.error = finite(state.error);
+  msg.error_rate = finite(state.error_rate);
+  msg.force = finite(state.force);
+  msg.bias = finite(state.bias);
+  msg.reached_rate = finite(state.reached_rate);
   msg.saturated = state.saturated;
   msg.broken = state.broken;
   msg.closing = state.closing;
@@ -354,8 +361,8 @@ ContactState to_msg(const engine::World& world, const engine::Contact& contact) 
   msg.body_b = world.body(contact.body_b).name;
   msg.position = to_point(contact.position);
   msg.normal = to_vector(contact.normal);
-  msg.depth = contact.depth;
-  msg.normal_force = contact.normal_force;
+  msg.depth = finite(contact.depth);
+  msg.normal_force = finite(contact.normal_force);
   return msg;
 }
 

@@ -49,10 +49,14 @@ engine::Joint from_msg(const Constraint& constraint, const engine::World& world)
 engine::Wrench from_msg(const ApplyBodyWrenchRequest& request, const engine::World& world);
 
 /// A state in the world as seen from the frame of a moving body, and back. Velocities are those
-/// that an observer who moves and turns with the frame sees: a body fixed to it has none.
+/// that an observer who moves and turns with the frame sees: a body fixed to it has none. Throws
+/// where the numbers are beyond their range.
 engine::BodyState relative_to(const engine::BodyState& frame, const engine::BodyState& in_world);
 engine::BodyState from_relative(const engine::BodyState& frame, const engine::BodyState& relative);
 
+/// What messages have for a number: itself, or the largest there is for what is beyond the range or
+/// no number at all.
+double finite(double value);
 geometry_msgs::Point to_point(const Eigen::Vector3d& v);
 geometry_msgs::Vector3 to_vector(const Eigen::Vector3d& v);
 geometry_msgs::Quaternion to_msg(const Eigen::Quaterniond& q);

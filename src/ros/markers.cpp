@@ -77,7 +77,7 @@ visualization_msgs::MarkerArray Markers::update(const engine::World& world, cons
                                                 bool for_newcomer) {
   stamp_ = stamp;
   visualization_msgs::MarkerArray array;
-  const bool full = !started_ || for_newcomer || (stamp - last_full_).toSec() >= kFullPeriod;
+  const bool full = !started_ || for_newcomer || stamp.toSec() - last_full_.toSec() >= kFullPeriod;
   if (!started_) {
     Marker clear = make("", 0, Marker::CUBE);
     clear.action = Marker::DELETEALL;

@@ -2,7 +2,10 @@
 
 #include <ros/node_handle.h>
 
+#include <set>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "constraint_sim/world.h"
 
@@ -20,7 +23,8 @@ struct Parameters {
   std::string world_frame = "world";
   std::string frame_prefix;
   double closing_time = engine::WorldOptions{}.closing_time;  ///< [s] unless the scene has its own
-  bool use_sim_time = false;                                  ///< the global one, read and not set
+  std::string scene_folder;   ///< that paths in services stay below; empty: anywhere
+  bool use_sim_time = false;  ///< the global one, read and not set
 
   /// Whether stamps are simulated time, and not the wall's.
   bool stamps_simulated_time() const { return publish_clock || use_sim_time; }
@@ -28,14 +32,26 @@ struct Parameters {
   bool follows_clock() const { return use_sim_time && !publish_clock; }
 };
 
+/// A parameter that cannot be.
+class ParameterError : public std::invalid_argument {
+ public:
+  ParameterError(const std::string& name, const std::string& message)
+      : std::invalid_argument(message), name_(name) {}
+  const std::string& name() const { return name_; }
+
+ private:
+  std::string name_;
+};
+
 /// Reads the parameters and writes those in effect back, for `rosparam get` to show. Throws
-/// std::invalid_argument naming the parameter and value that cannot be.
+/// ParameterError, and has then written nothing.
 Parameters read_parameters(const ros::NodeHandle& private_handle);
 
-/// The world that a scene describes. `text` unless empty, else the file that `name` stands for: a
-/// path, package://PACKAGE/PATH, or a shipped scene; neither: an empty world. Throws
-/// std::invalid_argument.
-engine::World load_world(const std::string& name, const std::string& text,
-                         const Parameters& parameters);
+/// Of the private parameters that no simulator has, one sentence each, with what may be meant.
+std::vector<std::string> unknown_parameters(const ros::NodeHandle& private_handle);
+
+/// Those that are not the default and not among `given`, with their values, as one text; empty
+/// where there are none.
+std::string parameters_not_given(const Parameters& parameters, const std::set<std::string>& given);
 
 }  // namespace constraint_sim

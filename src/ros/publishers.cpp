@@ -13,6 +13,7 @@
 
 #include "constraint_sim/plan.h"
 #include "ros/conversions.h"
+#include "ros/time_conversions.h"
 
 namespace constraint_sim {
 namespace {
@@ -26,10 +27,6 @@ constexpr double kSettlingTime = 0.1;
 double steady_now() { return ros::SteadyTime::now().toSec(); }
 
 std::int64_t wall_now() { return static_cast<std::int64_t>(ros::WallTime::now().toNSec()); }
-
-ros::Time from_nanoseconds(std::int64_t stamp) {
-  return ros::Time().fromNSec(static_cast<std::uint64_t>(stamp));
-}
 
 }  // namespace
 
@@ -87,6 +84,11 @@ void Publishers::edited(const World& world) {
 }
 
 double Publishers::passed(const World& world, const Stepper& stepper) {
+  if (has_thrown_) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    has_thrown_ = false;
+    std::rethrow_exception(std::exchange(thrown_, nullptr));
+  }
   const double now = steady_now();
   // also while nobody listens
   if (stepper.is_paused() || stepper.dropped_ticks() != dropped_ticks_) stamps_.let_go();
@@ -106,7 +108,7 @@ double Publishers::passed(const World& world, const Stepper& stepper) {
 }
 
 ros::Time Publishers::stamp(const World& world) const {
-  return from_nanoseconds(stamps_.of(wall_now(), world.time()));
+  return time_from_nanoseconds(stamps_.of(wall_now(), world.time()));
 }
 
 double Publishers::next_due() const {
@@ -120,8 +122,8 @@ void Publishers::publish_clock(const World& world, double now) {
   const double period = time == clock_time_ ? kRepeatPeriod : kClockPeriod;
   if (!went_back && now < last_clock_ + period) return;
   rosgraph_msgs::Clock message;
-  message.clock.fromNSec(
-      std::max<std::uint64_t>(1, ros::Time(time).toNSec()));  // 0: no time at all
+  message.clock = time_from_nanoseconds(
+      std::max<std::int64_t>(1, Stamps::nanoseconds(time)));  // 0: no time at all
   clock_topic_.publish(message);
   if (went_back) next_publication_ = now + kSettlingTime;
   last_clock_ = now;
@@ -139,7 +141,7 @@ bool Publishers::anybody_listens() const {
 void Publishers::take_snapshot(const World& world, const Stepper& stepper, double now) {
   const bool running = stepped_ && !stepper.is_paused();
   incoming_.world = world;
-  incoming_.stamp = from_nanoseconds(stamps_.next(wall_now(), world.time(), running));
+  incoming_.stamp = time_from_nanoseconds(stamps_.next(wall_now(), world.time(), running));
   incoming_.plan_changed = std::exchange(plan_changed_, false);
   incoming_.for_newcomer = newcomer_.exchange(false);
   incoming_.has_statistics = !stepped_ || now >= last_statistics_ + kStatisticsPeriod;
@@ -155,19 +157,19 @@ void Publishers::take_statistics(const World& world, const Stepper& stepper, dou
                                  Statistics& message) {
   const engine::StepReport& report = world.report();
   const double ticks = std::max(ticks_.ticks, 1u);
-  message.sim_time = ros::Time(world.time());
+  message.sim_time = time_from_seconds(world.time());
   message.step = world.step_count();
   message.ticks = ticks_.ticks;
-  message.max_constraint_error = ticks_.max_constraint_error;
+  message.max_constraint_error = finite(ticks_.max_constraint_error);
   message.worst_constraint = ticks_.worst_constraint;
-  message.energy = world.energy();
-  message.energy_drift = report.energy_drift;
-  message.local_error = ticks_.local_error;
-  message.accumulated_local_error = ticks_.accumulated_local_error;
+  message.energy = finite(world.energy());
+  message.energy_drift = finite(report.energy_drift);
+  message.local_error = finite(ticks_.local_error);
+  message.accumulated_local_error = finite(ticks_.accumulated_local_error);
   message.wall_mean = ticks_.wall_sum / ticks;
   message.wall_max = ticks_.wall_max;
-  message.real_time_factor =
-      std::max(world.time() - last_statistics_time_, 0.0) / (now - last_statistics_);
+  const double passed = std::max(now - last_statistics_, 1e-9);
+  message.real_time_factor = finite(std::max(world.time() - last_statistics_time_, 0.0) / passed);
   message.dropped_ticks = stepper.dropped_ticks();
   message.iterations = report.iterations + report.substeps;
   message.failed = stepper.has_failed();
@@ -197,7 +199,13 @@ void Publishers::run() {
       std::swap(incoming_, current_);
       fresh_ = false;
     }
-    publish(current_);
+    try {
+      publish(current_);
+    } catch (...) {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      thrown_ = std::current_exception();
+      has_thrown_ = true;
+    }
   }
 }
 

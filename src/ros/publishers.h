@@ -7,6 +7,7 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
+#include <exception>
 #include <mutex>
 #include <string>
 #include <thread>
@@ -32,7 +33,8 @@ class Publishers {
   // ---- on the stepping thread
   void stepped(const World& world, double seconds);
   void edited(const World& world);
-  /// Answers after how many seconds it has something to do again.
+  /// Answers after how many seconds it has something to do again. Throws what the publishing thread
+  /// did.
   double passed(const World& world, const Stepper& stepper);
   /// Of an answer about this world: the stamp of messages about it.
   ros::Time stamp(const World& world) const;
@@ -95,6 +97,8 @@ class Publishers {
   std::condition_variable wake_up_;
   bool fresh_ = false;
   bool stopping_ = false;
+  std::exception_ptr thrown_;  // on the publishing thread
+  std::atomic<bool> has_thrown_{false};
   Snapshot incoming_;
 
   // of the publishing thread

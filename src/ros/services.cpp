@@ -1,11 +1,15 @@
 #include "ros/services.h"
 
-#include <cstdio>
+#include <ros/console.h>
+
 #include <exception>
-#include <fstream>
 
 #include "constraint_sim/scene.h"
 #include "ros/conversions.h"
+#include "ros/scenes.h"
+#include "ros/time_conversions.h"
+#include "sim/files.h"
+#include "sim/words.h"
 
 namespace constraint_sim {
 namespace {
@@ -24,11 +28,24 @@ bool answer(Response& response, Work work) {
   return true;
 }
 
+// The same of a service whose answer has no room for an error: its caller sees that it failed, and
+// the log why.
+template <class Work>
+bool done(const char* service, Work work) {
+  try {
+    work();
+    return true;
+  } catch (const std::exception& error) {
+    ROS_WARN("%s: %s", service, error.what());
+    return false;
+  }
+}
+
 template <class Response, class Change>
 bool answer_edit(Stepper& stepper, Response& response, Change change) {
   return answer(response, [&] {
     const Boundary boundary = stepper.edit(change);
-    response.applied_at = ros::Time(boundary.time);
+    response.applied_at = time_from_seconds(boundary.time);
     response.step = boundary.step;
   });
 }
@@ -44,25 +61,16 @@ void set_bias(World& world, const std::string& constraint, double bias, double m
   world.set_motor(id, motor);
 }
 
-// the whole text or, where that cannot be, the file as it was
-void write_file(const std::string& path, const std::string& text) {
-  const std::string unfinished = path + ".unfinished";
-  std::ofstream file(unfinished);
-  file << text;
-  file.close();
-  if (file.fail() || std::rename(unfinished.c_str(), path.c_str()) != 0) {
-    std::remove(unfinished.c_str());
-    throw std::invalid_argument("path: cannot write '" + path + "'");
-  }
-}
-
 }  // namespace
 
 Services::Services(Stepper& stepper, const Publishers& publishers, const Parameters& parameters,
-                   ros::NodeHandle& private_handle)
+                   ServiceHandles handles)
     : stepper_(stepper), publishers_(publishers), parameters_(parameters) {
+  const auto advertise_on = [&](ros::NodeHandle& handle, const char* name, auto handler) {
+    servers_.push_back(handle.advertiseService(name, handler, this));
+  };
   const auto advertise = [&](const char* name, auto handler) {
-    servers_.push_back(private_handle.advertiseService(name, handler, this));
+    advertise_on(handles.edits, name, handler);
   };
   advertise("add_body", &Services::add_body);
   advertise("remove_body", &Services::remove_body);
@@ -72,17 +80,17 @@ Services::Services(Stepper& stepper, const Publishers& publishers, const Paramet
   advertise("set_motor_bias", &Services::set_motor_bias);
   advertise("apply_body_wrench", &Services::apply_body_wrench);
   advertise("clear_body_wrenches", &Services::clear_body_wrenches);
-  advertise("get_body_state", &Services::get_body_state);
+  advertise_on(handles.queries, "get_body_state", &Services::get_body_state);
   advertise("set_body_state", &Services::set_body_state);
   advertise("load_scene", &Services::load_scene);
   advertise("save_scene", &Services::save_scene);
-  advertise("pause_physics", &Services::pause_physics);
-  advertise("unpause_physics", &Services::unpause_physics);
+  advertise_on(handles.pauses, "pause_physics", &Services::pause_physics);
+  advertise_on(handles.pauses, "unpause_physics", &Services::unpause_physics);
   advertise("reset_world", &Services::reset_world);
   advertise("reset_simulation", &Services::reset_simulation);
-  advertise("step", &Services::step);
-  advertise("get_world_properties", &Services::get_world_properties);
-  motor_bias_ = private_handle.subscribe("motor_bias", 100, &Services::on_motor_bias, this);
+  advertise_on(handles.steps, "step", &Services::step);
+  advertise_on(handles.queries, "get_world_properties", &Services::get_world_properties);
+  motor_bias_ = handles.edits.subscribe("motor_bias", 100, &Services::on_motor_bias, this);
 }
 
 bool Services::add_body(AddBodyRequest& request, AddBodyResponse& response) {
@@ -100,14 +108,14 @@ bool Services::add_distance_constraint(AddDistanceConstraintRequest& request,
                                        AddDistanceConstraintResponse& response) {
   return answer_edit(stepper_, response, [&](World& world) {
     const engine::JointId id = world.add_joint(from_msg(request, world));
-    response.initial_error = world.joint_state(id).initial_error;
+    response.initial_error = finite(world.joint_state(id).initial_error);
   });
 }
 
 bool Services::add_constraint(AddConstraintRequest& request, AddConstraintResponse& response) {
   return answer_edit(stepper_, response, [&](World& world) {
     const engine::JointId id = world.add_joint(from_msg(request.constraint, world));
-    response.initial_error = world.joint_state(id).initial_error;
+    response.initial_error = finite(world.joint_state(id).initial_error);
   });
 }
 
@@ -125,18 +133,28 @@ bool Services::set_motor_bias(SetMotorBiasRequest& request, SetMotorBiasResponse
 }
 
 void Services::on_motor_bias(const MotorBias& message) {
-  const auto change = [message](World& world) {
+  const auto change = [this, message](World& world) {
     try {
       set_bias(world, message.constraint, message.bias, message.max_force, message.timeout);
     } catch (const std::invalid_argument& error) {
-      ROS_WARN_THROTTLE(1.0, "motor_bias: %s", error.what());
+      tell_of_motor(error.what());
     }
   };
   try {
     stepper_.post(change);
+  } catch (const NotNow& error) {
+    tell_of_motor(error.what());
   } catch (const Cancelled&) {
     // the node is going down, and the motor with it
   }
+}
+
+// at most once a second of the wall: simulated time may stand
+void Services::tell_of_motor(const char* why) {
+  const double now = ros::SteadyTime::now().toSec();
+  if (now < told_of_motor_ + 1.0) return;
+  told_of_motor_ = now;
+  ROS_WARN("motor_bias: %s", why);
 }
 
 bool Services::apply_body_wrench(ApplyBodyWrenchRequest& request,
@@ -181,14 +199,18 @@ bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response
   return answer(response, [&] {
     if (request.path.empty() == request.text.empty())
       throw std::invalid_argument("path, text: exactly one of the two is needed, got path '" +
-                                  request.path + "' and " + std::to_string(request.text.size()) +
-                                  " characters of text");
-    World scene = load_world(request.path, request.text, parameters_);
-    const Boundary boundary = stepper_.edit([&](World& world) {
+                                  shortened(request.path, 200) + "' and " +
+                                  std::to_string(request.text.size()) + " characters of text");
+    World scene = load_world(request.path, request.text, parameters_, Caller::kService);
+    const std::string loaded = summary(scene);
+    const Boundary boundary = stepper_.interrupt("load_scene", [&](World& world) {
       scene.continue_from(world);
       world = std::move(scene);
     });
-    response.applied_at = ros::Time(boundary.time);
+    ROS_INFO("load_scene %s: %s",
+             request.path.empty() ? "of a text" : shortened(request.path, 200).c_str(),
+             loaded.c_str());
+    response.applied_at = time_from_seconds(boundary.time);
     response.step = boundary.step;
   });
 }
@@ -196,41 +218,56 @@ bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response
 bool Services::save_scene(SaveSceneRequest& request, SaveSceneResponse& response) {
   return answer(response, [&] {
     stepper_.inspect([&](const World& world) { response.text = engine::save_scene(world); });
-    if (!request.path.empty()) write_file(request.path, response.text);
+    if (request.path.empty()) return;
+    const std::string& folder = parameters_.scene_folder;
+    write_file(folder.empty() ? request.path : path_below(folder, request.path), response.text);
   });
 }
 
 bool Services::pause_physics(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
-  stepper_.pause();
-  return true;
+  return done("pause_physics", [&] { stepper_.pause(); });
 }
 
 bool Services::unpause_physics(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
-  stepper_.unpause();
-  return true;
+  return done("unpause_physics", [&] {
+    stepper_.unpause();
+    if (stepper_.has_failed())
+      ROS_WARN(
+          "unpause_physics: the world stands until it is edited or reset, since the physics "
+          "failed: %s",
+          stepper_.failure().c_str());
+  });
 }
 
 bool Services::reset_world(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
-  stepper_.edit([](World& world) { world.reset(); });
-  return true;
+  return done("reset_world",
+              [&] { stepper_.interrupt("reset_world", [](World& world) { world.reset(); }); });
 }
 
 bool Services::reset_simulation(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
-  stepper_.edit([](World& world) {
-    world.reset();
-    world.set_time(0.0, 0);
-  });
-  return true;
-}
-
-bool Services::step(StepRequest& request, StepResponse& response) {
-  return answer(response, [&] {
-    stepper_.step(request.steps, [&](const World& world) {
-      for (const engine::BodyId id : world.body_ids())
-        response.bodies.push_back(to_msg(world.body(id).name, world.state(id)));
-      response.state_hash = world.state_hash();
+  return done("reset_simulation", [&] {
+    stepper_.interrupt("reset_simulation", [](World& world) {
+      world.reset();
+      world.set_time(0.0, 0);
     });
   });
+}
+
+// also where it is cancelled or fails, bodies and hash are those of the steps that were taken
+bool Services::step(StepRequest& request, StepResponse& response) {
+  const auto look = [&](const World& world) {
+    response.bodies.clear();
+    for (const engine::BodyId id : world.body_ids())
+      response.bodies.push_back(to_msg(world.body(id).name, world.state(id)));
+    response.state_hash = world.state_hash();
+  };
+  try {
+    stepper_.step(request.steps, look);
+    response.success = true;
+  } catch (const std::exception& error) {
+    response.status_message = error.what();
+  }
+  return true;
 }
 
 bool Services::get_world_properties(GetWorldPropertiesRequest&,

@@ -18,6 +18,7 @@
 #include <ros/node_handle.h>
 #include <std_srvs/Empty.h>
 
+#include <atomic>
 #include <vector>
 
 #include "ros/parameters.h"
@@ -26,13 +27,21 @@
 
 namespace constraint_sim {
 
+/// Private handles, each with a queue and threads of its own, so that who waits in one does not
+/// keep the others waiting.
+struct ServiceHandles {
+  ros::NodeHandle edits;
+  ros::NodeHandle queries;
+  ros::NodeHandle steps;  ///< waits for as long as its caller wants
+  ros::NodeHandle pauses;
+};
+
 /// The node's services: each translates a request into an edit of the stepper's world and waits
 /// until it has taken effect. Also the one topic that edits, motor_bias, which does not wait.
-/// Handlers run on the queue of the handle they are advertised with.
 class Services {
  public:
   Services(Stepper& stepper, const Publishers& publishers, const Parameters& parameters,
-           ros::NodeHandle& private_handle);
+           ServiceHandles handles);
 
  private:
   bool add_body(AddBodyRequest& request, AddBodyResponse& response);
@@ -43,6 +52,7 @@ class Services {
   bool remove_constraint(RemoveConstraintRequest& request, RemoveConstraintResponse& response);
   bool set_motor_bias(SetMotorBiasRequest& request, SetMotorBiasResponse& response);
   void on_motor_bias(const MotorBias& message);
+  void tell_of_motor(const char* why);
   bool apply_body_wrench(ApplyBodyWrenchRequest& request, ApplyBodyWrenchResponse& response);
   bool clear_body_wrenches(ClearBodyWrenchesRequest& request, ClearBodyWrenchesResponse& response);
   bool get_body_state(GetBodyStateRequest& request, GetBodyStateResponse& response);
@@ -60,6 +70,7 @@ class Services {
   Stepper& stepper_;
   const Publishers& publishers_;
   Parameters parameters_;
+  std::atomic<double> told_of_motor_{-1e9};  // [s]
   std::vector<ros::ServiceServer> servers_;
   ros::Subscriber motor_bias_;
 };

@@ -1,9 +1,19 @@
 #include "ros/simulator_node.h"
 
+#include <ros/console.h>
+
+#include <future>
+#include <stdexcept>
+#include <vector>
+
+#include "ros/scenes.h"
+
 namespace constraint_sim {
 namespace {
 
-constexpr unsigned kServiceThreads = 4;
+constexpr unsigned kEditThreads = 4;
+constexpr unsigned kQueryThreads = 2;
+constexpr unsigned kStepThreads = Stepper::kMostWaiting + 1;  // one to refuse the next caller
 
 // [s] of a followed clock that may be made up for: it may come in large steps
 constexpr double kMaxCatchUpWithClock = 1.0;
@@ -16,32 +26,63 @@ StepperOptions stepper_options(const Parameters& parameters) {
   return options;
 }
 
-ros::NodeHandle with_queue(ros::NodeHandle handle, ros::CallbackQueue* queue) {
-  handle.setCallbackQueue(queue);
-  return handle;
-}
-
 }  // namespace
 
 SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle)
-    : handle_(with_queue(handle, &queue_)),
-      private_handle_(with_queue(private_handle, &queue_)),
+    : edits_(kEditThreads),
+      queries_(kQueryThreads),
+      steps_(kStepThreads),
+      pauses_(1),
+      handle_(queries_.serving(handle)),
+      private_handle_(queries_.serving(private_handle)),
       parameters_(read_parameters(private_handle_)),
+      log_(parameters_),
       publishers_(parameters_, handle_, private_handle_),
-      stepper_(load_world(parameters_.scene, "", parameters_), stepper_options(parameters_),
-               clock(), events()),
-      services_(stepper_, publishers_, parameters_, private_handle_),
-      spinner_(kServiceThreads, &queue_),
+      stepper_(first_world(), stepper_options(parameters_), clock(), events()),
+      services_(stepper_, publishers_, parameters_, service_handles()),
       stepping_thread_(&Stepper::run, &stepper_) {
+  tell_of_start(first_summary_);
   if (parameters_.follows_clock())
     clock_topic_ = handle_.subscribe("/clock", 10, &SimulatorNode::on_clock, this);
-  spinner_.start();
+  for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_}) queue->start();
 }
 
 SimulatorNode::~SimulatorNode() {
-  stepper_.stop();  // answers the services that wait, so that the spinner can end
+  stepper_.stop();  // all who wait for it are answered, so that the queues can end
   stepping_thread_.join();
-  spinner_.stop();
+  // at the same time: the threads of each look up every 0.1 s
+  std::vector<std::future<void>> stopping;
+  for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_})
+    stopping.push_back(std::async(std::launch::async, [queue] { queue->stop(); }));
+}
+
+World SimulatorNode::first_world() {
+  try {
+    World world = load_world(parameters_.scene, "", parameters_, Caller::kParameter);
+    log_.edited(world);
+    first_summary_ = summary(world);
+    return world;
+  } catch (const std::invalid_argument& error) {
+    const std::string text = error.what();
+    const bool is_tick = text.compare(0, 10, "time_step:") == 0;  // of the world's options
+    throw ParameterError(is_tick ? "time_step" : "scene", text);
+  }
+}
+
+// Also names what a user may not expect: a log that never said anything before the master shuts the
+// node down, for a second one of its name, would end both.
+void SimulatorNode::tell_of_start(const std::string& world) {
+  ROS_INFO("%s: %s%s", parameters_.scene.empty() ? "no scene" : parameters_.scene.c_str(),
+           world.c_str(), parameters_.paused ? "; paused" : "");
+  if (parameters_.follows_clock())
+    ROS_INFO("the world follows /clock, since /use_sim_time is true and publish_clock is false");
+  for (const std::string& sentence : unknown_parameters(private_handle_))
+    ROS_WARN("%s", sentence.c_str());
+}
+
+ServiceHandles SimulatorNode::service_handles() {
+  return {edits_.serving(private_handle_), queries_.serving(private_handle_),
+          steps_.serving(private_handle_), pauses_.serving(private_handle_)};
 }
 
 Stepper::Clock SimulatorNode::clock() const {
@@ -52,11 +93,18 @@ Stepper::Clock SimulatorNode::clock() const {
 // Simulated time begins with the clock that is followed, and goes back with it.
 void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
   const double clock = message.clock.toSec();
+  log_.heard_clock();
+  const auto set_time = [clock](World& world) {
+    try {
+      world.set_time(clock, world.step_count());
+    } catch (const std::invalid_argument& error) {
+      ROS_WARN("/clock: %s", error.what());
+    }
+  };
   try {
-    if (clock_ == 0.0 || clock < clock_)
-      stepper_.post([clock](World& world) { world.set_time(clock, world.step_count()); });
-  } catch (const Cancelled&) {
-    return;
+    if (clock_ == 0.0 || clock < clock_) stepper_.post(set_time);
+  } catch (const std::runtime_error&) {
+    return;  // going down, or in a long tick: with the next message
   }
   clock_ = clock;
   stepper_.wake();
@@ -66,9 +114,14 @@ StepperEvents SimulatorNode::events() {
   StepperEvents events;
   events.stepped = [this](const World& world, double seconds) {
     publishers_.stepped(world, seconds);
+    log_.stepped(world);
   };
-  events.edited = [this](const World& world) { publishers_.edited(world); };
+  events.edited = [this](const World& world) {
+    publishers_.edited(world);
+    log_.edited(world);
+  };
   events.passed = [this](const World& world) {
+    log_.passed(world, stepper_);
     stepper_.time_stages(publishers_.wants_stage_times());
     return publishers_.passed(world, stepper_);
   };

@@ -1,45 +1,54 @@
 #pragma once
 
-#include <ros/callback_queue.h>
 #include <ros/node_handle.h>
-#include <ros/spinner.h>
 #include <ros/subscriber.h>
 #include <rosgraph_msgs/Clock.h>
 
+#include <array>
+#include <string>
 #include <thread>
 
+#include "ros/event_log.h"
 #include "ros/parameters.h"
 #include "ros/publishers.h"
+#include "ros/service_queue.h"
 #include "ros/services.h"
 #include "sim/stepper.h"
 
 namespace constraint_sim {
 
-/// The simulator as a ROS node: a stepper on a thread of its own, services on a queue of their own
-/// that edit its world, and topics that show it. Runs from construction to destruction.
+/// The simulator as a ROS node: a stepper on a thread of its own, services on queues of their own
+/// that edit its world, topics that show it, and a log. Runs from construction to destruction.
 class SimulatorNode {
  public:
-  /// Throws std::invalid_argument for a parameter or scene that cannot be.
+  /// Throws ParameterError for a parameter or scene that cannot be.
   SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle);
+  /// Answers all who wait.
   ~SimulatorNode();
   SimulatorNode(const SimulatorNode&) = delete;
   SimulatorNode& operator=(const SimulatorNode&) = delete;
 
+  const Parameters& parameters() const { return parameters_; }
+
  private:
+  World first_world();
+  ServiceHandles service_handles();
   StepperEvents events();
   Stepper::Clock clock() const;
   void on_clock(const rosgraph_msgs::Clock& message);
+  void tell_of_start(const std::string& world);
 
-  ros::CallbackQueue queue_;
+  ServiceQueue edits_, queries_, steps_, pauses_;
   ros::NodeHandle handle_;
   ros::NodeHandle private_handle_;
   Parameters parameters_;
+  EventLog log_;
+  std::string first_summary_;
   Publishers publishers_;
   Stepper stepper_;
   Services services_;
   ros::Subscriber clock_topic_;
   double clock_ = 0.0;  // [s] that /clock said last
-  ros::AsyncSpinner spinner_;
   std::thread stepping_thread_;
 };
 

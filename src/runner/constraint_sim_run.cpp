@@ -6,8 +6,10 @@
 #include <boost/program_options.hpp>
 #include <chrono>
 #include <cmath>
+#include <csignal>
 #include <cstdint>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -26,6 +28,32 @@ namespace {
 
 constexpr int kBadInput = 2;
 constexpr int kPhysicsFailed = 3;
+constexpr int kSignalled = 128;  // plus the signal, as shells have it
+
+// ---- scenes
+
+/// The folder of the scenes that come with this program: in its installation, or in its sources.
+std::string scene_folder() {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
+  for (const char* prefix : {"..", "../.."}) {  // PREFIX/bin, and catkin's PREFIX/lib/PACKAGE
+    const fs::path scenes = folder / prefix / "share/constraint_sim/config/scenes";
+    if (!error && fs::is_directory(scenes, error)) return fs::weakly_canonical(scenes, error);
+  }
+  return CONSTRAINT_SIM_SOURCE_SCENES;
+}
+
+/// The scene in a file, of a name, or `-`: from standard input.
+World load_scene_named(const std::string& scene) {
+  if (scene != "-") return load_scene_file(file_of_scene(scene, scene_folder()));
+  std::string text(kMostSceneBytes + 1, '\0');
+  std::cin.read(text.data(), static_cast<std::streamsize>(text.size()));
+  text.resize(static_cast<std::size_t>(std::cin.gcount()));
+  return load_scene(text, "standard input");
+}
+
+// ---- arguments
 
 struct Arguments {
   std::string scene;
@@ -69,8 +97,13 @@ std::optional<Arguments> parse(int argc, char** argv) {
       po::command_line_parser(argc, argv).options(all).positional(positions).style(style).run(),
       values);
   if (values.count("help") > 0) {
-    std::cout << "Usage: constraint_sim_run SCENE.yaml --duration SECONDS [options]\n\n"
-              << visible << "\nExit status: 0, 2 for bad input, 3 when the physics failed.\n";
+    std::cout << "Usage: constraint_sim_run SCENE --duration SECONDS [options]\n\n"
+              << "SCENE is a file, `-` for standard input, or one of those that come with this:\n";
+    for (const std::string& name : scene_names(scene_folder())) std::cout << "  " << name << '\n';
+    std::cout << '\n'
+              << visible
+              << "\nExit status: 0, 2 for bad input, 3 when the physics failed, 130 or 143 when\n"
+                 "interrupted or terminated: the files are written as far as it came.\n";
     return std::nullopt;
   }
   po::notify(values);
@@ -82,7 +115,10 @@ std::optional<Arguments> parse(int argc, char** argv) {
 }
 
 World load(const Arguments& arguments) {
-  World world = load_scene_file(arguments.scene);
+  World world = load_scene_named(arguments.scene);
+  const bool has_options =
+      arguments.time_step || arguments.method || arguments.order || arguments.tolerance;
+  if (!has_options) return world;
   WorldOptions options = world.options();
   if (arguments.time_step) options.time_step = *arguments.time_step;
   if (arguments.method) options.method = method_named(*arguments.method);
@@ -186,6 +222,17 @@ class ProgressBar {
   double last_update_ = 0.0;
 };
 
+/// The signal that asked for the end; 0: none has.
+volatile std::sig_atomic_t stop_signal = 0;
+
+/// From now on the first SIGINT or SIGTERM only asks for the end; the second one is it.
+void stop_on_signals() {
+  struct sigaction action {};
+  action.sa_handler = [](int signal) { stop_signal = signal; };
+  action.sa_flags = SA_RESETHAND;
+  for (const int signal : {SIGINT, SIGTERM}) ::sigaction(signal, &action, nullptr);
+}
+
 struct Outcome {
   double wall_time = 0.0;                           ///< in World::step alone [s]
   double max_constraint_error = 0.0;                ///< over all steps [m]
@@ -205,7 +252,7 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
     write_csv_rows(*world, csv->stream());
   }
   ProgressBar progress(steps);
-  for (std::uint64_t step = 1; step <= steps && !outcome.failed; ++step) {
+  for (std::uint64_t step = 1; step <= steps && !outcome.failed && stop_signal == 0; ++step) {
     const auto start = SteadyClock::now();
     const StepReport& report = world->step();
     outcome.wall_time += seconds_since(start);
@@ -264,6 +311,7 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
       {"methods", outcome.methods},
       {"unresolved_bodies", outcome.unresolved_bodies},
       {"left_out", engine::left_out(world)},
+      {"warnings", warnings(world)},
   };
 }
 
@@ -291,6 +339,10 @@ int run(const Arguments& arguments) {
   const std::uint64_t steps = steps_in(arguments.duration, world.options().time_step);
   if (arguments.explain) std::cout << explain(world) << std::flush;
 
+  for (const std::string& warning : warnings(world))
+    std::fprintf(stderr, "constraint_sim_run: warning: %s\n", warning.c_str());
+
+  stop_on_signals();
   OutputFile csv(arguments.csv), report(arguments.report), save(arguments.save);
   const Outcome outcome = run(steps, &world, &csv);
 
@@ -298,9 +350,14 @@ int run(const Arguments& arguments) {
   if (save.is_wanted()) save.stream() << save_scene(world);
   for (OutputFile* file : {&csv, &report, &save}) file->close();
   print_summary(world, outcome);
-  if (!outcome.failed) return 0;
-  std::fprintf(stderr, "constraint_sim_run: the physics failed after %g s\n", world.time());
-  return kPhysicsFailed;
+  if (outcome.failed) {
+    std::fprintf(stderr, "constraint_sim_run: the physics failed after %g s: %s\n", world.time(),
+                 text(world.report().failure));
+    return kPhysicsFailed;
+  }
+  if (stop_signal == 0) return 0;
+  std::fprintf(stderr, "constraint_sim_run: stopped after %g s\n", world.time());
+  return kSignalled + stop_signal;
 }
 
 }  // namespace

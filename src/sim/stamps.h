@@ -7,9 +7,12 @@
 namespace constraint_sim {
 
 /// Header stamps for what is published; they never stand, and go back only where simulated time
-/// itself is what they tell and goes back.
+/// itself is what they tell and goes back. At the last moment that a stamp can tell, in the year
+/// 2106 of the wall or after 136 years of simulated time, they do stand.
 class Stamps {
  public:
+  static constexpr std::int64_t kLast = 4294967295999999999;  ///< 2³² s, but for one
+
   enum class Source {
     kWall,       ///< wall time that follows simulated time evenly while the world runs
     kSimulated,  ///< simulated time itself
@@ -28,15 +31,22 @@ class Stamps {
       simulated_anchor_ = simulated;
     }
     anchored_ = running;
-    last_ = std::max(of(now, simulated), last_ + 1);
+    last_ = std::min(std::max(of(now, simulated), last_ + 1), kLast);
     return last_;
   }
 
   /// What a world at this simulated time has or would have for a stamp, and may have had before.
   std::int64_t of(std::int64_t now, double simulated) const {
-    if (source_ == Source::kSimulated) return std::llround(simulated * 1e9);
+    if (source_ == Source::kSimulated) return nanoseconds(simulated);
     if (!anchored_ || simulated < last_simulated_) return now;
-    return wall_anchor_ + std::llround((simulated - simulated_anchor_) / real_time_factor_ * 1e9);
+    const std::int64_t since = nanoseconds((simulated - simulated_anchor_) / real_time_factor_);
+    return std::min(wall_anchor_ + since, kLast);
+  }
+
+  /// From 0 to kLast, where it would be less or more.
+  static std::int64_t nanoseconds(double seconds) {
+    if (!(seconds > 0.0)) return 0;
+    return seconds < 4294967296.0 ? std::min(std::llround(seconds * 1e9), 0LL + kLast) : kLast;
   }
 
   /// Simulated time has lost touch with the wall, as in a pause or when ticks were dropped: the

@@ -10,10 +10,18 @@ namespace constraint_sim {
 namespace {
 
 constexpr double kSlice = 0.005;     // [s] of run time that one pass may step for
+constexpr double kMayBeLong = 0.02;  // [s] of run time of a tick after which the next may be
 constexpr double kIdlePeriod = 1.0;  // [s] that a pass with nothing to do may be away
 
 double run_time() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+std::string why_failed(const World& world) {
+  const engine::StepReport& report = world.report();
+  std::string why = engine::text(report.failure);
+  if (report.failed_body) why += ": '" + world.body(*report.failed_body).name + "'";
+  return why;
 }
 
 }  // namespace
@@ -44,15 +52,38 @@ void Stepper::run() {
 }
 
 double Stepper::advance() {
-  run_tasks();
-  if (!failed_) {
-    if (!step_requests_.empty())
-      take_requested_steps();
-    else
-      take_due_steps();
+  double wanted = kIdlePeriod;
+  try {
+    run_tasks();
+    if (!failed_) take_steps();
+    if (events_.passed) wanted = events_.passed(world_);
+  } catch (const std::exception& error) {
+    fail(error.what());
+  } catch (...) {
+    fail("something was thrown that is no error");
   }
-  const double wanted = events_.passed ? events_.passed(world_) : kIdlePeriod;
+  if (failed_ && !step_requests_.empty())
+    cancel_steps("the physics failed after step " + std::to_string(world_.step_count()) +
+                 ", where the world stands now: " + failure());
   return std::clamp(wanted, 0.0, wait());
+}
+
+void Stepper::take_steps() {
+  if (!step_requests_.empty())
+    take_requested_steps();
+  else
+    take_due_steps();
+}
+
+void Stepper::fail(const std::string& why) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  failure_ = why;
+  failed_ = true;
+}
+
+std::string Stepper::failure() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return failed_ ? failure_ : "";
 }
 
 void Stepper::run_tasks() {
@@ -60,6 +91,7 @@ void Stepper::run_tasks() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     tasks.swap(tasks_);
+    abandon_ = stopping_;  // whoever wanted that is here now
   }
   std::vector<std::exception_ptr> thrown(tasks.size());
   for (std::size_t i = 0; i < tasks.size(); ++i) {
@@ -69,7 +101,7 @@ void Stepper::run_tasks() {
       thrown[i] = std::current_exception();
     }
   }
-  if (std::exchange(edited_, false) && events_.edited) events_.edited(world_);
+  if (std::exchange(edited_, false)) tell_of_edits();
   // only now, when all have taken effect
   for (std::size_t i = 0; i < tasks.size(); ++i) {
     if (thrown[i])
@@ -79,20 +111,46 @@ void Stepper::run_tasks() {
   }
 }
 
+void Stepper::tell_of_edits() {
+  may_be_long_ = true;
+  try {
+    if (events_.edited) events_.edited(world_);
+  } catch (const std::exception& error) {
+    fail(error.what());
+  }
+}
+
 void Stepper::take_requested_steps() {
   StepRequest& request = step_requests_.front();
   step_while([&] { return request.remaining > 0; }, [&] { --request.remaining; });
-  if (failed_) {
-    const std::string text = "the physics failed after step " +
-                             std::to_string(world_.step_count()) + ", where the world stands now";
-    for (StepRequest& waiting : step_requests_)
-      waiting.done.set_exception(std::make_exception_ptr(NotNow(text)));
-    step_requests_.clear();
-  } else if (request.remaining == 0) {
-    if (request.look) request.look(world_);
+  if (failed_ || request.remaining > 0) return;
+  show(request);
+  if (request.thrown)
+    request.done.set_exception(request.thrown);
+  else
     request.done.set_value(now());
-    step_requests_.pop_front();
+  step_requests_.pop_front();
+}
+
+void Stepper::show(StepRequest& request) const {
+  try {
+    if (request.look) request.look(world_);
+  } catch (...) {
+    request.thrown = std::current_exception();
   }
+}
+
+void Stepper::cancel_steps(const std::string& why) {
+  for (StepRequest& request : step_requests_) show(request);
+  end_requests(why);
+}
+
+void Stepper::end_requests(const std::string& why) {
+  for (StepRequest& request : step_requests_)
+    request.done.set_exception(std::make_exception_ptr(
+        NotNow("step: " + std::to_string(request.steps - request.remaining) + " of " +
+               std::to_string(request.steps) + " steps done: " + why)));
+  step_requests_.clear();
 }
 
 void Stepper::take_due_steps() {
@@ -116,7 +174,7 @@ template <class Due, class Done>
 void Stepper::step_while(Due is_due, Done done) {
   const double end = run_time() + kSlice;
   while (is_due()) {
-    step_once();
+    if (!step_once()) return;
     done();
     if (failed_ || is_wanted() || run_time() > end) return;
   }
@@ -125,16 +183,48 @@ void Stepper::step_while(Due is_due, Done done) {
 void Stepper::drop_beyond(double most_owed) {
   if (owed_ <= most_owed) return;
   const double tick = world_.options().time_step;
-  const double ticks = std::ceil((owed_ - most_owed) / tick);
-  owed_ -= ticks * tick;
+  constexpr double kMost = 1e18;  // fits the counter
+  const double ticks = std::min(std::ceil((owed_ - most_owed) / tick), kMost);
+  owed_ = std::min(owed_ - ticks * tick, most_owed);
   dropped_ticks_ += static_cast<std::uint64_t>(ticks);
 }
 
-void Stepper::step_once() {
+// whether it was taken
+bool Stepper::step_once() {
+  if (may_be_long_) keep_world_before();
   world_.set_clock(time_stages_ ? run_time : nullptr);
+  world_.set_stop_flag(&abandon_);
   const double start = run_time();
-  failed_ = world_.step().failed;
-  if (events_.stepped) events_.stepped(world_, run_time() - start);
+  tick_start_ = start;
+  try {
+    world_.step();
+  } catch (...) {
+    end_tick(false);
+    throw;
+  }
+  was_abandoned_ = world_.report().stopped;
+  end_tick(was_abandoned_);
+  if (was_abandoned_) return false;
+  const double seconds = run_time() - start;
+  may_be_long_ = seconds > kMayBeLong;
+  if (world_.report().failed) fail(why_failed(world_));
+  if (events_.stepped) events_.stepped(world_, seconds);
+  return !failed_;
+}
+
+void Stepper::end_tick(bool was_abandoned) {
+  tick_start_ = -1.0;
+  if (!has_before_) return;
+  const std::lock_guard<std::mutex> lock(before_mutex_);
+  has_before_ = false;
+  if (was_abandoned) world_ = before_;  // as if it had never begun
+}
+
+// costs less than what follows an edit, or than a tick that was long
+void Stepper::keep_world_before() {
+  const std::lock_guard<std::mutex> lock(before_mutex_);
+  before_ = world_;
+  has_before_ = true;
 }
 
 double Stepper::wait() const {
@@ -149,11 +239,22 @@ double Stepper::wait() const {
 // ---- any thread
 
 Boundary Stepper::edit(std::function<void(World&)> change) {
-  return enqueue([this, &change] { apply(change); }).get();
+  return enqueue_and_wait([this, &change] { apply(change); }, Delay::kRefuse);
 }
 
 void Stepper::post(std::function<void(World&)> change) {
+  if (tick_run_time() > patience()) throw LongTick();
   enqueue([this, change = std::move(change)] { apply(change); });
+}
+
+Boundary Stepper::interrupt(const std::string& by, std::function<void(World&)> change) {
+  return enqueue_and_wait(
+      [this, &by, &change] {
+        for (StepRequest& request : step_requests_) show(request);  // what they came to
+        apply(change);
+        end_requests("cancelled by " + by);
+      },
+      Delay::kAbandonTick);
 }
 
 void Stepper::apply(const std::function<void(World&)>& change) {
@@ -162,41 +263,108 @@ void Stepper::apply(const std::function<void(World&)>& change) {
   failed_ = false;
 }
 
-Boundary Stepper::inspect(std::function<void(const World&)> look) {
-  return enqueue([this, &look] { look(world_); }).get();
+Boundary Stepper::inspect(const std::function<void(const World&)>& look) {
+  for (;;) {
+    try {
+      return enqueue_and_wait([this, &look] { look(world_); }, Delay::kRefuse);
+    } catch (const LongTick&) {
+      const std::lock_guard<std::mutex> lock(before_mutex_);
+      if (!has_before_ && tick_run_time() > patience()) throw;
+      if (!has_before_) continue;  // that tick has just ended
+      look(before_);
+      return {before_.time(), before_.step_count()};
+    }
+  }
 }
 
 Boundary Stepper::pause() {
-  return enqueue([this] { paused_ = true; }).get();
+  return enqueue_and_wait(
+      [this] {
+        paused_ = true;
+        cancel_steps("cancelled by pause_physics");
+      },
+      Delay::kAbandonTick);
 }
 
-Boundary Stepper::unpause() {
-  return enqueue([this] {
-           if (!paused_) return;
-           paused_ = false;
-           owed_ = 0.0;
-           last_clock_ = clock_();
-         })
-      .get();
+void Stepper::unpause() {
+  enqueue_and_wait(
+      [this] {
+        if (!paused_) return;
+        paused_ = false;
+        owed_ = 0.0;
+        last_clock_ = clock_();
+      },
+      Delay::kReturn);
 }
 
 Boundary Stepper::step(std::uint64_t steps, std::function<void(const World&)> look) {
   std::promise<Boundary> promise;
   std::future<Boundary> done = promise.get_future();
-  enqueue([&] {
-    if (!paused_) throw NotNow("step: only while paused; call pause_physics first");
-    if (failed_) throw NotNow("step: the physics has failed; edit or reset the world first");
-    step_requests_.push_back({steps, std::move(look), std::move(promise)});
-  }).get();
+  enqueue_and_wait(
+      [&] {
+        if (!paused_) throw NotNow("step: only while paused; call pause_physics first");
+        if (failed_)
+          throw NotNow("step: the physics has failed; edit or reset the world first: " + failure());
+        if (step_requests_.size() >= kMostWaiting)
+          throw NotNow("step: " + std::to_string(kMostWaiting) +
+                       " calls wait already; pause_physics cancels them");
+        step_requests_.push_back({steps, steps, std::move(look), std::move(promise), nullptr});
+      },
+      Delay::kRefuse);
   return done.get();
 }
 
-std::future<Boundary> Stepper::enqueue(std::function<void()> run) {
+Boundary Stepper::enqueue_and_wait(std::function<void()> run, Delay delay) {
+  std::uint64_t ticket = 0;
+  std::future<Boundary> done = enqueue(std::move(run), &ticket);
+  if (waits_for_long_tick(done)) {
+    if (delay == Delay::kReturn) return {};
+    if (delay == Delay::kAbandonTick) abandon_tick(ticket);
+    if (delay == Delay::kRefuse && withdraw(ticket)) throw LongTick();
+  }
+  return done.get();
+}
+
+// whether a tick has run for so long, and keeps it from being done
+bool Stepper::waits_for_long_tick(const std::future<Boundary>& done) const {
+  for (;;) {
+    const double left = patience() - std::max(tick_run_time(), 0.0);
+    if (done.wait_for(std::chrono::duration<double>(std::max(left, 0.0))) ==
+        std::future_status::ready)
+      return false;
+    if (tick_run_time() >= patience()) return true;
+  }
+}
+
+double Stepper::tick_run_time() const {
+  const double start = tick_start_;
+  return start < 0.0 ? 0.0 : run_time() - start;
+}
+
+// false: it is being done
+bool Stepper::withdraw(std::uint64_t ticket) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto found = std::find_if(tasks_.begin(), tasks_.end(),
+                                  [&](const Task& task) { return task.ticket == ticket; });
+  if (found == tasks_.end()) return false;
+  tasks_.erase(found);
+  return true;
+}
+
+void Stepper::abandon_tick(std::uint64_t ticket) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  if (std::any_of(tasks_.begin(), tasks_.end(),
+                  [&](const Task& task) { return task.ticket == ticket; }))
+    abandon_ = true;
+}
+
+std::future<Boundary> Stepper::enqueue(std::function<void()> run, std::uint64_t* ticket) {
   std::future<Boundary> done;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (stopping_) throw Cancelled();
-    tasks_.push_back({std::move(run), {}});
+    tasks_.push_back({++last_ticket_, std::move(run), {}});
+    if (ticket != nullptr) *ticket = last_ticket_;
     done = tasks_.back().done.get_future();
   }
   wake_up_.notify_one();
@@ -215,6 +383,7 @@ void Stepper::stop() {
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     stopping_ = true;
+    abandon_ = true;
   }
   wake_up_.notify_one();
 }
@@ -231,7 +400,10 @@ void Stepper::cancel_all() {
     for (Task& task : tasks_) task.done.set_exception(cancelled);
     tasks_.clear();
   }
-  for (StepRequest& request : step_requests_) request.done.set_exception(cancelled);
+  for (StepRequest& request : step_requests_) {
+    show(request);
+    request.done.set_exception(cancelled);
+  }
   step_requests_.clear();
 }
 

@@ -4,10 +4,12 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
+#include <exception>
 #include <functional>
 #include <future>
 #include <mutex>
 #include <stdexcept>
+#include <string>
 
 #include "constraint_sim/world.h"
 
@@ -27,6 +29,15 @@ class NotNow : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
+/// An edit that was refused, and changed nothing, because a tick runs for long.
+class LongTick : public NotNow {
+ public:
+  LongTick()
+      : NotNow(
+            "not now: a tick is running that takes long; pause_physics, load_scene and the "
+            "resets end it") {}
+};
+
 struct StepperOptions {
   double real_time_factor = 1.0;  ///< simulated per clock seconds, ≥ 0; 0: as fast as it can
   bool paused = false;
@@ -39,7 +50,8 @@ struct Boundary {
   std::uint64_t step = 0;  ///< steps since the start
 };
 
-/// What the stepper tells its owner, on the stepping thread, between steps.
+/// What the stepper tells its owner, on the stepping thread, between steps. What these throw makes
+/// the stepper fail.
 struct StepperEvents {
   std::function<void(const World&, double seconds)> stepped;  ///< run time of the step [s]
   std::function<void(const World&)> edited;                   ///< at least one edit took effect
@@ -51,10 +63,17 @@ struct StepperEvents {
 /// is asked for by step(), and the edits that come from other threads. Edits wait in a queue and
 /// take effect together at a boundary, any moment when no step is running. Nothing else touches the
 /// world.
+///
+/// No caller waits long for a tick that does not end. Once a tick has run for kPatience, inspect()
+/// looks at the world before the tick, edit() and post() are refused, and interrupt() and pause()
+/// abandon the tick.
 class Stepper {
  public:
   /// [s] from any origin; 0 until it begins. What it goes back by does not count as passed.
   using Clock = std::function<double()>;
+
+  static constexpr double kPatience = 0.25;       ///< [s] of run time
+  static constexpr std::size_t kMostWaiting = 7;  ///< calls of step() at the same time
 
   Stepper(World world, const StepperOptions& options, Clock clock, StepperEvents events);
   /// The stepping thread, and all who wait, must have ended: stop() sees to that.
@@ -71,24 +90,35 @@ class Stepper {
 
   // ---- any thread
   /// Runs `change` at a boundary and returns when it has taken effect. What it throws is thrown
-  /// here, and then it must have changed nothing. Throws Cancelled.
+  /// here, and then it must have changed nothing. Throws Cancelled, and NotNow during a long tick.
   Boundary edit(std::function<void(World&)> change);
   /// The same without waiting for it. `change` must not throw.
   void post(std::function<void(World&)> change);
-  /// The same as edit() for looking only.
-  Boundary inspect(std::function<void(const World&)> look);
+  /// The same as edit() for what makes the steps that others wait for pointless, as another scene:
+  /// cancels them, in the name of `by`, and abandons a long tick.
+  Boundary interrupt(const std::string& by, std::function<void(World&)> change);
+  /// The same as edit() for looking only; `look` may run on this thread.
+  Boundary inspect(const std::function<void(const World&)>& look);
+  /// Also cancels the steps that others wait for, and abandons a long tick.
   Boundary pause();
-  Boundary unpause();
-  /// Carries a paused world on by `steps`; `look` sees it right after the last one. Edits go on in
-  /// between. Throws NotNow unless paused, or when the physics fails on the way.
+  /// Returns during a long tick before it has taken effect.
+  void unpause();
+  /// Carries a paused world on by `steps`; `look` sees it right after the last one that was taken,
+  /// also where an exception follows, and once more where a change that would have cancelled it
+  /// throws. Edits go on in between. Throws NotNow unless paused, when
+  /// kMostWaiting wait already, when the physics fails on the way, or when it is cancelled.
   Boundary step(std::uint64_t steps, std::function<void(const World&)> look);
+  /// The world stands, failed, until it is edited. Of the stepping thread.
+  void fail(const std::string& why);
   /// Makes run() do a pass at once.
   void wake();
-  /// Ends run() after the step that is running, and throws Cancelled to all who wait. For good.
+  /// Abandons the step that is running, ends run(), and throws Cancelled to all who wait. For good.
   void stop();
 
   bool is_paused() const { return paused_; }
   bool has_failed() const { return failed_; }
+  /// Why it has, in words; empty where it has not.
+  std::string failure() const;
   std::uint64_t dropped_ticks() const { return dropped_ticks_; }
   double real_time_factor() const { return options_.real_time_factor; }
   /// Whether to time the stages of each step, from the next one on.
@@ -96,26 +126,45 @@ class Stepper {
 
  private:
   struct Task {
+    std::uint64_t ticket;
     std::function<void()> run;
     std::promise<Boundary> done;
   };
   struct StepRequest {
+    std::uint64_t steps;
     std::uint64_t remaining;
     std::function<void(const World&)> look;
     std::promise<Boundary> done;
+    std::exception_ptr thrown;  ///< by look
   };
 
-  std::future<Boundary> enqueue(std::function<void()> run);
+  /// What becomes of a task that a long tick keeps waiting.
+  enum class Delay { kRefuse, kAbandonTick, kReturn };
+
+  std::future<Boundary> enqueue(std::function<void()> run, std::uint64_t* ticket = nullptr);
+  Boundary enqueue_and_wait(std::function<void()> run, Delay delay);
+  bool waits_for_long_tick(const std::future<Boundary>& done) const;
+  bool withdraw(std::uint64_t ticket);
+  void abandon_tick(std::uint64_t ticket);
+  double patience() const { return was_abandoned_ ? 0.1 * kPatience : kPatience; }
+  double tick_run_time() const;
   void apply(const std::function<void(World&)>& change);
   bool is_wanted() const;
   void cancel_all();
+  void cancel_steps(const std::string& why);
+  void end_requests(const std::string& why);
+  void show(StepRequest& request) const;
   void run_tasks();
+  void tell_of_edits();
+  void take_steps();
   void take_requested_steps();
   void take_due_steps();
   template <class Due, class Done>
   void step_while(Due is_due, Done done);
   void drop_beyond(double most_owed);
-  void step_once();
+  bool step_once();
+  void keep_world_before();
+  void end_tick(bool was_abandoned);
   double wait() const;
   Boundary now() const { return {world_.time(), world_.step_count()}; }
 
@@ -128,15 +177,26 @@ class Stepper {
   double last_clock_ = 0.0;
   double owed_ = 0.0;  // simulated seconds that the clock has passed and the world has not
   bool edited_ = false;
+  bool may_be_long_ = true;  // the next tick, by the last one or because of an edit
+
+  // the world before the tick that runs, where that may be long
+  mutable std::mutex before_mutex_;
+  World before_;
+  bool has_before_ = false;
 
   // shared
   mutable std::mutex mutex_;
   std::condition_variable wake_up_;
   std::deque<Task> tasks_;
+  std::uint64_t last_ticket_ = 0;
+  std::string failure_;
   bool woken_ = false;
   bool stopping_ = false;
   std::atomic<bool> paused_;
   std::atomic<bool> failed_{false};
+  std::atomic<bool> abandon_{false};        // the tick that runs
+  std::atomic<bool> was_abandoned_{false};  // the last tick; the same again will take as long
+  std::atomic<double> tick_start_{-1.0};    // run time [s]; below 0: none runs
   std::atomic<bool> time_stages_{false};
   std::atomic<std::uint64_t> dropped_ticks_{0};
 };

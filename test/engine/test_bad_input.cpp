@@ -147,8 +147,8 @@ TEST(BadInput, BodiesThatCannotBe) {
   refused("angular_velocity", "2.5", moving_floor);
 }
 
-const std::vector<std::string> kBadNames{"",     "world", "a b", "/a",    "-a",   ".a",
-                                         "a\nb", "ä",     "a:b", "\"a\"", "a\tb", "~a"};
+const std::vector<std::string> kBadNames{"",   "world", "a b", "/a",    "-a",
+                                         ".a", "ä",     "a:b", "\"a\"", "~a"};
 
 TEST(BadInput, Names) {
   Victim victim;
@@ -262,8 +262,8 @@ TEST(BadInput, JointsThatCannotBe) {
   two_springs.frequency = 1.25;
   refused("frequency", "1.25", with_type(two_springs));
   DistanceJoint too_stiff = rod(1.0);
-  too_stiff.frequency = 1e200;
-  refused("stiffness", "inf", with_type(too_stiff));
+  too_stiff.frequency = 1e15;  // ω² of it is 4e31
+  refused("stiffness", "e+31", with_type(too_stiff));
 
   const Vector3d zero = Vector3d::Zero();
   refused("body_b", "'ball'", make_joint("new", victim.ball, zero, victim.ball, zero));
@@ -279,10 +279,10 @@ TEST(BadInput, JointsThatCannotBe) {
   refused("motor", "0.75", driven);
 }
 
-// The distance of bodies so far apart is no number any more.
-TEST(BadInput, LengthThatOverflows) {
+// The distance of these is beyond that of any coordinate.
+TEST(BadInput, LengthThatIsTooLong) {
   Victim victim;
-  const BodyId far = victim.world.add_body(make_body("far", Point{}, 1.0, {1e200, 0.0, 0.0}));
+  const BodyId far = victim.world.add_body(make_body("far", Point{}, 1.0, {1e20, 1e20, 0.0}));
   const std::uint64_t hash = victim.world.state_hash();
   EXPECT_THROW(victim.world.add_joint(hang("new", far)), std::invalid_argument);
   EXPECT_EQ(victim.world.state_hash(), hash);

@@ -200,7 +200,7 @@ TEST(Reset, EndsAFailure) {
   World world(options(0.01));
   const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 1.0}));
   BodyState state = world.state(id);
-  state.linear_velocity = {1e308, 1e308, 1e308};
+  state.position.x() = state.linear_velocity.x() = kMostMagnitude;
   world.set_state(id, state);
   ASSERT_TRUE(world.step().failed);
   world.reset();

@@ -122,7 +122,7 @@ TEST(Rest, ChangesNothingWhereNothingMoves) {
   };
   const World slept = drift(0.5);
   EXPECT_EQ(slept.report().asleep, 1u);
-  EXPECT_EQ(slept.state_hash(), drift(kInfinity).state_hash());
+  EXPECT_TRUE(same_bits(states(slept), states(drift(kInfinity))));
 }
 
 TEST(Rest, IsNotWhatMerelyTurnsRound) {
@@ -339,13 +339,13 @@ TEST(Rest, EndsWhenAKinematicBodyPushes) {
   EXPECT_GT(world.state(world.find_body("a0")).position.x(), 0.4);
 }
 
-TEST(Rest, IsMadeAnewByASceneThatWasSaved) {
-  World world = asleep();
+TEST(Rest, GoesOnInASceneThatWasSaved) {
+  const World world = asleep();
   World again = load_scene(save_scene(world));
   EXPECT_EQ(again.options().sleep_after, 0.5);
-  EXPECT_EQ(again.step().asleep, 0u);
-  run(again, kUntilAsleep);
-  EXPECT_EQ(again.report().asleep, 5u);
+  EXPECT_EQ(again.step().asleep, 5u);
+  run(again, 100);
+  EXPECT_TRUE(same_bits(states(again), states(world)));
 }
 
 TEST(Rest, IsNotForAWorldThatAsksForNone) {

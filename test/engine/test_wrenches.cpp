@@ -258,10 +258,10 @@ TEST(Wrenches, FindTheirBodyInAWorldThatTakesOver) {
 TEST(Wrenches, StayWhenAStepFails) {
   Floating floating(0.01);
   floating.world.add_wrench(force(floating.box, {1.0, 0.0, 0.0}, 0.0, 0.005));
-  floating.world.add_wrench(force(floating.box, {1e308, 0.0, 0.0}));
-  floating.world.add_wrench(force(floating.box, {1e308, 0.0, 0.0}));
+  floating.world.add_wrench(force(floating.box, {kMostMagnitude, 0.0, 0.0}));
+  floating.world.add_wrench(force(floating.box, {kMostMagnitude, 0.0, 0.0}));
   Body light = make_body("light", Sphere{0.1}, 1e-9, {9, 9, 9});
-  floating.world.add_wrench(force(floating.world.add_body(light), {1e308, 0.0, 0.0}));
+  floating.world.add_wrench(force(floating.world.add_body(light), {kMostMagnitude, 0.0, 0.0}));
   const std::uint64_t before = floating.world.state_hash();
   EXPECT_TRUE(floating.world.step().failed);
   EXPECT_EQ(floating.world.state_hash(), before);

@@ -1,7 +1,10 @@
 #!/usr/bin/env python3
 """What the report makes of its figures, against answers worked out by hand."""
 import math
+import os
 import pathlib
+import shutil
+import subprocess
 import sys
 import tempfile
 import unittest
@@ -24,6 +27,37 @@ def row(**values):
 
 def problem(**values):
     return cells.Problem('p', 'g', True, 2.0, 2.0, 1.0, False, False, True, '')._replace(**values)
+
+
+class Script(unittest.TestCase):
+    """scripts/report in a package that measures nothing and only prints its arguments."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.package = pathlib.Path(folder.name)
+        sources = pathlib.Path(__file__).resolve().parents[2]
+        for name in ('scripts', 'bench/report', 'docs/report'):
+            (self.package / name).mkdir(parents=True)
+        shutil.copy(sources / 'scripts/report', self.package / 'scripts/report')
+        (self.package / 'scripts/setup').write_text('#!/bin/sh\n')
+        os.chmod(self.package / 'scripts/setup', 0o755)
+        (self.package / 'bench/report/report.py').write_text('import sys\nprint(*sys.argv[1:])\n')
+        (self.package / 'CMakeLists.txt').write_text(
+            'cmake_minimum_required(VERSION 3.16)\nproject(nothing NONE)\n'
+            'add_custom_target(report_programs)\n')
+
+    def output_of(self, *options):
+        said = subprocess.run([self.package / 'scripts/report', *options], text=True, check=True,
+                              stdout=subprocess.PIPE).stdout.split()
+        self.assertNotIn('--update', said)
+        return said[said.index('--output') + 1]
+
+    def test_the_committed_page_stays_unless_it_is_to_be_updated(self):
+        self.assertEqual(self.output_of(), 'build/report/full')
+        self.assertEqual(self.output_of('--quick'), 'build/report/quick')
+        self.assertEqual(self.output_of('--budget', '0.15', '--update'), 'docs/report')
+        self.assertEqual(self.output_of('--quick', '--update'), 'docs/report')
 
 
 class Figures(unittest.TestCase):

@@ -1,5 +1,6 @@
 """What the node's tests share: waiting on conditions, running programs, calls with fields by name."""
 import contextlib
+import functools
 import os
 import signal
 import subprocess
@@ -37,11 +38,19 @@ def running(command, **options):
             process.wait(timeout=TIMEOUT)
 
 
+@functools.lru_cache()
+def node_program():
+    """The node's program itself, which starts sooner than rosrun and gets the signals that are meant
+    for it."""
+    return subprocess.check_output(["catkin_find", "--first-only", "--libexec", "constraint_sim",
+                                    "constraint_sim_node"], universal_newlines=True).strip()
+
+
 def node_command(**parameters):
     """The node with these parameters and no others: private ones outlive the node they were for."""
     if rospy.has_param(NODE):
         rospy.delete_param(NODE)
-    return (["rosrun", "constraint_sim", "constraint_sim_node", "__name:=constraint_sim"] +
+    return ([node_program(), "__name:=constraint_sim"] +
             ["_%s:=%s" % item for item in parameters.items()])
 
 

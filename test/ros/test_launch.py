@@ -6,6 +6,7 @@ import os
 import tempfile
 import unittest
 
+import rosbag
 import roslaunch.config
 import rosnode
 import rospkg
@@ -59,6 +60,26 @@ def launched(file, **arguments):
         for name in ("/use_sim_time", "/constraint_sim", "/left", "/right"):
             if rospy.has_param(name):
                 rospy.delete_param(name)
+
+
+@contextlib.contextmanager
+def in_group(file, **arguments):
+    """The same inside <group ns="robot">."""
+    arguments["rviz"] = "false"
+    text = '<launch><group ns="robot"><include file="%s">' % os.path.join(LAUNCH, file)
+    text += "".join('<arg name="%s" value="%s"/>' % item for item in arguments.items())
+    with tempfile.NamedTemporaryFile("w", suffix=".launch") as launch:
+        launch.write(text + "</include></group></launch>")
+        launch.flush()
+        try:
+            with support.running(["roslaunch", launch.name]):
+                names = nodes_in(launch.name, [])
+                wait_until(lambda: names <= set(rosnode.get_node_names()), "nodes in a group")
+                yield
+        finally:
+            for name in ("/use_sim_time", "/robot"):
+                if rospy.has_param(name):
+                    rospy.delete_param(name)
 
 
 @contextlib.contextmanager
@@ -152,6 +173,28 @@ class Launch(unittest.TestCase):
             rospy.set_param("/use_sim_time", True)
             with recorded(parameters=file.name) as bag:
                 self.check_replay(bag)
+
+    def test_all_of_it_works_in_a_group(self):
+        """The node, its recorder, the replay of what was recorded, and two nodelets, in /robot."""
+        full = {t.replace("/left", "/robot/left") for t in topics_of("left")}
+        with tempfile.TemporaryDirectory() as folder:
+            with in_group("simulator.launch", name="left", prefix="left/", scene="double_pendulum",
+                          record="true", bag=folder + "/run"):
+                wait_until(lambda: topics_of_node("/robot/record") >= full, "the recorder")
+                wait_until(lambda: published_topics() >= full, "topics")
+                state = call("/robot/left/get_world_properties")
+                self.assertEqual(state.bodies, ["upper", "lower"])
+                wait_until(lambda: call("/robot/left/get_world_properties").step > state.step + 500,
+                           "a second")
+            bag = wait_until(lambda: glob.glob(folder + "/run_*.bag"), "the closed bag")[0]
+            with rosbag.Bag(bag) as recorded_bag:
+                self.assertLessEqual(full, set(recorded_bag.get_type_and_topic_info().topics))
+            markers = Listener("/robot/left/markers", MarkerArray)
+            with in_group("replay.launch", name="left", bag=bag):
+                wait_until(lambda: markers.messages, "replayed markers")
+            with in_group("nodelet_manager.launch"):
+                for simulator in ("/robot/left", "/robot/right"):
+                    self.assertTrue(call(simulator + "/get_world_properties").success)
 
     def test_record_records_a_running_simulator(self):
         with tempfile.TemporaryDirectory() as folder:

@@ -41,7 +41,7 @@ class Parameters(unittest.TestCase):
     def test_what_is_given_is_what_it_runs_with(self):
         given = {"scene": "pendulum", "time_step": 0.002, "real_time_factor": 0.5,
                  "publish_rate": 20.0, "publish_tf": False, "publish_clock": True, "paused": True, "world_frame": "map",
-                 "frame_prefix": "left/", "closing_time": 0.25}
+                 "frame_prefix": "left/", "closing_time": 0.25, "scene_folder": "/tmp"}
         self.assertEqual(set(given), set(self.documented))
         self.assertEqual(effective(**given), typed(given))
 

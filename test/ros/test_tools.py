@@ -7,6 +7,7 @@ import tempfile
 import unittest
 
 import rosbag
+import rospkg
 import rospy
 import rostest
 from constraint_sim.msg import Statistics
@@ -67,6 +68,21 @@ class Tools(unittest.TestCase):
             self.assertEqual(float(line["constraint_error"]), error)
             self.assertEqual(float(line["energy_drift"]), drift)
         self.assertIn("3e-05 at most", done.stdout)
+
+    def test_what_dies_as_it_starts_is_tried_a_second_time_and_once_only(self):
+        script = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "scripts", "try_twice")
+        with tempfile.TemporaryDirectory() as folder:
+            for lives, status, said in ((0, 7, 1), (1, 0, 1), (2, 0, 0)):
+                # succeeds once there are three marks, `lives` of which are there before
+                marks = os.path.join(folder, "marks")
+                with open(marks, "w") as file:
+                    file.write("x" * lives)
+                done = subprocess.run(
+                    [script, "bash", "-c", 'printf x >>"%s"; [ $(wc -c <"%s") -ge 3 ] || exit 7'
+                     % (marks, marks)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                    universal_newlines=True, timeout=support.TIMEOUT)
+                self.assertEqual(done.returncode, status)
+                self.assertEqual(done.stdout.count("trying a second time"), said, done.stdout)
 
     def test_a_bag_without_statistics_is_refused(self):
         with tempfile.TemporaryDirectory() as folder:

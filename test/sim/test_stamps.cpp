@@ -1,5 +1,8 @@
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <limits>
+
 #include "sim/stamps.h"
 
 namespace constraint_sim {
@@ -63,6 +66,18 @@ TEST(Stamps, OfSimulatedTimeGoBackWithIt) {
   Stamps stamps(Stamps::Source::kSimulated, 1.0);
   stamps.next(100 * kSecond, 50.0, true);
   EXPECT_EQ(stamps.next(101 * kSecond, 0.5, true), kSecond / 2);
+}
+
+TEST(Stamps, StandAtTheLastMomentThatAStampCanTell) {
+  for (const Stamps::Source source : {Stamps::Source::kSimulated, Stamps::Source::kWall}) {
+    Stamps stamps(source, 1.0);
+    stamps.next(1000, 0.0, true);
+    for (const double time : {4294967296.0, 1e10, 1e300, std::numeric_limits<double>::infinity()})
+      EXPECT_EQ(stamps.next(1000, time, true), Stamps::kLast) << time;
+  }
+  EXPECT_EQ(Stamps::nanoseconds(std::nan("")), 0);
+  EXPECT_EQ(Stamps::nanoseconds(-1.0), 0);
+  EXPECT_EQ(Stamps::nanoseconds(1.5), 1500000000);
 }
 
 }  // namespace

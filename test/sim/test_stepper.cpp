@@ -216,8 +216,7 @@ TEST_F(StepperTest, AFailedWorldStandsUntilItIsEdited) {
   with_stepper([&] {
     stepper_->edit([](World& world) {
       engine::BodyState state;
-      state.linear_velocity = {1e308, 0.0, 0.0};
-      state.position = {1.7e308, 0.0, 0.0};
+      state.position.x() = state.linear_velocity.x() = engine::kMostMagnitude;
       world.set_state(world.find_body("ball"), state);
     });
   });
@@ -231,6 +230,112 @@ TEST_F(StepperTest, AFailedWorldStandsUntilItIsEdited) {
   EXPECT_FALSE(stepper_->has_failed());
   pass(0.0101);
   EXPECT_GT(stepped_, 1);
+}
+
+TEST_F(StepperTest, WhatAnEventThrowsMakesItFailAndStand) {
+  bool throws = true;
+  stepper_ = std::make_unique<Stepper>(
+      ball_in_flight(), StepperOptions{}, [this] { return now_; },
+      StepperEvents{[&](const World&, double) {
+                      ++stepped_;
+                      if (throws) throw std::runtime_error("no room");
+                    },
+                    nullptr, nullptr});
+  now_ += 0.0501;
+  stepper_->advance();
+  EXPECT_TRUE(stepper_->has_failed());
+  EXPECT_EQ(stepper_->failure(), "no room");
+  now_ += 0.0501;
+  stepper_->advance();
+  EXPECT_EQ(stepped_, 1);
+  throws = false;
+  with_stepper([&] { stepper_->edit([](World&) {}); });
+  EXPECT_FALSE(stepper_->has_failed());
+  EXPECT_EQ(stepper_->failure(), "");
+}
+
+TEST_F(StepperTest, AFailureSaysWhy) {
+  make({1.0, true, 0.1});
+  std::string text;
+  with_stepper([&] {
+    stepper_->edit([](World& world) {
+      engine::BodyState state;
+      state.position.x() = state.linear_velocity.x() = engine::kMostMagnitude;
+      world.set_state(world.find_body("ball"), state);
+    });
+    try {
+      stepper_->step(5, nullptr);
+    } catch (const NotNow& error) {
+      text = error.what();
+    }
+  });
+  EXPECT_NE(text.find("step: 0 of 5 steps done"), std::string::npos) << text;
+  EXPECT_NE(text.find(stepper_->failure()), std::string::npos) << text;
+  EXPECT_EQ(stepper_->failure(), "a body is beyond 1e20 m, m/s or rad/s: 'ball'");
+}
+
+TEST_F(StepperTest, MoreStepsThanCouldEverBeTakenAreDroppedAndTimeGoesOn) {
+  make({1e300, false, 0.1});
+  pass(0.0);
+  now_ += 1e10;
+  stepper_->advance();
+  EXPECT_GT(stepper_->dropped_ticks(), 0u);
+  EXPECT_GT(stepped_, 0);
+}
+
+TEST_F(StepperTest, PauseAndInterruptCancelWaitingStepsAndShowHowFarTheyCame) {
+  for (const bool by_pause : {true, false}) {
+    make({1.0, true, 0.1});
+    stepped_ = 0;
+    std::uint64_t steps_seen = 0, hash_seen = 0;
+    std::string text;
+    std::thread asker([&] {
+      try {
+        stepper_->step(4294967295, [&](const World& world) {
+          steps_seen = world.step_count();
+          hash_seen = world.state_hash();
+        });
+      } catch (const NotNow& error) {
+        text = error.what();
+      }
+    });
+    while (stepped_ == 0) stepper_->advance();
+    std::uint64_t hash = 0;
+    with_stepper([&] {
+      if (by_pause)
+        stepper_->pause();
+      else
+        stepper_->interrupt("reset_world", [&](World& world) {
+          hash = world.state_hash();
+          world.reset();
+        });
+      if (by_pause) stepper_->inspect([&](const World& world) { hash = world.state_hash(); });
+    });
+    asker.join();
+    EXPECT_GT(steps_seen, 0u);
+    EXPECT_EQ(hash_seen, hash);  // as the steps left it
+    EXPECT_NE(text.find(by_pause ? "pause_physics" : "reset_world"), std::string::npos) << text;
+    EXPECT_NE(text.find(std::to_string(steps_seen) + " of 4294967295"), std::string::npos) << text;
+  }
+}
+
+TEST_F(StepperTest, MoreCallsOfStepThanCanWaitAreRefused) {
+  make({1.0, true, 0.1});
+  std::atomic<int> cancelled{0};
+  std::vector<std::thread> askers;
+  for (std::size_t i = 0; i < Stepper::kMostWaiting + 1; ++i)
+    askers.emplace_back([&] {
+      try {
+        stepper_->step(1000000000, nullptr);
+      } catch (const NotNow&) {
+        ++cancelled;
+      }
+    });
+  while (cancelled == 0) stepper_->advance();
+  EXPECT_EQ(cancelled, 1);
+  with_stepper([&] { stepper_->pause(); });
+  for (std::thread& asker : askers) asker.join();
+  EXPECT_EQ(cancelled, static_cast<int>(Stepper::kMostWaiting) + 1);
 }
 
 /// The stepper on its own thread and the steady clock, as in the node.
@@ -273,6 +378,101 @@ TEST_F(RunningStepper, ManyThreadsEditAtOnce) {
   std::size_t bodies = 0;
   stepper_.inspect([&](const World& world) { bodies = world.body_ids().size(); });
   EXPECT_EQ(bodies, 1u + kThreads * kEdits / 2);
+}
+
+/// A stepper in a tick that takes many seconds: as many sweeps as there may be over many rods.
+class EndlessTick : public RunningStepper {
+ protected:
+  EndlessTick() {
+    stepper_.pause();
+    stepper_.edit([](World& world) { world = endless(); });
+    stepper_.inspect([&](const World& world) { hash_ = world.state_hash(); });
+    stepper_.unpause();
+    // the first call that has to wait for the tick is refused
+    EXPECT_THROW(for (;;) stepper_.edit([](World&) {}), LongTick);
+  }
+
+  static World endless() {
+    engine::WorldOptions options;
+    options.method = engine::Method::kSequentialImpulses;
+    options.iterations = 10000;
+    World world(options);
+    engine::Body ball;
+    ball.name = "ball";
+    ball.mass = 1.0;
+    ball.state.position = {1.0, 0.0, 0.0};
+    engine::Joint rod;
+    rod.name = "rod";
+    rod.body_b = world.add_body(ball);
+    for (int i = 0; i < 10000; ++i) {
+      rod.name = "rod_" + std::to_string(i);
+      world.add_joint(rod);
+    }
+    return world;
+  }
+
+  template <class Work>
+  static double seconds(Work work) {
+    const auto start = std::chrono::steady_clock::now();
+    work();
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  }
+
+  std::uint64_t hash_ = 0;
+};
+
+constexpr double kQuick = 1.0;  // [s], as the node promises; each takes kPatience
+
+TEST_F(EndlessTick, QueriesSeeTheWorldBeforeIt) {
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_LT(seconds([&] {
+                stepper_.inspect([&](const World& world) { EXPECT_EQ(world.state_hash(), hash_); });
+              }),
+              kQuick);
+  }
+}
+
+TEST_F(EndlessTick, EditsAreRefusedAndChangeNothing) {
+  EXPECT_LT(seconds([&] {
+              for (int i = 0; i < 100; ++i) {
+                EXPECT_THROW(stepper_.edit([](World& world) { world.reset(); }), LongTick);
+                EXPECT_THROW(stepper_.post([](World& world) { world.reset(); }), LongTick);
+              }
+            }),
+            kQuick);
+  stepper_.pause();
+  stepper_.inspect([&](const World& world) { EXPECT_EQ(world.state_hash(), hash_); });
+}
+
+TEST_F(EndlessTick, PauseAbandonsItAndTheWorldIsWhatItWas) {
+  EXPECT_LT(seconds([&] { stepper_.pause(); }), kQuick);
+  stepper_.inspect([&](const World& world) { EXPECT_EQ(world.state_hash(), hash_); });
+  EXPECT_TRUE(stepper_.is_paused());
+  EXPECT_FALSE(stepper_.has_failed());
+  stepper_.edit([](World& world) {
+    engine::WorldOptions options = world.options();
+    options.iterations = 10;
+    world.set_options(options);
+  });
+  stepper_.step(3, nullptr);
+  stepper_.inspect([&](const World& world) { EXPECT_EQ(world.step_count(), 3u); });
+}
+
+TEST_F(EndlessTick, AnotherSceneAbandonsIt) {
+  EXPECT_LT(seconds([&] {
+              stepper_.interrupt("load_scene", [](World& world) { world = ball_in_flight(); });
+            }),
+            kQuick);
+  std::uint64_t steps = 0;
+  while (steps == 0) stepper_.inspect([&](const World& world) { steps = world.step_count(); });
+}
+
+TEST_F(EndlessTick, StopAbandonsIt) {
+  EXPECT_LT(seconds([&] {
+              stepper_.stop();
+              thread_.join();
+            }),
+            kQuick);
 }
 
 TEST_F(RunningStepper, StopCancelsAllWhoWait) {

@@ -33,7 +33,7 @@ std::size_t World::Impl::index(BodyId id) const {
 
 BodyId World::add_body(const Body& body) {
   validate(body);
-  if (has_body(body.name)) refuse("name", "there is already a body named '" + body.name + "'");
+  if (has_body(body.name)) refuse("name", "there is already a body named " + quoted(body.name));
 
   const BodyId id{static_cast<std::uint32_t>(impl_->body_index.size())};
   impl_->body_index.push_back(static_cast<int>(impl_->bodies.size()));

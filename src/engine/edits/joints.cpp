@@ -26,7 +26,7 @@ std::size_t World::Impl::index(JointId id) const {
 JointId World::add_joint(const Joint& joint, bool broken) {
   validate(joint);
   if (has_joint(joint.name))
-    refuse("name", "there is already a constraint named '" + joint.name + "'");
+    refuse("name", "there is already a constraint named " + quoted(joint.name));
   impl_->check_ends(joint);
   Joint filled = joint;
   impl_->fill_in(filled);
@@ -34,7 +34,7 @@ JointId World::add_joint(const Joint& joint, bool broken) {
   const JointId id{static_cast<std::uint32_t>(impl_->joint_index.size())};
   impl_->joint_index.push_back(static_cast<int>(impl_->joints.size()));
   impl_->joints.push_back(filled);
-  impl_->joint_starts.push_back({filled.motor, broken});
+  impl_->joint_starts.push_back({filled.motor, broken, {}, 0.0});
   impl_->joint_states.emplace_back();
   impl_->start_joint(impl_->joints.size() - 1);
   impl_->wake_ends(filled);
@@ -47,15 +47,15 @@ JointId World::add_joint(const Joint& joint, bool broken) {
 void World::Impl::check_ends(const Joint& joint) const {
   const std::size_t a = index(joint.body_a);
   const std::size_t b = index(joint.body_b);
-  const std::string names = "'" + bodies[a].name + "' and '" + bodies[b].name + "'";
+  const std::string names = quoted(bodies[a].name) + " and " + quoted(bodies[b].name);
   if (a == b) refuse("body_b", "must be another body than body_a, got " + names);
   if (!is_movable(a) && !is_movable(b))
     refuse("body_b", "one of the two bodies must be dynamic, got " + names);
   const auto check_anchor = [&](const char* field, std::size_t i, const Vector3d& anchor) {
     const bool cannot_turn = is_movable(i) && masses[i].inertia.isZero(0.0);
     if (cannot_turn && !anchor.isZero(0.0))
-      refuse(field, "'" + bodies[i].name +
-                        "' is a point mass without inertia, its anchor must be (0, 0, 0), got " +
+      refuse(field, quoted(bodies[i].name) +
+                        " is a point mass without inertia, its anchor must be (0, 0, 0), got " +
                         shown(anchor));
   };
   check_anchor("anchor_a", a, joint.anchor_a);
@@ -105,6 +105,45 @@ void World::Impl::start_joint(std::size_t j) {
   state.expires_at = end_of(joints[j].motor);
   begin_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)], time(),
               state);
+  if (!joint_starts[j].state) return;
+  state = *joint_starts[j].state;
+  const double elapsed = time() - joint_starts[j].time;
+  state.expires_at += elapsed;
+  state.closing_since += elapsed;
+}
+
+// the state of a joint that goes on as it was saved
+void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
+  JointState& state = joint_states[j];
+  state.travel = saved.travel;
+  state.expires_at = saved.expires_at;
+  state.impulse = saved.impulse;
+  begin_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)], time(),
+              state);  // measures it with this travel
+  state.closing = saved.closing && is_rigid(joints[j]) && !state.broken;
+  if (state.closing) {
+    state.closing_since = saved.closing_since;
+    state.closing_offset = saved.closing_offset;
+    state.initial_error = saved.initial_error;
+  }
+  joint_starts[j].state = state;
+  joint_starts[j].time = time();
+  edited = true;
+}
+
+// whether a joint added now, as this one is, would begin with the same state
+bool World::Impl::is_as_added(JointId id) const {
+  const std::size_t j = index(id);
+  const Joint& joint = joints[j];
+  const JointState& state = joint_states[j];
+  JointState added;
+  added.broken = state.broken;
+  begin_joint(joint, states[index(joint.body_a)], states[index(joint.body_b)], time(), added);
+  const bool closes_alike = !added.closing || (state.closing_since == added.closing_since &&
+                                               state.closing_offset == added.closing_offset &&
+                                               state.initial_error == added.initial_error);
+  return state.travel == 0.0 && state.impulse.isZero(0.0) &&
+         state.expires_at == end_of(joint.motor) && state.closing == added.closing && closes_alike;
 }
 
 // when a motor set now loses its bias

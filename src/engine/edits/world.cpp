@@ -48,6 +48,7 @@ const WorldOptions& World::options() const { return impl_->options; }
 
 void World::set_options(const WorldOptions& options) {
   validate(options);
+  check_next_tick("time_step", time(), options.time_step);
   if (options.time_step != impl_->options.time_step) set_time(time(), step_count());
   impl_->options = options;
   impl_->wake_all();
@@ -57,9 +58,11 @@ void World::set_options(const WorldOptions& options) {
 double World::time() const { return impl_->time(); }
 std::uint64_t World::step_count() const { return impl_->step_count; }
 void World::set_clock(Clock clock) { impl_->clock = clock; }
+void World::set_stop_flag(StopFlag stop) { impl_->stop = stop; }
 
 void World::set_time(double time, std::uint64_t step_count) {
   check_finite("time", time);
+  check_next_tick("time", time, impl_->options.time_step);
   const double now = this->time();
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     JointState& state = impl_->joint_states[j];
@@ -70,7 +73,9 @@ void World::set_time(double time, std::uint64_t step_count) {
     wrench.start += time - now;
     wrench.end += time - now;
   }
-  for (IslandParts& parts : impl_->island_parts) parts.memory.refused_until = 0;
+  for (IslandParts& parts : impl_->island_parts) parts.move(impl_->step_count, step_count);
+  for (auto& [first_body, memory] : impl_->loaded_memory)
+    memory.move(impl_->step_count, step_count);
   impl_->base_time = time;
   impl_->base_step = step_count;
   impl_->step_count = step_count;
@@ -78,6 +83,7 @@ void World::set_time(double time, std::uint64_t step_count) {
 }
 
 void World::continue_from(const World& other) {
+  const double elapsed = other.time() - time();
   set_time(other.time(), other.step_count());
   const auto new_bodies = static_cast<std::uint32_t>(other.impl_->body_index.size()) - 1;
   const auto new_joints = static_cast<std::uint32_t>(other.impl_->joint_index.size());
@@ -89,18 +95,25 @@ void World::continue_from(const World& other) {
   for (Joint& joint : impl_->joints) {
     renumber(joint.body_a);
     renumber(joint.body_b);
-    // a sinusoid goes on as it would have from time 0
+    // a sinusoid goes on as it would have from the time of this world
     Motor& motor = joint.motor;
-    if (motor.frequency > 0.0)
-      motor.phase =
-          std::remainder(motor.phase - 2.0 * kPi * motor.frequency * other.time(), 2.0 * kPi);
+    if (motor.frequency > 0.0 && elapsed != 0.0)
+      motor.phase = std::remainder(motor.phase - 2.0 * kPi * motor.frequency * elapsed, 2.0 * kPi);
   }
   for (Wrench& wrench : impl_->wrenches) renumber(wrench.body);
   for (JointId& id : impl_->joint_ids) id.value += new_joints;
   for (auto& [name, id] : impl_->joint_by_name) id.value += new_joints;
   impl_->body_index.insert(impl_->body_index.begin() + 1, new_bodies, -1);
   impl_->joint_index.insert(impl_->joint_index.begin(), new_joints, -1);
-  impl_->forget_contacts();
+  for (std::vector<TouchingPair>* pairs : {&impl_->touching, &impl_->resting}) {
+    for (TouchingPair& pair : *pairs) {
+      renumber(pair.id_a);
+      renumber(pair.id_b);
+    }
+  }
+  for (auto& [first_body, memory] : impl_->loaded_memory) renumber(first_body);
+  impl_->contacts.clear();
+  impl_->resting_contacts = 0;
   impl_->edited = impl_->topology_edited = true;
 }
 
@@ -112,6 +125,54 @@ void World::Impl::forget_contacts() {
   resting_contacts = 0;
 }
 
+// whether both bodies are still there
+bool World::Impl::is_known(const TouchingPair& pair) const {
+  return body_index[pair.id_a.value] >= 0 && body_index[pair.id_b.value] >= 0;
+}
+
+// those that slept when the scene was saved, with all that they hang on
+void World::Impl::continue_asleep(const std::vector<BodyId>& ids) {
+  for (const BodyId id : ids) asleep[index(id)] = true;
+  any_waking = !ids.empty();  // wakes those whose neighbours do not sleep
+  edited = true;
+}
+
+// what was touching when the scene was saved
+void World::Impl::continue_contact(TouchingPair pair) {
+  pair.a = static_cast<int>(index(pair.id_a));
+  pair.b = static_cast<int>(index(pair.id_b));
+  if (pair.b < pair.a) refuse("body_b", "must have been added after body_a");
+  const bool sleeps = asleep[index(pair.id_a)] || asleep[index(pair.id_b)];
+  std::vector<TouchingPair>& pairs = sleeps ? resting : touching;
+  if (!pairs.empty() && !(pairs.back().ends() < pair.ends()))
+    refuse("body_a", "contacts must be in the order of their bodies, each once");
+  pairs.push_back(pair);
+}
+
+// what islands remember, as far as it outlives the next step; in their order
+std::vector<std::pair<BodyId, IslandMemory>> World::Impl::memories() const {
+  if (topology_edited) return loaded_memory;
+  std::vector<std::pair<BodyId, IslandMemory>> memories;
+  for (std::size_t i = 0; i < island_parts.size(); ++i) {
+    const IslandMemory& now = island_parts[i];
+    const IslandMemory memory = edited ? now.after_edit() : now;
+    if (!memory.is_none()) memories.emplace_back(islands[i].first_body, memory);
+  }
+  return memories;
+}
+
+// whether something that could go on from the step before will not; without it the next step hangs
+// on nothing but what is saved
+bool World::Impl::starts_methods_anew() const {
+  if (!edited && !is_fresh) return false;
+  if (options.method == Method::kSequentialImpulses) return false;
+  for (const JointState& state : joint_states)
+    if (!state.broken) return true;
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    if (is_movable(i) && masses[i].can_turn() && !masses[i].is_isotropic()) return true;
+  return false;
+}
+
 void World::reset() {
   for (std::size_t i = 0; i < impl_->bodies.size(); ++i) impl_->states[i] = impl_->bodies[i].state;
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
@@ -119,6 +180,7 @@ void World::reset() {
     impl_->start_joint(j);
   }
   impl_->wrenches.clear();
+  impl_->loaded_memory.clear();
   impl_->forget_contacts();
   impl_->edited = impl_->topology_edited = true;
 }
@@ -156,6 +218,24 @@ const char* name(Method method) {
   constexpr std::array<const char*, kMethodCount> kNames = {
       "auto", "runge_kutta", "energy_momentum", "sequential_impulses"};
   return kNames[static_cast<std::size_t>(method)];
+}
+
+const char* text(Failure failure) {
+  switch (failure) {
+    case Failure::kNone:
+      break;
+    case Failure::kNotFinite:
+      return "a number was not finite";
+    case Failure::kOutOfRange:
+      return "a body is beyond 1e20 m, m/s or rad/s";
+    case Failure::kTooManyPairs:
+      return "more than 1000000 pairs of bodies are near each other";
+    case Failure::kTooManyContacts:
+      return "bodies touch in more than 300000 points";
+    case Failure::kNoNextTick:
+      return "a tick is lost beside so long a time";
+  }
+  return "";
 }
 
 const char* name(Stage stage) {

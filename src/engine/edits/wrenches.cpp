@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "engine/validate.h"
 #include "engine/world_impl.h"
@@ -7,7 +8,7 @@ namespace constraint_sim::engine {
 
 void World::add_wrench(const Wrench& wrench) {
   const std::size_t i = impl_->index(wrench.body);
-  const std::string name = "'" + impl_->bodies[i].name + "'";
+  const std::string name = quoted(impl_->bodies[i].name);
   if (!impl_->is_movable(i)) refuse("body", name + " is not dynamic");
   check_finite("force", wrench.force);
   check_finite("torque", wrench.torque);
@@ -15,6 +16,7 @@ void World::add_wrench(const Wrench& wrench) {
     refuse("torque",
            name + " is a point mass without inertia and cannot turn, got " + shown(wrench.torque));
   check_finite("start", wrench.start);
+  if (std::isfinite(wrench.end)) check_finite("end", wrench.end);
   if (!(wrench.end > wrench.start))
     refuse("end", "must be after the start at " + shortest(wrench.start) + ", got " +
                       shortest(wrench.end));

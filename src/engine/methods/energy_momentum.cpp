@@ -62,6 +62,7 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
   Progress progress;
   const bool is_new = !has_started_ || span.is_edited || mode != mode_;
   mode_ = mode;
+  stop_ = span.stop;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
   if (is_new || equations->has_jumped()) {
     has_started_ = start(span, equations, states, &progress);
@@ -133,6 +134,7 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
   ++progress->substeps;
   double before = std::numeric_limits<double>::infinity();
   for (int i = 0; i < kMostNewtonSteps; ++i) {
+    if (is_set(stop_)) return false;
     step_equations_.evaluate(unknowns_);
     const double worst_row = step_equations_.worst_row();
     for (std::size_t u = 0; u < change_.size(); ++u) change_[u] = -step_equations_.residual()[u];

@@ -64,6 +64,7 @@ class EnergyMomentum {
   double step_before_ = 0.0;  // [s], where BDF2 can go on from it; else 0
   int refinement_ = 0;        // a span is made of this many halvings; -1: of a composition
   int spans_since_ = 0;
+  StopFlag stop_ = nullptr;
 };
 
 }  // namespace constraint_sim::engine

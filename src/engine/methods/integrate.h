@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "constraint_sim/stop_flag.h"
 #include "engine/methods/embedded_pairs.h"
 
 namespace constraint_sim::engine {
@@ -64,7 +65,6 @@ inline constexpr double kMostGrowth = 5.0;
 inline constexpr double kMostShrinking = 0.2;
 inline constexpr double kLeastShrinking = 0.73;
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
-inline constexpr int kMostAttempts = 50000;  // in one call: beyond it a step counts as refused
 inline constexpr int kMostFailures = 100;  // of them without any result: rows contradict each other
 
 // Weights of the derivatives, as types, so that what is zero costs nothing.
@@ -199,10 +199,12 @@ double stretch(double error, double allowed) {
 
 /// Carries state() from t to t + duration. stage 0 of derivatives() is there before and after.
 /// `tolerance` [m] of error per second; 0: one step whatever its error. `step` [s] is what the next
-/// substep is tried with.
+/// substep is tried with. Beyond `most_attempts` substeps, those in vain included, it gives up,
+/// and so it does once `stop` is set.
 template <class Pair, class System>
 Progress integrate(System& system, const StageMemory& memory, double t, double duration,
-                   double tolerance, double& step) {
+                   double tolerance, double& step, int most_attempts = 50000,
+                   StopFlag stop = nullptr) {
   Progress progress;
   const double end = t + duration;
   double left = duration;
@@ -211,7 +213,7 @@ Progress integrate(System& system, const StageMemory& memory, double t, double d
   while (left > 0.0) {
     const bool is_last = left <= step;
     const double h = is_last ? left : left / std::ceil(left / step);
-    if (progress.substeps + progress.rejected > runge_kutta::kMostAttempts || t + h == t) {
+    if (progress.substeps + progress.rejected > most_attempts || t + h == t || is_set(stop)) {
       progress.done = false;
       progress.is_inconsistent = failures > 0 && t + h == t;
       return progress;

@@ -23,8 +23,10 @@ Progress integrate(System& system, const StageMemory& memory, double t, double h
                    const Accuracy& accuracy, double& step) {
   if (step == 0.0) step = h;
   return accuracy.order == 5
-             ? integrate<DormandPrince5>(system, memory, t, h, accuracy.tolerance, step)
-             : integrate<DormandPrince8>(system, memory, t, h, accuracy.tolerance, step);
+             ? integrate<DormandPrince5>(system, memory, t, h, accuracy.tolerance, step,
+                                         accuracy.most_attempts, accuracy.stop)
+             : integrate<DormandPrince8>(system, memory, t, h, accuracy.tolerance, step,
+                                         accuracy.most_attempts, accuracy.stop);
 }
 
 /// The quaternion (x, y, z, w) of a body with known angular momentum, as a System.

@@ -20,6 +20,7 @@ struct SmoothSpan {
   const std::vector<JointCourse>& courses;  ///< of all joints of the world
   bool is_disturbed;                        ///< something may have jumped since the last span
   bool is_edited;                           ///< also positions or velocities may have
+  StopFlag stop = nullptr;
 };
 
 /// How an integration is asked for.
@@ -30,6 +31,8 @@ struct Accuracy {
   double most_frequency = std::numeric_limits<double>::infinity();
   /// What the start may take of the kinetic energy, as a share.
   double most_projected = std::numeric_limits<double>::infinity();
+  int most_attempts = 50000;  ///< substeps, those in vain included, beyond which it is refused
+  StopFlag stop = nullptr;
 };
 
 /// An island with joints, carried through time by an embedded Runge-Kutta pair: Hairer, Nørsett &

@@ -34,12 +34,13 @@ void SequentialImpulses::update_velocities(const std::vector<int>& moved, Bodies
     if (rows[i].impulse != 0.0) push(i, rows[i].impulse, rows, bodies);
 }
 
-void SequentialImpulses::solve(Bodies& bodies, std::vector<Row>& rows, int iterations) const {
+void SequentialImpulses::solve(Bodies& bodies, std::vector<Row>& rows, int iterations,
+                               StopFlag stop) const {
   const auto change_to = [&](std::size_t i, double impulse) {
     push(i, impulse - rows[i].impulse, rows, bodies);
     rows[i].impulse = impulse;
   };
-  for (int sweep = 0; sweep < iterations; ++sweep) {
+  for (int sweep = 0; sweep < iterations && !is_set(stop); ++sweep) {
     for (std::size_t i = 0; i < rows.size(); ++i) {
       const Row& row = rows[i];
       const double inverse_mass = responses_[i].inverse_mass;

@@ -5,6 +5,7 @@
 
 #include "constraint_sim/body.h"
 #include "constraint_sim/row.h"
+#include "constraint_sim/stop_flag.h"
 #include "engine/mass_properties.h"
 
 namespace constraint_sim::engine {
@@ -21,8 +22,8 @@ class SequentialImpulses {
   void update_velocities(const std::vector<int>& moved, Bodies& bodies, const Masses& masses,
                          const Eigen::Vector3d& gravity, double h, const std::vector<Row>& rows);
 
-  /// 5. Sweeps over the rows; leaves the impulses in them.
-  void solve(Bodies& bodies, std::vector<Row>& rows, int iterations) const;
+  /// 5. Sweeps over the rows; leaves the impulses in them. Ends early once `stop` is set.
+  void solve(Bodies& bodies, std::vector<Row>& rows, int iterations, StopFlag stop = nullptr) const;
 
   /// 6. x += h v, q by the rotation h ω; keeps the angular momentum of every free body.
   static void update_positions(const std::vector<int>& moved, Bodies& bodies, const Masses& masses,

@@ -1,0 +1,151 @@
+#include "ros/event_log.h"
+
+#include <ros/console.h>
+#include <ros/time.h>
+
+#include <cmath>
+
+namespace constraint_sim {
+namespace {
+
+constexpr double kClockIsMissing = 2.0;  // [s] of the wall
+constexpr double kDroppedAgain = 10.0;   // [s] of the wall between lines while ticks are dropped
+constexpr std::size_t kMostNames = 5;    // in one line
+
+double steady_now() { return ros::SteadyTime::now().toSec(); }
+
+/// The first names of a list, and how many more there are.
+std::string listed(const std::vector<std::string>& names) {
+  std::string text;
+  for (std::size_t i = 0; i < names.size() && i < kMostNames; ++i)
+    text += (i == 0 ? "'" : ", '") + names[i] + "'";
+  if (names.size() > kMostNames)
+    text += " and " + std::to_string(names.size() - kMostNames) + " more";
+  return text;
+}
+
+std::string unresolved(const World& world) {
+  std::vector<std::string> names;
+  for (const engine::BodyId id : world.unresolved_bodies()) names.push_back(world.body(id).name);
+  return "the tick is too long to show the motion of " + listed(names) +
+         ": it is damped away or off; a shorter time_step would show it";
+}
+
+bool is_beyond_range(const engine::StepReport& report) {
+  return !std::isfinite(report.energy + report.energy_drift + report.max_constraint_error +
+                        report.max_penetration + report.local_error);
+}
+
+/// Something that a step reports and that a user should know of.
+struct Reported {
+  bool (*holds)(const engine::StepReport&);
+  std::string (*begins)(const World&);  ///< what is said then
+  const char* ends;
+};
+
+// a report that is new in StepReport is one row here
+const Reported kReported[] = {
+    {[](const engine::StepReport& report) { return report.unresolved_bodies > 0; }, unresolved,
+     "the tick shows the motion of all bodies again"},
+    {is_beyond_range,
+     [](const World&) {
+       return std::string(
+           "energy or errors are beyond the range of numbers: messages have the largest instead");
+     },
+     "energy and errors are numbers again"},
+};
+
+}  // namespace
+
+EventLog::EventLog(const Parameters& parameters)
+    : parameters_(parameters), reported_(std::size(kReported)), last_clock_(steady_now()) {}
+
+void EventLog::stepped(const World& world) {
+  const engine::StepReport& report = world.report();
+  if (report.failed) return;  // it reports nothing else
+  for (std::size_t i = 0; i < reported_.size(); ++i) {
+    const bool holds = kReported[i].holds(report);
+    if (!holds && !reported_[i].has_begun()) continue;
+    switch (reported_[i].update(holds, steady_now())) {
+      case Condition::Change::kBegan:
+        ROS_WARN("step %lu: %s", world.step_count(), kReported[i].begins(world).c_str());
+        break;
+      case Condition::Change::kEnded:
+        ROS_INFO("step %lu: %s", world.step_count(), kReported[i].ends);
+        break;
+      case Condition::Change::kNone:
+        break;
+    }
+  }
+  if (report.torn_joints > 0) tell_of_broken(world);
+}
+
+void EventLog::edited(const World& world) {
+  broken_.clear();
+  for (const engine::JointId id : world.joint_ids())
+    if (world.joint_state(id).broken) broken_.insert(id.value);
+}
+
+void EventLog::tell_of_broken(const World& world) {
+  std::vector<std::string> names;
+  for (const engine::JointId id : world.joint_ids())
+    if (world.joint_state(id).broken && broken_.insert(id.value).second)
+      names.push_back(world.joint(id).name);
+  if (!names.empty()) ROS_WARN("step %lu: broken: %s", world.step_count(), listed(names).c_str());
+}
+
+void EventLog::passed(const World& world, const Stepper& stepper) {
+  const double now = steady_now();
+  tell_of_failure(world, stepper);
+  tell_of_dropped_ticks(world, stepper, now);
+  if (parameters_.follows_clock()) tell_of_clock(now);
+}
+
+void EventLog::tell_of_failure(const World& world, const Stepper& stepper) {
+  if (stepper.has_failed() == has_failed_) return;
+  has_failed_ = stepper.has_failed();
+  if (has_failed_)
+    ROS_ERROR(
+        "the physics failed after step %lu, at %g s: %s. The state of that step is kept, and the "
+        "world stands until it is edited or reset",
+        world.step_count(), world.time(), stepper.failure().c_str());
+  else
+    ROS_INFO("the world is edited or reset, and goes on after the failure");
+}
+
+void EventLog::tell_of_dropped_ticks(const World& world, const Stepper& stepper, double now) {
+  const std::uint64_t all = stepper.dropped_ticks();
+  const bool more = all != dropped_ticks_;
+  dropped_ticks_ = all;
+  if (!more && !dropping_.has_begun()) return;
+  const Condition::Change change = dropping_.update(more, now);
+  if (change == Condition::Change::kEnded) ROS_INFO("no more ticks are dropped; %lu were", all);
+  if (!more || (change == Condition::Change::kNone && now < told_of_dropped_ + kDroppedAgain))
+    return;
+  told_of_dropped_ = now;
+  ROS_WARN(
+      "ticks are dropped, %lu so far: this machine does not keep up with real_time_factor %g at a "
+      "tick of %g s",
+      all, stepper.real_time_factor(), world.options().time_step);
+}
+
+void EventLog::heard_clock() { last_clock_ = steady_now(); }
+
+void EventLog::tell_of_clock(double now) {
+  switch (without_clock_.update(now > last_clock_ + kClockIsMissing, now)) {
+    case Condition::Change::kBegan:
+      ROS_WARN(
+          "nothing on /clock for %g s: the world stands, since /use_sim_time is true and "
+          "publish_clock is false. If a replay left that behind: rosparam set /use_sim_time false, "
+          "and start again",
+          kClockIsMissing);
+      break;
+    case Condition::Change::kEnded:
+      ROS_INFO("/clock has come: the world follows it");
+      break;
+    case Condition::Change::kNone:
+      break;
+  }
+}
+
+}  // namespace constraint_sim

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+namespace constraint_sim {
+
+// Files that callers of services name. What cannot be throws std::invalid_argument with the path.
+
+inline constexpr std::size_t kMostBytes = std::size_t{16} << 20;  ///< of a scene
+
+/// The text of a regular file of up to kMostBytes; a link is followed.
+std::string read_file(const std::string& path);
+
+/// Replaces or makes a regular file: the whole text, on the disk when this returns, or the file as
+/// it was. Of a link the file that it leads to. The mode of a file that was there stays.
+void write_file(const std::string& path, const std::string& text);
+
+/// The file that `path` leads to, links resolved, which must lie below `folder`; a relative path
+/// starts there. The file itself need not exist.
+std::string path_below(const std::string& folder, const std::string& path);
+
+}  // namespace constraint_sim

@@ -1,0 +1,284 @@
+// What has a bound: beyond it a number is refused and a step fails, each in bounded time and
+// memory, and tells why. No bound is silent.
+
+#include <pthread.h>
+#include <sys/resource.h>
+
+#include <ctime>
+
+#include "constraint_sim/plan.h"
+#include "constraint_sim/scene.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+template <class Action>
+std::string refusal_of(Action action) {
+  try {
+    action();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// Of this process, for others take their share of the processor.
+double seconds_since(std::clock_t start) {
+  return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+}
+
+/// The most memory this process ever had [bytes].
+double peak_memory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return 1024.0 * static_cast<double>(usage.ru_maxrss);
+}
+
+// ---- numbers
+
+TEST(Bounds, OfNames) {
+  World world;
+  Body body = make_body(std::string(255, 'a'), Sphere{0.1}, 1.0, Vector3d::Zero());
+  EXPECT_NO_THROW(world.add_body(body));
+  body.name += "a";
+  EXPECT_EQ(refusal_of([&] { world.add_body(body); }),
+            "name: must be at most 255 characters, got 256");
+  body.name = std::string(1000000, '!');
+  EXPECT_LT(refusal_of([&] { world.add_body(body); }).size(), 120u);
+}
+
+TEST(Bounds, OfOptions) {
+  const auto refused = [](void (*set)(WorldOptions&)) {
+    WorldOptions options;
+    set(options);
+    return refusal_of([&] { validate(options); });
+  };
+  EXPECT_EQ(refused([](WorldOptions& o) { o.threads = 257; }),
+            "threads: must be at most 256, got 257");
+  EXPECT_EQ(refused([](WorldOptions& o) { o.iterations = 2147483647; }),
+            "iterations: must be at most 10000, got 2147483647");
+  EXPECT_EQ(refused([](WorldOptions& o) { o.time_step = 1e10; }),
+            "time_step: must be from 1e-12 to 1000000, got 10000000000");
+  EXPECT_EQ(refused([](WorldOptions& o) { o.time_step = 1e-13; }),
+            "time_step: must be from 1e-12 to 1000000, got 1e-13");
+  EXPECT_EQ(refused([](WorldOptions& o) { o.gravity.x() = -1e21; }),
+            "gravity: must be at most 1e+20, got (-1e+21, 0, -9.81)");
+  EXPECT_EQ(refused([](WorldOptions& o) { o.sleep_after = 1e300; }), "");
+  EXPECT_EQ(refused([](WorldOptions& o) {
+              o.threads = 256;
+              o.iterations = 10000;
+              o.time_step = 1e6;
+            }),
+            "");
+}
+
+TEST(Bounds, OfMagnitudes) {
+  World world;
+  const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()));
+  const auto body = [&](void (*set)(Body&)) {
+    Body changed = make_body("new", Sphere{1.0}, 1.0, Vector3d::Zero());
+    set(changed);
+    return refusal_of([&] { world.add_body(changed); });
+  };
+  EXPECT_EQ(body([](Body& b) { b.shape = Sphere{1e300}; }),
+            "shape.radius: must be from 1e-20 to 1e+20, got 1e+300");
+  EXPECT_EQ(body([](Body& b) { b.shape = Sphere{1e-300}; }),
+            "shape.radius: must be from 1e-20 to 1e+20, got 1e-300");
+  EXPECT_EQ(body([](Body& b) { b.mass = 1e300; }), "mass: must be from 1e-20 to 1e+20, got 1e+300");
+  EXPECT_EQ(body([](Body& b) { b.mass = 1e-310; }),
+            "mass: must be from 1e-20 to 1e+20, got 9.99999999999997e-311");
+  EXPECT_EQ(body([](Body& b) {
+              b.inertia = {1.0, 1.0, 1e61};
+            }),
+            "inertia: must be from 1e-60 to 1e+60, got (1, 1, 1e+61)");
+  EXPECT_EQ(body([](Body& b) { b.state.position.y() = -1e300; }),
+            "position: must be at most 1e+20, got (0, -1e+300, 0)");
+  EXPECT_EQ(body([](Body& b) { b.state.linear_velocity.z() = 1e300; }),
+            "linear_velocity: must be at most 1e+20, got (0, 0, 1e+300)");
+  EXPECT_EQ(body([](Body& b) { b.state.angular_velocity.z() = 1e300; }),
+            "angular_velocity: must be at most 1e+20, got (0, 0, 1e+300)");
+  EXPECT_EQ(refusal_of([&] {
+              world.add_wrench({ball, {1e300, 0.0, 0.0}, Vector3d::Zero()});
+            }),
+            "force: must be at most 1e+20, got (1e+300, 0, 0)");
+  Joint joint = make_joint("joint", kWorldBody, {0.0, 0.0, 1.0}, ball, Vector3d::Zero(),
+                           spring(1.0, 1e300, 0.0));
+  EXPECT_EQ(refusal_of([&] { world.add_joint(joint); }),
+            "stiffness: must be at most 1e+20, got 1e+300");
+  joint.type = rod(1e-300);
+  EXPECT_EQ(refusal_of([&] { world.add_joint(joint); }),
+            "length: must be from 1e-20 to 1e+20, got 1e-300");
+}
+
+// Whatever is accepted makes steps whose every number is finite, or that fail: the corners of all
+// ranges, each with each.
+TEST(Bounds, AcceptNothingWhoseStepsAreNotFinite) {
+  const std::vector<double> magnitudes{1e-20, 1.0, 1e20};
+  for (const double mass : magnitudes)
+    for (const double size : magnitudes)
+      for (const double speed : magnitudes)
+        for (const double tick : {1e-12, 0.01, 1e6})
+          for (const Method method :
+               {Method::kAuto, Method::kEnergyMomentum, Method::kSequentialImpulses}) {
+            WorldOptions options;
+            options.time_step = tick;
+            options.method = method;
+            World world(options);
+            world.add_body(make_floor(0.5));
+            Body box = make_body("box", Box{{size, std::max(0.5 * size, 1e-20), size}}, mass,
+                                 {0.0, 0.0, 0.2 * size});
+            box.state.linear_velocity = {speed, 0.0, -speed};
+            box.state.angular_velocity = {speed, 0.5 * speed, 0.0};
+            const BodyId id = world.add_body(box);
+            world.add_body(make_body("other", Sphere{size}, 1.0, {0.9 * size, 0.0, size}));
+            world.add_joint(make_joint("rod", kWorldBody, {0.0, 0.0, size}, id,
+                                       {0.1 * size, 0.0, 0.0}, rod(size)));
+            for (int i = 0; i < 3; ++i) {
+              const StepReport& report = world.step();
+              ASSERT_TRUE(std::isfinite(report.energy + report.energy_drift + report.local_error +
+                                        report.max_constraint_error + report.max_penetration +
+                                        report.projected_energy + world.energy()))
+                  << mass << " " << size << " " << speed << " " << tick << " " << name(method);
+              ASSERT_EQ(report.failed, report.failure != Failure::kNone);
+              for (const BodyId body : world.body_ids())
+                ASSERT_NO_THROW(validate(world.state(body)));
+              const JointState& joint = world.joint_state(world.joint_ids().front());
+              ASSERT_TRUE(std::isfinite(joint.error + joint.error_rate + joint.force + joint.bias +
+                                        joint.reached_rate));
+              for (const Contact& contact : world.contacts())
+                ASSERT_TRUE(std::isfinite(contact.normal_force + contact.depth));
+            }
+          }
+}
+
+TEST(Bounds, NameTheBodyThatLeavesThem) {
+  World world(options(0.01));
+  world.add_body(make_body("slow", Sphere{0.1}, 1.0, {0.0, 0.0, 1.0}));
+  const BodyId fast = world.add_body(make_body("fast", Sphere{0.1}, 1.0, {1e20, 0.0, 0.0}));
+  BodyState state = world.state(fast);
+  state.linear_velocity.x() = 1e20;
+  world.set_state(fast, state);
+  const StepReport& report = world.step();
+  EXPECT_TRUE(report.failed);
+  EXPECT_EQ(report.failure, Failure::kOutOfRange);
+  EXPECT_EQ(report.failed_body, fast);
+  EXPECT_EQ(world.state(fast).position.x(), 1e20);
+  EXPECT_NO_THROW(load_scene(save_scene(world)));
+}
+
+// ---- time
+
+TEST(Bounds, OfTimesThatHaveNoNextTick) {
+  World world(options(0.01));
+  world.add_body(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()));
+  // a double of 2^53 · 0.01 is a whole number of 0.0156
+  EXPECT_EQ(refusal_of([&] { world.set_time(1e14, 0); }),
+            "time: a tick of 0.01 s is lost beside a time of 100000000000000 s");
+  EXPECT_EQ(refusal_of([&] { world.set_time(-1e14, 0); }).substr(0, 6), "time: ");
+  EXPECT_EQ(world.time(), 0.0);
+  world.set_time(1e9, 0);
+  WorldOptions fine = world.options();
+  fine.time_step = 1e-8;
+  EXPECT_EQ(refusal_of([&] { world.set_options(fine); }),
+            "time_step: a tick of 1e-08 s is lost beside a time of 1000000000 s");
+  EXPECT_EQ(world.options().time_step, 0.01);
+  EXPECT_FALSE(world.step().failed);
+}
+
+// From 2^46 s on doubles are 2^-6 s apart, more than the tick of 0.01 s.
+TEST(Bounds, StopTheTimeBeforeATickIsLost) {
+  World world(options(0.01));
+  world.add_body(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()));
+  world.set_time(std::ldexp(1.0, 46) - 0.05, 0);
+  double before = world.time();
+  int steps = 0;
+  while (!world.step().failed && ++steps < 100) {
+    EXPECT_GT(world.time(), before);
+    before = world.time();
+  }
+  EXPECT_EQ(world.report().failure, Failure::kNoNextTick);
+  EXPECT_LT(steps, 10);
+  EXPECT_EQ(world.time(), before);
+}
+
+// ---- work
+
+// A few tenths of a second each and some 100 MB, measured; 2.7 GB without a bound.
+TEST(Bounds, OfContactsEndAStepOfAHeap) {
+  const auto start = std::clock();
+  World spheres;
+  for (int i = 0; i < 3000; ++i)
+    spheres.add_body(make_body("s" + std::to_string(i), Sphere{1.0}, 1.0, Vector3d::Zero()));
+  EXPECT_TRUE(spheres.step().failed);
+  EXPECT_EQ(spheres.report().failure, Failure::kTooManyPairs);
+  World boxes;
+  for (int i = 0; i < 700; ++i)
+    boxes.add_body(
+        make_body("b" + std::to_string(i), Box{{1.0, 1.0, 1.0}}, 1.0, {1e-4 * i, 0.0, 1e-5 * i}));
+  EXPECT_TRUE(boxes.step().failed);
+  EXPECT_EQ(boxes.report().failure, Failure::kTooManyContacts);
+  EXPECT_EQ(boxes.step_count(), 0u);
+  EXPECT_LT(seconds_since(start), 10.0);
+  EXPECT_LT(peak_memory(), 1e9);
+}
+
+// Ten seconds a tick without a bound; here every body is told to be refused.
+TEST(Bounds, OfSubstepsEndAStepOfBodiesThatTurnTooFast) {
+  World world;
+  const auto start = std::clock();
+  for (int i = 0; i < 100; ++i) {
+    Body body = make_body("b" + std::to_string(i), Box{{1.0, 0.6, 0.3}}, 1.0, {3.0 * i, 0.0, 0.0});
+    body.state.angular_velocity = Vector3d::Constant(1e6);
+    world.add_body(body);
+  }
+  EXPECT_FALSE(world.step().failed);
+  EXPECT_LT(seconds_since(start), 5.0);
+  for (const Island& island : world.islands()) EXPECT_EQ(island.why, Why::kRefused);
+}
+
+// The system has no room for so many stacks: the work gets done all the same, with the same bits.
+TEST(Bounds, OfThreadsThatCannotBeAreDoneWithout) {
+  WorldOptions options;
+  options.threads = 256;
+  World world(options), alone;
+  for (World* each : {&world, &alone})
+    for (int i = 0; i < 600; ++i)
+      each->add_body(make_body("b" + std::to_string(i), Sphere{0.1}, 1.0, {1.0 * i, 0.0, 0.0}));
+  pthread_attr_t attributes;
+  ASSERT_EQ(pthread_getattr_default_np(&attributes), 0);
+  std::size_t usual = 0;
+  ASSERT_EQ(pthread_attr_getstacksize(&attributes, &usual), 0);
+  ASSERT_EQ(pthread_attr_setstacksize(&attributes, std::size_t{1} << 46), 0);
+  ASSERT_EQ(pthread_setattr_default_np(&attributes), 0);
+  EXPECT_FALSE(world.step().failed);
+  ASSERT_EQ(pthread_attr_setstacksize(&attributes, usual), 0);
+  ASSERT_EQ(pthread_setattr_default_np(&attributes), 0);
+  alone.step();
+  for (const BodyId id : world.body_ids())
+    EXPECT_EQ(world.state(id).position, alone.state(id).position);
+}
+
+// ---- what is told and not refused
+
+TEST(Warnings, NameAnInertiaThatNoMassHas) {
+  const auto inertia = [](const Vector3d& I) {
+    World world;
+    Body body = make_body("a", Sphere{1.0}, 1.0, Vector3d::Zero());
+    body.inertia = I;
+    world.add_body(body);
+    return warnings(world);
+  };
+  EXPECT_TRUE(inertia({0.0, 0.0, 0.0}).empty());
+  EXPECT_TRUE(inertia({1.0, 2.0, 3.0}).empty());  // of a plate
+  EXPECT_TRUE(inertia({0.1, 0.2, 0.1 + 0.2}).empty());
+  ASSERT_EQ(inertia({1.0, 2.0, 4.0}).size(), 1u);
+  EXPECT_EQ(inertia({1.0, 2.0, 4.0}).front().rfind("body 'a': inertia (1, 2, 4) is", 0), 0u);
+  EXPECT_EQ(inertia({9.0, 2.0, 4.0}).size(), 1u);
+  EXPECT_EQ(warnings(load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/worked_example.yaml")).size(), 2u);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -1,0 +1,299 @@
+// Texts that mean harm, or are broken: each is loaded or refused at once, in one line.
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <random>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "constraint_sim/scene.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+/// What load_scene says; empty when it loads.
+std::string answer_to(const std::string& text) {
+  try {
+    load_scene(text, "s");
+  } catch (const SceneError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// Of this process, for others take their share of the processor.
+double seconds_of(const std::function<void()>& action) {
+  const std::clock_t start = std::clock();
+  action();
+  return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
+}
+
+/// The most memory this process ever had [bytes].
+double peak_memory() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return 1024.0 * static_cast<double>(usage.ru_maxrss);
+}
+
+std::string repeated(const std::string& text, std::size_t count) {
+  std::string all;
+  for (std::size_t i = 0; i < count; ++i) all += text;
+  return all;
+}
+
+/// Whether an answer is one line that quotes no more than 40 characters.
+void expect_short(const std::string& answer, const std::string& text) {
+  EXPECT_LE(answer.size(), 300u) << text.substr(0, 80);
+  EXPECT_EQ(answer.find('\n'), std::string::npos) << answer;
+}
+
+// yaml-cpp 0.7 finds documents without end in the first of these.
+TEST(HostileScene, OfMoreThanOneDocumentIsRefused) {
+  for (const char* text : {",", ", ,", "a,\n,", "]", "}", "world: {}\n---\nworld: {}", "--- ---",
+                           "world: {}\n...\nworld: {}", "{},"})
+    EXPECT_NE(answer_to(text), "") << text;
+}
+
+TEST(HostileScene, IsAnsweredAtOnceHoweverItNests) {
+  for (const char* opening : {"[", "{", "[[{", "{a: ", "- ", "? ", "? - ", "[? ", "a: [", "&a [",
+                              "!t [", "!!seq [", "[*a, ", "{[", "- - ? ", "[a: "}) {
+    for (const std::size_t count : {40u, 1000u, 100000u}) {
+      const std::string text = repeated(opening, count);
+      std::string answer;
+      EXPECT_LT(seconds_of([&] { answer = answer_to(text); }), 1.0) << opening;
+      EXPECT_NE(answer, "") << opening;
+      expect_short(answer, text);
+    }
+  }
+  // deep by indentation
+  std::string text;
+  for (std::size_t i = 0; i < 2000; ++i) text += std::string(i, ' ') + "a:\n";
+  EXPECT_EQ(answer_to(text), "s:33: lists and maps more than 32 deep");
+}
+
+TEST(HostileScene, OfAliasesIsAnsweredAtOnce) {
+  // 2^60 elements, were they copied
+  std::string laughs = "a0: &a0 [1, 1]\n";
+  for (int i = 1; i < 60; ++i) {
+    const std::string before = "*a" + std::to_string(i - 1);
+    laughs += "a" + std::to_string(i) + ": &a" + std::to_string(i) + " [" + before + ", " + before +
+              "]\n";
+  }
+  EXPECT_EQ(answer_to(laughs), "s:1: unknown key 'a0'");
+  EXPECT_EQ(answer_to("bodies: &a [*a, *a]"), "s:1: an alias within its own anchor");
+  EXPECT_EQ(answer_to("world: &a {gravity: *a}"), "s:1: an alias within its own anchor");
+  EXPECT_NE(answer_to("bodies: *none"), "");
+  EXPECT_EQ(answer_to("bodies: [&a {name: a, mass: 1}, *a]"),
+            "s:1: bodies[1].name: there is already a body named 'a'");
+  // as people use them
+  const World world = load_scene(
+      "bodies:\n  - {name: a, mass: &m 2, shape: &s {sphere: {radius: 0.5}}}\n"
+      "  - {name: b, mass: *m, shape: *s}\n");
+  EXPECT_EQ(world.body(world.find_body("b")).mass, 2.0);
+  EXPECT_EQ(std::get<Sphere>(world.body(world.find_body("b")).shape).radius, 0.5);
+}
+
+// Of a tenth of the size that is allowed; time and memory grow with the length alone. The bounds
+// are some ten times what was measured.
+TEST(HostileScene, OfGreatLengthIsAnsweredInTimeInProportion) {
+  const std::vector<std::string> texts{
+      "bodies: [" + repeated("x, ", 500000) + "]",
+      "bodies: [" + repeated("[],", 500000) + "]",
+      "bodies: [&a {}, " + repeated("*a, ", 390000) + "]",
+      repeated("a: 1\n", 300000),
+      "bodies:\n" + repeated("- a\n", 390000),
+      "world: {method: " + std::string(1500000, 'x') + "}",
+      "world: {method: \"" + std::string(1500000, 'x') + "\"}",
+      "world: {method: |\n" + repeated("  xxxx\n", 200000),
+      "world: " + repeated("x\n ", 500000),
+      std::string(1500000, ' '),
+      repeated("#\n", 750000),
+      std::string(1500000, '\n'),
+      std::string(1500000, '\t'),
+      std::string(1500000, '\0'),
+      repeated("&a ", 500000),
+      repeated("!", 1500000),
+      repeated("%TAG ! x\n", 160000),
+      std::string(1500000, '-'),
+      repeated("? ", 750000),
+      repeated("'", 1500000),
+      "'" + repeated("''", 750000),
+      "\"" + repeated("\\u0041", 250000),
+  };
+  for (const std::string& text : texts) {
+    std::string answer;
+    const double seconds = seconds_of([&] { answer = answer_to(text); });
+    EXPECT_LT(seconds, 5.0) << text.substr(0, 40);
+    EXPECT_NE(answer, "") << text.substr(0, 40);
+    expect_short(answer, text);
+  }
+  EXPECT_LT(peak_memory(), 1e9);
+  EXPECT_EQ(answer_to(std::string(kMostSceneBytes + 1, ' ')),
+            "s: must be at most 16777216 bytes, got 16777217");
+}
+
+// ---- random ones
+
+class Noise {
+ public:
+  explicit Noise(unsigned seed) : engine_(seed) {}
+
+  std::size_t below(std::size_t count) { return engine_() % count; }
+
+  std::string bytes(std::size_t size) {
+    std::string text;
+    for (std::size_t i = 0; i < size; ++i) text += static_cast<char>(engine_() & 0xffU);
+    return text;
+  }
+  /// Of what YAML is made of.
+  std::string marks(std::size_t size) {
+    static const std::vector<std::string> kMarks{
+        ",",  "[",   "]",   "{",  "}", ":",    ": ",     "- ",    "? ",    "&a ",    "*a",  "!",
+        "|",  ">",   "'",   "\"", "#", "%",    "@",      "`",     "\n",    "\n  ",   " ",   "\t",
+        "~",  "---", "...", "<<", "a", "1",    "-1e300", ".inf",  ".nan",  "world",  "0x7", "\r",
+        "\\", "\0",  "!!s", "  ", "é", "null", "bodies", "name:", "mass:", "shape:", "=",   "--- "};
+    std::string text;
+    while (text.size() < size) text += kMarks[below(kMarks.size())];
+    return text;
+  }
+  std::string mutation_of(std::string text) {
+    for (std::size_t i = 1 + below(6); i > 0 && !text.empty(); --i) {
+      const std::size_t at = below(text.size());
+      const std::size_t length = 1 + below(20);
+      switch (below(5)) {
+        case 0:
+          text.erase(at, length);
+          break;
+        case 1:
+          text.insert(at, marks(length));
+          break;
+        case 2:
+          text.insert(at, text.substr(below(text.size()), 10 * length));
+          break;
+        case 3:
+          text[at] = static_cast<char>(engine_() & 0xffU);
+          break;
+        default:
+          text.insert(at, "1e" + std::to_string(below(400)));
+      }
+    }
+    return text;
+  }
+
+ private:
+  std::mt19937 engine_;
+};
+
+std::vector<std::string> shipped_texts() {
+  std::vector<std::string> texts;
+  for (const std::string& name : scene_names(CONSTRAINT_SIM_SCENE_DIR)) {
+    std::ifstream file(CONSTRAINT_SIM_SCENE_DIR "/" + name + ".yaml");
+    std::ostringstream text;
+    text << file.rdbuf();
+    texts.push_back(text.str());
+  }
+  return texts;
+}
+
+// What loads is one step long, too: nothing that was accepted ends the process.
+TEST(HostileScene, OfRandomTextIsAnsweredAtOnce) {
+  Noise noise(20);
+  const std::vector<std::string> shipped = shipped_texts();
+  int loaded = 0;
+  for (std::size_t i = 0; i < 6000; ++i) {
+    std::string text;
+    if (i % 3 == 0) text = noise.bytes(noise.below(200));
+    if (i % 3 == 1) text = noise.marks(noise.below(200));
+    if (i % 3 == 2) text = noise.mutation_of(shipped[i / 3 % shipped.size()]);
+    const double seconds = seconds_of([&] {
+      try {
+        World world = load_scene(text, "s");
+        ++loaded;
+        world.step();
+      } catch (const SceneError& error) {
+        expect_short(error.what(), text);
+      }
+    });
+    EXPECT_LT(seconds, 2.0) << text;
+  }
+  EXPECT_GT(loaded, 100);  // mutations of comments and numbers
+}
+
+// ---- files
+
+class HostileFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string pattern = testing::TempDir() + "constraint_sim_files_XXXXXX";
+    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
+    folder_ = pattern;
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string in_folder(const std::string& name) const { return folder_ + "/" + name; }
+
+  static std::string answer_to_file(const std::string& path) {
+    try {
+      load_scene_file(path);
+    } catch (const SceneError& error) {
+      return error.what();
+    }
+    return "";
+  }
+
+ private:
+  std::string folder_;
+};
+
+TEST_F(HostileFile, ThatIsNoneIsRefusedAtOnce) {
+  ASSERT_EQ(mkfifo(in_folder("pipe").c_str(), 0600), 0);
+  std::filesystem::create_symlink("/dev/zero", in_folder("zeros"));
+  for (const std::string& path : {in_folder("pipe"), std::string("/dev/zero"), in_folder("zeros"),
+                                  std::string("/dev/tty"), in_folder(".")}) {
+    std::string answer;
+    EXPECT_LT(seconds_of([&] { answer = answer_to_file(path); }), 1.0) << path;
+    EXPECT_EQ(answer.rfind(path + ": cannot read this", 0), 0u) << answer;
+  }
+}
+
+TEST_F(HostileFile, ThatIsTooLongIsNotRead) {
+  std::ofstream(in_folder("long.yaml")) << "bodies: []\n";
+  std::filesystem::resize_file(in_folder("long.yaml"), std::uintmax_t{1} << 40);
+  EXPECT_EQ(answer_to_file(in_folder("long.yaml")),
+            in_folder("long.yaml") + ": must be at most 16777216 bytes, got 1099511627776");
+}
+
+TEST_F(HostileFile, OfASceneIsFoundByNameOrPath) {
+  for (const char* name : {"pendulum", "double_pendulum", "bridge"})
+    std::ofstream(in_folder(std::string(name) + ".yaml")) << "bodies: []\n";
+  std::ofstream(in_folder("notes.txt")) << "none\n";
+  const std::string folder = in_folder(".");
+  EXPECT_EQ(scene_names(folder),
+            (std::vector<std::string>{"bridge", "double_pendulum", "pendulum"}));
+  EXPECT_EQ(file_of_scene("pendulum", folder), folder + "/pendulum.yaml");
+  EXPECT_EQ(file_of_scene("./other.yaml", folder), "./other.yaml");
+  EXPECT_EQ(file_of_scene("pendulum", in_folder("none")), "pendulum");
+  const auto refusal = [&](const std::string& name) -> std::string {
+    try {
+      return file_of_scene(name, folder);
+    } catch (const SceneError& error) {
+      return error.what();
+    }
+  };
+  EXPECT_EQ(refusal("pendlum"), "pendlum: there is no such file or scene; did you mean pendulum?");
+  EXPECT_EQ(refusal("xyz"),
+            "xyz: there is no such file or scene; there are bridge, double_pendulum, pendulum");
+  expect_short(refusal(std::string(100000, 'x')), "");
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -1,0 +1,128 @@
+// Steps that end early: by the stop flag, by a time without a next tick, by what the system throws.
+
+#include <atomic>
+#include <chrono>
+#include <stdexcept>
+#include <thread>
+
+#include "engine/workers.h"
+#include "problems.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+/// A box on the floor, a pendulum, a stiff spring and a box that tumbles: an island of each kind.
+World one_of_each(int iterations) {
+  WorldOptions options;
+  options.time_step = 0.01;
+  options.iterations = iterations;
+  World world(options);
+  world.add_body(make_floor(0.5));
+  world.add_body(make_body("block", Box{{0.2, 0.2, 0.2}}, 1.0, {0.0, 0.0, 0.0999}));
+  const BodyId bob = world.add_body(make_body("bob", Point{}, 1.0, {11.0, 0.0, 5.0}));
+  world.add_joint(make_joint("rod", kWorldBody, {10.0, 0.0, 5.0}, bob, Vector3d::Zero()));
+  const BodyId load = world.add_body(make_body("load", Point{}, 1.0, {21.0, 0.0, 5.0}));
+  DistanceJoint spring;
+  spring.length = 1.0;
+  spring.stiffness = 1e9;
+  world.add_joint(
+      make_joint("spring", kWorldBody, {20.0, 0.0, 5.0}, load, Vector3d::Zero(), spring));
+  Body tumbling = make_body("tumbling", Box{{0.1, 0.2, 0.3}}, 1.0, {30.0, 0.0, 50.0});
+  tumbling.state.angular_velocity = {1.0, 2.0, 3.0};
+  world.add_body(tumbling);
+  return world;
+}
+
+TEST(Stop, AStepThatNeverEndsIsEndedByTheFlagAndTheStateIsThatOfBefore) {
+  World world = one_of_each(10000);
+  DistanceJoint rope;
+  rope.max_length = 0.5;
+  for (int i = 0; i < 50000; ++i)
+    world.add_joint(make_joint("rope_" + std::to_string(i), kWorldBody, {30.0, 0.0, 49.0},
+                               world.find_body("tumbling"), Vector3d::Zero(), rope));
+  const std::uint64_t hash = world.state_hash();
+  std::atomic<bool> stop{false};
+  world.set_stop_flag(&stop);
+  std::thread other([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    stop = true;
+  });
+  const auto start = std::chrono::steady_clock::now();
+  const StepReport report = world.step();
+  const std::chrono::duration<double> passed = std::chrono::steady_clock::now() - start;
+  other.join();
+  EXPECT_TRUE(report.stopped);
+  EXPECT_FALSE(report.failed);
+  EXPECT_EQ(report.step, 0u);
+  EXPECT_EQ(world.state_hash(), hash);
+  EXPECT_LT(passed.count(), 1.0);  // 10000 sweeps over 50000 rows take ten
+}
+
+TEST(Stop, AWorldThatWasStoppedGoesOn) {
+  World world = one_of_each(10);
+  run(world, 20);
+  World other = world;
+  std::atomic<bool> stop{true};
+  world.set_stop_flag(&stop);
+  EXPECT_TRUE(world.step().stopped);
+  EXPECT_EQ(world.time(), other.time());
+  for (const BodyId id : world.body_ids()) {
+    EXPECT_EQ(world.state(id).position, other.state(id).position);
+    EXPECT_EQ(world.state(id).linear_velocity, other.state(id).linear_velocity);
+  }
+  stop = false;
+  run(world, 50);
+  run(other, 50);
+  EXPECT_FALSE(world.report().stopped);
+  EXPECT_EQ(world.step_count(), other.step_count());
+  // methods begin anew, so that substeps differ: both are within the tolerance of 1e-8 m a second,
+  // and the block, whose impulses are forgotten, within the fall of one tick, g h² = 1e-3 m
+  for (const BodyId id : world.body_ids())
+    EXPECT_LT((world.state(id).position - other.state(id).position).norm(),
+              world.body(id).name == "block" ? 1e-3 : 1e-7)
+        << world.body(id).name;
+}
+
+TEST(Stop, WithoutTheFlagSetNothingChanges) {
+  World world = one_of_each(10), other = one_of_each(10);
+  const std::atomic<bool> stop{false};
+  world.set_stop_flag(&stop);
+  run(world, 50);
+  run(other, 50);
+  EXPECT_EQ(world.state_hash(), other.state_hash());
+}
+
+TEST(Stop, ATimeWithoutANextTickIsRefused) {
+  World world = one_of_each(10);
+  const std::uint64_t hash = world.state_hash();
+  EXPECT_THROW(world.set_time(1e15, 0), std::invalid_argument);  // its ulp is 0.125 s
+  EXPECT_EQ(world.state_hash(), hash);
+  world.set_time(1e9, 0);  // 1.2e-7 s
+  WorldOptions shorter = world.options();
+  shorter.time_step = 1e-8;
+  EXPECT_THROW(world.set_options(shorter), std::invalid_argument);
+  World scene(shorter);
+  EXPECT_THROW(scene.continue_from(world), std::invalid_argument);
+  EXPECT_EQ(world.options().time_step, 0.01);
+  EXPECT_FALSE(world.step().failed);
+}
+
+TEST(Stop, WhatATaskThrowsReachesTheCallerAndTheWorkersGoOn) {
+  for (const int threads : {1, 3}) {
+    Workers workers;
+    EXPECT_THROW(workers.run(threads, 100,
+                             [](std::size_t i) {
+                               if (i == 40) throw std::runtime_error("forty");
+                             }),
+                 std::runtime_error);
+    std::atomic<int> calls{0};
+    workers.run(threads, 100, [&](std::size_t) { ++calls; });
+    EXPECT_EQ(calls, 100);
+  }
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -1,0 +1,342 @@
+#!/usr/bin/env python3
+"""What an attacker, a slip or a dead caller sends: answered, refused or cancelled within a second."""
+import contextlib
+import os
+import random
+import signal
+import socket
+import struct
+import subprocess
+import tempfile
+import threading
+import time
+import unittest
+
+import rosnode
+import rospy
+import rosservice
+import rostest
+from constraint_sim.msg import BodyState, Statistics
+from constraint_sim.srv import Step
+
+import support
+from support import NODE, Listener, call, node_command, properties, running, sphere, wait_until
+
+QUICK = 1.0  # [s] in which every call is answered, and in which the node ends
+CALLS_A_SECOND = 100
+MOST_STEPS = 7  # calls of step that wait at the same time
+# A tick of some seconds: as many sweeps as there may be over many ropes
+ENDLESS = """
+world: {iterations: 10000}
+bodies: [{name: ball, mass: 1, position: [1, 0, 0]}]
+constraints:
+- {name: leash, type: rope, body_b: ball, max_length: 1}
+""" + "".join("- {name: r%d, type: rope, body_b: ball, max_length: 1}\n" % i for i in range(20000))
+
+
+@contextlib.contextmanager
+def node(**parameters):
+    with running(node_command(**parameters)) as process:
+        properties()  # it is up
+        yield process
+        assert process.poll() is None, "the node has ended"
+
+
+def seconds_of(work):
+    start = time.monotonic()
+    work()
+    return time.monotonic() - start
+
+
+def memory_of(process):
+    """Resident memory [MiB]."""
+    with open("/proc/%d/status" % process.pid) as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS:")) / 1024
+
+
+class DeadCaller:
+    """Asks for steps and is gone before they are done."""
+
+    def __init__(self, steps):
+        uri = rospy.get_master().lookupService(NODE + "/step")[2]
+        host, port = uri[len("rosrpc://"):].rstrip("/").split(":")
+        fields = ["callerid=/dead", "service=%s/step" % NODE, "md5sum=%s" % Step._md5sum]
+        header = b"".join(struct.pack("<I", len(f)) + f.encode() for f in fields)
+        self.socket = socket.create_connection((host, int(port)), timeout=support.TIMEOUT)
+        self.socket.sendall(struct.pack("<I", len(header)) + header)
+        self.socket.recv(struct.unpack("<I", self.socket.recv(4))[0])
+        self.socket.sendall(struct.pack("<II", 4, steps))
+
+    def die(self):
+        self.socket.close()
+
+
+class Traffic:
+    """Calls at random, good and bad, a hundred a second beside whatever a test does."""
+
+    def __init__(self):
+        self.random = random.Random(7)
+        self.made, self.answered, self.slowest, self.errors = 0, 0, 0.0, []
+        self._lock = threading.Lock()
+        self._proxies = {name: rospy.ServiceProxy(
+            NODE + "/" + name, rosservice.get_service_class_by_name(NODE + "/" + name))
+            for name in ("add_body", "remove_body", "get_body_state", "set_body_state",
+                         "get_world_properties", "save_scene", "set_motor_bias",
+                         "remove_constraint", "apply_body_wrench")}
+        self._start = time.monotonic()
+        self._stop = threading.Event()
+        self._threads = [threading.Thread(target=self._run) for _ in range(4)]
+        for thread in self._threads:
+            thread.start()
+
+    def _arguments(self, name):
+        body = "b%d" % self.random.randrange(5)
+        return {"add_body": {"body": sphere(body, z=self.random.choice([1.0, 9.0, float("nan")]))},
+                "set_body_state": {"state": BodyState(name=body)},
+                "get_world_properties": {}, "save_scene": {},
+                "set_motor_bias": {"constraint": "leash", "bias": 0.0},
+                "apply_body_wrench": {"body_name": body}}.get(name, {"name": body})
+
+    def _run(self):
+        while not self._stop.is_set():
+            with self._lock:
+                self.made += 1
+                due = self._start + self.made / CALLS_A_SECOND
+                name = self.random.choice(sorted(self._proxies))
+                arguments = self._arguments(name)
+            time.sleep(max(0.0, due - time.monotonic()))
+            start = time.monotonic()
+            try:
+                self._proxies[name](**arguments)
+                with self._lock:
+                    self.answered += 1
+                    self.slowest = max(self.slowest, time.monotonic() - start)
+            except rospy.ServiceException as error:
+                self.errors.append("%s: %s" % (name, error))
+
+    def stop(self):
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+
+
+@contextlib.contextmanager
+def traffic(test):
+    """Nothing of it is lost or waits for long."""
+    beside = Traffic()
+    try:
+        yield beside
+    finally:
+        beside.stop()
+    test.assertEqual(beside.errors, [])
+    test.assertEqual(beside.answered, beside.made)
+    test.assertLess(beside.slowest, QUICK)
+
+
+class Hostile(unittest.TestCase):
+    def tearDown(self):
+        Listener.stop_all()
+
+    def quick(self, name, /, **fields):
+        """The answer, which must not take long."""
+        start = time.monotonic()
+        answer = call(name, **fields)
+        self.assertLess(time.monotonic() - start, QUICK, name)
+        return answer
+
+    def refused(self, words, name, /, **fields):
+        answer = self.quick(name, **fields)
+        self.assertFalse(answer.success, "%s accepted %s" % (name, fields))
+        for word in words:
+            self.assertIn(word, answer.status_message)
+
+    # ---- what never ends
+
+    def test_a_tick_without_end_keeps_nobody_waiting(self):
+        with node(scene="pendulum") as process, traffic(self) as beside:
+            before = memory_of(process)
+            for end in ("pause_physics", "load_scene", "reset_world", "reset_simulation"):
+                self.assertTrue(call("load_scene", text=ENDLESS).success)  # a long text
+                self.quick("unpause_physics")
+                made = beside.made
+                wait_until(lambda: beside.made > made + 30, "calls during the tick")
+                stood = self.quick("get_world_properties")
+                self.assertTrue(stood.success and not stood.paused)
+                self.assertEqual(self.quick("get_world_properties").state_hash, stood.state_hash)
+                self.assertTrue(self.quick("get_body_state", name="ball").success)
+                self.assertTrue(self.quick("save_scene").success)
+                self.refused(["not now", "pause_physics"], "remove_constraint", name="leash")
+                self.quick(end, **({"path": "pendulum"} if end == "load_scene" else {}))
+                if end == "pause_physics":
+                    self.assertEqual(properties().state_hash, stood.state_hash)
+                    self.assertTrue(self.quick("remove_constraint", name="leash").success)
+            self.quick("pause_physics")
+            self.assertLess(memory_of(process) - before, 50.0)
+
+    def test_steps_of_dead_callers_keep_nobody_waiting_and_are_cancelled(self):
+        with node(scene="pendulum", paused="true") as process, traffic(self):
+            before = memory_of(process)
+            callers = [DeadCaller(4294967295) for _ in range(12)]  # more than can wait
+            wait_until(lambda: properties().step > 0, "steps")
+            for caller in callers:
+                caller.die()
+            self.assertTrue(self.quick("add_body", body=sphere("late", 5, 0, 9)).success)
+            self.assertTrue(self.quick("save_scene").success)
+            self.quick("pause_physics")
+            stood = properties().step
+            self.assertTrue(self.quick("step", steps=3).success)
+            self.assertEqual(properties().step, stood + 3)
+            self.assertLess(memory_of(process) - before, 50.0)
+
+    def test_waiting_steps_are_cancelled_with_what_was_done(self):
+        with node(scene="pendulum", paused="true"):
+            for end, fields in (("pause_physics", {}), ("load_scene", {"path": "winch"}),
+                                ("reset_world", {}), ("reset_simulation", {})):
+                call("load_scene", path="pendulum")
+                first, answers = properties().step, []
+                thread = threading.Thread(
+                    target=lambda: answers.append(call("step", steps=4294967295)))
+                thread.start()
+                wait_until(lambda: properties().step > first, "the first step")
+                self.quick(end, **fields)
+                thread.join(QUICK)
+                self.assertFalse(thread.is_alive(), end)
+                self.assertFalse(answers[0].success)
+                for word in (end, "of 4294967295 steps"):
+                    self.assertIn(word, answers[0].status_message)
+                # as the steps left it, before what cancelled them
+                self.assertEqual([b.name for b in answers[0].bodies], ["bob"])
+                same = answers[0].state_hash == properties().state_hash
+                self.assertEqual(same, end == "pause_physics")
+
+    def test_texts_that_no_scene_is_are_refused_at_once(self):
+        with node() as process:
+            before = memory_of(process)
+            for text in (",", "[" * 100000, "world: {threads: 100000}",
+                         "world: {iterations: 2147483647}"):
+                self.refused(["text"], "load_scene", text=text)
+            self.assertLess(memory_of(process) - before, 50.0)
+
+    # ---- files
+
+    def test_only_regular_files_up_to_a_size_are_read_and_written(self):
+        with tempfile.TemporaryDirectory() as folder, node():
+            os.mkfifo(folder + "/fifo")
+            with open(folder + "/large", "w") as file:
+                file.truncate((16 << 20) + 1)
+            for path in (folder + "/fifo", "/dev/zero", "/dev/stdin", "/dev/full"):
+                self.refused(["regular", path], "load_scene", path=path)
+                self.refused(["regular", path], "save_scene", path=path)
+            self.refused(["directory"], "load_scene", path=folder)
+            self.refused(["MiB"], "load_scene", path=folder + "/large")
+            self.assertEqual(sorted(os.listdir(folder)), ["fifo", "large"])
+
+    def test_a_message_quotes_little_of_a_file(self):
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file, node():
+            file.write("root:" + "x" * 5000 + "'" + "y" * 5000)
+            file.flush()
+            message = self.quick("load_scene", path=file.name).status_message
+            self.assertNotIn("x" * 41, message)
+            self.assertNotIn("y", message.split(file.name)[1])
+
+    def test_paths_stay_below_the_scene_folder(self):
+        with tempfile.TemporaryDirectory() as folder:
+            os.mkdir(folder + "/scenes")
+            for name in ("secret.yaml", "scenes/a.yaml"):
+                with open(folder + "/" + name, "w") as file:
+                    file.write("bodies: []")
+            os.symlink("../secret.yaml", folder + "/scenes/out.yaml")
+            os.symlink("a.yaml", folder + "/scenes/within.yaml")
+            with node(scene_folder=folder + "/scenes"):
+                for path in ("../secret.yaml", folder + "/secret.yaml", "/etc/passwd", "out.yaml"):
+                    self.refused(["scene_folder"], "load_scene", path=path)
+                    self.refused(["scene_folder"], "save_scene", path=path)
+                self.refused(["package"], "load_scene",
+                             path="package://constraint_sim/../../secret.yaml")
+                for path in ("a.yaml", folder + "/scenes/a.yaml", "within.yaml", "pendulum",
+                             "package://constraint_sim/config/scenes/bridge.yaml"):
+                    self.assertTrue(self.quick("load_scene", path=path).success, path)
+                self.assertTrue(self.quick("save_scene", path="new.yaml").success)
+            self.assertEqual(sorted(os.listdir(folder + "/scenes")),
+                             ["a.yaml", "new.yaml", "out.yaml", "within.yaml"])
+            with open(folder + "/secret.yaml") as file:
+                self.assertEqual(file.read(), "bodies: []")
+
+    # ---- numbers
+
+    def test_times_beyond_those_of_ros_neither_end_it_nor_are_infinite(self):
+        statistics = Listener(NODE + "/statistics", Statistics)
+        with node(paused="true", publish_clock="true"):
+            for tick in ("1.0e+10", "1.0e+308"):
+                loaded = self.quick("load_scene", text="world: {time_step: %s}\nbodies: "
+                                    "[{name: b, type: kinematic}]" % tick)
+                if not loaded.success:  # a tick that long is refused
+                    self.assertIn("time_step", loaded.status_message)
+                    continue
+                self.quick("step", steps=3)
+                now = self.quick("get_world_properties")
+                self.assertLess(now.sim_time, float("inf"))
+                statistics.wait(lambda m: m.step == now.step, "statistics")
+                self.quick("reset_simulation")
+            self.assertTrue(self.quick("load_scene", path="pendulum").success)
+            self.assertTrue(self.quick("step", steps=3).success)
+
+    # ---- the end
+
+    def check_end(self, process, number):
+        seconds = seconds_of(lambda: (process.send_signal(number),
+                                      process.wait(timeout=support.TIMEOUT)))
+        self.assertLess(seconds, QUICK)
+        self.assertEqual(process.returncode, 0)
+        self.assertNotIn(NODE, rosnode.get_node_names())
+
+    def test_it_ends_within_a_second_at_any_moment_and_answers_those_who_wait(self):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            command = node_command(scene="pendulum", paused="true")
+            with running(command) as process:
+                properties()
+                answers = []
+                waiting = [threading.Thread(target=lambda: answers.append(
+                    call("step", steps=4294967295))) for _ in range(MOST_STEPS + 1)]
+                for thread in waiting:
+                    thread.start()
+                # one of them is refused when all others wait
+                wait_until(lambda: answers, "the refusal")
+                self.assertIn("calls wait already", answers[0].status_message)
+                self.check_end(process, number)
+                for thread in waiting:
+                    thread.join(QUICK)
+                self.assertEqual([a.success for a in answers], [False] * (MOST_STEPS + 1))
+                for answer in answers[1:]:
+                    self.assertIn("shutting down", answer.status_message)
+                    self.assertEqual(len(answer.bodies), 1)
+            with running(command) as process:  # and in a tick without end
+                properties()
+                call("load_scene", text=ENDLESS)
+                call("unpause_physics")
+                wait_until(lambda: not call("remove_body", name="ball").success, "the long tick")
+                self.check_end(process, number)
+
+    def test_it_ends_within_a_second_while_it_starts(self):
+        for number in (signal.SIGINT, signal.SIGTERM):
+            for delay in (0.0, 0.05):
+                with running(node_command(scene="bridge")) as process:
+                    with self.assertRaises(subprocess.TimeoutExpired):
+                        process.wait(timeout=delay)
+                    seconds = seconds_of(lambda: (process.send_signal(number),
+                                                  process.wait(timeout=support.TIMEOUT)))
+                    self.assertLess(seconds, QUICK)
+
+    def test_a_second_node_of_one_name_ends_the_first_and_stays(self):
+        with running(node_command(scene="pendulum")) as first:
+            properties()
+            with running(node_command(scene="winch")) as second:
+                wait_until(lambda: first.poll() is not None, "the end of the first")
+                self.assertEqual(first.returncode, 0)
+                wait_until(lambda: properties().bodies == ["floor", "load"], "the second")
+                self.check_end(second, signal.SIGINT)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_hostile")
+    rostest.rosrun("constraint_sim", "hostile", Hostile)

@@ -1,0 +1,140 @@
+#!/usr/bin/env python3
+"""What the node says by itself, on /rosout, and to whom it does not start for."""
+import subprocess
+import unittest
+
+import rospy
+import rostest
+from rosgraph_msgs.msg import Clock, Log
+
+import support
+from support import NODE, Listener, call, node_command, properties, running, sphere, wait_until
+
+RUN = [support.node_program(), "__name:=constraint_sim"]
+
+
+class NodeLog:
+    """What the node has written to /rosout since. One subscription for all of them: a node that comes
+    up while another one ends may be lost to it."""
+    _listener = None
+
+    def __init__(self):
+        NodeLog._listener = NodeLog._listener or Listener("/rosout", Log)
+        self._start = len(self._listener.messages)
+
+    def _messages(self):
+        return [m for m in self._listener.messages[self._start:] if m.name == NODE]
+
+    def wait(self, level, *words):
+        """A line of this level with all these words."""
+        return wait_until(lambda: next((m for m in self._messages() if m.level == level and
+                                        all(word in m.msg for word in words)), None),
+                          "a line with %s" % (words,))
+
+    def lines(self, *words):
+        return [m.msg for m in self._messages() if all(word in m.msg for word in words)]
+
+
+class NodeSpeaks(unittest.TestCase):
+    def setUp(self):
+        rospy.set_param("/use_sim_time", False)
+        if rospy.has_param(NODE):
+            rospy.delete_param(NODE)
+
+    def tearDown(self):
+        rospy.set_param("/use_sim_time", False)
+
+    def test_start_loads_broken_constraints_and_failures(self):
+        log = NodeLog()
+        with running(node_command(scene="pendulum", paused="true")):
+            log.wait(Log.INFO, "pendulum", "1 body", "1 constraint", "tick 0.002 s", "runge_kutta")
+            call("load_scene", path="winch")
+            log.wait(Log.INFO, "winch", "2 bodies", "sequential_impulses")
+
+            call("load_scene", text="""
+bodies: [{name: load, mass: 1, position: [0, 0, -1]}]
+constraints: [{name: thread, body_b: load, break_force: 1}]""")
+            call("step", steps=10)
+            log.wait(Log.WARN, "broken", "'thread'")
+            self.assertEqual(len(log.lines("broken")), 1)
+
+            body = sphere("fast", 1e20)
+            body.twist.linear.x = 1e20
+            call("add_body", body=body)
+            call("unpause_physics")
+            log.wait(Log.ERROR, "failed", "'fast'")
+            call("unpause_physics")
+            log.wait(Log.WARN, "unpause_physics", "failed", "'fast'")
+            call("remove_body", name="fast")
+            log.wait(Log.INFO, "goes on")
+
+    def test_what_a_step_reports_is_told_when_it_begins_and_when_it_ends(self):
+        log = NodeLog()
+        with running(node_command(paused="true")):
+            log.wait(Log.INFO, "no scene")  # from here on nothing is lost
+            call("unpause_physics")
+            call("load_scene", path="heavy_load")  # its light bars tremble faster than its tick
+            log.wait(Log.WARN, "'bar_1'", "time_step")
+            call("load_scene", path="pendulum")
+            log.wait(Log.INFO, "shows the motion")
+            self.assertEqual(len(log.lines("'bar_1'")), 1)
+
+    def test_dropped_ticks(self):
+        log = NodeLog()
+        with running(node_command(scene="falling_balls", real_time_factor=1000.0, paused="true")):
+            log.wait(Log.INFO, "falling_balls", "paused")
+            call("unpause_physics")
+            log.wait(Log.WARN, "dropped", "real_time_factor 1000")
+            call("pause_physics")
+            log.wait(Log.INFO, "no more ticks")
+            self.assertLess(len(log.lines("so far")), 3)  # and not one a tick
+
+    def test_no_clock_and_a_use_sim_time_that_was_left_behind(self):
+        rospy.set_param("/use_sim_time", True)
+        log = NodeLog()
+        with running(node_command(scene="pendulum")):
+            log.wait(Log.WARN, "/clock", "2 s", "rosparam set /use_sim_time false")
+            topic = rospy.Publisher("/clock", Clock, queue_size=1)
+            rate = 0
+
+            def come():
+                nonlocal rate
+                rate += 1
+                topic.publish(rospy.Time(100 + 0.01 * rate))
+                return log.lines("/clock has come")
+            wait_until(come, "the clock's coming")
+            self.assertEqual(len(log.lines("nothing on /clock")), 1)
+
+    # ---- parameters
+
+    def test_a_parameter_or_scene_that_cannot_be_does_not_block_later_starts(self):
+        for wrong in ("_time_step:=-1", "_time_step:=fast", "_scene:=pendulm", "_paused:=7"):
+            done = subprocess.run(RUN + [wrong], stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                  universal_newlines=True, timeout=support.TIMEOUT)
+            self.assertEqual(done.returncode, 2, done.stdout)
+            if "pendulm" in wrong:
+                self.assertIn("did you mean 'pendulum'?", done.stdout)
+        with running(RUN):
+            self.assertEqual(properties().time_step, 0.01)
+
+    def test_a_wrong_parameter_of_somebody_else_is_told_and_stays(self):
+        rospy.set_param(NODE + "/time_step", -1.0)
+        done = subprocess.run(RUN, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              universal_newlines=True, timeout=support.TIMEOUT)
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("rosparam delete " + NODE + "/time_step", done.stdout)
+        self.assertEqual(rospy.get_param(NODE + "/time_step"), -1.0)
+
+    def test_unknown_parameters_and_those_of_an_earlier_run_are_named(self):
+        log = NodeLog()
+        with running(RUN + ["_scene:=winch", "_tme_step:=0.1", "_paused:=true"]):
+            log.wait(Log.WARN, "~tme_step", "did you mean 'time_step'?")
+        rospy.delete_param(NODE + "/tme_step")
+        with running(RUN):
+            log.wait(Log.WARN, "~scene 'winch', ~paused true", "earlier run",
+                     "rosparam delete " + NODE)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_log")
+    rostest.rosrun("constraint_sim", "log", NodeSpeaks)

@@ -68,7 +68,7 @@ LEFT_OUT = {
     'runge_kutta': ['methods/integrate.h', 'methods/embedded_pairs.h', 'methods/chain_of_rods.cpp',
                     'methods/chain_of_bodies.cpp'],
     'energy_momentum': ['methods/energy_momentum.cpp', 'methods/implicit_step.', 'linear/saddle_lu.'],
-    'sequential_impulses': ['methods/sequential_impulses.cpp'],
+    'sequential_impulses': ['methods/sequential_impulses.cpp', 'methods/impulse_positions.cpp'],
     'islands': [],
 }
 

@@ -64,7 +64,8 @@ struct StepReport {
   double max_constraint_error = 0.0;   ///< largest |error| of the joints, springs left out [m]
   std::optional<JointId> worst_joint;  ///< whose it is
   double max_penetration = 0.0;        ///< deepest contact that the step met [m]
-  double energy = 0.0;        ///< kinetic + potential of gravity and springs [J]; 0 height is z = 0
+  double energy = 0.0;  ///< kinetic + potential of gravity and springs [J]; 0 height is z = 0;
+                        ///< without velocities that close errors in this step alone
   double energy_drift = 0.0;  ///< change of energy since the last edit over the largest kinetic
                               ///< energy since then [1]; motors, wrenches, friction and impacts
                               ///< count as well
@@ -73,9 +74,14 @@ struct StepReport {
   std::uint32_t dependent_rows = 0;     ///< equations that followed from others, at most at once
   std::uint32_t unresolved_bodies = 0;  ///< of stiff islands, that move faster than a step can show
   std::uint32_t torn_joints = 0;        ///< that broke in this step
-  double projected_energy = 0.0;      ///< kinetic energy lost where velocities were made to fit the
-                                      ///< joints, when a method took over or an edit came [J]
-  bool failed = false;                ///< the state before the step was kept
+  double projected_energy = 0.0;  ///< kinetic energy lost where velocities were made to fit the
+                                  ///< joints, when a method took over or an edit came [J]
+  double correction_work = 0.0;   ///< of closing errors where impulses carry islands: weight times
+                                  ///< the distance moved for that [J]
+  double driven_work = 0.0;       ///< of wrenches, motors and kinematic bodies on such islands [J]
+  double solver_residual = 0.0;   ///< largest |J V − target| that the sweeps left, of the motion
+                                  ///< or of what closes errors [m/s]
+  bool failed = false;            ///< the state before the step was kept
   Failure failure = Failure::kNone;   ///< why
   std::optional<BodyId> failed_body;  ///< whose motion it was, where it was one body's
   bool stopped = false;               ///< the stop flag was set: the state before the step was kept

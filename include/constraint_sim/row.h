@@ -22,17 +22,23 @@ struct Jacobian {
 /// One scalar equation between the velocities of two bodies. Every joint, motor, limit, spring and
 /// contact becomes rows; whoever solves them needs to know nothing else. The generalised force is
 /// +Jᵀλ; the solver finds impulses p = hλ with
-///   J V = target − softness·p,   lower ≤ p ≤ upper.
+///   J V = target − softness·p,   lower ≤ p ≤ upper,
+/// and beside them what corrects the error C in this step alone.
 struct Row {
   int body_a = 0;  ///< index into the world's bodies; 0 is the world
   int body_b = 0;
   Jacobian J;
-  double C = 0.0;         ///< value, zero where the constraint is met [m]
-  double target = 0.0;    ///< what J V is driven to [m/s]: ζ − (β/h) C
-  double softness = 0.0;  ///< of a spring [m/(s N s)], 0 for a rigid row
+  double C = 0.0;       ///< value, zero where the constraint is met [m]
+  double target = 0.0;  ///< what J V is driven to [m/s]: ζ, a bounce, or what closes a gap
+  double drive = 0.0;   ///< share of a motor in it [m/s]
+  double correction =
+      0.0;  ///< what is added to close the error, in this step alone [m/s]: −(β/h) C
+  double softness = 0.0;   ///< of a spring [m/(s N s)], 0 for a rigid row
+  double stiffness = 0.0;  ///< of a spring [N/m]; its energy is ½ stiffness C²
   double lower = -std::numeric_limits<double>::infinity();  ///< of the impulse [N s]
   double upper = std::numeric_limits<double>::infinity();
-  double impulse = 0.0;  ///< [N s]; before solving: the guess to start from
+  double impulse = 0.0;             ///< p [N s]; before solving: the guess to start from
+  double correction_impulse = 0.0;  ///< of the correction [N s]; before solving: zero
 
   /// Of friction, which always is this row and the next one: the row of the normal, and μ. The two
   /// impulses together are no longer than μ times that of the normal. -1: not friction.

@@ -100,6 +100,7 @@ void World::Impl::fall_asleep() {
       asleep[at(body)] = true;
       states[at(body)].linear_velocity.setZero();
       states[at(body)].angular_velocity.setZero();
+      corrections[at(body)].setZero();
     }
   }
   const auto is_awake = [&](int body) { return is_movable(at(body)) && !asleep[at(body)]; };
@@ -118,6 +119,11 @@ bool World::Impl::is_quiet(std::size_t island) const {
     const double radius = masses[at(body)].radius_of_gyration();
     if (state.linear_velocity.squaredNorm() > limit) return false;
     if (radius * radius * state.angular_velocity.squaredNorm() > limit) return false;
+    if (!by_impulses || !any_corrections) continue;
+    // a load that corrections lift by what it sinks in each step does not rest
+    const Twist& correction = corrections[at(body)];
+    if (correction.head<3>().squaredNorm() > limit) return false;
+    if (radius * radius * correction.tail<3>().squaredNorm() > limit) return false;
   }
   return true;
 }

@@ -71,6 +71,12 @@ struct IslandMemory {
   }
 };
 
+/// What of a joint's impulse balances itself, and the impulse that it was found for [N s].
+struct SelfStress {
+  Eigen::Vector3d share = Eigen::Vector3d::Zero();
+  Eigen::Vector3d impulse = Eigen::Vector3d::Zero();
+};
+
 /// Of gravity, with 0 at the height 0, and of springs where potential [J].
 struct Energy {
   double kinetic = 0.0, potential = 0.0;
@@ -99,10 +105,12 @@ struct World::Impl {
   std::vector<BodyState> states;
   std::vector<MassProperties> masses;
   std::vector<BodyId> body_ids;
-  std::vector<bool> asleep;  // all bodies of an island are, or none
+  std::vector<Twist> corrections;  // Baumgarte's share of the velocities, of the last step
+  std::vector<bool> asleep;        // all bodies of an island are, or none
   std::vector<Joint> joints;
   std::vector<JointStart> joint_starts;
   std::vector<JointState> joint_states;
+  std::vector<SelfStress> self_stress;
   std::vector<JointId> joint_ids;
   std::vector<int> body_index;   // by id; -1 once removed
   std::vector<int> joint_index;  // by id; -1 once removed
@@ -124,6 +132,7 @@ struct World::Impl {
   std::vector<Island> islands;  // the same, as it is told
   std::vector<std::pair<BodyId, IslandMemory>>
       loaded_memory;                                 // by first body, until there are islands
+  std::vector<bool> has_loop;                        // islands whose joints close one
   std::vector<int> island_of;                        // of bodies; -1 of immovable ones
   std::vector<LinkedMotion> linked;                  // of the islands with joints
   std::vector<std::optional<EnergyMomentum>> stiff;  // the same, of those that are, or were, stiff
@@ -177,9 +186,13 @@ struct World::Impl {
   std::vector<std::size_t>
       joint_rows;  // first row of each of impulse_joints, and one past the last
   std::vector<std::size_t> contact_rows;  // row of the normal of each contact point
+  std::vector<LoopRow> loop_rows;
   SequentialImpulses solver;
   bool is_remembered = false;  // the state before the step is in the next two
+  bool any_corrections = false;
+  bool had_corrections = false;  // in the step before
   std::vector<BodyState> states_before;
+  std::vector<Twist> corrections_before;
   std::vector<JointState> joint_states_before;
   std::vector<IslandMemory> memory_before;
   bool contacts_are_new = false;  // those of the step before are in touching_before
@@ -227,10 +240,12 @@ struct World::Impl {
   // ---- stepping (world.cpp), in the order of a step
   void abandon_step();
   void begin_step();
+  void take_out_corrections();
   void remember();
   void go_back();
   void recompile();
   void make_islands();
+  void find_loops();
   void classify_islands();
   Why nature_of(const IslandMembers& members) const;
   void find_fastest_springs();
@@ -266,13 +281,17 @@ struct World::Impl {
   void tell_of_islands();
   std::uint32_t find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const;
   void prepare_rows();
+  void lose_self_stress();
   void prepare_contact(const TouchingPair& pair, std::size_t point);
   void update_velocities();
   void apply_wrenches();
+  template <class Apply>
+  void for_each_wrench(Apply apply) const;
   void solve_rows();
   void update_positions();
   void finish_step();
   void read_joints(const JointStep& step);
+  void finish_corrections();
   void read_smooth_joints(const JointStep& step);
   void note_if_torn(std::size_t j);
   void read_contacts();

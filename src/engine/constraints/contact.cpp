@@ -22,13 +22,13 @@ Vector3d tangent_to(const Vector3d& n) {
 
 // Pushes the depth out by Baumgarte, but for the fall of one step, or contacts at rest would open
 // and close; or bounces, if it arrives faster than rest does.
-double normal_target(double approach, double depth, const ContactSurface& surface,
-                     const ContactStep& step) {
+void aim_normal(Row* row, double approach, double depth, const ContactSurface& surface,
+                const ContactStep& step) {
   const double slop = step.gravity * step.h * step.h;
   const double rest_speed = 2.0 * step.gravity * step.h;
   const double push_out = step.beta / step.h * std::max(depth - slop, 0.0);
-  const double bounce = approach > rest_speed ? surface.restitution * approach : 0.0;
-  return std::max(push_out, bounce);
+  row->target = approach > rest_speed ? surface.restitution * approach : 0.0;
+  row->correction = std::max(push_out - row->target, 0.0);
 }
 
 }  // namespace
@@ -45,7 +45,7 @@ int write_contact_rows(const BodyState& a, const BodyState& b, const Vector3d& n
   row.C = -point.depth;
   const double approach =
       -row.J.times(a.linear_velocity, a.angular_velocity, b.linear_velocity, b.angular_velocity);
-  row.target = normal_target(approach, point.depth, surface, step);
+  aim_normal(&row, approach, point.depth, surface, step);
   row.lower = 0.0;
   row.impulse = std::max(impulse.dot(normal), 0.0);
   if (surface.friction == 0.0) return 1;

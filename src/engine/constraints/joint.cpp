@@ -61,14 +61,14 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
   for (Row* row = rows; row != rows + count; ++row) {
     const bool is_limit = row->lower == 0.0 || row->upper == 0.0;
     const bool is_closing = !is_limit || is_beyond(*row, closing.offset);
-    const double zeta = state.bias + (is_closing ? closing.rate : 0.0);
     if (is_closing) row->C -= closing.offset;
     if (is_limit)
-      aim_limit(*row, zeta, beta, step.h);
+      aim_limit(*row, state.bias, beta, step.h);
     else if (distance.is_soft())
-      aim_soft(*row, zeta, distance.stiffness, distance.damping, step.h);
+      aim_soft(*row, state.bias, distance.stiffness, distance.damping, step.h);
     else
-      aim_rigid(*row, zeta, beta, step.h);
+      aim_rigid(*row, state.bias, beta, step.h);
+    if (is_closing) row->correction += closing.rate;
     if (joint.motor.max_force > 0.0) limit_force(*row, joint.motor.max_force, step.h);
   }
   return count;
@@ -80,7 +80,8 @@ int prepare_rows(const BallJoint&, const Joint& joint, const AnchorPair& anchors
   for (int k = 0; k < count; ++k) {
     const Closing closing(state, step, k);
     rows[k].C -= closing.offset;
-    aim_rigid(rows[k], closing.rate, joint.baumgarte.value_or(step.beta), step.h);
+    aim_rigid(rows[k], 0.0, joint.baumgarte.value_or(step.beta), step.h);
+    rows[k].correction += closing.rate;
   }
   return count;
 }
@@ -115,9 +116,10 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
   bool yields = false;
   state.force = 0.0;
   for (int k = 0; k < count; ++k) {
+    const double impulse = rows[k].impulse + rows[k].correction_impulse;
     state.impulse[k] = rows[k].impulse;
-    state.force += rows[k].impulse / step.h;
-    yields = yields || (max_force > 0.0 && std::abs(rows[k].impulse) >= max_force * step.h);
+    state.force += impulse / step.h;
+    yields = yields || (max_force > 0.0 && std::abs(impulse) >= max_force * step.h);
   }
   if (!yields) {
     state.travel += state.bias * step.h;
@@ -133,8 +135,12 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
 
 void settle(const BallJoint&, const Joint&, const AnchorPair&, const JointStep& step,
             const Row* rows, int count, JointState& state) {
-  for (int k = 0; k < count; ++k) state.impulse[k] = rows[k].impulse;
-  state.force = state.impulse.norm() / step.h;
+  Eigen::Vector3d impulse;
+  for (int k = 0; k < count; ++k) {
+    state.impulse[k] = rows[k].impulse;
+    impulse[k] = rows[k].impulse + rows[k].correction_impulse;
+  }
+  state.force = impulse.norm() / step.h;
 }
 
 bool is_closed(const JointState& state, const JointStep& step) {
@@ -166,6 +172,14 @@ int prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b, co
   return count;
 }
 
+void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b, Jacobian* J) {
+  const AnchorPair anchors(joint, a, b);
+  if (std::holds_alternative<BallJoint>(joint.type))
+    for (int k = 0; k < 3; ++k) J[k] = anchors.along(Eigen::Vector3d::Unit(k));
+  else
+    std::fill(J, J + kMaxJointRows, anchors.along(direction(anchors)));
+}
+
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
                 const Row* rows, int count, JointState& state) {
   const AnchorPair anchors(joint, a, b);
@@ -194,6 +208,12 @@ double elastic_energy(const Joint& joint, const JointState& state) {
 bool is_rigid(const Joint& joint) {
   const auto* distance = std::get_if<DistanceJoint>(&joint.type);
   return distance == nullptr || !distance->is_soft();
+}
+
+bool is_always_rigid(const Joint& joint) {
+  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+  return (distance == nullptr || !(distance->is_soft() || distance->is_limited())) &&
+         joint.motor.max_force == 0.0;
 }
 
 const char* type_name(const JointType& type) {

@@ -22,6 +22,9 @@ struct JointStep {
 int prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
                   JointState& state, Row* rows);
 
+/// Writes the Jacobians of those rows at other states of the bodies.
+void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b, Jacobian* J);
+
 /// Reads back what the solved rows have done, at the positions after the step.
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
                 const Row* rows, int count, JointState& state);
@@ -36,6 +39,9 @@ double elastic_energy(const Joint& joint, const JointState& state);
 
 /// Whether the joint promises to keep its value: springs do not.
 bool is_rigid(const Joint& joint);
+
+/// Whether it does so both ways and with any force.
+bool is_always_rigid(const Joint& joint);
 
 // ---- for methods that take time and its derivatives
 

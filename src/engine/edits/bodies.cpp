@@ -42,6 +42,7 @@ BodyId World::add_body(const Body& body) {
   impl_->states.push_back(impl_->bodies.back().state);
   impl_->masses.push_back(mass_properties(body));
   impl_->body_ids.push_back(id);
+  impl_->corrections.push_back(Twist::Zero());
   impl_->asleep.push_back(false);
   if (body.type != BodyType::kDynamic) impl_->wake_all();  // it may be put into one of them
   impl_->body_by_name.emplace(body.name, id);
@@ -68,6 +69,7 @@ std::vector<std::string> World::remove_body(BodyId id) {
   impl_->states.erase(impl_->states.begin() + at);
   impl_->masses.erase(impl_->masses.begin() + at);
   impl_->body_ids.erase(impl_->body_ids.begin() + at);
+  impl_->corrections.erase(impl_->corrections.begin() + at);
   impl_->asleep.erase(impl_->asleep.begin() + at);
   impl_->body_index[id.value] = -1;
   for (std::size_t k = i; k < impl_->body_ids.size(); ++k)
@@ -105,6 +107,7 @@ void World::set_state(BodyId id, const BodyState& state) {
   else
     impl_->wake_all();
   impl_->states[i] = state;
+  impl_->corrections[i].setZero();
   normalize(impl_->states[i].orientation);
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     const Joint& joint = impl_->joints[j];

@@ -36,6 +36,7 @@ JointId World::add_joint(const Joint& joint, bool broken) {
   impl_->joints.push_back(filled);
   impl_->joint_starts.push_back({filled.motor, broken, {}, 0.0});
   impl_->joint_states.emplace_back();
+  impl_->self_stress.emplace_back();
   impl_->start_joint(impl_->joints.size() - 1);
   impl_->wake_ends(filled);
   impl_->joint_ids.push_back(id);
@@ -102,6 +103,7 @@ double World::Impl::inverse_mass_along(const Jacobian& J, std::size_t a, std::si
 void World::Impl::start_joint(std::size_t j) {
   JointState& state = joint_states[j] = JointState{};
   state.broken = joint_starts[j].broken;
+  self_stress[j] = SelfStress{};
   state.expires_at = end_of(joints[j].motor);
   begin_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)], time(),
               state);
@@ -164,6 +166,7 @@ void World::Impl::erase_joint(std::size_t j) {
   joints.erase(joints.begin() + at);
   joint_starts.erase(joint_starts.begin() + at);
   joint_states.erase(joint_states.begin() + at);
+  self_stress.erase(self_stress.begin() + at);
   joint_ids.erase(joint_ids.begin() + at);
   for (std::size_t k = j; k < joint_ids.size(); ++k) --joint_index[joint_ids[k].value];
   edited = topology_edited = true;

@@ -25,6 +25,7 @@ World::World(const WorldOptions& options) : impl_(std::make_unique<Impl>()) {
   impl_->states.push_back(world.state);
   impl_->masses.emplace_back();
   impl_->body_ids.push_back(kWorldBody);
+  impl_->corrections.push_back(Twist::Zero());
   impl_->asleep.push_back(false);
   impl_->body_index.push_back(0);
   impl_->body_by_name.emplace(world.name, kWorldBody);
@@ -174,7 +175,10 @@ bool World::Impl::starts_methods_anew() const {
 }
 
 void World::reset() {
-  for (std::size_t i = 0; i < impl_->bodies.size(); ++i) impl_->states[i] = impl_->bodies[i].state;
+  for (std::size_t i = 0; i < impl_->bodies.size(); ++i) {
+    impl_->states[i] = impl_->bodies[i].state;
+    impl_->corrections[i].setZero();
+  }
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     impl_->joints[j].motor = impl_->joint_starts[j].motor;
     impl_->start_joint(j);

@@ -3,14 +3,21 @@
 
 # the python3 that is first on PATH; left alone, FindPythonInterp prefers the oldest that it knows by name
 find_program(PYTHON_EXECUTABLE python3)
+if(Python3_FOUND)  # catkin has found the interpreter alone, and pybind11 relies on that result
+  set(Python3_EXECUTABLE ${PYTHON_EXECUTABLE})
+  find_package(Python3 REQUIRED COMPONENTS Interpreter Development)
+endif()
 find_package(pybind11 2.4 REQUIRED)
-pybind11_add_module(constraint_sim_python MODULE NO_EXTRAS SYSTEM
+pybind11_add_module(constraint_sim_python MODULE NO_EXTRAS
   src/python/keywords.cpp
   src/python/module.cpp
   src/python/parameters.cpp
   src/python/shared_world.cpp
 )
 constraint_sim_own_code(constraint_sim_python)
+# includes of others are not ours to warn about
+target_include_directories(constraint_sim_python SYSTEM PRIVATE
+  ${pybind11_INCLUDE_DIRS} ${PYTHON_INCLUDE_DIRS})
 target_compile_definitions(constraint_sim_python PRIVATE
   CONSTRAINT_SIM_VERSION="${PROJECT_VERSION}")
 target_link_libraries(constraint_sim_python PRIVATE constraint_sim_engine)

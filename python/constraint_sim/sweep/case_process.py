@@ -12,6 +12,8 @@ GRACE = 5.0  # [s] beyond the limit of a run: the engine looks at its clock betw
 class CaseProcess:
     """A process that runs groups of cases, one after another; it is started anew when it died."""
 
+    MODULE = 'constraint_sim.sweep.child'
+
     def __init__(self, memory=0):
         self.memory, self.process, self.connection = memory, None, None
 
@@ -21,7 +23,7 @@ class CaseProcess:
                        # one process a core: libraries need no threads of their own
                        'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1'}
         self.process = subprocess.Popen(
-            [sys.executable, '-m', 'constraint_sim.sweep.child', str(child.fileno()), str(self.memory)],
+            [sys.executable, '-m', self.MODULE, str(child.fileno()), str(self.memory)],
             pass_fds=[child.fileno()], env=environment, stdin=subprocess.DEVNULL,
             start_new_session=True)  # Ctrl-C is for the command: it ends this one properly
         child.close()

@@ -33,7 +33,8 @@ def names(text):
 
 def value(text, variables=None):
     """Of an expression; variables may be arrays."""
-    return _value(parse(text), variables or {}, text)
+    with np.errstate(all='ignore'):  # who asks for the value looks at what is finite
+        return _value(parse(text), variables or {}, text)
 
 
 def _value(node, variables, text):

@@ -65,16 +65,20 @@ def limit_lines(study, table):
             for row in rows:
                 by_value[row[of]].append(row['outcome'] == 'ok' and is_number(row.get(error)) and
                                          row[error] <= below)
-            good = None
+            good = bad = None
             for value in sorted(by_value):
                 if not all(by_value[value]):
+                    bad = value
                     break
                 good = value
             name = ', '.join(f'{part:g}' if isinstance(part, float) else str(part) for part in key)
-            lines.append(
-                f'{name}: {error} is above {below:g} from the least {of} on, {min(by_value):g}' if good is None
-                else f'{name}: {error} stays below {below:g} for every {of}, to {good:g}'
-                if good == max(by_value) else f'{name}: {error} stays below {below:g} up to {of} {good:g}')
+            if good is None:
+                lines.append(f'{name}: {error} is not below {below:g} even at the least {of}, {bad:g}')
+            elif bad is None:
+                lines.append(f'{name}: {error} stays below {below:g} at every {of}, up to {good:g}')
+            else:
+                lines.append(f'{name}: {error} stays below {below:g} up to {of} {good:g}, and no longer at '
+                             f'{bad:g}')
     return lines
 
 

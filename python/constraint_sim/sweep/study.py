@@ -103,8 +103,8 @@ def spread(where, kind, value, scale):
     found = np.linspace(scale(a), scale(b), count)
     if kind == 'logarithmic':
         found = np.exp(found)
-        found[0], found[-1] = (a, b) if count > 1 else (a, a)
-    return [float(element) for element in found]
+    found[0], found[-1] = (a, b) if count > 1 else (a, a)
+    return [float(f'{element:.12g}') for element in found]  # 10, not 10.000000000000011
 
 
 DRAWS = {'uniform': lambda random, a, b, n: random.uniform(a, b, n),

@@ -11,6 +11,8 @@ from . import child
 from .case_process import CaseProcess
 from .program import identity
 
+CONNECT_LIMIT = 20.0  # [s] until a scheduler answers
+
 
 def batches_of(jobs, workers):
     """Lists of jobs: large enough to be worth sending, small enough that results come in pieces."""
@@ -20,26 +22,35 @@ def batches_of(jobs, workers):
 
 # ---- threads
 
+class Stopped(BaseException):
+    pass
+
+
 def on_threads(jobs, count):
     """In this process, several worlds at a time: the engine holds no GIL. A crash of the engine would end
-    the command; what was done until then is kept."""
+    the command; what was done until then is kept. When it is stopped, runs that have begun are ended first:
+    Python must not end under them."""
     waiting, results = queue.SimpleQueue(), queue.SimpleQueue()
     for job in jobs:
         waiting.put(job)
     stop = threading.Event()
 
+    def begin(_):
+        if stop.is_set():
+            raise Stopped
+
     def work():
         try:
-            while not stop.is_set():
+            while True:
                 found = {}
-                child.run_group(waiting.get_nowait(), lambda key: None, found.__setitem__)
+                child.run_group(waiting.get_nowait(), begin, found.__setitem__)
                 results.put(found)
-        except queue.Empty:
+        except (queue.Empty, Stopped):
             pass
         except BaseException as error:
             results.put(error)
 
-    threads = [threading.Thread(target=work, daemon=True) for _ in range(count)]
+    threads = [threading.Thread(target=work) for _ in range(count)]
     for thread in threads:
         thread.start()
     try:
@@ -50,6 +61,8 @@ def on_threads(jobs, count):
             yield found
     finally:
         stop.set()
+        for thread in threads:
+            thread.join()
 
 
 # ---- Dask
@@ -206,7 +219,7 @@ def on_cluster(jobs, count, address, memory):
         cluster = distributed.LocalCluster(n_workers=count, threads_per_worker=1, processes=False,
                                            dashboard_address=None, silence_logs=50)
     try:
-        client = distributed.Client(cluster if address is None else address, timeout=20,
+        client = distributed.Client(cluster if address is None else address, timeout=CONNECT_LIMIT,
                                     set_as_default=False)
     except (OSError, TimeoutError, ValueError) as error:
         raise RuntimeError(f'--cluster {address}: no scheduler there: {error}') from None

@@ -23,14 +23,6 @@ def parse(text):
         raise ExpressionError(f'not an expression: {text!r}') from None
 
 
-def names(text):
-    """Variables that an expression needs."""
-    node = parse(text)
-    called = {id(call.func) for call in ast.walk(node) if isinstance(call, ast.Call)}
-    return {part.id for part in ast.walk(node) if isinstance(part, ast.Name) and
-            id(part) not in called and part.id not in CONSTANTS}
-
-
 def value(text, variables=None):
     """Of an expression; variables may be arrays."""
     with np.errstate(all='ignore'):  # who asks for the value looks at what is finite
@@ -58,9 +50,9 @@ def _value(node, variables, text):
         if node.func.id not in FUNCTIONS:
             raise ExpressionError(f'{text!r}: there is no function {node.func.id!r}; there are '
                                   + ', '.join(sorted(FUNCTIONS)))
+        values = [_value(argument, variables, text) for argument in node.args]
         try:
-            return FUNCTIONS[node.func.id](*(_value(argument, variables, text)
-                                             for argument in node.args))
+            return FUNCTIONS[node.func.id](*values)
         except (TypeError, ValueError) as error:
             raise ExpressionError(f'{text!r}: {error}') from None
     raise ExpressionError(f'{text!r}: {type(node).__name__} is no arithmetic')

@@ -71,7 +71,7 @@ if(TARGET constraint_sim_python)
       string(REPLACE ";" " " command "${command}")
       catkin_run_tests_target("python" ${name} "python-${name}.xml"
         COMMAND "${command} --junitxml=${CATKIN_TEST_RESULTS_DIR}/${PROJECT_NAME}/python-${name}.xml"
-        DEPENDENCIES constraint_sim_python constraint_sim_run)
+        DEPENDENCIES constraint_sim_python constraint_sim_run constraint_sim_report_engine)
     else()
       add_test(NAME ${name} COMMAND ${command})
     endif()

@@ -535,6 +535,52 @@ def test_report_of_a_scene(tmp_path, capsys):
     assert (scene.with_suffix('.results') / 'work_precision_scene.svg').exists()
 
 
+def report_programs():
+    program, = pathlib.Path(os.environ['CONSTRAINT_SIM_BUILD']).rglob('constraint_sim_report_engine')
+    return program.parent
+
+
+def test_peers_are_methods(tmp_path, capsys):
+    """This engine by its adapter of the report has the bits of this engine by the module."""
+    text = STUDY.replace('methods: [auto, {name: si, method: sequential_impulses, iterations: 20}]', """
+methods:
+  - {name: si, method: sequential_impulses, iterations: 10}
+  - {name: peer, peer: constraint_sim sequential_impulses_10}
+""") + 'reference: {run: {method: runge_kutta, tolerance: 1e-11}}\noutputs: {every: 0.1}\n'
+    path = make(tmp_path, text)
+    rows = sweep(path, '--on', 'threads', '--peers', str(report_programs()))
+    assert len(rows) == 36
+    pairs = {}
+    for row in rows:
+        pairs.setdefault((row['mass'], row['start'], row['time_step']), []).append(row)
+    for ours, peer in pairs.values():
+        for name in ('position_error', 'bob.px', 'bob.pz', 'bob.vx', 'bob.vz', 'steps', 'sim_time'):
+            assert ours[name] == peer[name], name
+    assert command.main([str(path)]) == 2
+    assert 'there are none without --peers' in capsys.readouterr().err
+    path.write_text(text.replace('impulses_10', 'impulses_11'))
+    assert command.main([str(path), '--peers', str(report_programs())]) == 2
+    assert "there is no peer 'constraint_sim sequential_impulses_11'; there are constraint_sim auto" in \
+        capsys.readouterr().err
+    assert command.main([str(path), '--peers', str(tmp_path)]) == 2
+    assert 'no program' in capsys.readouterr().err
+
+
+def test_what_a_peer_cannot_express_is_told(tmp_path):
+    text = """
+scene: scene.yaml
+duration: 0.2
+parameters: {damping: {path: constraints.rod.a.damping, values: [0, 1]}}
+methods: [{name: peer, peer: constraint_sim auto}]
+"""
+    path = make(tmp_path, text, SCENE.replace('type: distance', 'type: distance\n    stiffness: 100'))
+    good, damped = sweep(path, '--on', 'threads', '--peers', str(report_programs()))
+    assert (good['outcome'], damped['outcome']) == ('ok', 'unsupported')
+    assert damped['warnings'] == 'rod.a: is damped'
+    summary = (path.with_suffix('.results') / 'summary.md').read_text()
+    assert 'peer cannot express the scene: rod.a: is damped' in summary
+
+
 def test_studies_of_the_manual(tmp_path, capsys):
     """All of them run; the newcomer's question has the answer that docs/sweeps.md gives."""
     manual = (SOURCES / 'docs/sweeps.md').read_text()

@@ -6,7 +6,7 @@ import statistics
 
 from .study import CHOICES
 
-OUTCOMES = {'ok': '#1a7f37', 'too_slow': '#c8c8c8', 'failed': '#d7263d', 'refused': '#b39ddb',
+OUTCOMES = {'ok': '#1a7f37', 'too_slow': '#c8c8c8', 'failed': '#d7263d', 'refused': '#b39ddb', 'unsupported': '#e0e0e0',
             'hung': '#777777', 'crashed': '#6b1d5c'}
 MOST_LINES = 20
 
@@ -87,7 +87,10 @@ def summary(study, table, missing):
     lines = [f'{len(table)} cases: ' + ', '.join(f'{count} {name}' for name, count in sorted(outcomes.items()))
              + (f'; {missing} are missing' if missing else '')]
     lines += limit_lines(study, table)
-    bad = [row for row in table if row['outcome'] != 'ok']
+    unsupported = collections.Counter((row['method'], row['warnings']) for row in table
+                                      if row['outcome'] == 'unsupported')
+    lines += [f'{method} cannot express the scene: {why}' for (method, why), _ in unsupported.most_common()]
+    bad = [row for row in table if row['outcome'] not in ('ok', 'unsupported')]
     for row in bad[:MOST_LINES]:
         where = ', '.join(f'{name} {row[name]}' for name in
                           (*(each.name for each in study.parameters), *CHOICES) if row.get(name) is not None)

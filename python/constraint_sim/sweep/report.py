@@ -8,7 +8,7 @@ from .study import Study, StudyError, number
 TICKS = (0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001)  # [s]
 
 
-def report_study(path, duration):
+def report_study(path, duration, peers):
     path = pathlib.Path(path)
     if abs(round(number('--duration', duration, 0.0) / TICKS[0]) * TICKS[0] - duration) > 1e-9:
         raise StudyError(f'--duration: must be a multiple of {TICKS[0]} s, got {duration:g}')
@@ -29,4 +29,6 @@ def report_study(path, duration):
         'plots': [{'x': 'time_step', 'y': measure} for measure in
                   ('position_error', 'max_constraint_error', 'energy_drift', 'run_time')],
     }
-    return Study(yaml.safe_dump(study), path.parent, f'report of {path}')
+    study['methods'] += [{'name': label.replace(' ', '_'), 'peer': label} for label in peers
+                         if not label.startswith('constraint_sim ')]
+    return Study(yaml.safe_dump(study), path.parent, f'report of {path}', peers)

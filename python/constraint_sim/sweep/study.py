@@ -25,7 +25,7 @@ MEASURES = ('position_error', 'orientation_error', 'max_constraint_error', 'max_
             'unresolved_bodies')
 MOST_CASES = 1_000_000
 
-Method = collections.namedtuple('Method', 'name options')
+Method = collections.namedtuple('Method', 'name options peer', defaults=(None,))
 Parameter = collections.namedtuple('Parameter', 'name paths values draw is_logarithmic')
 Case = collections.namedtuple('Case', 'index scene values method time_step tolerance')
 
@@ -149,6 +149,9 @@ def method(value):
         return Method(value, {'method': value})
     if not isinstance(value, dict) or not isinstance(value.get('name'), str):
         raise StudyError(f'methods: must be names, or maps with a name and options, got {value!r}')
+    if 'peer' in value:
+        expect_keys(f'methods.{value["name"]}', value, ('name', 'peer'))
+        return Method(value['name'], {}, str(value['peer']))
     options = {key: element for key, element in value.items() if key != 'name'}
     return Method(value['name'], world_options(f'methods.{value["name"]}', options))
 
@@ -170,8 +173,9 @@ STUDY_KEYS = ('scene', 'scenes', 'duration', 'parameters', 'random', 'methods', 
 class Study:
     """What a study file says. Throws StudyError for what cannot be."""
 
-    def __init__(self, text, folder, source='study'):
-        self.source, self.folder = source, pathlib.Path(folder)
+    def __init__(self, text, folder, source='study', peers=None):
+        """`peers`: those of other engines that methods may name."""
+        self.source, self.folder, self.peers = source, pathlib.Path(folder), peers or {}
         try:
             document = yaml.load(text, Loader=StrictLoader)
         except yaml.YAMLError as error:
@@ -195,12 +199,18 @@ class Study:
         names = [each.name for each in self.methods]
         if len(set(names)) < len(names):
             raise StudyError('methods: a name is there twice; give one a name of its own')
+        for each in self.methods:
+            if each.peer is not None and each.peer not in self.peers:
+                raise StudyError(f'methods.{each.name}: there is no peer {each.peer!r}; there are '
+                                 + (', '.join(self.peers) or 'none without --peers'))
         self.time_steps = [number('time_steps', value, 0.0) for value in
                            listed('time_steps', document['time_steps'])] \
             if 'time_steps' in document else [None]
         self.tolerances = [number('tolerances', value) for value in
                            listed('tolerances', document['tolerances'])] \
             if 'tolerances' in document else [None]
+        if 'tolerances' in document and any(each.peer for each in self.methods):
+            raise StudyError('tolerances: peers know none; give methods of their own a tolerance each')
         self.rounds = whole('rounds', document.get('rounds', 1), 1)
         self.time_limit = number('time_limit', document.get('time_limit', 60.0), 0.0)
         self.memory = whole('memory', document.get('memory', 4 << 30), 0)
@@ -416,7 +426,12 @@ class Study:
             world = engine.load_scene(text, self.scenes[case.scene].source)
         except ValueError as error:
             raise StudyError(f'{error}\n  with {self.described(case)}') from None
-        return self.entry(text, world, self.described(case))
+        entry = self.entry(text, world, self.described(case))
+        if case.method.peer is not None:
+            entry['peer'] = {**self.peers[case.method.peer]._asdict(),
+                             'tick': world.options['time_step'],
+                             'sample': self.duration if self.every is None else self.every}
+        return entry
 
     def entry(self, text, world, description):
         names, step = world.body_names, world.options['time_step']
@@ -481,10 +496,10 @@ def expect_any(where, value):
     return value
 
 
-def load(path):
+def load(path, peers=None):
     path = pathlib.Path(path)
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(f'cannot read {path}: {error}') from None
-    return Study(text, path.parent, str(path))
+    return Study(text, path.parent, str(path), peers)

@@ -9,6 +9,9 @@ from .study import CHOICES
 OUTCOMES = {'ok': '#1a7f37', 'too_slow': '#c8c8c8', 'failed': '#d7263d', 'refused': '#b39ddb', 'unsupported': '#e0e0e0',
             'hung': '#777777', 'crashed': '#6b1d5c'}
 MOST_LINES = 20
+UNITS = {'position_error': 'm', 'orientation_error': 'rad', 'max_constraint_error': 'm', 'max_penetration': 'm',
+         'accumulated_local_error': 'm', 'energy_initial': 'J', 'energy_final': 'J', 'energy_drift': '1',
+         'run_time': 's', 'time_step': 's'}
 
 
 def is_number(value):
@@ -119,6 +122,10 @@ def wants_log(values):
     return bool(values) and min(values) > 0.0 and max(values) > 30.0 * min(values)
 
 
+def label_of(column):
+    return f'{column} [{UNITS[column]}]' if column in UNITS else column
+
+
 def save(pyplot, figure, path):
     figure.tight_layout()
     figure.savefig(path, metadata={'Date': None})
@@ -129,6 +136,8 @@ def save(pyplot, figure, path):
 def lines_plot(path, lines, x, y, title, level=None, marks=None):
     pyplot = plotter()
     figure, axes = pyplot.subplots(figsize=(7.5, 4.8))
+    if len(lines) > 10:
+        axes.set_prop_cycle(color=pyplot.get_cmap('tab20').colors)
     for label, points in lines.items():
         axes.plot(*zip(*points), 'o-', markersize=4, label=label or y)
     xs = [point[0] for points in lines.values() for point in points]
@@ -139,10 +148,10 @@ def lines_plot(path, lines, x, y, title, level=None, marks=None):
         axes.set_yscale('log')
     if level is not None:
         axes.axhline(level, color='black', linestyle='--', linewidth=1)
-    axes.set(xlabel=x, ylabel=y, title=title)
+    axes.set(xlabel=label_of(x), ylabel=label_of(y), title=title)
     axes.grid(True, alpha=0.3)
     if len(lines) > 1:
-        axes.legend(fontsize='small')
+        axes.legend(fontsize='small', loc='upper left', bbox_to_anchor=(1, 1))
     return save(pyplot, figure, path)
 
 
@@ -169,7 +178,7 @@ def outcome_map(path, table, x, y, title):
     for axis, name in (('x', x), ('y', y)):
         if wants_log([row[name] for row in table if is_number(row[name])]):
             getattr(axes, f'set_{axis}scale')('log')
-    axes.set(xlabel=x, ylabel=y, title=title)
+    axes.set(xlabel=label_of(x), ylabel=label_of(y), title=title)
     axes.legend(fontsize='small', loc='upper left', bbox_to_anchor=(0, -0.12), ncol=6)
     return save(pyplot, figure, path)
 

@@ -471,16 +471,16 @@ class Study:
                     raise StudyError(f'reference.csv: has no body {name!r} at each time')
             return {'times': np.array(times), 'states': np.array(
                 [[value[time][name] for name in checked[0]['bodies']] for time in times])}
+        plain = case._replace(method=Method('reference', {}), time_step=None, tolerance=None)
+        step = min(self.time_steps) if self.time_steps[0] is not None else \
+            engine.load_scene(self.text_of(plain)).options['time_step']
         runs = []
         for is_looser in (False, True):  # by how much they differ is what the first is off by, at most
-            options = dict(value)
+            # shorter ticks than any case: where one substep a tick is enough, a tolerance changes nothing
+            options = {'time_step': min(step, self.every or step) / 2.0, **value}
             if is_looser and 'tolerance' in options:
                 options['tolerance'] *= 10.0
-            if is_looser and 'time_step' in options:
-                options['time_step'] *= 2.0
-            if 'time_step' not in options and self.time_steps[0] is not None:
-                options['time_step'] = min(self.time_steps + ([self.every] if self.every else []))
-            plain = case._replace(method=Method('reference', {}), time_step=None, tolerance=None)
+            options['time_step'] *= 2.0 if is_looser else 1.0
             text = self.text_of(plain, options)
             try:
                 world = engine.load_scene(text, f'{self.scenes[case.scene].source}, the reference')

@@ -12,7 +12,10 @@ pybind11_add_module(constraint_sim_python MODULE NO_EXTRAS
   src/python/keywords.cpp
   src/python/module.cpp
   src/python/parameters.cpp
+  src/python/reports.cpp
+  src/python/shapes.cpp
   src/python/shared_world.cpp
+  src/python/world_class.cpp
 )
 constraint_sim_own_code(constraint_sim_python)
 # includes of others are not ours to warn about

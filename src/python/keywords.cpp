@@ -102,9 +102,11 @@ void Keywords::expect_no_more() const {
   for (const auto& argument : arguments_) {
     const std::string key = py::str(argument.first);
     if (known_.count(key) > 0) continue;
-    std::string known;
-    for (const std::string& name : known_) known += (known.empty() ? "" : ", ") + name;
-    throw py::type_error(function_ + "() has no argument '" + key + "'; there are " + known);
+    std::string message = function_;
+    message.append("() has no argument '").append(key).append("'; there are ");
+    for (const std::string& name : known_)
+      message.append(name == *known_.begin() ? "" : ", ").append(name);
+    throw py::type_error(message);
   }
 }
 

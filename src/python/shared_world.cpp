@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -62,10 +61,10 @@ class SharedWorld::Stepping {
  public:
   explicit Stepping(SharedWorld* world) : world_(world) {
     world->is_stepping_ = true;
-    release_.emplace();
+    thread_ = PyEval_SaveThread();
   }
   ~Stepping() {
-    release_.reset();
+    PyEval_RestoreThread(thread_);
     world_->is_stepping_ = false;
   }
   Stepping(const Stepping&) = delete;
@@ -73,7 +72,7 @@ class SharedWorld::Stepping {
 
  private:
   SharedWorld* world_;
-  std::optional<py::gil_scoped_release> release_;
+  PyThreadState* thread_ = nullptr;
 };
 
 void SharedWorld::check_idle() const {

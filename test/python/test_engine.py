@@ -14,6 +14,7 @@ import time
 
 import numpy as np
 import pytest
+import yaml
 
 from constraint_sim import engine
 from support import RUNNER, SCENES, SOURCES, run_example
@@ -352,6 +353,18 @@ def test_typed_dicts_of_the_stubs_have_the_keys_there_are():
     assert keys['State'] == set(world.state('bob'))
     assert keys['JointState'] == set(world.joint_state('rod'))
     assert keys['Island'] == set(world.islands()[0])
+
+
+def test_python_knows_every_key_of_a_scene():
+    """Of worlds, bodies, distance joints and motors: a key that the engine saves is a keyword here."""
+    world = hanging()
+    world.set_motor('rod', bias=0.1)
+    saved = yaml.safe_load(world.save_scene())
+    assert set(saved['world']) == set(world.options)
+    assert set(saved['bodies'][0]) == set(world.body('bob'))
+    # what a joint is saved with: a rod has no limits, a soft joint no length of its own kind
+    assert set(saved['constraints'][0]) <= set(world.joint('rod'))
+    assert set(saved['constraints'][0]['motor']) == set(world.joint('rod')['motor'])
 
 
 def test_examples():

@@ -79,8 +79,8 @@ def run(study, jobs, store, options):
         return
     wanted = {case['key'] for job in left for case in job['cases']}
     progress = Progress('cases', len(wanted))
-    found = executors.on_threads(left, options.workers) if options.on == 'threads' and not options.cluster \
-        else executors.on_cluster(left, options.workers, options.cluster, study.memory)
+    found = executors.on_threads(left, study.filled, options.workers) if options.on == 'threads' and not options.cluster \
+        else executors.on_cluster(left, study.filled, options.workers, options.cluster, study.memory)
     try:
         for results in found:
             store.add(results)

@@ -1,5 +1,5 @@
-"""Where cases run: threads of this process, or the workers of a Dask cluster. Each executor takes jobs and
-yields results by key as they come, in any order."""
+"""Where cases run: threads of this process, or the workers of a Dask cluster. Each executor takes jobs, and
+`filled` that puts the texts into one, and yields results by key as they come, in any order."""
 import collections
 import queue
 import socket
@@ -26,7 +26,7 @@ class Stopped(BaseException):
     pass
 
 
-def on_threads(jobs, count):
+def on_threads(jobs, filled, count):
     """In this process, several worlds at a time: the engine holds no GIL. A crash of the engine would end
     the command; what was done until then is kept. When it is stopped, runs that have begun are ended first:
     Python must not end under them."""
@@ -43,7 +43,7 @@ def on_threads(jobs, count):
         try:
             while True:
                 found = {}
-                child.run_group(waiting.get_nowait(), begin, found.__setitem__)
+                child.run_group(filled(waiting.get_nowait()), begin, found.__setitem__)
                 results.put(found)
         except (queue.Empty, Stopped):
             pass
@@ -96,8 +96,8 @@ class Cluster:
     ATTEMPTS = 5
     PATIENCE = 60.0  # [s] without any worker that may be used
 
-    def __init__(self, client, memory):
-        self.client, self.memory, self.program = client, memory, identity()
+    def __init__(self, client, filled, memory):
+        self.client, self.filled, self.memory, self.program = client, filled, memory, identity()
         self.finished = queue.SimpleQueue()
         self.accepted, self.refused = {}, {}
         self.flying = {}  # future -> (worker, batch number)
@@ -142,7 +142,7 @@ class Cluster:
 
     def submit(self, address, number, batches):
         future = self.client.submit(
-            run_batch, batches[number], self.program, self.memory, workers=[address],
+            run_batch, [self.filled(job) for job in batches[number]], self.program, self.memory, workers=[address],
             allow_other_workers=False, pure=False, retries=0)
         self.flying[future] = address, number
         future.add_done_callback(self.finished.put)
@@ -205,7 +205,7 @@ class Cluster:
         return {}
 
 
-def on_cluster(jobs, count, address, memory):
+def on_cluster(jobs, filled, count, address, memory):
     try:
         import dask
         import distributed
@@ -224,7 +224,7 @@ def on_cluster(jobs, count, address, memory):
     except (OSError, TimeoutError, ValueError) as error:
         raise RuntimeError(f'--cluster {address}: no scheduler there: {error}') from None
     try:
-        yield from Cluster(client, memory).run(jobs)
+        yield from Cluster(client, filled, memory).run(jobs)
     finally:
         client.close(timeout=5)
         if cluster is not None:

@@ -23,7 +23,7 @@ MEASURES = ('position_error', 'orientation_error', 'max_constraint_error', 'max_
             'accumulated_local_error', 'energy_initial', 'energy_final', 'energy_drift', 'run_time', 'steps',
             'substeps', 'rejected', 'iterations', 'rows', 'contacts', 'changes', 'torn_joints',
             'unresolved_bodies')
-MOST_CASES = 1_000_000
+MOST_CASES = 200_000  # whose table is kept in memory
 
 Method = collections.namedtuple('Method', 'name options peer', defaults=(None,))
 Parameter = collections.namedtuple('Parameter', 'name paths values draw is_logarithmic')
@@ -371,7 +371,8 @@ class Study:
     # ---- jobs
 
     def jobs(self, program, progress=lambda count: None):
-        """Groups of cases that are compared with each other; checks each case on the way."""
+        """Groups of cases that are compared with each other, without their texts (`filled`); checks
+        each case on the way."""
         count = self.count()
         if count > MOST_CASES:
             raise StudyError(f'study: has {count} cases, more than {MOST_CASES}')
@@ -388,9 +389,29 @@ class Study:
             for entry in checked:
                 entry['key'] = hashlib.sha256(
                     (facts + json.dumps(entry, sort_keys=True)).encode()).hexdigest()[:32]
+            for entry, case in zip(checked, cases):
+                entry.update(text=None, case=case)
+            for entry in (job['reference'] or {}).get('runs', ()):
+                entry['text'] = None
             job['cases'] = checked
             progress(len(cases))
             yield job, cases
+
+    def filled(self, job):
+        """A job as a worker needs it: texts are made when they are sent, for there may be many."""
+        cases = [{**{key: value for key, value in entry.items() if key != 'case'},
+                  'text': self.text_of(entry['case'])} for entry in job['cases']]
+        reference = job['reference']
+        if reference is not None and 'runs' in reference:
+            plain = self.plain(job['cases'][0]['case'])
+            reference = {'runs': [{**entry, 'text': self.text_of(plain, entry['options'])}
+                                  for entry in reference['runs']]}
+        return {**job, 'cases': cases, 'reference': reference}
+
+    @staticmethod
+    def plain(case):
+        """The same scene and parameters, as they were written."""
+        return case._replace(method=Method('reference', {}), time_step=None, tolerance=None)
 
     def check_overlaps(self):
         """No two parameters in one place."""
@@ -471,7 +492,7 @@ class Study:
                     raise StudyError(f'reference.csv: has no body {name!r} at each time')
             return {'times': np.array(times), 'states': np.array(
                 [[value[time][name] for name in checked[0]['bodies']] for time in times])}
-        plain = case._replace(method=Method('reference', {}), time_step=None, tolerance=None)
+        plain = self.plain(case)
         step = min(self.time_steps) if self.time_steps[0] is not None else \
             engine.load_scene(self.text_of(plain)).options['time_step']
         runs = []
@@ -486,7 +507,7 @@ class Study:
                 world = engine.load_scene(text, f'{self.scenes[case.scene].source}, the reference')
             except ValueError as error:
                 raise StudyError(f'reference.run: {error}') from None
-            runs.append(self.entry(text, world, 'the reference'))
+            runs.append({**self.entry(text, world, 'the reference'), 'options': options})
         return {'runs': runs}
 
 

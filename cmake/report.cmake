@@ -10,6 +10,7 @@ add_library(constraint_sim_report_common OBJECT
   bench/report/measures.cpp
   bench/report/problem.cpp
   bench/report/references.cpp
+  bench/report/scene_problem.cpp
   bench/report/tree.cpp
   ${problem_sources}
 )

@@ -5,6 +5,9 @@ find_package(catkin REQUIRED COMPONENTS
   tf2_msgs visualization_msgs
 )
 
+if(CONSTRAINT_SIM_PYTHON AND NOT CONSTRAINT_SIM_SANITIZE)
+  catkin_python_setup()  # before messages are generated: both share the package's __init__.py
+endif()
 add_message_files(DIRECTORY msg)
 add_service_files(DIRECTORY srv)
 generate_messages(DEPENDENCIES geometry_msgs std_msgs)
@@ -50,7 +53,8 @@ install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION
 install(DIRECTORY include/constraint_sim/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
 install(DIRECTORY launch config DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # not executable where they lie: rosrun would find them there as well as where they are installed
-catkin_install_python(PROGRAMS src/tools/bag_report src/tools/simulator_bag src/tools/watch_error
+catkin_install_python(PROGRAMS
+  src/tools/bag_report src/tools/constraint_sim_sweep src/tools/simulator_bag src/tools/watch_error
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES src/tools/run_statistics.py DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(PROGRAMS bench/node_throughput.py RENAME constraint_sim_node_throughput

@@ -61,6 +61,24 @@ if(CONSTRAINT_SIM_ROS)
   endforeach()
 endif()
 
+if(TARGET constraint_sim_python)
+  file(GLOB python_tests CONFIGURE_DEPENDS test/python/test_*.py)
+  foreach(python_test IN LISTS python_tests)
+    get_filename_component(name ${python_test} NAME_WE)
+    set(command ${CMAKE_CURRENT_SOURCE_DIR}/scripts/run_python_test ${CMAKE_CURRENT_BINARY_DIR}
+      ${python_test})
+    if(CONSTRAINT_SIM_ROS)
+      string(REPLACE ";" " " command "${command}")
+      catkin_run_tests_target("python" ${name} "python-${name}.xml"
+        COMMAND "${command} --junitxml=${CATKIN_TEST_RESULTS_DIR}/${PROJECT_NAME}/python-${name}.xml"
+        DEPENDENCIES constraint_sim_python constraint_sim_run constraint_sim_report_engine)
+    else()
+      add_test(NAME ${name} COMMAND ${command})
+    endif()
+    list(APPEND registered_tests "python\t${name}\t${python_test}")
+  endforeach()
+endif()
+
 string(REPLACE ";" "\n" registered_tests "${registered_tests}")
 file(GENERATE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/registered_tests.txt
   CONTENT "${registered_tests}\n")

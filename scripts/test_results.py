@@ -5,9 +5,10 @@
 
 REGISTERED  the build's registered_tests.txt: `kind<tab>name<tab>path` a line. A `gtest` is a program
             and its cases are what it lists; a `rostest` is a .test file and its cases are the
-            test_ methods of the scripts it runs, which lie beside it.
+            test_ methods of the scripts it runs, which lie beside it; a `python` is a file for
+            pytest and its cases are its test_ functions.
 RESULTS     folder with, of each of them, NAME.status (exit status) and the results: NAME.xml of a
-            gtest, NAME/constraint_sim/rosunit-*.xml of a rostest.
+            gtest or python, NAME/constraint_sim/rosunit-*.xml of a rostest.
 CHECK       name of a check made elsewhere that passed; counts as one case.
 
 A registered case without a result failed, whatever the reason: it crashed, timed out, was skipped or
@@ -42,6 +43,13 @@ def rostest_cases(script):
             if isinstance(method, ast.FunctionDef) and method.name.startswith('test')}
 
 
+def python_cases(script):
+    """Names of the test_ functions in a Python script, as pytest reports them."""
+    path = pathlib.Path(script)
+    return {f'{path.stem}.{node.name}' for node in ast.parse(path.read_text()).body
+            if isinstance(node, ast.FunctionDef) and node.name.startswith('test')}
+
+
 def outcomes(path):
     """Case name -> message, empty where it passed. No file or half a one: no cases."""
     try:
@@ -64,6 +72,10 @@ def suite_outcomes(kind, name, path, results):
     if kind == 'gtest':
         registered = gtest_cases(path)
         found = outcomes(results / f'{name}.xml')
+    elif kind == 'python':
+        registered = python_cases(path)
+        found = {'.'.join(case.split('.')[-2:]): message
+                 for case, message in outcomes(results / f'{name}.xml').items()}
     else:
         registered, found = set(), {}
         for test in xml.etree.ElementTree.parse(path).iter('test'):

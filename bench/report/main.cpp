@@ -7,6 +7,8 @@
 //   PROGRAM header        of the lines that `run` prints
 //   PROGRAM run FOLDER --problem P --variant V [--grid] [--values X ...] [--budget S]
 //                         [--repeats N] [--perturb SHARE]
+//   PROGRAM scene FILE --variant V --values TICK --duration S --sample S [--budget S]
+//                         a scene file instead of a problem: its motion
 //   PROGRAM ticks --problem P --variant V --values TICK --repeats N
 //                         nothing but so many ticks, in a function that valgrind finds by its name
 //
@@ -29,6 +31,7 @@
 
 #include "contestant.h"
 #include "measures.h"
+#include "scene_problem.h"
 
 namespace constraint_sim::report {
 namespace {
@@ -118,6 +121,7 @@ struct Result {
   long ticks = 0;
   Errors errors{};
   double largest_distance = 0.0;  // from where a body started [m]
+  Motion motion;
 };
 
 /// One run to the end, to a state that is not finite, or until `limit` seconds are used up.
@@ -191,6 +195,7 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
   if (motion.states.size() < 2) {  // nothing was simulated
     const double none = std::numeric_limits<double>::quiet_NaN();
     result.errors = {none, none, none, none, none, none};
+    result.motion = std::move(motion);
     return result;
   }
   result.errors = errors(problem, motion, reference);
@@ -199,6 +204,7 @@ Result run(const Problem& problem, const Problem& reality, const Trajectory& ref
     for (std::size_t i = 0; i < states.size(); ++i)
       result.largest_distance =
           std::max(result.largest_distance, (states[i].position - first[i].position).norm());
+  result.motion = std::move(motion);
   return result;
 }
 
@@ -222,6 +228,7 @@ struct Arguments {
   std::string command, folder, problem, variant;
   std::vector<double> values;
   bool is_grid = false;
+  double duration = 0.0, sample = 0.0;  // of a scene [s]
   double budget = 1.0;
   int repeats = 5;
   double perturbation = 0.0;
@@ -277,6 +284,34 @@ void run(const Arguments& arguments) {
   }
 }
 
+/// One run of a scene file: `outcome`, and `state TIME` with 13 numbers for each body.
+void run_scene(const Arguments& arguments) {
+  Problem problem;
+  try {
+    problem = problem_from_scene(arguments.folder, arguments.duration, arguments.sample);
+  } catch (const Unsupported& error) {
+    std::printf("outcome unsupported 0 nan nan nan %s\n", error.what());
+    return;
+  }
+  Setting setting;
+  setting.is_swept = false;
+  setting.tick = arguments.values.at(0);
+  const Result result =
+      run(problem, problem, {}, variant_named(arguments.variant), setting, arguments.budget);
+  const Errors& e = result.errors;
+  std::printf("outcome %s %.17g %.17g %.17g %.17g\n", result.outcome.c_str(), result.run_time,
+              e.constraint, e.energy, e.penetration);
+  for (std::size_t k = 0; k < result.motion.states.size(); ++k) {
+    std::printf("state %.17g", result.motion.sample[k] * problem.sample);
+    for (const State& state : result.motion.states[k]) {
+      Numbers numbers;
+      numbers << state.position, state.orientation.coeffs(), state.velocity, state.angular_velocity;
+      for (Eigen::Index i = 0; i < numbers.size(); ++i) std::printf(" %.17g", numbers[i]);
+    }
+    std::printf("\n");
+  }
+}
+
 /// Whose instructions valgrind counts.
 [[gnu::noinline]] void counted_ticks(Simulation* simulation, int ticks, double time) {
   simulation->advance(ticks, time);
@@ -319,11 +354,13 @@ Arguments parse(int argc, char** argv) {
   po::options_description options;
   auto add = options.add_options();
   add("command", po::value(&arguments.command)->required());
-  add("folder", po::value(&arguments.folder));
+  add("folder", po::value(&arguments.folder), "or a scene file");
   add("problem", po::value(&arguments.problem));
   add("variant", po::value(&arguments.variant));
   add("values", po::value(&arguments.values)->multitoken(), "of the variant's knob");
   add("grid", po::bool_switch(&arguments.is_grid), "the values are ticks, whatever the knob");
+  add("duration", po::value(&arguments.duration), "of a scene [s]");
+  add("sample", po::value(&arguments.sample), "of a scene: states are printed so often [s]");
   add("budget", po::value(&arguments.budget), "longest run [s]");
   add("repeats", po::value(&arguments.repeats), "of short runs; or ticks");
   add("perturb", po::value(&arguments.perturbation), "gravity is wrong by this share");
@@ -353,6 +390,8 @@ int main(int argc, char** argv) {
       std::printf("%s\n", kHeader);
     } else if (arguments.command == "run") {
       run(arguments);
+    } else if (arguments.command == "scene") {
+      run_scene(arguments);
     } else if (arguments.command == "ticks") {
       take_ticks(arguments);
     } else {

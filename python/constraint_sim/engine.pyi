@@ -1,0 +1,276 @@
+"""The engine of constraint_sim: worlds of rigid bodies, stepped without ROS. SI units, world axes,
+quaternions as x y z w."""
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Set, Tuple, TypedDict, Union
+
+import numpy as np
+
+__version__: str
+METHODS: Tuple[str, ...]
+
+Vector = Sequence[float]
+Tuple3 = Tuple[float, float, float]
+Tuple4 = Tuple[float, float, float, float]
+
+
+class SceneError(ValueError):
+    """A scene that cannot be: `source:line: path.of.key: what is wrong, with the value`."""
+
+
+class Point:
+    """Touches nothing, and rotates only with an inertia."""
+    def __init__(self) -> None: ...
+
+
+class Sphere:
+    """Centred on the body."""
+    def __init__(self, radius: float) -> None: ...
+    @property
+    def radius(self) -> float: ...  # [m]
+
+
+class Box:
+    """Centred on the body; whole edge lengths along its axes."""
+    def __init__(self, size: Vector) -> None: ...
+    @property
+    def size(self) -> Tuple3: ...  # [m]
+
+
+class Plane:
+    """Solid below the body's x-y plane; static and kinematic bodies only."""
+    def __init__(self) -> None: ...
+
+
+Shape = Union[Point, Sphere, Box, Plane]
+
+
+class State(TypedDict):
+    position: Tuple3          # centre of mass, world [m]
+    orientation: Tuple4       # body to world, x y z w
+    linear_velocity: Tuple3   # world [m/s]
+    angular_velocity: Tuple3  # world [rad/s]
+
+
+class JointState(TypedDict):
+    error: float         # [m]
+    error_rate: float    # [m/s]
+    force: float         # along the joint, mean over the step [N]; < 0 is tension
+    bias: float          # asked of the motor [m/s]
+    reached_rate: float  # [m/s]
+    travel: float        # that the motor has added to the length [m]
+    saturated: bool
+    broken: bool
+    closing: bool
+
+
+class Island(TypedDict):
+    first_body: str
+    bodies: int
+    joints: int
+    method: str
+    why: str
+    local_error: float  # [m]
+    substeps: int
+    rejected: int
+    iterations: int
+    unresolved_bodies: int
+    dependent_rows: int
+
+
+class Contact(TypedDict):
+    body_a: str
+    body_b: str
+    position: Tuple3     # on B's surface, world [m]
+    normal: Tuple3       # unit, from B to A, world
+    depth: float         # [m]
+    normal_force: float  # mean over the step [N]
+
+
+class StepReport:
+    """What one step did. A copy: it keeps its values when the world steps on."""
+    @property
+    def step(self) -> int: ...
+    @property
+    def time(self) -> float: ...  # [s]
+    @property
+    def max_constraint_error(self) -> float: ...  # [m]
+    @property
+    def max_penetration(self) -> float: ...  # [m]
+    @property
+    def energy(self) -> float: ...  # [J]
+    @property
+    def energy_drift(self) -> float: ...  # over the largest kinetic energy [1]
+    @property
+    def local_error(self) -> float: ...  # [m]
+    @property
+    def dependent_rows(self) -> int: ...
+    @property
+    def unresolved_bodies(self) -> int: ...
+    @property
+    def torn_joints(self) -> int: ...
+    @property
+    def projected_energy(self) -> float: ...  # [J]
+    @property
+    def failed(self) -> bool: ...
+    @property
+    def islands(self) -> Dict[str, int]: ...  # by method
+    @property
+    def asleep(self) -> int: ...
+    @property
+    def changes(self) -> int: ...
+    @property
+    def substeps(self) -> int: ...
+    @property
+    def rejected(self) -> int: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def rows(self) -> int: ...
+    @property
+    def contacts(self) -> int: ...
+    @property
+    def candidate_pairs(self) -> int: ...
+
+
+class RunReport:
+    """Outcome of World.run: worst values over its steps, sums, and samples."""
+    @property
+    def steps(self) -> int: ...
+    @property
+    def failed(self) -> bool: ...
+    @property
+    def timed_out(self) -> bool: ...
+    @property
+    def wall_time(self) -> float: ...  # of the steps alone [s]
+    @property
+    def max_constraint_error(self) -> float: ...  # [m]
+    @property
+    def max_penetration(self) -> float: ...  # [m]
+    @property
+    def accumulated_local_error(self) -> float: ...  # [m]
+    @property
+    def energy_initial(self) -> float: ...  # [J]
+    @property
+    def energy_final(self) -> float: ...  # [J]
+    @property
+    def energy_drift(self) -> float: ...  # [1]
+    @property
+    def methods(self) -> Set[str]: ...
+    @property
+    def unresolved_bodies(self) -> Set[str]: ...
+    @property
+    def substeps(self) -> int: ...
+    @property
+    def rejected(self) -> int: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def rows(self) -> int: ...
+    @property
+    def contacts(self) -> int: ...
+    @property
+    def torn_joints(self) -> int: ...
+    @property
+    def changes(self) -> int: ...
+    @property
+    def dependent_rows(self) -> int: ...
+    @property
+    def times(self) -> Optional[np.ndarray]: ...  # [s], (samples,)
+    @property
+    def states(self) -> Optional[np.ndarray]: ...  # (samples, bodies, 13)
+
+
+class World:
+    """Bodies, joints and their motion. Options are those of docs/scenes.md. Bad input raises
+    ValueError naming field and value, and changes nothing."""
+    def __init__(self, *, gravity: Vector = ..., time_step: float = ..., method: str = ...,
+                 closing_time: float = ..., sleep_after: float = ..., sleep_speed: float = ...,
+                 threads: int = ..., order: int = ..., tolerance: float = ...,
+                 stiff_order: int = ..., dissipation: bool = ..., stiffness_limit: float = ...,
+                 iterations: int = ..., warm_starting: bool = ..., baumgarte: float = ...) -> None:
+        ...
+    @property
+    def options(self) -> Dict[str, Any]: ...
+    def set_options(self, *, gravity: Vector = ..., time_step: float = ..., method: str = ...,
+                    closing_time: float = ..., sleep_after: float = ..., sleep_speed: float = ...,
+                    threads: int = ..., order: int = ..., tolerance: float = ...,
+                    stiff_order: int = ..., dissipation: bool = ..., stiffness_limit: float = ...,
+                    iterations: int = ..., warm_starting: bool = ..., baumgarte: float = ...
+                    ) -> None: ...
+
+    def copy(self) -> World: ...
+    def __copy__(self) -> World: ...
+    def __deepcopy__(self, memo: Dict[int, Any]) -> World: ...
+    def restore(self, snapshot: World) -> None: ...
+
+    def add_body(self, name: str, *, type: str = ..., shape: Shape = ..., mass: float = ...,
+                 inertia: Vector = ..., position: Vector = ..., orientation: Vector = ...,
+                 linear_velocity: Vector = ..., angular_velocity: Vector = ...,
+                 friction: float = ..., restitution: float = ..., no_collision: bool = ...
+                 ) -> None: ...
+    def remove_body(self, name: str) -> List[str]: ...
+    def body(self, name: str) -> Dict[str, Any]: ...
+    def state(self, name: str) -> State: ...
+    def set_state(self, name: str, *, position: Vector = ..., orientation: Vector = ...,
+                  linear_velocity: Vector = ..., angular_velocity: Vector = ...) -> None: ...
+    @property
+    def body_names(self) -> List[str]: ...
+    def index(self, name: str) -> int: ...
+
+    @property
+    def states(self) -> np.ndarray: ...  # (bodies, 13)
+    @property
+    def positions(self) -> np.ndarray: ...  # [m], (bodies, 3)
+    @property
+    def orientations(self) -> np.ndarray: ...  # x y z w, (bodies, 4)
+    @property
+    def linear_velocities(self) -> np.ndarray: ...  # [m/s], (bodies, 3)
+    @property
+    def angular_velocities(self) -> np.ndarray: ...  # [rad/s], (bodies, 3)
+
+    def add_joint(self, name: str, *, type: str = ..., body_a: str = ..., anchor_a: Vector = ...,
+                  body_b: str = ..., anchor_b: Vector = ..., length: Optional[float] = ...,
+                  min_length: float = ..., max_length: float = ..., frequency: float = ...,
+                  damping_ratio: float = ..., stiffness: float = ..., damping: float = ...,
+                  baumgarte: Optional[float] = ..., break_force: float = ...,
+                  collide_connected: bool = ..., broken: bool = ...,
+                  motor: Mapping[str, float] = ...) -> None: ...
+    def remove_joint(self, name: str) -> None: ...
+    def joint(self, name: str) -> Dict[str, Any]: ...
+    def joint_state(self, name: str) -> JointState: ...
+    @property
+    def joint_names(self) -> List[str]: ...
+    def set_motor(self, name: str, *, bias: float = ..., amplitude: float = ...,
+                  frequency: float = ..., phase: float = ..., max_force: float = ...,
+                  timeout: float = ...) -> None: ...
+    def set_broken(self, name: str, broken: bool) -> None: ...
+
+    def add_wrench(self, body: str, *, force: Vector = ..., torque: Vector = ...,
+                   start: float = ..., duration: float = ...) -> None: ...
+    def clear_wrenches(self, body: str) -> None: ...
+
+    def step(self) -> StepReport: ...
+    def run(self, duration: float, *, every: int = ..., time_limit: float = ...) -> RunReport: ...
+    @property
+    def report(self) -> StepReport: ...
+    @property
+    def time(self) -> float: ...  # [s]
+    @property
+    def step_count(self) -> int: ...
+    @property
+    def energy(self) -> float: ...  # [J]
+    @property
+    def state_hash(self) -> int: ...
+    def reset(self) -> None: ...
+    def set_time(self, time: float, step_count: int) -> None: ...
+
+    def islands(self) -> List[Island]: ...
+    def contacts(self) -> List[Contact]: ...
+    def unresolved_bodies(self) -> List[str]: ...
+    def explain(self) -> str: ...
+    def left_out(self) -> List[str]: ...
+    def save_scene(self) -> str: ...
+    def save_scene_file(self, path: str) -> None: ...
+
+
+def load_scene(text: str, source: str = ..., **defaults: Any) -> World: ...
+def load_scene_file(path: str, **defaults: Any) -> World: ...

@@ -1,0 +1,1 @@
+"""Studies: many scenes, methods and parameters. docs/sweeps.md is the manual."""

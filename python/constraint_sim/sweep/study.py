@@ -1,0 +1,526 @@
+"""A study file: what is run, checked as a whole before anything runs. docs/sweeps.md is the manual."""
+import collections
+import csv
+import hashlib
+import itertools
+import json
+import math
+import pathlib
+import zlib
+
+import numpy as np
+import yaml
+
+from .. import engine
+from . import expressions
+from .child import COMPONENTS
+from .scene_template import PathError, SceneTemplate
+
+# columns of the table that are not parameters
+INDEX = ('case', 'scene')
+CHOICES = ('method', 'time_step', 'tolerance')
+MEASURES = ('position_error', 'orientation_error', 'max_constraint_error', 'max_penetration',
+            'accumulated_local_error', 'energy_initial', 'energy_final', 'energy_drift', 'run_time', 'steps',
+            'substeps', 'rejected', 'iterations', 'rows', 'contacts', 'changes', 'torn_joints',
+            'unresolved_bodies')
+MOST_CASES = 200_000  # whose table is kept in memory
+
+Method = collections.namedtuple('Method', 'name options peer', defaults=(None,))
+Parameter = collections.namedtuple('Parameter', 'name paths values draw is_logarithmic')
+Case = collections.namedtuple('Case', 'index scene values method time_step tolerance')
+
+
+class StudyError(ValueError):
+    """What cannot be, with the key of the study file."""
+
+
+class StrictLoader(getattr(yaml, 'CSafeLoader', yaml.SafeLoader)):
+    """Refuses a key that is there twice."""
+
+    def construct_mapping(self, node, deep=False):
+        keys = [key.value for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise StudyError(f'{key}: is there twice')
+        return super().construct_mapping(node, deep)
+
+
+def expect_keys(where, value, known):
+    if not isinstance(value, dict):
+        raise StudyError(f'{where}: must be a map, got {value!r}')
+    for key in value:
+        if key not in known:
+            raise StudyError(f'{where}: unknown key {key!r}; there are ' + ', '.join(known))
+    return value
+
+
+def number(where, value, above=-math.inf):
+    """A number or an expression of numbers."""
+    try:
+        result = float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) \
+            else float(expressions.value(value))
+    except (expressions.ExpressionError, TypeError, ValueError, OverflowError) as error:
+        raise StudyError(f'{where}: must be a number, got {value!r} ({error})') from None
+    if not math.isfinite(result) or not result > above:
+        raise StudyError(f'{where}: must be a finite number' +
+                         (f' > {above:g}' if above > -math.inf else '') + f', got {value!r}')
+    return result
+
+
+def whole(where, value, least):
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise StudyError(f'{where}: must be a whole number >= {least}, got {value!r}')
+    return value
+
+
+def listed(where, value):
+    found = value if isinstance(value, list) else [value]
+    if not found:
+        raise StudyError(f'{where}: is empty')
+    return found
+
+
+def scene_value(where, value):
+    """Of a `values` list: numbers and expressions, words, flags, or lists of numbers."""
+    if isinstance(value, list):
+        return tuple(number(where, element) for element in value)
+    if isinstance(value, (bool, int)):
+        return value
+    if isinstance(value, float) or (isinstance(value, str) and value[:1] in '0123456789-+.'):
+        return number(where, value)
+    if isinstance(value, str) and value.replace('_', '').isalnum():
+        return value
+    raise StudyError(f'{where}: must be a number, a word, or a list of numbers, got {value!r}')
+
+
+def spread(where, kind, value, scale):
+    """Values from a to b, both included."""
+    if not isinstance(value, list) or len(value) != 3:
+        raise StudyError(f'{where}: {kind} must be [from, to, count], got {value!r}')
+    least = 0.0 if kind == 'logarithmic' else -math.inf
+    a, b = number(where, value[0], least), number(where, value[1], least)
+    count = whole(f'{where}: count', value[2], 1)
+    found = np.linspace(scale(a), scale(b), count)
+    if kind == 'logarithmic':
+        found = np.exp(found)
+    found[0], found[-1] = (a, b) if count > 1 else (a, a)
+    return [float(f'{element:.12g}') for element in found]  # 10, not 10.000000000000011
+
+
+DRAWS = {'uniform': lambda random, a, b, n: random.uniform(a, b, n),
+         'normal': lambda random, a, b, n: random.normal(a, b, n),
+         'log_uniform': lambda random, a, b, n: np.exp(random.uniform(np.log(a), np.log(b), n))}
+KINDS = ('values', 'linear', 'logarithmic', *DRAWS)
+
+
+def parameter(name, value, draws):
+    where = f'parameters.{name}'
+    expect_keys(where, value, ('path', *KINDS))
+    if name in (*INDEX, *CHOICES, *MEASURES) or not str(name).isidentifier():
+        raise StudyError(f'{where}: is not a name for a parameter, or means something else')
+    paths = [str(path) for path in listed(f'{where}.path', value.get('path', []))]
+    kinds = [kind for kind in KINDS if kind in value]
+    if len(kinds) != 1:
+        raise StudyError(f'{where}: must have one of ' + ', '.join(KINDS))
+    kind, given = kinds[0], value[kinds[0]]
+    if kind == 'values':
+        values = [scene_value(f'{where}.values', element) for element in
+                  listed(f'{where}.values', given)]
+        if len(set(values)) < len(values):
+            raise StudyError(f'{where}.values: has a value twice')
+        return Parameter(name, paths, values, False, False)
+    if kind in ('linear', 'logarithmic'):
+        values = spread(where, kind, given, math.log if kind == 'logarithmic' else float)
+        return Parameter(name, paths, values, False, kind == 'logarithmic')
+    if not isinstance(given, list) or len(given) != 2:
+        raise StudyError(f'{where}.{kind}: must be two numbers, got {given!r}')
+    if draws is None:
+        raise StudyError(f'{where}.{kind}: needs `random: {{count: N, seed: S}}` in the study')
+    least = 0.0 if kind == 'log_uniform' else -math.inf
+    a, b = (number(f'{where}.{kind}', element, least) for element in given)
+    # a stream of its own: another parameter changes none of these
+    random = np.random.default_rng([draws['seed'], zlib.crc32(name.encode())])
+    values = [float(drawn) for drawn in DRAWS[kind](random, a, b, draws['count'])]
+    return Parameter(name, paths, values, True, kind == 'log_uniform')
+
+
+def method(value):
+    if isinstance(value, str):
+        return Method(value, {'method': value})
+    if not isinstance(value, dict) or not isinstance(value.get('name'), str):
+        raise StudyError(f'methods: must be names, or maps with a name and options, got {value!r}')
+    if 'peer' in value:
+        expect_keys(f'methods.{value["name"]}', value, ('name', 'peer'))
+        return Method(value['name'], {}, str(value['peer']))
+    options = {key: element for key, element in value.items() if key != 'name'}
+    return Method(value['name'], world_options(f'methods.{value["name"]}', options))
+
+
+def world_options(where, options):
+    known = engine.World().options
+    found = {}
+    for key, value in options.items():
+        if key not in known:
+            raise StudyError(f'{where}: unknown option {key!r}; there are ' + ', '.join(known))
+        found[key] = scene_value(f'{where}.{key}', value)
+    return found
+
+
+STUDY_KEYS = ('scene', 'scenes', 'duration', 'parameters', 'random', 'methods', 'time_steps', 'tolerances',
+              'outputs', 'reference', 'rounds', 'time_limit', 'memory', 'plots', 'limits')
+
+
+class Study:
+    """What a study file says. Throws StudyError for what cannot be."""
+
+    def __init__(self, text, folder, source='study', peers=None):
+        """`peers`: those of other engines that methods may name."""
+        self.source, self.folder, self.peers = source, pathlib.Path(folder), peers or {}
+        try:
+            document = yaml.load(text, Loader=StrictLoader)
+        except yaml.YAMLError as error:
+            raise StudyError(f'not valid YAML: {error}') from None
+        expect_keys('study', document, STUDY_KEYS)
+        self.read_scenes(document)
+        self.duration = number('duration', document.get('duration', 'missing'), 0.0)
+        draws = document.get('random')
+        if draws is not None:
+            expect_keys('random', draws, ('count', 'seed'))
+            draws = {key: whole(f'random.{key}', draws.get(key), least)
+                     for key, least in (('count', 1), ('seed', 0))}
+        self.parameters = [parameter(name, value, draws) for name, value in
+                           (expect_any('parameters', document.get('parameters', {}))).items()]
+        if draws and not any(each.draw for each in self.parameters):
+            raise StudyError('random: no parameter is drawn')
+        self.methods = [method(value) for value in
+                        listed('methods', document.get('methods', ['as_written']))]
+        if 'methods' not in document:
+            self.methods = [Method('as_written', {})]
+        names = [each.name for each in self.methods]
+        if len(set(names)) < len(names):
+            raise StudyError('methods: a name is there twice; give one a name of its own')
+        for each in self.methods:
+            if each.peer is not None and each.peer not in self.peers:
+                raise StudyError(f'methods.{each.name}: there is no peer {each.peer!r}; there are '
+                                 + (', '.join(self.peers) or 'none without --peers'))
+        self.time_steps = [number('time_steps', value, 0.0) for value in
+                           listed('time_steps', document['time_steps'])] \
+            if 'time_steps' in document else [None]
+        self.tolerances = [number('tolerances', value) for value in
+                           listed('tolerances', document['tolerances'])] \
+            if 'tolerances' in document else [None]
+        if 'tolerances' in document and any(each.peer for each in self.methods):
+            raise StudyError('tolerances: peers know none; give methods of their own a tolerance each')
+        self.rounds = whole('rounds', document.get('rounds', 1), 1)
+        self.time_limit = number('time_limit', document.get('time_limit', 60.0), 0.0)
+        self.memory = whole('memory', document.get('memory', 4 << 30), 0)
+        outputs = expect_keys('outputs', document.get('outputs', {}), ('bodies', 'every', 'samples'))
+        self.bodies = outputs.get('bodies')
+        self.every = number('outputs.every', outputs['every'], 0.0) if 'every' in outputs else None
+        self.keeps_samples = outputs.get('samples', False) is True
+        self.read_reference(document.get('reference'))
+        self.plots = document.get('plots')
+        self.limits = document.get('limits')
+        self.check_plots()
+
+    def read_scenes(self, document):
+        if ('scene' in document) == ('scenes' in document):
+            raise StudyError('study: must have either scene, a file, or scenes, a map of names to files')
+        files = document.get('scenes') or document.get('scene')
+        if isinstance(files, str):
+            files = {pathlib.Path(files).stem: files}
+        if not isinstance(files, dict) or not files:
+            raise StudyError(f'scenes: must be a map of names to files, got {files!r}')
+        self.scenes = {}
+        for name, file in files.items():
+            path = self.folder / str(file)
+            try:
+                text = path.read_text()
+                engine.load_scene(text, str(file))
+                self.scenes[str(name)] = SceneTemplate(text, str(file))
+            except (OSError, UnicodeDecodeError) as error:
+                raise StudyError(f'scenes.{name}: cannot read {path}: {error}') from None
+            except ValueError as error:
+                raise StudyError(f'scenes.{name}: {error}') from None
+
+    def read_reference(self, reference):
+        self.reference = None
+        if reference is None:
+            return
+        expect_keys('reference', reference, ('run', 'closed_form', 'csv'))
+        if len(reference) != 1:
+            raise StudyError('reference: must have one of run, closed_form, csv')
+        kind, value = next(iter(reference.items()))
+        if kind == 'run':
+            options = world_options('reference.run', expect_any('reference.run', value))
+            if 'tolerance' not in options and 'time_step' not in options:
+                raise StudyError('reference.run: needs a tolerance or a time_step of its own')
+            value = options
+        elif kind == 'closed_form':
+            variables = {'t', *(each.name for each in self.parameters)}
+            for body, components in expect_any('reference.closed_form', value).items():
+                expect_keys(f'reference.closed_form.{body}', components, COMPONENTS)
+                for component, text in components.items():
+                    where = f'reference.closed_form.{body}.{component}'
+                    try:
+                        expressions.value(text, dict.fromkeys(variables, np.ones(2)))
+                    except expressions.ExpressionError as error:
+                        raise StudyError(f'{where}: {error}') from None
+        else:
+            value = self.read_csv(value)
+        self.reference = {kind: value}
+
+    def read_csv(self, file):
+        """A trajectory as the runner writes it."""
+        rows = collections.defaultdict(dict)
+        try:
+            with open(self.folder / str(file), newline='') as stream:
+                for row in csv.DictReader(stream):
+                    rows[float(row['time'])][row['body']] = [float(row[name]) for name in COMPONENTS]
+        except (OSError, KeyError, TypeError, ValueError) as error:
+            raise StudyError(f'reference.csv: cannot read {file!r}: {error}') from None
+        if not rows:
+            raise StudyError(f'reference.csv: {file!r} is empty')
+        return dict(rows)
+
+    def check_plots(self):
+        """Only columns that there will be."""
+        axes = {*MEASURES, *CHOICES, *(each.name for each in self.parameters)}
+        for where, entries, keys, needed in (
+                ('plots', self.plots, ('x', 'y', 'of', 'line', 'title'), ('x', 'y')),
+                ('limits', self.limits, ('of', 'error', 'below'), ('of', 'error', 'below'))):
+            if entries is None:
+                continue
+            for entry in listed(where, entries):
+                expect_keys(where, entry, keys)
+                for key in needed:
+                    if key not in entry:
+                        raise StudyError(f'{where}: needs {key}')
+                for key in set(entry) & {'x', 'y', 'of', 'error'}:
+                    if entry[key] not in {*axes, 'outcome'}:
+                        raise StudyError(f'{where}.{key}: there is no {entry[key]!r}; there are '
+                                         + ', '.join(sorted(axes)))
+                for key in set(entry) & {'below', 'line'}:
+                    entry[key] = number(f'{where}.{key}', entry[key])
+
+    # ---- the grid
+
+    def count(self):
+        drawn = [len(each.values) for each in self.parameters if each.draw]
+        return (len(self.scenes) * math.prod(len(each.values) for each in self.parameters if not each.draw)
+                * (drawn[0] if drawn else 1) * len(self.methods) * len(self.time_steps)
+                * len(self.tolerances))
+
+    def points(self):
+        """(scene, values by parameter) in their order."""
+        grid = [each for each in self.parameters if not each.draw]
+        drawn = [each for each in self.parameters if each.draw]
+        draws = list(zip(*(each.values for each in drawn))) if drawn else [()]
+        for scene in self.scenes:
+            for values in itertools.product(*(each.values for each in grid)):
+                for draw in draws:
+                    chosen = {**dict(zip((each.name for each in grid), values)),
+                              **dict(zip((each.name for each in drawn), draw))}
+                    yield scene, {each.name: chosen[each.name] for each in self.parameters}
+
+    def cases_at(self, first, scene, values):
+        for offset, (each, step, tolerance) in enumerate(
+                itertools.product(self.methods, self.time_steps, self.tolerances)):
+            yield Case(first + offset, scene, values, each, step, tolerance)
+
+    def text_of(self, case, overrides=None):
+        """The scene of a case, as the runner would be given it. Throws StudyError."""
+        template = self.scenes[case.scene]
+        edits = {}
+        for each in self.parameters:
+            for path in each.paths:
+                self.set(edits, path, case.values[each.name], f'parameters.{each.name}')
+        choices = dict(case.method.options)
+        if case.time_step is not None:
+            self.choose(choices, 'time_step', case.time_step, 'time_steps')
+        if case.tolerance is not None:
+            self.choose(choices, 'tolerance', case.tolerance, 'tolerances')
+        choices.update(overrides or {})
+        for key, value in choices.items():
+            self.set(edits, f'world.{key}', value, 'methods, time_steps and tolerances',
+                     replaces=overrides is not None)
+        try:
+            return template.filled([(self.places(case.scene, path), value)
+                                    for path, value in edits.items()])
+        except PathError as error:
+            raise StudyError(f'{template.source}: {error}') from None
+
+    @staticmethod
+    def choose(choices, key, value, where):
+        if key in choices:
+            raise StudyError(f'{where}: a method has its own {key}')
+        choices[key] = value
+
+    @staticmethod
+    def set(edits, path, value, where, replaces=False):
+        if path in edits and not replaces:
+            raise StudyError(f'{where}: {path} is set twice')
+        edits[path] = value
+
+    def places(self, scene, path):
+        cache = self.__dict__.setdefault('_places', {})
+        if (scene, path) not in cache:
+            cache[scene, path] = self.scenes[scene].places(path)
+        return cache[scene, path]
+
+    # ---- jobs
+
+    def jobs(self, program, progress=lambda count: None):
+        """Groups of cases that are compared with each other, without their texts (`filled`); checks
+        each case on the way."""
+        count = self.count()
+        if count > MOST_CASES:
+            raise StudyError(f'study: has {count} cases, more than {MOST_CASES}')
+        self.check_overlaps()
+        index = 0
+        for scene, values in self.points():
+            cases = list(self.cases_at(index, scene, values))
+            index += len(cases)
+            checked = [self.checked(case) for case in cases]
+            job = {'reference': self.reference_of(cases[0], checked), 'rounds': self.rounds,
+                   'time_limit': self.time_limit}
+            facts = json.dumps([self.fingerprint(job['reference']), self.rounds, self.time_limit,
+                                self.memory, program], sort_keys=True)
+            for entry in checked:
+                entry['key'] = hashlib.sha256(
+                    (facts + json.dumps(entry, sort_keys=True)).encode()).hexdigest()[:32]
+            for entry, case in zip(checked, cases):
+                entry.update(text=None, case=case)
+            for entry in (job['reference'] or {}).get('runs', ()):
+                entry['text'] = None
+            job['cases'] = checked
+            progress(len(cases))
+            yield job, cases
+
+    def filled(self, job):
+        """A job as a worker needs it: texts are made when they are sent, for there may be many."""
+        cases = [{**{key: value for key, value in entry.items() if key != 'case'},
+                  'text': self.text_of(entry['case'])} for entry in job['cases']]
+        reference = job['reference']
+        if reference is not None and 'runs' in reference:
+            plain = self.plain(job['cases'][0]['case'])
+            reference = {'runs': [{**entry, 'text': self.text_of(plain, entry['options'])}
+                                  for entry in reference['runs']]}
+        return {**job, 'cases': cases, 'reference': reference}
+
+    @staticmethod
+    def plain(case):
+        """The same scene and parameters, as they were written."""
+        return case._replace(method=Method('reference', {}), time_step=None, tolerance=None)
+
+    def check_overlaps(self):
+        """No two parameters in one place."""
+        for scene in self.scenes:
+            seen = {}
+            for each in self.parameters:
+                for path in each.paths:
+                    try:
+                        places = self.places(scene, path)
+                    except PathError as error:
+                        raise StudyError(f'parameters.{each.name}: {self.scenes[scene].source}: '
+                                         f'{error}') from None
+                    for start, end, before, _ in places:
+                        other = seen.setdefault((start, end, before), each.name)
+                        if other != each.name:
+                            raise StudyError(f'parameters.{each.name}: sets {path}, as {other} does')
+
+    @staticmethod
+    def fingerprint(reference):
+        if reference is None or 'states' not in reference:
+            return reference
+        return hashlib.sha256(reference['times'].tobytes() + reference['states'].tobytes()).hexdigest()
+
+    def described(self, case):
+        values = {**case.values, 'method': case.method.name, 'time_step': case.time_step,
+                  'tolerance': case.tolerance}
+        return ', '.join(f'{key} {value}' for key, value in values.items() if value is not None)
+
+    def checked(self, case):
+        """What a worker needs; the scene is loaded, so that what is refused is told now."""
+        text = self.text_of(case)
+        try:
+            world = engine.load_scene(text, self.scenes[case.scene].source)
+        except ValueError as error:
+            raise StudyError(f'{error}\n  with {self.described(case)}') from None
+        entry = self.entry(text, world, self.described(case))
+        if case.method.peer is not None:
+            entry['peer'] = {**self.peers[case.method.peer]._asdict(),
+                             'tick': world.options['time_step'],
+                             'sample': self.duration if self.every is None else self.every}
+        return entry
+
+    def entry(self, text, world, description):
+        names, step = world.body_names, world.options['time_step']
+        bodies = names if self.bodies is None else [str(name) for name in listed('outputs.bodies', self.bodies)]
+        for name in bodies:
+            if name not in names:
+                raise StudyError(f'outputs.bodies: there is no {name!r}; there are ' + ', '.join(names))
+        for name in (self.reference or {}).get('closed_form', {}):
+            if name not in bodies:
+                raise StudyError(f'reference.closed_form: there is no body {name!r} among the outputs')
+        ticks = round(self.duration / step)
+        if ticks < 1 or abs(ticks * step - self.duration) > 1e-9 * self.duration:
+            raise StudyError(f'duration: {self.duration:g} s is not a whole number of ticks of '
+                             f'{step:.17g} s ({description})')
+        interval = self.duration if self.every is None else self.every
+        stride = max(1, round(interval / step))
+        ratio = interval / step if interval >= step else step / interval
+        if abs(ratio - round(ratio)) > 1e-6:
+            raise StudyError(f'outputs.every: {interval:g} s and ticks of {step:.17g} s do not fit: one '
+                             f'must be a multiple of the other ({description})')
+        return {'text': text, 'duration': self.duration, 'stride': stride, 'bodies': bodies,
+                'states': bodies if self.bodies is not None or len(bodies) <= 20 else [],
+                'keeps_samples': self.keeps_samples}
+
+    def reference_of(self, case, checked):
+        if self.reference is None:
+            return None
+        kind, value = next(iter(self.reference.items()))
+        if kind == 'closed_form':
+            variables = {key: element for key, element in case.values.items()
+                         if isinstance(element, (int, float))}
+            return {'closed_form': {'bodies': value, 'variables': variables}}
+        if kind == 'csv':
+            times = sorted(value)
+            for name in checked[0]['bodies']:
+                if any(name not in value[time] for time in times):
+                    raise StudyError(f'reference.csv: has no body {name!r} at each time')
+            return {'times': np.array(times), 'states': np.array(
+                [[value[time][name] for name in checked[0]['bodies']] for time in times])}
+        plain = self.plain(case)
+        step = min(self.time_steps) if self.time_steps[0] is not None else \
+            engine.load_scene(self.text_of(plain)).options['time_step']
+        runs = []
+        for is_looser in (False, True):  # by how much they differ is what the first is off by, at most
+            # shorter ticks than any case: where one substep a tick is enough, a tolerance changes nothing
+            options = {'time_step': min(step, self.every or step) / 2.0, **value}
+            if is_looser and 'tolerance' in options:
+                options['tolerance'] *= 10.0
+            options['time_step'] *= 2.0 if is_looser else 1.0
+            text = self.text_of(plain, options)
+            try:
+                world = engine.load_scene(text, f'{self.scenes[case.scene].source}, the reference')
+            except ValueError as error:
+                raise StudyError(f'reference.run: {error}') from None
+            runs.append({**self.entry(text, world, 'the reference'), 'options': options})
+        return {'runs': runs}
+
+
+def expect_any(where, value):
+    if not isinstance(value, dict):
+        raise StudyError(f'{where}: must be a map, got {value!r}')
+    return value
+
+
+def load(path, peers=None):
+    path = pathlib.Path(path)
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(f'cannot read {path}: {error}') from None
+    return Study(text, path.parent, str(path), peers)

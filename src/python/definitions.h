@@ -1,0 +1,17 @@
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+#include <memory>
+
+#include "python/shared_world.h"
+
+namespace constraint_sim::python {
+
+// Classes of the module, one file of definitions each.
+
+void define_shapes(py::module* module);
+void define_reports(py::module* module);  ///< StepReport and RunReport
+void define_world(py::module* module);
+
+}  // namespace constraint_sim::python

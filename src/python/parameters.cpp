@@ -1,0 +1,266 @@
+#include "python/parameters.h"
+
+#include <pybind11/stl.h>
+
+#include <array>
+#include <stdexcept>
+#include <utility>
+#include <variant>
+
+namespace constraint_sim::python {
+namespace {
+
+// ---- one line a parameter: `visit(key, field)` for each, to read and to write alike
+
+template <class Options, class Visit>
+void visit_options(Options& options, Visit visit) {
+  visit("gravity", options.gravity);
+  visit("time_step", options.time_step);
+  visit("closing_time", options.closing_time);
+  visit("sleep_after", options.sleep_after);
+  visit("sleep_speed", options.sleep_speed);
+  visit("threads", options.threads);
+  visit("order", options.order);
+  visit("tolerance", options.tolerance);
+  visit("stiff_order", options.stiff_order);
+  visit("dissipation", options.dissipation);
+  visit("stiffness_limit", options.stiffness_limit);
+  visit("iterations", options.iterations);
+  visit("warm_starting", options.warm_starting);
+  visit("baumgarte", options.baumgarte);
+}
+
+template <class State, class Visit>
+void visit_state(State& state, Visit visit) {
+  visit("position", state.position);
+  visit("orientation", state.orientation);
+  visit("linear_velocity", state.linear_velocity);
+  visit("angular_velocity", state.angular_velocity);
+}
+
+template <class Body, class Visit>
+void visit_body(Body& body, Visit visit) {
+  visit("name", body.name);
+  visit("mass", body.mass);
+  visit("inertia", body.inertia);
+  visit_state(body.state, visit);
+  visit("friction", body.friction);
+  visit("restitution", body.restitution);
+  visit("no_collision", body.no_collision);
+}
+
+template <class Motor, class Visit>
+void visit_motor(Motor& motor, Visit visit) {
+  visit("bias", motor.bias);
+  visit("amplitude", motor.amplitude);
+  visit("frequency", motor.frequency);
+  visit("phase", motor.phase);
+  visit("max_force", motor.max_force);
+  visit("timeout", motor.timeout);
+}
+
+template <class Joint, class Visit>
+void visit_joint(Joint& joint, Visit visit) {
+  visit("name", joint.name);
+  visit("anchor_a", joint.anchor_a);
+  visit("anchor_b", joint.anchor_b);
+  visit("baumgarte", joint.baumgarte);
+  visit("break_force", joint.break_force);
+  visit("collide_connected", joint.collide_connected);
+}
+
+template <class Distance, class Visit>
+void visit_distance(Distance& distance, Visit visit) {
+  visit("length", distance.length);
+  visit("min_length", distance.min_length);
+  visit("max_length", distance.max_length);
+  visit("frequency", distance.frequency);
+  visit("damping_ratio", distance.damping_ratio);
+  visit("stiffness", distance.stiffness);
+  visit("damping", distance.damping);
+}
+
+template <class Value>
+py::object to_python(const Value& value) {
+  return py::cast(value);
+}
+template <>
+py::object to_python(const Eigen::Vector3d& value) {
+  return tuple_of(value);
+}
+template <>
+py::object to_python(const Eigen::Quaterniond& value) {
+  return py::make_tuple(value.x(), value.y(), value.z(), value.w());
+}
+
+auto reader(Keywords* keywords) {
+  return [keywords](const char* key, auto& field) { keywords->read(key, &field); };
+}
+
+auto writer(py::dict* dict) {
+  return [dict](const char* key, const auto& field) { (*dict)[key] = to_python(field); };
+}
+
+/// Value that has the name `text` in this list; throws std::invalid_argument naming `field`.
+template <class Value, std::size_t count>
+Value named(const std::string& field, const std::string& text,
+            const std::array<std::pair<const char*, Value>, count>& list) {
+  std::string existing;
+  for (const auto& [name, value] : list) {
+    if (text == name) return value;
+    existing += (existing.empty() ? "" : ", ") + std::string(name);
+  }
+  throw std::invalid_argument(field + ": there is no '" + text + "'; there are " + existing);
+}
+
+auto method_names() {
+  std::array<std::pair<const char*, engine::Method>, engine::kMethodCount> names;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto method = static_cast<engine::Method>(i);
+    names[i] = {engine::name(method), method};
+  }
+  return names;
+}
+
+constexpr std::array<std::pair<const char*, engine::BodyType>, 3> kBodyTypes{{
+    {"dynamic", engine::BodyType::kDynamic},
+    {"static", engine::BodyType::kStatic},
+    {"kinematic", engine::BodyType::kKinematic},
+}};
+
+engine::Shape shape_from(const py::object& value) {
+  try {
+    return value.cast<engine::Shape>();
+  } catch (const py::cast_error&) {
+    throw std::invalid_argument("shape: must be a Point, Sphere, Box or Plane, got " +
+                                std::string(py::str(py::repr(value))));
+  }
+}
+
+engine::BodyId body_named(const engine::World& world, const std::string& name) {
+  return name == "world" ? engine::kWorldBody : world.find_body(name);
+}
+
+}  // namespace
+
+py::tuple tuple_of(const Eigen::Vector3d& vector) {
+  return py::make_tuple(vector.x(), vector.y(), vector.z());
+}
+
+// ---- options
+
+void options_from(const py::dict& keywords, engine::WorldOptions* target) {
+  Keywords reading("options", keywords);
+  engine::WorldOptions options = *target;
+  visit_options(options, reader(&reading));
+  std::string method = engine::name(options.method);
+  reading.read("method", &method);
+  options.method = named("method", method, method_names());
+  reading.expect_no_more();
+  engine::validate(options);
+  *target = options;
+}
+
+py::dict options_dict(const engine::WorldOptions& options) {
+  py::dict dict;
+  visit_options(options, writer(&dict));
+  dict["method"] = engine::name(options.method);
+  return dict;
+}
+
+// ---- bodies
+
+void body_from(const py::dict& keywords, engine::Body* target) {
+  Keywords reading("add_body", keywords);
+  visit_body(*target, reader(&reading));
+  std::string type = "dynamic";
+  reading.read("type", &type);
+  target->type = named("type", type, kBodyTypes);
+  if (const py::object shape = reading.find("shape")) target->shape = shape_from(shape);
+  reading.expect_no_more();
+}
+
+py::dict body_dict(const engine::Body& body) {
+  py::dict dict;
+  visit_body(body, writer(&dict));
+  for (const auto& [name, type] : kBodyTypes)
+    if (type == body.type) dict["type"] = name;
+  dict["shape"] = body.shape;
+  return dict;
+}
+
+void state_from(const py::dict& keywords, engine::BodyState* target) {
+  Keywords reading("set_state", keywords);
+  visit_state(*target, reader(&reading));
+  reading.expect_no_more();
+}
+
+py::dict state_dict(const engine::BodyState& state) {
+  py::dict dict;
+  visit_state(state, writer(&dict));
+  return dict;
+}
+
+std::string body_name(const engine::World& world, engine::BodyId id) {
+  return id == engine::kWorldBody ? "world" : world.body(id).name;
+}
+
+// ---- joints
+
+void motor_from(const py::dict& keywords, engine::Motor* target) {
+  Keywords reading("motor", keywords);
+  visit_motor(*target, reader(&reading));
+  reading.expect_no_more();
+}
+
+py::dict motor_dict(const engine::Motor& motor) {
+  py::dict dict;
+  visit_motor(motor, writer(&dict));
+  return dict;
+}
+
+engine::Joint joint_from(const py::dict& keywords, const engine::World& world, bool* broken) {
+  Keywords reading("add_joint", keywords);
+  engine::Joint joint;
+  visit_joint(joint, reader(&reading));
+  std::string type = "distance", body_a = "world", body_b = "world";
+  reading.read("type", &type);
+  reading.read("body_a", &body_a);
+  reading.read("body_b", &body_b);
+  reading.read("broken", broken);
+  joint.body_a = body_named(world, body_a);
+  joint.body_b = body_named(world, body_b);
+  if (type == "distance") {
+    engine::DistanceJoint distance;
+    visit_distance(distance, reader(&reading));
+    joint.type = distance;
+  } else if (type == "ball") {
+    joint.type = engine::BallJoint{};
+  } else {
+    throw std::invalid_argument("type: there is no '" + type + "'; there are distance, ball");
+  }
+  if (const py::object motor = reading.find("motor")) {
+    if (!py::isinstance<py::dict>(motor))
+      throw std::invalid_argument("motor: must be a dict, got " +
+                                  std::string(py::str(py::repr(motor))));
+    motor_from(motor.cast<py::dict>(), &joint.motor);
+  }
+  reading.expect_no_more();
+  return joint;
+}
+
+py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool broken) {
+  py::dict dict;
+  visit_joint(joint, writer(&dict));
+  dict["type"] = engine::type_name(joint.type);
+  dict["body_a"] = body_name(world, joint.body_a);
+  dict["body_b"] = body_name(world, joint.body_b);
+  if (const auto* distance = std::get_if<engine::DistanceJoint>(&joint.type)) {
+    visit_distance(*distance, writer(&dict));
+    dict["motor"] = motor_dict(joint.motor);
+  }
+  dict["broken"] = broken;
+  return dict;
+}
+
+}  // namespace constraint_sim::python

@@ -1,0 +1,99 @@
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include "python/definitions.h"
+
+namespace constraint_sim::python {
+namespace {
+
+py::dict islands_of(const engine::StepReport& report) {
+  py::dict dict;
+  for (std::size_t i = 0; i < engine::kMethodCount; ++i)
+    if (static_cast<engine::Method>(i) != engine::Method::kAuto)
+      dict[engine::name(static_cast<engine::Method>(i))] = report.islands[i];
+  return dict;
+}
+
+void define_step_report(py::module* module) {
+  using Report = engine::StepReport;
+  py::class_<Report>(*module, "StepReport",
+                     "What one step did, how wrong it is and what it cost. A copy: it keeps its "
+                     "values when the world steps on.")
+      .def_readonly("step", &Report::step, "steps since the start, this one included")
+      .def_readonly("time", &Report::time, "simulated time after the step [s]")
+      .def_readonly("max_constraint_error", &Report::max_constraint_error,
+                    "largest |error| of the joints, springs excepted [m]")
+      .def_readonly("max_penetration", &Report::max_penetration, "deepest contact [m]")
+      .def_readonly("energy", &Report::energy,
+                    "kinetic energy + potential energy of gravity and springs [J]")
+      .def_readonly("energy_drift", &Report::energy_drift,
+                    "change of energy since the last edit over the largest kinetic energy [1]")
+      .def_readonly("local_error", &Report::local_error,
+                    "largest error estimate of an island for this step [m]")
+      .def_readonly("dependent_rows", &Report::dependent_rows,
+                    "redundant equations, at most at once")
+      .def_readonly("unresolved_bodies", &Report::unresolved_bodies,
+                    "bodies of stiff islands that move faster than the step resolves")
+      .def_readonly("torn_joints", &Report::torn_joints, "joints that broke in this step")
+      .def_readonly("projected_energy", &Report::projected_energy,
+                    "kinetic energy lost where velocities were projected onto the joints [J]")
+      .def_readonly("failed", &Report::failed,
+                    "the result was not finite; the world kept the state before the step")
+      .def_property_readonly("islands", &islands_of, "islands advanced by each method")
+      .def_readonly("asleep", &Report::asleep, "islands at rest, left out")
+      .def_readonly("changes", &Report::changes, "changes of method")
+      .def_readonly("substeps", &Report::substeps, "of all islands")
+      .def_readonly("rejected", &Report::rejected, "rejected substeps")
+      .def_readonly("iterations", &Report::iterations, "sweeps over the rows, and Newton's")
+      .def_readonly("rows", &Report::rows, "scalar equations solved")
+      .def_readonly("contacts", &Report::contacts, "contact points of islands that are awake")
+      .def_readonly("candidate_pairs", &Report::candidate_pairs, "pairs after the broadphase")
+      .def("__repr__", [](const Report& report) {
+        return py::str("<StepReport step {} time {} s: constraint error {:.3g} m, failed {}>")
+            .format(report.step, report.time, report.max_constraint_error, report.failed);
+      });
+}
+
+void define_run_report(py::module* module) {
+  py::class_<RunReport>(*module, "RunReport",
+                        "Outcome of World.run: worst values over its steps, sums, and samples.")
+      .def_readonly("steps", &RunReport::steps, "steps taken")
+      .def_readonly("failed", &RunReport::failed,
+                    "a step was not finite: the run ended with the state before it")
+      .def_readonly("timed_out", &RunReport::timed_out, "time_limit was reached before the end")
+      .def_readonly("wall_time", &RunReport::wall_time, "run time of the steps alone [s]")
+      .def_readonly("max_constraint_error", &RunReport::max_constraint_error, "over all steps [m]")
+      .def_readonly("max_penetration", &RunReport::max_penetration, "over all steps [m]")
+      .def_readonly("accumulated_local_error", &RunReport::accumulated_local_error,
+                    "sum of the steps' estimates [m]")
+      .def_readonly("energy_initial", &RunReport::energy_initial, "before the first step [J]")
+      .def_readonly("energy_final", &RunReport::energy_final, "after the last step [J]")
+      .def_readonly("energy_drift", &RunReport::energy_drift, "of the last step [1]")
+      .def_readonly("methods", &RunReport::methods, "that advanced an island")
+      .def_readonly("unresolved_bodies", &RunReport::unresolved_bodies,
+                    "names of bodies that moved faster than a step resolves")
+      .def_readonly("substeps", &RunReport::substeps, "sum over all steps")
+      .def_readonly("rejected", &RunReport::rejected, "rejected substeps, sum over all steps")
+      .def_readonly("iterations", &RunReport::iterations, "sum over all steps")
+      .def_readonly("rows", &RunReport::rows, "sum over all steps")
+      .def_readonly("contacts", &RunReport::contacts, "sum over all steps")
+      .def_readonly("torn_joints", &RunReport::torn_joints, "joints that broke")
+      .def_readonly("changes", &RunReport::changes, "changes of method")
+      .def_readonly("dependent_rows", &RunReport::dependent_rows, "most at once")
+      .def_readonly("times", &RunReport::times, "of the samples [s], shape (samples,); or None")
+      .def_readonly("states", &RunReport::states,
+                    "samples of all bodies, shape (samples, bodies, 13) as World.states; or None")
+      .def("__repr__", [](const RunReport& report) {
+        return py::str("<RunReport {} steps: constraint error {:.3g} m, failed {}>")
+            .format(report.steps, report.max_constraint_error, report.failed);
+      });
+}
+
+}  // namespace
+
+void define_reports(py::module* module) {
+  define_step_report(module);
+  define_run_report(module);
+}
+
+}  // namespace constraint_sim::python

@@ -1,0 +1,49 @@
+#include <pybind11/pybind11.h>
+
+#include <string>
+
+#include "constraint_sim/shape.h"
+#include "python/definitions.h"
+#include "python/keywords.h"
+#include "python/parameters.h"
+
+namespace constraint_sim::python {
+
+void define_shapes(py::module* module) {
+  py::class_<engine::Point>(*module, "Point",
+                            "Point()\n\nTouches nothing, and rotates only with an inertia.")
+      .def(py::init<>())
+      .def("__repr__", [](const engine::Point&) { return "Point()"; });
+  py::class_<engine::Sphere>(*module, "Sphere",
+                             "Sphere(radius)\n\nCentred on the body; radius [m] > 0.")
+      .def(py::init(
+               [](const py::object& radius) { return engine::Sphere{number("radius", radius)}; }),
+           py::arg("radius"))
+      .def_readonly("radius", &engine::Sphere::radius, "[m]")
+      .def("__repr__", [](const engine::Sphere& sphere) {
+        return "Sphere(" + std::string(py::str(py::float_(sphere.radius))) + ")";
+      });
+  py::class_<engine::Box>(
+      *module, "Box",
+      "Box(size)\n\nCentred on the body, whole edge lengths along its axes [m] > 0.")
+      .def(py::init([](const py::object& size) {
+             py::dict dict;
+             dict["size"] = size;
+             engine::Box box;
+             Keywords("Box", dict).read("size", &box.size);
+             return box;
+           }),
+           py::arg("size"))
+      .def_property_readonly(
+          "size", [](const engine::Box& box) { return tuple_of(box.size); }, "[m]")
+      .def("__repr__", [](const engine::Box& box) {
+        return "Box(" + std::string(py::str(tuple_of(box.size))) + ")";
+      });
+  py::class_<engine::Plane>(*module, "Plane",
+                            "Plane()\n\nSolid below the body's x-y plane; static and kinematic "
+                            "bodies only.")
+      .def(py::init<>())
+      .def("__repr__", [](const engine::Plane&) { return "Plane()"; });
+}
+
+}  // namespace constraint_sim::python

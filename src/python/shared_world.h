@@ -1,0 +1,92 @@
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "constraint_sim/world.h"
+
+namespace constraint_sim::python {
+
+namespace py = pybind11;
+
+/// Numbers of one body in the arrays: position, orientation x y z w, linear and angular velocity.
+constexpr py::ssize_t kStateSize = 13;
+
+/// Outcome of World.run: worst values over all its steps, and sums.
+struct RunReport {
+  std::uint64_t steps = 0;
+  bool failed = false;     ///< a step was not finite: the world kept the state before it
+  bool timed_out = false;  ///< `time_limit` was reached before the end
+  double wall_time = 0.0;  ///< of the steps alone [s]
+  double max_constraint_error = 0.0, max_penetration = 0.0;  ///< [m]
+  double accumulated_local_error = 0.0;                      ///< [m]
+  double energy_initial = 0.0, energy_final = 0.0;           ///< [J]
+  double energy_drift = 0.0;                                 ///< after the last step [1]
+  std::set<std::string> methods, unresolved_bodies;          ///< by name
+  std::uint64_t substeps = 0, rejected = 0, iterations = 0, rows = 0, contacts = 0;
+  std::uint64_t torn_joints = 0, changes = 0;
+  std::uint32_t dependent_rows = 0;                    ///< most at once
+  py::object times = py::none(), states = py::none();  ///< arrays, where samples were asked for
+};
+
+/// World of the engine with what Python needs beside it: the array behind its states, and the mark
+/// that another thread is stepping it. All members are used under the GIL only.
+class SharedWorld {
+ public:
+  explicit SharedWorld(engine::World world) : world_(std::move(world)) {}
+
+  /// The world to read. Throws std::runtime_error while another thread steps it.
+  const engine::World& read() const;
+  /// `action(world)`, with the arrays of Python brought up to date afterwards.
+  template <class Action>
+  auto edit(Action action);
+
+  /// Columns [first, first + count) of all bodies, a read-only view into the buffer.
+  py::array columns(py::ssize_t first, py::ssize_t count);
+  const engine::StepReport& step();
+  /// Samples: the start and every `every` ticks; 0: none.
+  RunReport run(double duration, std::uint64_t every, double time_limit);
+
+ private:
+  /// Rows of kStateSize numbers; lives as long as the world or an array needs it.
+  using Buffer = std::vector<double>;
+
+  /// Releases the GIL and marks the world as in use, for as long as it lives.
+  class Stepping;
+  struct Samples {
+    std::vector<double> times, states;
+  };
+
+  void check_idle() const;
+  void update_arrays();
+  static void write_states(const engine::World& world, const std::vector<engine::BodyId>& ids,
+                           double* target);
+  void run_released(std::uint64_t steps, std::uint64_t every, double time_limit, RunReport* report,
+                    Samples* samples);
+
+  engine::World world_;
+  bool is_stepping_ = false;
+  std::shared_ptr<Buffer> buffer_;   ///< null until an array is asked for
+  std::vector<engine::BodyId> ids_;  ///< of the rows of the buffer
+};
+
+/// Restores the arrays' contents also when `action` throws: an engine's edit changes all or
+/// nothing.
+template <class Action>
+auto SharedWorld::edit(Action action) {
+  check_idle();
+  struct Update {
+    SharedWorld* world;
+    ~Update() { world->update_arrays(); }
+  } update{this};
+  return action(world_);
+}
+
+}  // namespace constraint_sim::python

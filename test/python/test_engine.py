@@ -1,0 +1,389 @@
+"""The Python module of the engine, against the runner and closed forms."""
+import ast
+import concurrent.futures
+import copy
+import gc
+import inspect
+import json
+import math
+import pathlib
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+import yaml
+
+from constraint_sim import engine
+from support import RUNNER, SCENES, SOURCES, run_example
+
+PENDULUM = SCENES / 'pendulum.yaml'
+
+
+def hanging(**options):
+    """A bob of 1 kg on a rod of 1 m, released at 0.1 rad."""
+    world = engine.World(**options)
+    world.add_body('bob', shape=engine.Sphere(0.1), mass=1.0,
+                   position=(math.sin(0.1), 0.0, -math.cos(0.1)))
+    world.add_joint('rod', body_b='bob', length=1.0)
+    return world
+
+
+def test_same_bits_as_the_runner(tmp_path):
+    """Every scene of the repository: state hash, states and sums of the JSON report."""
+    scenes = sorted(SCENES.glob('*.yaml'))
+    assert len(scenes) >= 11
+    for scene in scenes:
+        report = tmp_path / 'report.json'
+        subprocess.run([RUNNER, scene, '--duration', '0.5', '--report', report], check=True,
+                       stdout=subprocess.DEVNULL)
+        expected = json.loads(report.read_text())
+        world = engine.load_scene_file(str(scene))
+        run = world.run(0.5)
+        assert f'0x{world.state_hash:016x}' == expected['state_hash'], scene.name
+        assert run.steps == expected['steps'] and world.time == expected['sim_time']
+        for name in ('max_constraint_error', 'accumulated_local_error', 'energy_initial',
+                     'energy_final'):
+            assert getattr(run, name) == expected[name], (scene.name, name)
+        assert run.methods == set(expected['methods'])
+        for name, state in expected['bodies'].items():
+            assert {key: tuple(value) for key, value in state.items()} == world.state(name)
+
+
+def test_single_steps_are_those_of_a_run():
+    stepped, run = hanging(), hanging()
+    reports = [stepped.step() for _ in range(100)]
+    run.run(1.0)
+    assert stepped.state_hash == run.state_hash
+    assert [report.step for report in reports] == list(range(1, 101)), 'reports are copies'
+    assert run.report.time == run.time == pytest.approx(1.0, abs=1e-12)
+
+
+def test_pendulum_against_the_elliptic_period():
+    """Amplitude 0.1 rad: period 2 pi sqrt(l/g) / agm(1, cos(angle / 2)), after Gauss. The ball turns
+    with nothing: the rod holds its centre."""
+    a, b = 1.0, math.cos(0.05)
+    while abs(a - b) > 1e-16:
+        a, b = (a + b) / 2.0, math.sqrt(a * b)
+    period = 2.0 * math.pi * math.sqrt(1.0 / 9.81) / a
+    world = hanging(time_step=period / 100.0, tolerance=1e-10)
+    world.run(period)
+    # 1e-10 m of error per second of simulated time, over 2 s, and rounding of the period
+    assert world.positions[0] == pytest.approx((math.sin(0.1), 0.0, -math.cos(0.1)), abs=1e-9)
+
+
+def test_arrays_are_views_that_follow():
+    world = hanging()
+    states, positions = world.states, world.positions
+    assert states.shape == (1, 13) and np.shares_memory(states, positions)
+    assert np.shares_memory(positions, world.positions), 'asked again, the same memory'
+    world.run(0.5)
+    expected = world.state('bob')
+    assert tuple(positions[0]) == expected['position']
+    assert tuple(states[0, 3:7]) == expected['orientation'] == tuple(world.orientations[0])
+    assert tuple(states[0, 7:10]) == expected['linear_velocity']
+    assert tuple(states[0, 10:]) == expected['angular_velocity']
+    with pytest.raises(ValueError):
+        positions[0, 0] = 1.0
+    world.set_state('bob', position=(0.0, 1.0, 0.0))
+    assert tuple(positions[0]) == (0.0, 1.0, 0.0)
+
+
+def test_arrays_outlive_edits_and_the_world():
+    world = hanging()
+    positions = world.positions
+    before = positions.copy()
+    world.add_body('other', mass=1.0)
+    world.run(0.1)
+    assert (positions == before).all(), 'the last state before bodies changed'
+    assert world.positions.shape == (2, 3)
+    kept = world.positions
+    expected = kept.copy()
+    del world
+    gc.collect()
+    assert (kept == expected).all()
+
+
+def test_samples():
+    world, again = hanging(), hanging()
+    samples = world.run(1.0, every=25)
+    assert samples.times == pytest.approx([0.0, 0.25, 0.5, 0.75, 1.0], abs=1e-12)
+    for index in range(1, 5):
+        again.run(0.25)
+        assert (samples.states[index] == again.states).all()
+    assert world.run(0.1).states is None
+
+
+def test_bodies_joints_and_options_go_round():
+    world = engine.World(method='energy_momentum', gravity=(0.0, 0.0, -1.62), threads=2)
+    world.add_body('floor', type='static', shape=engine.Plane(), friction=0.3)
+    world.add_body('box', shape=engine.Box((1.0, 2.0, 3.0)), mass=2.0, position=(0.0, 0.0, 5.0),
+                   orientation=(0.0, 0.0, 0.6, 0.8), restitution=0.5)
+    world.add_body('point', mass=1.0, position=(2.0, 0.0, 5.0), inertia=(0.1, 0.1, 0.1))
+    world.add_joint('spring', body_a='box', body_b='point', frequency=2.0, damping_ratio=0.1)
+    world.add_joint('hook', type='ball', body_b='box', anchor_a=(0.0, 0.0, 6.5),
+                    anchor_b=(0.0, 0.0, 1.5), break_force=1e6)
+    world.add_joint('winch', body_a='box', body_b='point', motor={'bias': 0.1})
+    again = engine.World(**world.options)
+    for name in world.body_names:
+        again.add_body(**world.body(name))
+    for name in world.joint_names:
+        again.add_joint(**world.joint(name))
+    assert again.options == world.options and again.state_hash == world.state_hash
+    for each in (world, again):
+        each.run(0.5)
+    assert again.state_hash == world.state_hash
+    assert world.joint_state('winch')['travel'] == pytest.approx(0.05, abs=1e-12)
+    assert world.remove_body('point') == ['spring', 'winch']
+    world.remove_joint('hook')
+    assert world.joint_names == []
+
+
+def test_motors_wrenches_and_broken_joints():
+    world = hanging()
+    world.set_motor('rod', bias=0.2)
+    world.run(1.0)
+    # the motor adds exactly bias * time; the rod keeps it to rounding
+    assert np.linalg.norm(world.positions[0]) == pytest.approx(1.2, abs=1e-9)
+    world.set_broken('rod', True)
+    assert world.joint_state('rod')['broken']
+    free = engine.World(gravity=(0.0, 0.0, 0.0))
+    free.add_body('puck', mass=2.0)
+    free.add_wrench('puck', force=(4.0, 0.0, 0.0), duration=0.5)
+    free.run(1.0)
+    # impulse 2 N s on 2 kg from rest: 1 m/s, and 0.25 + 0.5 m
+    assert free.linear_velocities[0] == pytest.approx((1.0, 0.0, 0.0), abs=1e-12)
+    assert free.positions[0] == pytest.approx((0.75, 0.0, 0.0), abs=1e-9)
+    free.add_wrench('puck', force=(1.0, 0.0, 0.0))
+    free.clear_wrenches('puck')
+    free.run(1.0)
+    assert free.linear_velocities[0, 0] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_snapshots():
+    world = hanging()
+    world.run(0.3)
+    positions = world.positions
+    snapshot, copied, deep = world.copy(), copy.copy(world), copy.deepcopy(world)
+    hash_then = world.state_hash
+    world.run(0.7)
+    after = world.state_hash
+    assert snapshot.state_hash == copied.state_hash == deep.state_hash == hash_then != after
+    snapshot.run(0.7)
+    assert snapshot.state_hash == after
+    world.restore(copied)
+    assert world.state_hash == hash_then and tuple(positions[0]) == copied.state('bob')['position']
+    world.reset()
+    world.set_time(0.0, 0)
+    assert world.state_hash == hanging().state_hash
+
+
+def test_scenes_as_text_and_file(tmp_path):
+    world = engine.load_scene_file(str(PENDULUM))
+    assert world.save_scene() == engine.load_scene(world.save_scene()).save_scene()
+    path = tmp_path / 'saved.yaml'
+    world.save_scene_file(str(path))
+    assert path.read_text() == world.save_scene()
+    assert engine.load_scene('bodies: []', time_step=0.25).options['time_step'] == 0.25
+    with pytest.raises(ValueError, match='path: cannot write'):
+        world.save_scene_file(str(tmp_path / 'missing' / 'x.yaml'))
+
+
+def test_plan_and_reports():
+    world = engine.load_scene_file(str(SCENES / 'two_boxes.yaml'))
+    run = world.run(0.2)
+    assert 'islands:' in world.explain()
+    assert any(line.startswith('springs:') for line in world.left_out())
+    assert sum(island['bodies'] for island in world.islands()) == 2
+    report = world.report
+    assert set(report.islands) == set(engine.METHODS) - {'auto'}
+    assert report.energy == world.energy == run.energy_final
+    hanging_world = hanging()
+    step = hanging_world.step()
+    assert step.islands['runge_kutta'] == 1 and not step.failed and step.substeps >= 1
+    dropped = engine.World()
+    dropped.add_body('floor', type='static', shape=engine.Plane())
+    dropped.add_body('ball', shape=engine.Sphere(0.5), mass=1.0, position=(0, 0, 0.5))
+    dropped.run(0.3)
+    contact, = dropped.contacts()
+    assert {contact['body_a'], contact['body_b']} == {'floor', 'ball'}
+    assert contact['normal_force'] == pytest.approx(9.81, rel=0.05)  # at rest it bears its weight
+
+
+def test_failed_physics_is_reported_not_raised():
+    world = engine.World(gravity=(0.0, 0.0, 0.0))
+    world.add_body('fast', mass=1.0, position=(1e308, 0, 0), linear_velocity=(1.7e308, 0, 0))
+    run = world.run(10.0, every=1)
+    assert run.failed and world.report.failed and run.steps < 1000
+    assert np.isfinite(run.states).all(), 'the world keeps the last good state'
+
+
+def rejected(call, *arguments, **keywords):
+    world = hanging()
+    before = world.state_hash
+    with pytest.raises(ValueError) as error:
+        getattr(world, call)(*arguments, **keywords)
+    assert world.state_hash == before, 'nothing is half applied'
+    return str(error.value)
+
+
+def test_bad_input_names_field_and_value():
+    assert rejected('add_body', 'x', mass='heavy') == "mass: must be a number, got 'heavy'"
+    assert rejected('add_body', 'x', mass=True) == 'mass: must be a number, got True'
+    assert rejected('add_body', 'x', mass=-1.0) == 'mass: must be a finite number > 0, got -1'
+    assert rejected('add_body', 'x', mass=1.0, position=(1, 2)) == \
+        'position: must be 3 numbers, got (1, 2)'
+    assert rejected('add_body', 'x', mass=1.0, position=(1, 2, None)) == \
+        'position: must be a number, got None'
+    assert rejected('add_body', 'x', mass=1.0, position='abc') == \
+        "position: must be 3 numbers, got 'abc'"
+    assert rejected('add_body', 'x', mass=1.0, shape='box').startswith('shape: must be a Point,')
+    assert rejected('add_body', 'x', type='liquid').startswith("type: there is no 'liquid'")
+    assert 'bob' in rejected('add_body', 'bob', mass=1.0)
+    assert rejected('add_body', 'x', mass=1.0, no_collision=1) == \
+        'no_collision: must be True or False, got 1'
+    assert rejected('add_joint', 'j', type='weld').startswith("type: there is no 'weld'")
+    assert "'nobody'" in rejected('add_joint', 'j', body_b='nobody')
+    assert rejected('add_joint', 'j', body_b='bob', motor=3) == 'motor: must be a dict, got 3'
+    assert 'timeout' in rejected('set_motor', 'rod', timeout=-1.0)
+    assert "'none'" in rejected('set_motor', 'none', bias=1.0)
+    assert rejected('set_options', order=8.5) == 'order: must be a whole number, got 8.5'
+    assert rejected('set_options', order=2 ** 40).endswith(f'got {2 ** 40}')
+    assert rejected('set_options', method='magic').startswith("method: there is no 'magic'")
+    assert 'tolerance' in rejected('set_options', tolerance=math.nan)
+    assert rejected('run', -1.0).endswith('got -1.0')
+    assert rejected('run', math.inf).endswith('got inf')
+    assert rejected('run', 1.0, every=-1).endswith('got -1')
+    assert rejected('run', 1.0, time_limit=0.0).endswith('got 0.0')
+    assert 'force' in rejected('add_wrench', 'bob', force=(math.nan, 0, 0))
+    for call, error in ((lambda: engine.Box((1, 2)), 'size: must be 3 numbers, got (1, 2)'),
+                        (lambda: engine.Sphere('r'), "radius: must be a number, got 'r'"),
+                        (lambda: engine.load_scene('bodies: 3', 'mine.yaml'),
+                         "mine.yaml:1: bodies: expected a list, got '3'"),
+                        (lambda: engine.load_scene_file('/missing.yaml'),
+                         '/missing.yaml: cannot read this file')):
+        with pytest.raises(ValueError) as caught:
+            call()
+        assert str(caught.value) == error
+    assert issubclass(engine.SceneError, ValueError)
+    with pytest.raises(TypeError, match="has no argument 'mas'; there are .*mass"):
+        hanging().add_body('x', mas=1.0)
+
+
+def test_worlds_on_threads_without_the_gil():
+    """While one world runs, this thread goes on; eight at once have the bits of one."""
+    expected = hanging()
+    expected.run(20.0)
+    worlds = [hanging() for _ in range(8)]
+    with concurrent.futures.ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda world: world.run(20.0), worlds))
+    assert {world.state_hash for world in worlds} == {expected.state_hash}
+
+    slow = hanging(time_step=1e-4)
+    thread = threading.Thread(target=slow.run, args=(1e4,), kwargs={'time_limit': 0.5})
+    thread.start()
+    turns, refused = 0, ''
+    while thread.is_alive():
+        turns += 1
+        try:
+            slow.state('bob')
+        except RuntimeError as error:
+            refused = str(error)
+        time.sleep(0.01)
+    # with the GIL held the loop would turn once or twice; 50 turns take 0.5 s, far fewer are enough
+    assert turns >= 5
+    assert refused == 'world: another thread is stepping it'
+    slow.state('bob')
+
+
+def test_time_limit_and_interrupt():
+    world = hanging(time_step=1e-4)
+    run = world.run(1e4, time_limit=0.05)
+    assert run.timed_out and 0 < run.steps < 10 ** 8 and not run.failed
+    script = (f'import sys; sys.path[:0] = {sys.path!r}\n'
+              'from constraint_sim import engine\n'
+              'world = engine.World(time_step=1e-6)\n'
+              'world.add_body("a", mass=1.0)\n'
+              'positions = world.positions\n'
+              'print("running", flush=True)\n'
+              'try:\n    world.run(1e6)\n'
+              'except KeyboardInterrupt:\n'
+              '    assert tuple(positions[0]) == world.state("a")["position"]\n'
+              '    world.step()\n    print("interrupted")\n')
+    process = subprocess.Popen([sys.executable, '-c', script], stdout=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == 'running\n'
+    time.sleep(0.2)
+    process.send_signal(2)
+    assert process.communicate(timeout=20)[0] == 'interrupted\n'
+    assert process.returncode == 0
+
+
+def test_stubs_name_what_there_is():
+    """Every class, method, property and function of the module is in engine.pyi, and no other."""
+    stubs = ast.parse((SOURCES / 'python/constraint_sim/engine.pyi').read_text())
+    for node in stubs.body:
+        if not isinstance(node, (ast.ClassDef, ast.FunctionDef)):
+            continue
+        if isinstance(node, ast.ClassDef) and node.bases and \
+                getattr(node.bases[0], 'id', '') == 'TypedDict':
+            continue
+        there = getattr(engine, node.name)
+        if isinstance(node, ast.ClassDef):
+            stubbed = {item.name for item in node.body if isinstance(item, ast.FunctionDef)}
+            existing = {name for name in vars(there) if not name.startswith('_')}
+            assert {name for name in stubbed if not name.startswith('_')} == existing, node.name
+            for name in existing:
+                assert inspect.getdoc(getattr(there, name)), f'{node.name}.{name} has a docstring'
+    classes = {name for name, value in vars(engine).items() if inspect.isclass(value)}
+    assert classes == {node.name for node in stubs.body if isinstance(node, ast.ClassDef)
+                       and hasattr(engine, node.name)}
+    keywords = next(item for node in stubs.body if getattr(node, 'name', '') == 'World'
+                    for item in node.body if getattr(item, 'name', '') == '__init__')
+    assert {argument.arg for argument in keywords.args.kwonlyargs} == set(engine.World().options)
+
+
+def test_typed_dicts_of_the_stubs_have_the_keys_there_are():
+    stubs = ast.parse((SOURCES / 'python/constraint_sim/engine.pyi').read_text())
+    keys = {node.name: {item.target.id for item in node.body if isinstance(item, ast.AnnAssign)}
+            for node in stubs.body if isinstance(node, ast.ClassDef)}
+    world = hanging()
+    world.step()
+    assert keys['State'] == set(world.state('bob'))
+    assert keys['JointState'] == set(world.joint_state('rod'))
+    assert keys['Island'] == set(world.islands()[0])
+
+
+def test_python_knows_every_key_of_a_scene():
+    """Of worlds, bodies, distance joints and motors: a key that the engine saves is a keyword here."""
+    world = hanging()
+    world.set_motor('rod', bias=0.1)
+    saved = yaml.safe_load(world.save_scene())
+    assert set(saved['world']) == set(world.options)
+    assert set(saved['bodies'][0]) == set(world.body('bob'))
+    # what a joint is saved with: a rod has no limits, a soft joint no length of its own kind
+    assert set(saved['constraints'][0]) <= set(world.joint('rod'))
+    assert set(saved['constraints'][0]['motor']) == set(world.joint('rod')['motor'])
+
+
+def test_examples():
+    lines = run_example('pendulum.py').splitlines()
+    assert len(lines) == 11
+    for line in lines:  # measured and closed form agree to what is printed
+        words = line.replace(',', '').split()
+        assert float(words[2]) == pytest.approx(float(words[6]), abs=1e-10)
+    assert 'mean 0.1' in run_example('monte_carlo.py')
+    last = run_example('controller.py').splitlines()[-1].split()
+    assert abs(float(last[3])) < 1e-3, 'the rod stands'
+
+
+def test_manual_examples(tmp_path):
+    """Every Python block of docs/python.md runs, in one process as a reader would type them."""
+    blocks = (SOURCES / 'docs/python.md').read_text().split('```python\n')[1:]
+    assert len(blocks) >= 3
+    code = '\n'.join(block.split('```')[0] for block in blocks)
+    script = tmp_path / 'manual.py'
+    script.write_text(f'import sys; sys.path[:0] = {sys.path!r}\n' + code)
+    subprocess.run([sys.executable, script], check=True, cwd=pathlib.Path(SOURCES),
+                   stdout=subprocess.DEVNULL)

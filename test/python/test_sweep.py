@@ -1,0 +1,615 @@
+"""Studies: what is refused, what is run, that it is the runner's result, and that nothing is lost."""
+import csv
+import io
+import json
+import math
+import os
+import pathlib
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from constraint_sim import engine
+from constraint_sim.sweep import (case_process, command, executors, expressions, progress, scene_template,
+                                  store, study, tables)
+from constraint_sim.sweep.program import identity
+from support import ENVIRONMENT, RUNNER, SCENES, SOURCES
+
+TIMING = set(store.TIMING)
+COMMAND = [sys.executable, str(SOURCES / 'src/tools/constraint_sim_sweep')]
+SCENE = """# a pendulum
+world: {gravity: [0, 0, -9.81], time_step: 0.01}
+bodies:
+  - {name: bob, mass: 1, position: [1, 0, 0]}   # a comment stays
+constraints:
+  - name: rod.a
+    type: distance
+    body_b: bob
+"""
+STUDY = """
+scene: scene.yaml
+duration: 0.5
+parameters:
+  mass: {path: bodies.bob.mass, values: [1, 2.5, 7]}
+  start: {path: bodies.bob.position.0, linear: [1, 2, 3]}
+methods: [auto, {name: si, method: sequential_impulses, iterations: 20}]
+time_steps: [1/100, 1/50]
+"""
+
+
+def make(folder, text=STUDY, scene=SCENE):
+    folder.mkdir(exist_ok=True)
+    (folder / 'scene.yaml').write_text(scene)
+    (folder / 'study.yaml').write_text(text)
+    return folder / 'study.yaml'
+
+
+def sweep(path, *options, status=0):
+    assert command.main([str(path), '--no-plots', *options]) == status
+    return read(path.with_suffix('.results') / 'results.csv')
+
+
+def read(path):
+    with open(path, newline='') as file:
+        return list(csv.DictReader(file))
+
+
+def untimed(rows):
+    return [{name: value for name, value in row.items() if name not in TIMING} for row in rows]
+
+
+def runner_hash(text, duration, folder):
+    scene, report = folder / 'one.yaml', folder / 'one.json'
+    scene.write_text(text)
+    subprocess.run([RUNNER, scene, '--duration', str(duration), '--report', report], check=True,
+                   stdout=subprocess.DEVNULL)
+    return json.loads(report.read_text())['state_hash']
+
+
+# ---- scenes with places to fill in
+
+def filled(text, **values):
+    template = scene_template.SceneTemplate(text)
+    return template.filled([(template.places(path.replace('__', '.')), value)
+                            for path, value in values.items()])
+
+
+def test_filling_changes_nothing_else():
+    assert filled(SCENE, bodies__bob__mass=2.5) == SCENE.replace('mass: 1,', 'mass: 2.5,')
+    assert filled(SCENE, bodies__bob__position__0=0.1) == SCENE.replace('[1, 0, 0]', '[0.1, 0, 0]')
+    assert filled(SCENE, bodies__0__position=(1.0, 2.5, 3.0)) == SCENE.replace('[1, 0, 0]', '[1, 2.5, 3]')
+    template = scene_template.SceneTemplate(SCENE)
+    new = template.filled([(template.places('constraints.rod.a.length'), 2.0),
+                           (template.places('world.tolerance'), 1e-9),
+                           (template.places('world.order'), 5),
+                           (template.places('bodies.*.mass'), 3.0)])
+    world = engine.load_scene(new)
+    assert world.joint('rod.a')['length'] == 2.0 and world.body('bob')['mass'] == 3.0
+    assert (world.options['tolerance'], world.options['order']) == (1e-9, 5)
+    for scene in sorted(SCENES.glob('*.yaml')):
+        template = scene_template.SceneTemplate(scene.read_text())
+        new = template.filled([(template.places('world.tolerance'), 1e-5),
+                               (template.places('world.iterations'), 33)])
+        options = engine.load_scene(new).options
+        assert (options['tolerance'], options['iterations']) == (1e-5, 33), scene.name
+
+
+def test_filling_a_scene_without_a_world():
+    for text in ('bodies: []\n', '# comment\nbodies: []\n', '---\nbodies: []\n', '{bodies: []}\n',
+                 'world: {}\nbodies: []\n'):
+        template = scene_template.SceneTemplate(text)
+        options = engine.load_scene(template.filled([(template.places('world.time_step'), 0.25),
+                                                     (template.places('world.order'), 5)])).options
+        assert (options['time_step'], options['order']) == (0.25, 5), text
+
+
+def test_numbers_keep_their_bits():
+    numbers = random.Random(1)
+    for _ in range(300):
+        value = numbers.uniform(0.1, 10.0) * 10.0 ** numbers.randint(-200, 200)
+        assert engine.load_scene(filled(SCENE, bodies__bob__mass=value)).body('bob')['mass'] == value
+    assert engine.load_scene(filled(SCENE, world__sleep_after=math.inf)).options['sleep_after'] == math.inf
+
+
+@pytest.mark.filterwarnings('error')
+def test_expressions():
+    assert expressions.value('1/60') == 1.0 / 60.0
+    assert expressions.value('2 * cos(pi) ** 2 - -1') == 3.0
+    assert expressions.value('a * sin(0) + t', {'a': 2.0, 't': 3.0}) == 3.0
+    for text in ('__import__("os")', 'a.b', '[1]', 'x if y else z', 'lambda: 1', '1 +', '"text"', 'f(1)',
+                 'sin(1, 2, 3, 4)', 'True'):
+        with pytest.raises(expressions.ExpressionError):
+            expressions.value(text)
+
+
+# ---- what is refused, before anything runs
+
+REFUSED = (
+    ('bodies.bob.mass', 'bodies.bob.weight', "unknown key 'weight'"),
+    ('bodies.bob.mass', 'bodies.rob.mass', "there is no 'rob' in bodies; there are bob"),
+    ('bodies.bob.mass', 'mass', 'a path is like'),
+    ('bodies.bob.mass', 'bodies.bob.mass.x', "is a value and has no 'x'"),
+    ('[1, 2.5, 7]', '[]', 'parameters.mass.values: is empty'),
+    ('[1, 2.5, 7]', '[1, -2.5]', 'must be a finite number > 0, got -2.5'),
+    ('[1, 2.5, 7]', '[1, 1]', 'has a value twice'),
+    ('[1, 2, 3]', '[1, 2, 0]', 'must be a whole number >= 1, got 0'),
+    ('linear: [1, 2, 3]', 'logarithmic: [0, 2, 3]', 'must be a finite number > 0, got 0'),
+    ('linear: [1, 2, 3]', 'uniform: [0, 2]', 'needs `random:'),
+    ('bodies.bob.position.0', 'bodies.bob.mass', 'sets bodies.bob.mass, as mass does'),
+    ('duration: 0.5', 'duration: 0.505', 'duration: 0.505 s is not a whole number of ticks'),
+    ('duration: 0.5', 'duration: -1', 'duration: must be a finite number > 0, got -1'),
+    ('duration: 0.5', '', 'duration: must be a number'),
+    ('methods: [auto', 'methods: [magic', "there is no 'magic'"),
+    ('methods: [auto', 'methods: [si', 'methods: a name is there twice'),
+    ('iterations: 20', 'sweeps: 20', "unknown option 'sweeps'"),
+    ('1/50', '1/0', 'time_steps: must be a finite number'),
+    ('1/50', '0.3', 'duration: 0.5 s is not a whole number of ticks of 0.29999999999999999 s'),
+    ('scene: scene.yaml', 'scene: missing.yaml', 'scenes.missing: cannot read'),
+    ('scene: scene.yaml', '', 'must have either scene'),
+    ('scene: scene.yaml', 'scene: scene.yaml\nmethod: auto', "unknown key 'method'"),
+    ('scene: scene.yaml', 'scene: scene.yaml\nscene: b.yaml', 'scene: is there twice'),
+    ('scene: scene.yaml', 'scene: scene.yaml\noutputs: {bodies: [cat]}', "there is no 'cat'; there are bob"),
+    ('scene: scene.yaml', 'scene: scene.yaml\noutputs: {every: 0.033}', 'do not fit'),
+    ('scene: scene.yaml', 'scene: scene.yaml\nreference: {run: {order: 8}}', 'needs a tolerance or a time_step'),
+    ('scene: scene.yaml', 'scene: scene.yaml\nreference: {closed_form: {bob: {px: cos(w * t)}}}',
+     "px: 'cos(w * t)': there is no 'w'; there are mass, pi, start, t"),
+    ('scene: scene.yaml', 'scene: scene.yaml\nreference: {csv: none.csv}', 'cannot read'),
+    ('scene: scene.yaml', 'scene: scene.yaml\nplots: [{x: length, y: run_time}]', "there is no 'length'"),
+    ('scene: scene.yaml', 'scene: scene.yaml\nrounds: 0', 'rounds: must be a whole number >= 1, got 0'),
+    ('mass:', 'method:', 'is not a name for a parameter'),
+    ('[1, 2, 3]', '[1, 2, 1000000]', 'cases, more than 200000'),
+    (STUDY, '[', 'not valid YAML'),
+    (STUDY, '3', 'study: must be a map, got 3'),
+)
+
+
+def test_what_cannot_be_is_told_before_anything_runs(tmp_path, capsys):
+    for old, new, message in REFUSED:
+        assert old in STUDY
+        path = make(tmp_path, STUDY.replace(old, new))
+        started = time.monotonic()
+        assert command.main([str(path)]) == 2, (new, capsys.readouterr().err)
+        assert message in capsys.readouterr().err, new
+        assert time.monotonic() < started + 5.0
+        assert not path.with_suffix('.results').exists(), 'nothing was begun'
+    assert command.main([str(tmp_path / 'none.yaml')]) == 2
+    assert 'cannot read' in capsys.readouterr().err
+    path = make(tmp_path)
+    assert command.main([str(path), '--workers', '0']) == 2
+    assert command.main([str(path), '--scene', '36']) == 2
+    assert 'there are 0 to 35' in capsys.readouterr().err
+
+
+def test_refused_cluster(tmp_path, capsys, monkeypatch):
+    path = make(tmp_path)
+    monkeypatch.setattr(executors, 'CONNECT_LIMIT', 1.0)
+    assert command.main([str(path), '--cluster', 'tcp://127.0.0.1:1']) == 3
+    assert 'no scheduler there' in capsys.readouterr().err
+
+
+# ---- what is run
+
+def test_each_case_is_the_runners(tmp_path, capsys):
+    path = make(tmp_path / 'a')
+    on_threads = sweep(path, '--on', 'threads')
+    on_cluster = sweep(make(tmp_path / 'b'))
+    assert len(on_threads) == 36 and untimed(on_threads) == untimed(on_cluster)
+    assert [row['case'] for row in on_threads] == [str(case) for case in range(36)]
+    for row in on_threads:
+        assert row['outcome'] == 'ok'
+        capsys.readouterr()
+        command.main([str(path), '--scene', row['case']])
+        assert runner_hash(capsys.readouterr().out, 0.5, tmp_path) == row['state_hash']
+    first = on_threads[1]
+    world = engine.load_scene_file(str(path.parent / 'scene.yaml'))
+    # 1 kg at 1 m, as it was written, but for the tick
+    world.set_options(time_step=0.02)
+    world.run(0.5)
+    assert (first['mass'], first['start'], first['method']) == ('1', '1.0', 'auto')
+    assert float(first['bob.px']) == world.positions[0, 0]
+    assert float(first['energy_final']) == world.energy
+
+
+def test_checking_runs_nothing(tmp_path, capsys):
+    path = make(tmp_path)
+    assert command.main([str(path), '--check']) == 0
+    assert capsys.readouterr().out.startswith('36 cases in 9 groups, 1 rounds, program ')
+    assert not path.with_suffix('.results').exists()
+
+
+def test_random_parameters(tmp_path):
+    text = STUDY.replace('{path: bodies.bob.mass, values: [1, 2.5, 7]}',
+                         '{path: bodies.bob.mass, log_uniform: [0.1, 10]}').replace(
+        'linear: [1, 2, 3]', 'normal: [1, 0.1]') + 'random: {count: 200, seed: 4}\n'
+    one, again = (study.load(make(tmp_path, text)) for _ in range(2))
+    other = study.load(make(tmp_path, text.replace('seed: 4', 'seed: 5')))
+    assert one.count() == 200 * 4
+    points = [values for _, values in one.points()]
+    assert points == [values for _, values in again.points()]
+    assert points != [values for _, values in other.points()]
+    logs = [math.log10(values['mass']) for values in points]
+    assert -1.0 <= min(logs) and max(logs) <= 1.0
+    # means of 200: 4 standard errors
+    assert abs(np.mean(logs)) < 4 * 2 / math.sqrt(12 * 200)
+    assert abs(np.mean([values['start'] for values in points]) - 1.0) < 4 * 0.1 / math.sqrt(200)
+
+
+def test_errors_against_a_closed_form(tmp_path):
+    """Free flight: x = v t, z = -g t^2 / 2 exactly; the method is exact up to rounding, and a closed form
+    that is off by 1 mm is found to be so."""
+    scene = 'bodies:\n  - {name: ball, mass: 1, linear_velocity: [2, 0, 0]}\n'
+    text = """
+scene: scene.yaml
+duration: 1
+parameters: {v: {path: bodies.ball.linear_velocity.0, values: [2, 3]}}
+outputs: {every: 0.1}
+reference: {closed_form: {ball: {px: v * t, pz: -9.81 * t**2 / 2 OFF}}}
+"""
+    for off, error in (('', 0.0), ('+ 0.001', 0.001)):
+        rows = sweep(make(tmp_path, text.replace('OFF', off), scene), '--on', 'threads')
+        assert len(rows) == 2
+        for row in rows:  # 4.9 m to rounding, over 100 steps
+            assert abs(float(row['position_error']) - error) < 1e-13
+            assert row['orientation_error'] == ''
+
+
+def test_errors_against_a_tight_run_and_a_file(tmp_path):
+    reference = 'reference: {run: {method: runge_kutta, tolerance: 1e-11}}\noutputs: {every: 0.1}\n'
+    path = make(tmp_path, STUDY.replace('values: [1, 2.5, 7]', 'values: [1]').replace(
+        'linear: [1, 2, 3]', 'values: [1]') + reference)
+    tight = sweep(path, '--on', 'threads')
+    csv_path = tmp_path / 'reference.csv'
+    subprocess.run([RUNNER, tmp_path / 'scene.yaml', '--duration', '0.5', '--tolerance', '1e-11', '--method',
+                    'runge_kutta', '--csv', csv_path], check=True, stdout=subprocess.DEVNULL)
+    path.write_text(path.read_text().replace('{run: {method: runge_kutta, tolerance: 1e-11}}',
+                                             '{csv: reference.csv}'))
+    filed = sweep(path, '--on', 'threads')
+    for one, other in zip(tight, filed):
+        error = float(one['position_error'])
+        assert 0.0 < float(one['reference_error']) < 1e-9, 'shorter ticks: never the same steps'
+        # the same reference but for its tick: to its own error, 1e-11 m a second
+        assert abs(error - float(other['position_error'])) < 1e-9
+        assert error < 1e-7 if one['method'] == 'auto' else 1e-4 < error < 0.1
+
+
+def test_orientation_error():
+    """Half a turn about x against a turn by 1 mrad less."""
+    from constraint_sim.sweep.child import differences
+    states = np.zeros((2, 1, 13))
+    reference = np.zeros((2, 1, 13))
+    states[:, 0, 3:7] = math.sin(math.pi / 4), 0.0, 0.0, math.cos(math.pi / 4)
+    angle = math.pi / 2 - 1e-3
+    reference[:, 0, 3:7] = math.sin(angle / 2), 0.0, 0.0, math.cos(angle / 2)
+    assert differences(states, reference) == pytest.approx((0.0, 1e-3), rel=1e-9)
+    reference[:, 0, 3:7] *= -1.0  # the same orientation
+    assert differences(states, reference)[1] == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_rounds_keep_the_best_time(tmp_path):
+    rows = sweep(make(tmp_path, STUDY + 'rounds: 3\n'), '--on', 'threads')
+    for row in rows:
+        assert 0.0 < float(row['run_time']) < 1.0 and float(row['run_time_spread']) >= 0.0
+
+
+def test_samples(tmp_path):
+    path = make(tmp_path, STUDY.replace('values: [1, 2.5, 7]', 'values: [1]').replace(
+        'linear: [1, 2, 3]', 'values: [1]') + 'outputs: {every: 0.1, samples: true}\n')
+    sweep(path, '--on', 'threads')
+    rows = read(path.with_suffix('.results') / 'samples.csv')
+    assert len(rows) == 4 * 6
+    world = engine.load_scene(SCENE)
+    samples = world.run(0.5, every=10)
+    assert [float(row['pz']) for row in rows if row['case'] == '0'] == list(samples.states[:, 0, 2])
+
+
+# ---- what goes wrong costs what went wrong
+
+def test_a_crash_and_a_hang_cost_one_case_each(tmp_path, monkeypatch):
+    path = make(tmp_path, STUDY.replace('[1, 2.5, 7]', '[1, 13, 14, 2]').replace(
+        'linear: [1, 2, 3]', 'values: [1]').replace('1/100, 1/50', '1/50') + 'time_limit: 0.5\n')
+    monkeypatch.setattr(case_process, 'GRACE', 0.5)
+    monkeypatch.setattr(case_process.CaseProcess, 'MODULE', 'crashing_child')
+    rows = sweep(path, status=3)
+    assert [row['outcome'] for row in rows] == ['ok', 'ok', 'crashed', 'crashed', 'hung', 'hung', 'ok', 'ok']
+    assert 'SIGSEGV' in rows[2]['warnings'] and 'no end within 1 s' in rows[4]['warnings']
+    summary = (path.with_suffix('.results') / 'summary.md').read_text()
+    assert '8 cases: 2 crashed, 2 hung, 4 ok' in summary and 'case 2 crashed: mass 13' in summary
+
+
+def test_too_slow_and_failed_are_outcomes(tmp_path):
+    path = make(tmp_path, STUDY.replace('duration: 0.5', 'duration: 1000').replace(
+        '1/100, 1/50', '1e-5').replace('[1, 2.5, 7]', '[1]').replace('linear: [1, 2, 3]', 'values: [1]')
+        + 'time_limit: 0.1\n')
+    assert {row['outcome'] for row in sweep(path, '--on', 'threads', status=3)} == {'too_slow'}
+    scene = 'bodies:\n  - {name: bob, mass: 1, position: [1e308, 0, 0], linear_velocity: [1.7e308, 0, 0]}\n'
+    path = make(tmp_path, 'scene: scene.yaml\nduration: 10\n', scene)
+    row, = sweep(path, '--on', 'threads', status=3)
+    assert row['outcome'] == 'failed' and 0 < int(row['steps']) < 1000
+
+
+def test_memory_is_limited(tmp_path):
+    """What grows without end is ended: a case that cannot even be loaded in the memory that it may have."""
+    process = case_process.CaseProcess(memory=300 << 20)
+    bodies = '\n'.join(f'  - {{name: b{index}, mass: 1}}' for index in range(100000))
+    case = {'key': 'a', 'text': 'bodies:\n' + bodies, 'duration': 0.01, 'stride': 1, 'bodies': [],
+            'states': [], 'keeps_samples': False}
+    results = process.run({'cases': [case], 'reference': None, 'rounds': 1, 'time_limit': 60.0})
+    process.stop()
+    assert results['a']['outcome'] in ('crashed', 'refused'), results['a']
+
+
+# ---- what was interrupted goes on
+
+def many(folder, count=120):
+    # some seconds in all, so that interruptions find something to interrupt
+    return make(folder, STUDY.replace('values: [1, 2.5, 7]', f'linear: [1, 2, {count // 4}]').replace(
+        'linear: [1, 2, 3]', 'values: [1]').replace('duration: 0.5', 'duration: 200'))
+
+
+def test_interrupted_and_resumed_is_the_same_table(tmp_path):
+    path = many(tmp_path / 'a')
+    results = path.with_suffix('.results') / 'results.jsonl'
+    delays, done = random.Random(3), [0]
+    for number in range(4):
+        process = subprocess.Popen([*COMMAND, str(path), '--no-plots', '--on', 'threads'], env=ENVIRONMENT,
+                                   stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        wait_until(lambda: results.exists() and len(results.read_bytes().splitlines()) > done[-1])
+        time.sleep(delays.uniform(0.0, 0.05))
+        process.send_signal(signal.SIGKILL if number % 2 else signal.SIGINT)
+        assert process.wait(20) == (-signal.SIGKILL if number % 2 else 130), 'it was interrupted in time'
+        done.append(len(results.read_bytes().splitlines()))
+    assert 0 < done[-1] < 120
+    with open(results, 'a') as file:
+        file.write('{"key": "cut o')  # as a full disk or a power cut leaves it
+    resumed = sweep(path, '--on', 'threads')
+    whole = sweep(many(tmp_path / 'b'), '--on', 'threads')
+    assert untimed(resumed) == untimed(whole) and len(whole) == 120
+    assert len(results.read_text().splitlines()) == 120, 'nothing was run twice'
+
+
+def test_one_sweep_a_folder(tmp_path, capsys):
+    path = make(tmp_path)
+    held = store.Store(path.with_suffix('.results'))
+    assert command.main([str(path), '--on', 'threads']) == 3
+    assert 'another sweep is writing there' in capsys.readouterr().err
+    held.close()
+    sweep(path, '--on', 'threads')
+
+
+def test_another_program_is_not_resumed(tmp_path, monkeypatch):
+    path = make(tmp_path)
+    sweep(path, '--on', 'threads')
+    keys = [entry['key'] for job, _ in study.load(path).jobs(identity()) for entry in job['cases']]
+    others = [entry['key'] for job, _ in study.load(path).jobs('other') for entry in job['cases']]
+    assert not set(keys) & set(others) and len(set(keys)) == 36
+    changed = STUDY.replace('duration: 0.5', 'duration: 1.0')
+    others = [entry['key'] for job, _ in study.load(make(tmp_path, changed)).jobs(identity())
+              for entry in job['cases']]
+    assert not set(keys) & set(others)
+
+
+def test_two_runs_of_other_bits_are_told(tmp_path):
+    one = store.Store(tmp_path)
+    one.add({'a': {'outcome': 'ok', 'state_hash': '0x1'}})
+    with pytest.raises(store.StoreError, match='gave 0x1 and 0x2'):
+        one.add({'a': {'outcome': 'ok', 'state_hash': '0x2'}})
+
+
+def test_the_bar_tells_the_time_left(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+    now = [100.0]
+    monkeypatch.setattr(progress.time, 'monotonic', lambda: now[0])
+    stream = Terminal()
+    bar = progress.Progress('cases', 200, stream)
+    now[0] += 50.0
+    bar.step(50)  # a quarter in 50 s: 150 s are left
+    assert stream.getvalue().endswith('cases [#######                       ] 50/200, about 2 min 30 s left')
+    now[0] += 0.1
+    bar.step(50)
+    assert '100/200' not in stream.getvalue(), 'not more often than five times a second'
+
+
+# ---- beyond one machine
+
+class Machines:
+    """A scheduler and workers as processes, as on several machines."""
+
+    def __init__(self, folder):
+        self.folder, self.processes = folder, []
+        self.file = folder / 'scheduler.json'
+        self.start('dask-scheduler', '--host', '127.0.0.1', '--port', '0', '--no-dashboard',
+                   '--scheduler-file', self.file)
+        wait_until(lambda: self.file.exists() and self.file.read_text())
+        self.address = json.loads(self.file.read_text())['address']
+
+    def start(self, *words, environment=None):
+        log = open(self.folder / f'process_{len(self.processes)}.log', 'w')
+        self.processes.append(subprocess.Popen(
+            [sys.executable, shutil.which(words[0]) or f'/usr/bin/{words[0]}', *map(str, words[1:])],
+            env=environment or ENVIRONMENT, stdout=log, stderr=log, cwd=self.folder))
+        return self.processes[-1]
+
+    def worker(self, environment=None):
+        return self.start('dask-worker', self.address, '--nthreads', '1', '--no-nanny', '--no-dashboard',
+                          '--host', '127.0.0.1', environment=environment)
+
+    def stop(self):
+        for process in self.processes[::-1]:
+            process.kill()
+            process.wait()
+
+
+def wait_until(condition, limit=30.0):
+    end = time.monotonic() + limit
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def other_build(folder):
+    """An environment with a package that is not this one."""
+    package = folder / 'other/constraint_sim'
+    shutil.copytree(pathlib.Path(study.__file__).parents[1], package,
+                    ignore=shutil.ignore_patterns('__pycache__'))
+    shutil.copy(engine.__file__, package)
+    with open(package / 'sweep/child.py', 'a') as file:
+        file.write('# other\n')
+    return {**os.environ, 'PYTHONPATH': os.pathsep.join([str(package.parent), ENVIRONMENT['PYTHONPATH']])}
+
+
+def test_workers_that_die_come_late_or_are_others_lose_nothing(tmp_path, capfd):
+    """A scheduler with three workers: one is killed, one comes late, and one of another build gets nothing."""
+    machines = Machines(tmp_path)
+    try:
+        first = machines.worker()
+        machines.worker()
+        machines.worker(other_build(tmp_path))
+        path = many(tmp_path / 'a', 60)
+        process = subprocess.Popen([*COMMAND, str(path), '--no-plots', '--cluster', machines.address],
+                                   env=ENVIRONMENT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        results = path.with_suffix('.results') / 'results.jsonl'
+        wait_until(lambda: results.exists() and results.read_text())
+        first.kill()
+        assert process.poll() is None, 'it is not done when the worker dies'
+        machines.worker()
+        told = process.communicate(timeout=60)[1]
+        assert process.returncode == 0, told
+        assert 'is not used: it has ' in told and 'is gone' in told, told
+        found = read(path.with_suffix('.results') / 'results.csv')
+    finally:
+        machines.stop()
+    whole = sweep(many(tmp_path / 'b', 60), '--on', 'threads')
+    assert untimed(found) == untimed(whole) and len(found) == 60
+
+
+def test_a_worker_of_another_program_gives_nothing():
+    assert executors.run_batch([], 'another 1', 0) == (identity(), {})
+
+
+# ---- pages
+
+def test_pages_and_limits(tmp_path, capsys):
+    path = make(tmp_path, STUDY + """
+reference: {run: {method: runge_kutta, tolerance: 1e-11}}
+outputs: {every: 0.1}
+limits: [{of: start, error: position_error, below: 1e-6}]
+""")
+    assert command.main([str(path), '--on', 'threads']) == 0
+    out = capsys.readouterr().out
+    assert 'auto, 0.01, 1: position_error stays below 1e-06 at every start, up to 2' in out
+    assert 'si, 0.01, 1: position_error is not below 1e-06 even at the least start, 1' in out
+    folder = path.with_suffix('.results')
+    page = (folder / 'index.html').read_text()
+    plots = sorted(folder.glob('*.svg'))
+    assert {plot.name for plot in plots} == {
+        'work_precision_scene.svg', 'position_error_over_mass_scene.svg',
+        'position_error_over_start_scene.svg', 'outcome_scene_auto.svg', 'outcome_scene_si.svg'}
+    for plot in plots:
+        assert plot.stat().st_size > 5000 and plot.name in page
+
+
+def test_parquet_where_pyarrow_is(tmp_path, monkeypatch):
+    """Which of the two is written hangs on pyarrow alone; here a stand-in takes the columns."""
+    table = [{'case': 0, 'a': 1.5, 'b': 'x'}, {'case': 1, 'a': None, 'b': 'y'}]
+    monkeypatch.setattr(tables, 'pyarrow', None)
+    assert tables.write(tmp_path, 'one', table).name == 'one.csv'
+    assert (tmp_path / 'one.csv').read_text() == 'case,a,b\n0,1.5,x\n1,,y\n'
+    written = {}
+
+    class Stand:
+        @staticmethod
+        def table(data):
+            written.update(data)
+            return data
+
+        class parquet:
+            @staticmethod
+            def write_table(data, path):
+                path.write_bytes(b'')
+    monkeypatch.setattr(tables, 'pyarrow', Stand)
+    assert tables.write(tmp_path, 'one', table).name == 'one.parquet'
+    assert written == {'case': [0, 1], 'a': [1.5, None], 'b': ['x', 'y']}
+
+
+def test_report_of_a_scene(tmp_path, capsys):
+    scene = tmp_path / 'scene.yaml'
+    scene.write_text(SCENE)
+    assert command.main([str(scene), '--report', '--duration', '0.5', '--on', 'threads']) == 0
+    rows = read(scene.with_suffix('.results') / 'results.csv')
+    assert len(rows) == 7 * 7 and {row['outcome'] for row in rows} == {'ok'}
+    by_method = {row['method']: float(row['position_error']) for row in rows if row['time_step'] == '0.001'}
+    # second and first order of the tick, and a tolerance of 1e-8 m a second
+    assert by_method['auto'] < 1e-8 < by_method['energy_momentum_order_2'] < 1e-4
+    assert by_method['energy_momentum_order_2'] < by_method['sequential_impulses_10'] < 1e-2
+    assert (scene.with_suffix('.results') / 'work_precision_scene.svg').exists()
+
+
+def report_programs():
+    program, = pathlib.Path(os.environ['CONSTRAINT_SIM_BUILD']).rglob('constraint_sim_report_engine')
+    return program.parent
+
+
+def test_peers_are_methods(tmp_path, capsys):
+    """This engine by its adapter of the report has the bits of this engine by the module."""
+    text = STUDY.replace('methods: [auto, {name: si, method: sequential_impulses, iterations: 20}]', """
+methods:
+  - {name: si, method: sequential_impulses, iterations: 10}
+  - {name: peer, peer: constraint_sim sequential_impulses_10}
+""") + 'reference: {run: {method: runge_kutta, tolerance: 1e-11}}\noutputs: {every: 0.1}\n'
+    path = make(tmp_path, text)
+    rows = sweep(path, '--on', 'threads', '--peers', str(report_programs()))
+    assert len(rows) == 36
+    pairs = {}
+    for row in rows:
+        pairs.setdefault((row['mass'], row['start'], row['time_step']), []).append(row)
+    for ours, peer in pairs.values():
+        for name in ('position_error', 'bob.px', 'bob.pz', 'bob.vx', 'bob.vz', 'steps', 'sim_time'):
+            assert ours[name] == peer[name], name
+    assert command.main([str(path)]) == 2
+    assert 'there are none without --peers' in capsys.readouterr().err
+    path.write_text(text.replace('impulses_10', 'impulses_11'))
+    assert command.main([str(path), '--peers', str(report_programs())]) == 2
+    assert "there is no peer 'constraint_sim sequential_impulses_11'; there are constraint_sim auto" in \
+        capsys.readouterr().err
+    assert command.main([str(path), '--peers', str(tmp_path)]) == 2
+    assert 'no program' in capsys.readouterr().err
+
+
+def test_what_a_peer_cannot_express_is_told(tmp_path):
+    text = """
+scene: scene.yaml
+duration: 0.2
+parameters: {damping: {path: constraints.rod.a.damping, values: [0, 1]}}
+methods: [{name: peer, peer: constraint_sim auto}]
+"""
+    path = make(tmp_path, text, SCENE.replace('type: distance', 'type: distance\n    stiffness: 100'))
+    good, damped = sweep(path, '--on', 'threads', '--peers', str(report_programs()))
+    assert (good['outcome'], damped['outcome']) == ('ok', 'unsupported')
+    assert damped['warnings'] == 'rod.a: is damped'
+    summary = (path.with_suffix('.results') / 'summary.md').read_text()
+    assert 'peer cannot express the scene: rod.a: is damped' in summary
+
+
+def test_studies_of_the_manual(tmp_path, capsys):
+    """All of them run; the newcomer's question has the answer that docs/sweeps.md gives."""
+    manual = (SOURCES / 'docs/sweeps.md').read_text()
+    paths = sorted((SOURCES / 'docs/studies').glob('*.yaml'))
+    for path in paths:
+        if 'duration:' not in path.read_text():
+            continue  # a scene
+        assert len(path.read_text().splitlines()) <= 20
+        assert command.main([str(path), '--on', 'threads', '--output', str(tmp_path / path.stem)]) == 0
+        out = capsys.readouterr().out
+        for line in out.splitlines()[1:-1]:
+            if 'stays below' in line or 'not below' in line:
+                assert line in manual, line
+    block = manual.split('```yaml\n')[1].split('```')[0]
+    assert block == (SOURCES / 'docs/studies/how_heavy.yaml').read_text()

@@ -171,7 +171,7 @@ inline std::vector<Case> permanent_cases() {
       Case{"bennett_em", [] { return bennett(); }, kEm, 10, 3, 4e-16, 5e-15, 1e-8, true},
       Case{"bennett_em", [] { return bennett(); }, kEm, 30, 3, 4e-16, 3e-14, 1e-8, true},
       // above 1e-12 of the energies: the rounding of 1500 steps adds up
-      Case{"bennett_em", [] { return bennett(); }, kEm, 100, 3, 4e-16, 5e-12, 1e-8, true},
+      Case{"bennett_em", [] { return bennett(); }, kEm, 100, 3, 4e-16, 2e-11, 1e-8, true},
       Case{"bennett_rk_1e12", [] { return bennett(); }, kRk, 100, 3, 9e-16, 7e-14, 1e-12},
       Case{"ball_and_rod", [] { return ball_and_dependent_rod(); }, kAuto, 30, 3, 3e-13, 6e-11},
       Case{"ball_and_rod", [] { return ball_and_dependent_rod(); }, kAuto, 100, 3, 3e-13, 8e-12},
@@ -192,9 +192,9 @@ inline std::vector<Case> few_digits_cases() {
   return {Case{"door_7", [] { return rounded(door(), 7); }, kAuto, 100, 3, 1e-7, 1e-12},
           Case{"door_7_em", [] { return rounded(door(), 7); }, kEm, 100, 3, 1e-7, 1e-12},
           Case{"dome_7", [] { return rounded(dome(), 7); }, kAuto, 100, 1, 1e-7, 1e-12},
-          Case{"bennett_10", [] { return rounded(bennett(), 10); }, kRk, 100, 3, 3e-10, 1e-8},
-          Case{"bricard_10", [] { return rounded(bricard(), 10); }, kRk, 100, 3, 3e-10, 1e-8},
-          Case{"bennett_7", [] { return rounded(bennett(), 7); }, kRk, 100, 3, 3e-7, 8e-5},
+          Case{"bennett_10", [] { return rounded(bennett(), 10); }, kRk, 100, 3, 1e-9, 5e-8},
+          Case{"bricard_10", [] { return rounded(bricard(), 10); }, kRk, 100, 3, 1e-10, 1e-8},
+          Case{"bennett_7", [] { return rounded(bennett(), 7); }, kRk, 100, 3, 1e-6, 8e-5},
           Case{"bricard_7", [] { return rounded(bricard(), 7); }, kRk, 100, 3, 1e-7, 8e-5}};
 }
 
@@ -219,7 +219,7 @@ inline std::vector<Case> momentary_cases() {
       Case{"peaucellier_em", peaucellier, kEm, 1000, 4, 1e-15, 2e-6},
       // a branch is taken within the 3e-5 m in which a row is left out, against 100 N of the spring
       Case{"flat_with_spring_rk", flat_four_bar_with_spring, kRk, 100, 3, 1e-15, 3e-4},
-      Case{"flat_with_spring_em", flat_four_bar_with_spring, kEm, 100, 3, 1e-15, 3e-4},
+      Case{"flat_with_spring_em", flat_four_bar_with_spring, kEm, 100, 3, 1e-15, 1e-3},
       Case{"window_with_spring_em", [] { return window_with_spring(1e3); }, kEm, 100, 3, 1e-15,
            1e-9, 1e-8, true},
       Case{"window_with_stiff_spring_em", [] { return window_with_spring(1e6); }, kEm, 100, 3,

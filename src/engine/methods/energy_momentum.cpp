@@ -19,6 +19,8 @@ constexpr double kSquared = 1e-16;
 constexpr double kDiverged = 10.0;
 // What a row may be off then, as a share of the scene.
 constexpr double kRowSolved = 1e-11;
+// The same of a row that had no force in the step: a shorter step closes less of it.
+constexpr double kMomentaryOff = 1e-9;
 
 constexpr double kMostParts = 32.0;
 constexpr int kSpansUntilLonger = 4;
@@ -148,7 +150,7 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
         (moved < kSolved || is_rounding) && worst_row <= kRowSolved * step_equations_.scale();
     const double next = i > 0 ? moved * (moved / before) * (moved / before) : 1.0;
     if (is_solved || (moved < kRounding && next < kSquared)) {
-      if (step_equations_.worst_momentary_row() > kRowSolved * step_equations_.scale())
+      if (step_equations_.worst_momentary_row() > kMomentaryOff * step_equations_.scale())
         return false;
       found_[stage] = unknowns_;
       step_equations_.finish(unknowns_, equations);

@@ -62,11 +62,12 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
                                  int most_halvings, EquationsOfMotion* equations,
                                  std::vector<BodyState>* states) {
   Progress progress;
-  const bool is_new = !has_started_ || span.is_edited || mode != mode_;
+  bool is_new = !has_started_ || span.is_edited || mode != mode_;
   mode_ = mode;
   stop_ = span.stop;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
-  if (is_new || equations->has_jumped()) {
+  is_new = is_new || equations->has_jumped();
+  if (is_new) {
     has_started_ = start(span, equations, states, &progress);
     if (!has_started_) {
       progress.done = false;
@@ -89,8 +90,11 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
       return progress;
     }
     step_equations_.load(*states, *equations);
-    const int parts = parts_for_turning(span.h, refinement_ < 0, tolerance)
-                      << std::max(refinement_, 0);
+    int parts = parts_for_turning(span.h, refinement_ < 0, tolerance) << std::max(refinement_, 0);
+    if (is_new) {  // two halves at least, for the estimate
+      parts += parts % 2;
+      step_equations_.write_points(estimate_.start());
+    }
     const double h = span.h / parts;
     equations->keep_impulses();
     bool done = true;
@@ -98,6 +102,7 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
       const double t = span.t + k * h;
       done = refinement_ < 0 ? composition(t, h, equations, &progress)
                              : step(t, h, 0, equations, &progress);
+      if (is_new && 2 * (k + 1) == parts) step_equations_.write_points(estimate_.middle());
     }
     const std::size_t redundant = equations->redundant_rows();
     if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
@@ -105,7 +110,13 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
       if (equations->is_inconsistent()) refinement_ = most_halvings;
       if (equations->redundant_rows() < redundant) --refinement_;  // again, with all rows needed
     }
-    if (done) break;
+    if (done) {
+      step_equations_.write_points(estimate_.end());
+      const bool is_order_4 = refinement_ < 0;
+      progress.local_error = is_new ? estimate_.first(span.h, is_order_4, parts)
+                                    : estimate_.next(span.h, is_order_4, parts);
+      break;
+    }
     equations->restore_impulses();
     ++progress.rejected;
     spans_since_ = 0;

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "constraint_sim/body.h"
+#include "engine/methods/endpoint_estimate.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/implicit_step.h"
 #include "engine/methods/integrate.h"
@@ -59,6 +60,7 @@ class EnergyMomentum {
   std::array<ImplicitStep::Unknowns, kStages> found_;
   std::vector<double> change_;
   std::vector<double> numbers_;  // a state and its derivative, as EquationsOfMotion has them
+  EndpointEstimate estimate_;
   bool has_started_ = false;
   ImplicitMode mode_ = ImplicitMode::kOrder4;
   double step_before_ = 0.0;  // [s], where BDF2 can go on from it; else 0

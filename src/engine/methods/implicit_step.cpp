@@ -232,6 +232,18 @@ void ImplicitStep::store(const EquationsOfMotion& equations, std::vector<BodySta
   }
 }
 
+void ImplicitStep::write_points(Points* points) const {
+  points->position.assign(x_.begin(), x_.begin() + static_cast<std::ptrdiff_t>(bodies_));
+  points->velocity.assign(v_.begin(), v_.begin() + static_cast<std::ptrdiff_t>(bodies_));
+  for (std::size_t i = 0; i < turning_; ++i) {
+    const Matrix3d arms = radius_[i] * q_[i].toRotationMatrix();
+    for (int k = 0; k < 3; ++k) {
+      points->position.push_back(x_[i] + arms.col(k));
+      points->velocity.push_back(v_[i] + spin_[i].cross(arms.col(k)));
+    }
+  }
+}
+
 // ---- one step
 
 void ImplicitStep::set_rule(double h, ImplicitRule rule) {

@@ -9,6 +9,7 @@
 
 #include "constraint_sim/body.h"
 #include "engine/linear/saddle_lu.h"
+#include "engine/methods/endpoint_estimate.h"
 #include "engine/methods/equations_of_motion.h"
 
 namespace constraint_sim::engine {
@@ -48,6 +49,9 @@ class ImplicitStep {
   // ---- the state that is carried
   void load(const std::vector<BodyState>& states, const EquationsOfMotion& equations);
   void store(const EquationsOfMotion& equations, std::vector<BodyState>* states) const;
+
+  /// Points of all bodies in that state.
+  void write_points(Points* points) const;
 
   // ---- one step
 

@@ -368,7 +368,7 @@ void World::Impl::find_loads(double from, double to) {
 bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   const IslandParts& parts = island_parts[i];
   const Accuracy accuracy{options.order, options.tolerance, kInfinity,
-                          kInfinity,     most_attempts(),   stop};
+                          kInfinity,     most_attempts,     stop};
   for (const int body : parts.turning_freely) {
     Vector3d torque = Vector3d::Zero();
     for (const Load& load : loads)
@@ -389,6 +389,7 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
 
 // Adds to an island what an attempt came to; false where it was not done.
 bool World::Impl::note(std::size_t i, const Progress& progress) {
+  if (progress.substeps + progress.rejected == 0) return progress.done;
   Island& island = islands[i];
   island.local_error += progress.local_error;
   island.substeps += static_cast<std::uint32_t>(progress.substeps);
@@ -417,7 +418,8 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
   };
   if (is_met && island.method == Method::kRungeKutta) {
     const bool chooses = options.method == Method::kAuto;
-    if (by_substeps(chooses ? most_frequency(i) : kInfinity, kInfinity)) return true;
+    const double limit = chooses ? stiffness_limit() / options.time_step : kInfinity;
+    if (by_substeps(limit, kInfinity)) return true;
     const Why why = chooses && parts.is_stiff ? Why::kStiff : Why::kRefused;
     if (is_met) carry_on_with(i, Method::kEnergyMomentum, why);
   }
@@ -441,14 +443,21 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
   return note(i, integrate_inconsistent(i, span));
 }
 
-// What joints may swing the bodies of an island with before substeps cost more than gradients, or
-// are not allowed [rad/s]. Costs are counted in evaluations of the equations of motion.
+// What h ω joints may swing bodies with before an island counts as stiff, or is not allowed to be
+// integrated by substeps.
+double World::Impl::stiffness_limit() const {
+  if (options.tolerance > 0.0) return options.stiffness_limit;
+  return std::min(options.stiffness_limit, options.order == 5 ? kStable5 : kStable8);
+}
+
+// The same, in rad/s, before substeps cost more than gradients. Costs are counted in evaluations of
+// the equations of motion.
 double World::Impl::most_frequency(std::size_t i) const {
-  const double stable = options.order == 5 ? kStable5 : kStable8;
-  if (options.tolerance == 0.0)
-    return std::min(options.stiffness_limit, stable) / options.time_step;
-  return std::max(options.stiffness_limit, stable * gradient_cost(i) / stages()) /
-         options.time_step;
+  double limit = stiffness_limit();
+  if (options.tolerance > 0.0)
+    limit =
+        std::max(limit, (options.order == 5 ? kStable5 : kStable8) * gradient_cost(i) / stages());
+  return limit / options.time_step;
 }
 
 double World::Impl::stages() const {
@@ -466,9 +475,9 @@ double World::Impl::gradient_cost(std::size_t i) const {
 }
 
 // of one island in one span: the more bodies there are, the fewer
-int World::Impl::most_attempts() const {
+void World::Impl::share_attempts() {
   const std::size_t share = kMostAttemptsOfAll / std::max<std::size_t>(1, awake_bodies.size());
-  return static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
+  most_attempts = static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
 }
 
 Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& span,
@@ -476,7 +485,7 @@ Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& spa
   IslandParts& parts = island_parts[i];
   IslandMemory& memory = parts;
   const Accuracy accuracy{options.order,  options.tolerance, most_frequency,
-                          most_projected, most_attempts(),   stop};
+                          most_projected, most_attempts,     stop};
   Progress progress = linked[at(parts.linked)].advance(span, accuracy, &states);
   if (progress.is_stiff && progress.done && options.tolerance > 0.0)
     progress.is_stiff = stages() * (progress.substeps + progress.rejected) > gradient_cost(i);

@@ -201,6 +201,7 @@ void World::Impl::list_awake() {
     const bool is_awake = moves_by_itself || (is_movable(i) && !asleep[i]);
     (is_awake ? awake_bodies : resting_bodies).push_back(static_cast<int>(i));
   }
+  share_attempts();
   awake_joints.clear();
   std::vector<int> resting_joints;
   for (std::size_t j = 0; j < joints.size(); ++j) {

@@ -155,6 +155,7 @@ struct World::Impl {
   std::vector<TouchingPair> resting;  // contacts of sleepers, sorted by bodies
   StepReport resting_report;
   Energy resting_energy;
+  int most_attempts = 0;             // substeps of an island in one span
   std::size_t resting_contacts = 0;  // so many of contacts, the first ones
   std::vector<bool> is_drowsy;       // islands about to fall asleep
   std::vector<int> drowsy;           // the same
@@ -271,7 +272,8 @@ struct World::Impl {
   double most_frequency(std::size_t i) const;
   double gradient_cost(std::size_t i) const;
   double stages() const;
-  int most_attempts() const;
+  double stiffness_limit() const;
+  void share_attempts();
   Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span, int most_halvings);
   Progress integrate_inconsistent(std::size_t i, const SmoothSpan& span);
   int threads_worth_it() const;

@@ -19,15 +19,15 @@ double EndpointEstimate::next(double h, bool is_order_4, int parts) {
 
 double EndpointEstimate::largest(const Points& a, const Points& b, const Points& c, double h,
                                  bool is_order_4, int parts) const {
-  const double share = is_order_4 ? 1.0 / (1.0 * parts * parts * parts * parts)
-                                  : h / (6.0 * parts * parts);
+  const double share =
+      is_order_4 ? 1.0 / (1.0 * parts * parts * parts * parts) : h / (6.0 * parts * parts);
   double square = 0.0;
   for (std::size_t i = 0; i < c.position.size(); ++i) {
     const Vector3d ends = a.velocity[i] + c.velocity[i];
-    const Vector3d error = is_order_4
-                               ? Vector3d(c.position[i] - a.position[i] -
-                                          h / 3.0 * (ends + 4.0 * b.velocity[i]))
-                               : Vector3d(ends - 2.0 * b.velocity[i]);
+    const Vector3d error =
+        is_order_4
+            ? Vector3d(c.position[i] - a.position[i] - h / 3.0 * (ends + 4.0 * b.velocity[i]))
+            : Vector3d(ends - 2.0 * b.velocity[i]);
     square = std::max(square, error.squaredNorm());
   }
   return share * std::sqrt(square);

@@ -15,8 +15,8 @@ struct Points {
 /// Estimates the local error of a method without an embedded formula from what points do at the
 /// ends of equal ticks. Simpson's rule over two of them is off by h⁵ x⁽⁵⁾/90, which is of the size
 /// of the error of a composition of order 4; the second difference of velocities is h² x⁽³⁾, of
-/// which the midpoint rule is off by a twelfth. Of motion that the ticks do not resolve the estimate
-/// is of the size of that motion.
+/// which the midpoint rule is off by a twelfth. Of motion that the ticks do not resolve the
+/// estimate is of the size of that motion.
 class EndpointEstimate {
  public:
   /// Where the points at the start are put, before a first tick made of two halves.

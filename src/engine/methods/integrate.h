@@ -172,7 +172,8 @@ double estimate(DormandPrince5, const System& system, const StageMemory& memory,
 
 /// One step, in candidate(); negative where there is none, else the estimate of its error [m].
 template <class Pair, class System>
-double attempt(System& system, const StageMemory& memory, double t, double h) {
+[[gnu::always_inline]] inline double attempt(System& system, const StageMemory& memory, double t,
+                                             double h) {
   constexpr std::size_t kStages = Pair::kStages;
   all_stages<Pair>(system, memory, t, h, std::make_index_sequence<kStages - 1>());
   const std::size_t n = system.size();

@@ -16,7 +16,7 @@ using Eigen::Vector3d;
 
 // No pair is stable beyond this h ω: with few enough substeps there is no need to ask for ω.
 constexpr double kMostStable = 8.0;
-constexpr double kFarTooStiff = 8.0;
+constexpr double kFarTooStiff = 15.0;
 
 template <class System>
 Progress integrate(System& system, const StageMemory& memory, double t, double h,

@@ -149,11 +149,16 @@ std::uint64_t World::state_hash() const {
     hash.add(std::uint64_t{i});
     add(hash, world.bodies[i], world.masses[i], world.states[i]);
     hash.add(std::uint64_t{world.asleep[i]});
+    if (world.any_corrections && !world.corrections[i].isZero(0.0))
+      hash.add(world.corrections[i].data(), sizeof(Twist));
   }
   for (const std::size_t j : by_name(world.joints, 0)) {
     hash.add(std::uint64_t{j});
     add(hash, world.joints[j], name_of(world.joints[j].body_a), name_of(world.joints[j].body_b),
         world.joint_states[j]);
+    if (world.self_stress[j].is_none()) continue;
+    hash.add(world.self_stress[j].share);
+    hash.add(world.self_stress[j].impulse);
   }
   for (const std::size_t i : body_order)
     for (const Wrench& wrench : world.wrenches)

@@ -126,7 +126,7 @@ void read_plane_pose(const YamlElement& item, const YamlElement& plane, BodyStat
 Body read_body(const YamlElement& item) {
   item.expect_keys({"name", "type", "shape", "mass", "inertia", "position", "orientation",
                     "linear_velocity", "angular_velocity", "friction", "restitution",
-                    "no_collision", "asleep"});
+                    "no_collision", "asleep", "correction"});
   Body body;
   body.name = item.at("name").word();
   if (const auto type = item.find("type")) body.type = read_body_type(*type);
@@ -237,10 +237,21 @@ Joint read_joint(const YamlElement& item, const World& world) {
   return joint;
 }
 
+SelfStress read_self_stress(const YamlElement& item) {
+  SelfStress self_stress;
+  item.read("self_stress", &self_stress.share);
+  item.read("self_stress_of", &self_stress.impulse);
+  item.attempt([&] {
+    check_finite("self_stress", self_stress.share);
+    check_finite("self_stress_of", self_stress.impulse);
+  });
+  return self_stress;
+}
+
 /// What a saved joint goes on from.
 JointState read_joint_state(const YamlElement& item) {
-  item.expect_keys(
-      {"travel", "expires_at", "impulse", "closing_since", "closing_offset", "initial_error"});
+  item.expect_keys({"travel", "expires_at", "impulse", "self_stress", "self_stress_of",
+                    "closing_since", "closing_offset", "initial_error"});
   JointState state;
   item.read("travel", &state.travel);
   if (const auto value = item.find("expires_at")) state.expires_at = value->number_or_infinity();
@@ -395,6 +406,7 @@ World load_scene(const std::string& text, const std::string& source, const World
     if (const auto state = item.find("state")) {
       auto& impl = Insides::of(world);
       impl.continue_joint(impl.index(id), read_joint_state(*state));
+      impl.self_stress[impl.index(id)] = read_self_stress(*state);
     }
   }
   for (const YamlElement& item : items_of(scene, "wrenches")) {
@@ -402,6 +414,14 @@ World load_scene(const std::string& text, const std::string& source, const World
     item.attempt([&] { world.add_wrench(wrench); });
   }
   continue_from_saved(scene, asleep, &world);
+  for (const YamlElement& item : items_of(scene, "bodies")) {
+    const auto correction = item.find("correction");
+    if (!correction) continue;
+    auto& impl = Insides::of(world);
+    const std::size_t i = impl.index(world.find_body(item.at("name").word()));
+    const Twist value = correction->numbers(6);
+    item.attempt([&] { impl.continue_correction(i, value); });
+  }
   return world;
 }
 

@@ -122,7 +122,10 @@ void write_body(YAML::Emitter* out, const World& world, BodyId id) {
   write(out, "friction", body.friction);
   write(out, "restitution", body.restitution);
   write(out, "no_collision", body.no_collision);
-  if (impl.asleep[impl.index(id)]) write(out, "asleep", true);
+  const std::size_t i = impl.index(id);
+  if (impl.asleep[i]) write(out, "asleep", true);
+  if (impl.any_corrections && !impl.corrections[i].isZero(0.0))
+    write(out, "correction", impl.corrections[i]);
   *out << YAML::EndMap;
 }
 
@@ -153,12 +156,20 @@ void write_motor(YAML::Emitter* out, const Motor& motor) {
 }
 
 /// What a joint goes on from; nothing where adding it would find the same.
-void write_state(YAML::Emitter* out, const Joint& joint, const JointState& state, bool is_new) {
-  if (is_new) return;
+void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
+                 const JointState& state) {
+  const auto& impl = Insides::of(world);
+  const JointId id = world.find_joint(joint.name);
+  if (impl.is_as_added(id)) return;
   *out << YAML::Key << "state" << YAML::Value << YAML::Flow << YAML::BeginMap;
   write(out, "travel", state.travel);
   if (joint.motor.timeout > 0.0) write(out, "expires_at", state.expires_at);
   write(out, "impulse", state.impulse);
+  const SelfStress& self_stress = impl.self_stress[impl.index(id)];
+  if (!self_stress.is_none()) {
+    write(out, "self_stress", self_stress.share);
+    write(out, "self_stress_of", self_stress.impulse);
+  }
   if (state.closing) {
     write(out, "closing_since", state.closing_since);
     write(out, "closing_offset", state.closing_offset);
@@ -169,7 +180,6 @@ void write_state(YAML::Emitter* out, const Joint& joint, const JointState& state
 
 void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
                  const JointState& state) {
-  const bool is_new = Insides::of(world).is_as_added(world.find_joint(joint.name));
   const auto body_name = [&](BodyId id) {
     return id == kWorldBody ? std::string("world") : world.body(id).name;
   };
@@ -187,7 +197,7 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   write(out, "break_force", joint.break_force);
   write(out, "collide_connected", joint.collide_connected);
   if (state.broken) write(out, "broken", true);
-  write_state(out, joint, state, is_new);
+  write_state(out, world, joint, state);
   *out << YAML::EndMap;
 }
 

@@ -90,6 +90,7 @@ void World::Impl::remember() {
   is_remembered = true;
   had_corrections = any_corrections;
   if (had_corrections) corrections_before = corrections;
+  self_stress_is_new = false;
 }
 
 void World::Impl::go_back() {
@@ -101,8 +102,13 @@ void World::Impl::go_back() {
     static_cast<IslandMemory&>(island_parts[static_cast<std::size_t>(i)]) =
         memory_before[static_cast<std::size_t>(i)];
   if (contacts_are_new) std::swap(touching, touching_before);
+  if (had_corrections)
+    corrections = corrections_before;
+  else if (any_corrections)
+    for (Twist& correction : corrections) correction.setZero();
   any_corrections = had_corrections;
-  if (had_corrections) corrections = corrections_before;
+  if (self_stress_is_new) std::swap(self_stress, self_stress_before);
+  self_stress_is_new = false;
 }
 
 // what follows from bodies, joints and options: once after an edit
@@ -322,6 +328,8 @@ void World::Impl::lose_self_stress() {
         known.share[loop.component] + rows[loop.row].impulse - known.impulse[loop.component];
   }
   solver.lose_self_stress(rows, &loop_rows, part, 1 + options.iterations / 10);
+  self_stress_before = self_stress;
+  self_stress_is_new = true;
   for (const LoopRow& loop : loop_rows) {
     self_stress[loop.joint].share[loop.component] = loop.share;
     self_stress[loop.joint].impulse[loop.component] = rows[loop.row].impulse;
@@ -403,7 +411,6 @@ void World::Impl::keep_state_before(Failure why) {
   for (LinkedMotion& motion : linked) motion.forget();
   for (std::optional<EnergyMomentum>& motion : stiff)
     if (motion) motion->forget();
-  self_stress.assign(joints.size(), SelfStress{});
   is_fresh = true;
   contacts.resize(resting_contacts);
   report.failed = true;

@@ -75,6 +75,8 @@ struct IslandMemory {
 struct SelfStress {
   Eigen::Vector3d share = Eigen::Vector3d::Zero();
   Eigen::Vector3d impulse = Eigen::Vector3d::Zero();
+
+  bool is_none() const { return share.isZero(0.0) && impulse.isZero(0.0); }
 };
 
 /// Of gravity, with 0 at the height 0, and of springs where potential [J].
@@ -194,6 +196,8 @@ struct World::Impl {
   bool had_corrections = false;  // in the step before
   std::vector<BodyState> states_before;
   std::vector<Twist> corrections_before;
+  std::vector<SelfStress> self_stress_before;
+  bool self_stress_is_new = false;  // that of the step before is in self_stress_before
   std::vector<JointState> joint_states_before;
   std::vector<IslandMemory> memory_before;
   bool contacts_are_new = false;  // those of the step before are in touching_before
@@ -212,6 +216,7 @@ struct World::Impl {
   double inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const;
   void start_joint(std::size_t j);
   void continue_joint(std::size_t j, const JointState& saved);
+  void continue_correction(std::size_t i, const Twist& correction);
   double end_of(const Motor& motor) const;
   void wake_ends(const Joint& joint);
   void forget_contacts();

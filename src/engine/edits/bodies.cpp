@@ -92,6 +92,21 @@ std::vector<BodyId> World::body_ids() const {
   return {impl_->body_ids.begin() + 1, impl_->body_ids.end()};
 }
 
+// A body that goes on as it was saved, with a part of its velocity that the next step takes out. A
+// reset returns to the velocity without that part.
+void World::Impl::continue_correction(std::size_t i, const Twist& correction) {
+  if (!is_movable(i) || asleep[i]) refuse("correction", "is of a dynamic body that is awake");
+  for (const Eigen::Vector3d& part :
+       {Eigen::Vector3d(correction.head<3>()), Eigen::Vector3d(correction.tail<3>())})
+    check_finite("correction", part);
+  if (!masses[i].can_turn() && !correction.tail<3>().isZero(0.0))
+    refuse("correction", "must not turn a point without inertia");
+  corrections[i] = correction;
+  any_corrections = true;
+  bodies[i].state.linear_velocity -= correction.head<3>();
+  bodies[i].state.angular_velocity -= correction.tail<3>();
+}
+
 const Body& World::body(BodyId id) const { return impl_->bodies[impl_->index(id)]; }
 const BodyState& World::state(BodyId id) const { return impl_->states[impl_->index(id)]; }
 

@@ -145,7 +145,8 @@ bool World::Impl::is_as_added(JointId id) const {
                                                state.closing_offset == added.closing_offset &&
                                                state.initial_error == added.initial_error);
   return state.travel == 0.0 && state.impulse.isZero(0.0) &&
-         state.expires_at == end_of(joint.motor) && state.closing == added.closing && closes_alike;
+         state.expires_at == end_of(joint.motor) && state.closing == added.closing &&
+         closes_alike && self_stress[j].is_none();
 }
 
 // when a motor set now loses its bias

@@ -179,6 +179,7 @@ void World::reset() {
     impl_->states[i] = impl_->bodies[i].state;
     impl_->corrections[i].setZero();
   }
+  impl_->any_corrections = false;
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     impl_->joints[j].motor = impl_->joint_starts[j].motor;
     impl_->start_joint(j);

@@ -241,7 +241,9 @@ class Judge {
     const double rise = now - so_far->start;
     const bool loses = is_damped_ || so_far->uses_impulses || is_thrown();
     const double off = loses ? rise : std::abs(rise);
-    double allowed = 1e-6 * so_far->scale + 100.0 * so_far->estimate * so_far->scale;
+    // and the energy of 1e-6 m/s, where a scene that rests has no other
+    double allowed =
+        1e-6 * so_far->scale + 100.0 * so_far->estimate * so_far->scale + 0.5e-12 * mass();
     // what Baumgarte's corrections lift, at most; of rotations the method is of first order
     if (so_far->uses_impulses) allowed += weight() * so_far->corrected;
     if (so_far->uses_impulses && turns_) allowed += 1e-3 * so_far->scale;
@@ -257,7 +259,7 @@ class Judge {
     const double off = difference(mechanics_, poses, motion_.samples[k]);
     const double grows = motion_.sensitivity[k];
     const double rounding = 1e-14 + 4.0 * 2.3e-16 * coordinate_;
-    const double allowed = 1e-6 + std::max(100.0, grows) * so_far.estimate +
+    const double allowed = 1e-6 + std::max(100.0, 10.0 * grows) * so_far.estimate +
                            10.0 * motion_.error[k] + 100.0 * grows * rounding;
     if (!(off > allowed)) return false;
     finding->what = "state";
@@ -274,6 +276,12 @@ class Judge {
 
   bool is_thrown() const { return mechanics_.scene().kind.find("thrown") != std::string::npos; }
   double joints_allowed() const { return 1e-6 + 4.0 * 2.3e-16 * coordinate_; }
+  double mass() const {
+    double sum = 0.0;
+    for (const auto& body : mechanics_.scene().bodies) sum += static_cast<double>(body.mass);
+    return sum;
+  }
+
   double weight() const {
     double mass = 0.0;
     for (const Body& body : mechanics_.scene().bodies) mass += body.mass;

@@ -392,6 +392,7 @@ bool EquationsOfMotion::meet(double t, double* y) {
 void EquationsOfMotion::clear() {
   std::fill(impulses_.begin(), impulses_.end(), 0.0);
   dependent_rows_ = 0;
+  momentary_error_ = 0.0;
 }
 
 Vector3d EquationsOfMotion::impulse(std::size_t l) const {

@@ -145,6 +145,8 @@ class EquationsOfMotion {
   void clear();
   /// As read_smooth_joint() wants it, of joints()[l].
   Eigen::Vector3d impulse(std::size_t l) const;
+  /// What momentary rows were off by since clear(): rate times substep, summed up [m].
+  double momentary_error() const { return momentary_error_; }
   /// Most rows at once that depended on others, redundant rows included.
   int dependent_rows() const { return dependent_rows_ + static_cast<int>(redundant_rows()); }
   /// Rows that follow from the others wherever the joints let the bodies go; they have no force.
@@ -158,6 +160,7 @@ class EquationsOfMotion {
   template <class Pair>
   void accept(double h) {
     using Weights = runge_kutta::StageWeights<Pair, Pair::kStages>;
+    substep_ = h;
     const std::size_t n = impulses_.size();
     for (std::size_t i = 0; i < n; ++i)
       impulses_[i] += h * runge_kutta::sum<Weights>(stage_forces_.data() + i, n);
@@ -352,6 +355,8 @@ class EquationsOfMotion {
   int left_out_for_ = 0;               // restarts in a row
   int choose_after_ = 0;               // such restarts
   double time_ = 0.0;                  // of the last project() [s]
+  double substep_ = 0.0;               // the last one [s]
+  double momentary_error_ = 0.0;       // since clear() [m]
   bool is_inconsistent_ = false;
 
   bool factors_are_there_ = false;

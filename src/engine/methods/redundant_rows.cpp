@@ -351,12 +351,19 @@ void EquationsOfMotion::verify_left_out(double least) {
   }
 }
 
-// Rows that are momentary for long may be redundant: the next start chooses again.
+// What momentary rows are off by. Rows that are momentary for long may be redundant: the next start
+// chooses again.
 void EquationsOfMotion::note_left_out() {
   if (left_out_ == 0) {
     left_out_for_ = 0;
     return;
   }
+  find_rates();
+  double worst = 0.0;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (!is_redundant_[i] && ldlt_.is_left_out(rows_[i].unknown))
+      worst = std::max(worst, std::abs(rate_[i] - rate_target_[i]) / row_length(i));
+  momentary_error_ += substep_ * worst;
   if (choose_after_ == 0) choose_after_ = kLeftOutUntilChoice;
   if (++left_out_for_ < choose_after_) return;
   has_chosen_ = false;

@@ -94,7 +94,9 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
     if (!progress.done) return progress;
     projected = progress.projected;
   }
+  const double momentary = equations_.momentary_error();
   Progress progress = integrate_equations(memory, span, accuracy);
+  progress.local_error += equations_.momentary_error() - momentary;
   progress.projected = projected;
   progress.is_inconsistent =
       !progress.done && (progress.is_inconsistent || equations_.is_inconsistent());

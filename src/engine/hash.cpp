@@ -27,6 +27,27 @@ class Fnv1a {
   std::uint64_t hash_ = 0xcbf29ce484222325ULL;
 };
 
+/// What the add_memory() of a method tells goes into a hash.
+class MemoryHash {
+ public:
+  explicit MemoryHash(Fnv1a* hash) : hash_(hash) {}
+
+  void operator()(double value) const { hash_->add(value); }
+  void operator()(bool value) const { hash_->add(std::uint64_t{value}); }
+  void operator()(char value) const { hash_->add(static_cast<std::uint64_t>(value)); }
+  void operator()(int value) const { hash_->add(static_cast<std::uint64_t>(value)); }
+  void operator()(const Eigen::Vector3d& v) const { hash_->add(v); }
+  void operator()(const Eigen::Vector4d& v) const { hash_->add(v.data(), 4 * sizeof(double)); }
+  template <class Element>
+  void operator()(const std::vector<Element>& list) const {
+    hash_->add(std::uint64_t{list.size()});
+    for (std::size_t i = 0; i < list.size(); ++i) (*this)(static_cast<const Element&>(list[i]));
+  }
+
+ private:
+  Fnv1a* hash_;
+};
+
 // indices of a list in the order of its names
 template <class List>
 std::vector<std::size_t> by_name(const List& list, std::size_t first) {
@@ -123,6 +144,34 @@ void add(Fnv1a& hash, const IslandMemory& memory, const std::string& first_body)
     hash.add(value);
 }
 
+// What methods go on from beside the state. After an edit all begin anew, and so do islands at rest
+// once they wake.
+template <class Impl>
+void add_methods(Fnv1a& hash, const Impl& world) {
+  if (world.edited || world.is_fresh) return;
+  const MemoryHash add(&hash);
+  for (std::size_t i = 0; i < world.islands.size(); ++i) {
+    const Island& island = world.islands[i];
+    const IslandParts& parts = world.island_parts[i];
+    if (island.why == Why::kAtRest) continue;
+    for (const int body : parts.turning_freely) {
+      const FreeRotation& rotation = world.rotations[static_cast<std::size_t>(body)];
+      if (!rotation.has_memory()) continue;
+      add(body);
+      rotation.add_memory(add);
+    }
+    if (parts.linked < 0) continue;
+    const auto linked = static_cast<std::size_t>(parts.linked);
+    hash.add(std::uint64_t{i});
+    for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
+      add(word);
+    add(world.had_loads);
+    world.linked[linked].add_memory(add);
+    const std::optional<EnergyMomentum>& stiff = world.stiff[linked];
+    if (stiff && stiff->has_memory()) stiff->add_memory(add);
+  }
+}
+
 void add(Fnv1a& hash, const Wrench& wrench, const std::string& body, double now) {
   hash.add(body);
   hash.add(wrench.force);
@@ -169,6 +218,7 @@ std::uint64_t World::state_hash() const {
   for (const auto& [first_body, memory] : world.memories())
     if (world.body_index[first_body.value] >= 0) add(hash, memory, name_of(first_body));
   hash.add(std::uint64_t{world.starts_methods_anew()});
+  add_methods(hash, world);
   return hash.value();
 }
 

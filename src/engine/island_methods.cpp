@@ -211,13 +211,27 @@ void World::Impl::sort_islands() {
     if (island.method == before && !is_fresh && !has_woken) continue;
     changed = true;
     if (!is_fresh && island.method != before) ++report.changes;
-    if (parts.linked >= 0) linked[at(parts.linked)].forget();
-    if (parts.linked >= 0 && stiff[at(parts.linked)]) stiff[at(parts.linked)]->forget();
-    const bool is_new = is_fresh || has_woken || before == Method::kSequentialImpulses;
-    if (is_new && island.method != Method::kSequentialImpulses)
+    const bool begins_anew = is_fresh || has_woken;
+    if (begins_anew) {
+      begin_anew(parts);
+    } else if (parts.linked >= 0) {
+      linked[at(parts.linked)].forget();
+      if (stiff[at(parts.linked)]) stiff[at(parts.linked)]->forget();
+    }
+    if ((begins_anew || before == Method::kSequentialImpulses) &&
+        island.method != Method::kSequentialImpulses)
       entering.push_back(static_cast<int>(i));
   }
   if (changed) list_by_method();
+}
+
+// with nothing of the steps before, so that a world that was saved and loaded does the same
+void World::Impl::begin_anew(const IslandParts& parts) {
+  for (const int body : parts.turning_freely) rotations[at(body)] = FreeRotation{};
+  if (parts.linked < 0) return;
+  linked[at(parts.linked)].begin_anew();
+  if (stiff[at(parts.linked)]) stiff[at(parts.linked)]->begin_anew();
+  inconsistent[at(parts.linked)].reset();
 }
 
 // whether a joint belongs to an island that is integrated

@@ -263,6 +263,7 @@ struct World::Impl {
   void collide_pairs();
   void choose_methods();
   void sort_islands();
+  void begin_anew(const IslandParts& parts);
   bool is_integrated(std::size_t j) const;
   void list_by_method();
   void integrate();

@@ -39,6 +39,16 @@ class SparseLdlt {
   /// Forgets all of keep().
   void keep_none();
 
+  /// All that solve() and the next factor() go by.
+  template <class Add>
+  void add_memory(Add&& add) const {
+    add(values_);
+    add(inverse_diagonal_);
+    add(smallest_pivot_);
+    add(left_out_);
+    add(is_kept_);
+  }
+
   /// Where row i stands in the elimination, and so in what solve() takes.
   int place(int i) const { return order_[static_cast<std::size_t>(i)]; }
   /// Replaces b by A⁻¹ b, both in the order of the elimination.

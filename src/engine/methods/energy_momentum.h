@@ -43,6 +43,23 @@ class EnergyMomentum {
   double frequency_of(std::size_t body) const { return step_equations_.frequency_of(body); }
   /// Somebody else has moved the bodies.
   void forget() { has_started_ = false; }
+  /// Goes on as one just made.
+  void begin_anew() {
+    has_started_ = false;
+    step_equations_.forget();
+  }
+  /// Whether it has something to go on from.
+  bool has_memory() const { return has_started_ || frequency() > 0.0; }
+  /// The same, beside the bodies.
+  template <class Add>
+  void add_memory(Add&& add) const {
+    step_equations_.add_memory(add, has_started_ && mode_ == ImplicitMode::kDissipate);
+    add(has_started_);
+    if (!has_started_) return;
+    for (const int number : {static_cast<int>(mode_), refinement_, spans_since_}) add(number);
+    add(step_before_);
+    for (const ImplicitStep::Unknowns& unknowns : found_) add(unknowns);
+  }
 
  private:
   static constexpr std::size_t kStages = 5;

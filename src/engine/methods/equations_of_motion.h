@@ -137,8 +137,23 @@ class EquationsOfMotion {
   bool start(double t, double* y, double* dydt);
   /// Whether the last start or step found joints that cannot all be met.
   bool is_inconsistent() const { return is_inconsistent_; }
-  /// Somebody else has moved the bodies far: which rows are redundant is asked again.
+  /// Which rows are redundant is asked again, as of equations just made.
   void forget_redundant_rows();
+  /// All that outlives a span, beside what begin() sets; with the forces of the first stage where
+  /// that is not found again.
+  template <class Add>
+  void add_memory(Add&& add, bool with_first_stage) const {
+    for (const auto* rows : {&is_redundant_, &is_needed_, &is_verified_}) add(*rows);
+    for (const auto* rows : {&imbalance_, &redundant_off_}) add(*rows);
+    add(is_changing_);
+    add(scale_);
+    add(pivot_at_choice_);
+    for (const int number : {too_far_, left_out_for_, choose_after_, left_out_}) add(number);
+    for (const bool flag : {is_inconsistent_, factors_are_there_, has_chosen_}) add(flag);
+    if (has_chosen_) ldlt_.add_memory(add);
+    if (!with_first_stage) return;
+    for (std::size_t i = 0; i < impulses_.size(); ++i) add(stage_forces_[i]);
+  }
 
   // ---- what the joints did since clear()
 

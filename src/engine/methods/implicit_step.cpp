@@ -244,6 +244,11 @@ void ImplicitStep::write_points(Points* points) const {
   }
 }
 
+void ImplicitStep::forget() {
+  std::fill(squares_.begin(), squares_.end(), 0.0);
+  frequency_ = 0.0;
+}
+
 // ---- one step
 
 void ImplicitStep::set_rule(double h, ImplicitRule rule) {

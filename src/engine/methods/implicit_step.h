@@ -85,6 +85,17 @@ class ImplicitStep {
   double frequency() const { return frequency_; }
   /// The same of one body, in the order of EquationsOfMotion.
   double frequency_of(std::size_t body) const { return std::sqrt(squares_[body]); }
+  /// Nothing is known of what holds the bodies.
+  void forget();
+  /// All that outlives a span, beside the bodies; with what BDF2 needs of the step before.
+  template <class Add>
+  void add_memory(Add&& add, bool with_step_before) const {
+    add(squares_);
+    add(frequency_);
+    if (!with_step_before) return;
+    for (const auto* list : {&dx_before_, &v_before_, &w_before_, &L_before_}) add(*list);
+    for (const Shape& shape : shapes_) add(shape.before);
+  }
   /// What is largest of those that turn and are swung with an ω of no more than this [rad/s]: spin
   /// [rad/s], and spin times radius of gyration [m/s].
   std::pair<double, double> largest_spin(double most_frequency) const;

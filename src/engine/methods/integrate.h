@@ -28,7 +28,8 @@ namespace constraint_sim::engine {
 /// of the stages one after the other.
 class StageMemory {
  public:
-  static constexpr std::size_t kRows = 3 + DormandPrince8::kStages + 1;
+  static constexpr std::size_t kDerivatives = 3;  ///< row of the first stage
+  static constexpr std::size_t kRows = kDerivatives + DormandPrince8::kStages + 1;
 
   /// On `numbers`, kRows times `size` of them.
   StageMemory(double* numbers, std::size_t size) : numbers_(numbers), size_(size) {}
@@ -36,7 +37,7 @@ class StageMemory {
   double* state() const { return row(0); }
   double* candidate() const { return row(1); }
   double* error() const { return row(2); }
-  double* derivatives() const { return row(3); }
+  double* derivatives() const { return row(kDerivatives); }
 
  private:
   double* row(std::size_t i) const { return numbers_ + i * size_; }

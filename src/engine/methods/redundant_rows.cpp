@@ -54,8 +54,15 @@ constexpr int kLeftOutUntilChoice = 8;  // restarts with momentary rows, at firs
 }  // namespace
 
 void EquationsOfMotion::forget_redundant_rows() {
-  has_chosen_ = false;
+  set_redundant(std::vector<char>(rows_.size(), 0));
   std::fill(is_needed_.begin(), is_needed_.end(), 0);
+  std::fill(imbalance_.begin(), imbalance_.end(), 0.0);
+  std::fill(is_changing_.begin(), is_changing_.end(), false);
+  ldlt_.keep_none();
+  has_chosen_ = is_inconsistent_ = false;
+  pivot_at_choice_ = 1.0;
+  scale_ = 0.0;
+  too_far_ = left_out_for_ = choose_after_ = left_out_ = 0;
 }
 
 // ---- the choice

@@ -80,6 +80,12 @@ LinkedMotion::LinkedMotion(EquationsOfMotion equations) : equations_(std::move(e
   numbers_.resize(StageMemory::kRows * equations_.size());
 }
 
+void LinkedMotion::begin_anew() {
+  has_started_ = false;
+  step_ = 0.0;
+  equations_.forget_redundant_rows();
+}
+
 Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
                                std::vector<BodyState>* states) {
   if (span.is_disturbed) has_started_ = false;
@@ -87,9 +93,10 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
   double* const y = memory.state();
   double projected = 0.0;
   if (!has_started_) equations_.load(*states, y);
-  if (!has_started_ || equations_.varies())
-    equations_.begin(span.t, *states, span.gravity, span.loads, span.courses);
-  if (!has_started_ || equations_.has_jumped() || !equations_.keeps_pace(span.t, y)) {
+  const bool begins = !has_started_ || equations_.varies();
+  if (begins) equations_.begin(span.t, *states, span.gravity, span.loads, span.courses);
+  const bool has_jumped = begins && equations_.has_jumped();  // once, not in all spans that follow
+  if (!has_started_ || has_jumped || !equations_.keeps_pace(span.t, y)) {
     const Progress progress = start(span, accuracy, memory);
     if (!progress.done) return progress;
     projected = progress.projected;

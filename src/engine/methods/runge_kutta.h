@@ -50,6 +50,19 @@ class LinkedMotion {
                    std::vector<BodyState>* states);
   /// Somebody else has moved the bodies.
   void forget() { has_started_ = false; }
+  /// Goes on as one just made.
+  void begin_anew();
+  /// All that the next advance() goes on from, beside the bodies.
+  template <class Add>
+  void add_memory(Add&& add) const {
+    equations_.add_memory(add, has_started_);
+    add(step_);
+    add(has_started_);
+    if (!has_started_) return;
+    const std::size_t n = equations_.size();
+    for (std::size_t i = 0; i < n; ++i) add(numbers_[i]);
+    for (std::size_t i = 0; i < n; ++i) add(numbers_[StageMemory::kDerivatives * n + i]);
+  }
 
  private:
   Progress start(const SmoothSpan& span, const Accuracy& accuracy, const StageMemory& memory);
@@ -71,6 +84,18 @@ class FreeRotation {
  public:
   Progress advance(double h, const Eigen::Vector3d& torque, const MassProperties& mass,
                    const Accuracy& accuracy, BodyState* state);
+  /// Whether it has something to go on from.
+  bool has_memory() const { return step_ != 0.0; }
+  /// The same, beside the body.
+  template <class Add>
+  void add_memory(Add&& add) const {
+    add(step_);
+    add(after_.angular_velocity);
+    add(after_.orientation.coeffs());
+    add(momentum_);
+    add(torque_);
+    add(first_derivative_);
+  }
 
  private:
   double step_ = 0.0;                                   // the next substep is tried with [s]

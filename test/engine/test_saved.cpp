@@ -3,6 +3,7 @@
 
 #include <atomic>
 #include <filesystem>
+#include <limits>
 #include <tuple>
 
 #include "constraint_sim/scene.h"
@@ -160,6 +161,23 @@ TEST(Hashed, TellsWhatWasForgotten) {
     EXPECT_EQ(edited.state_hash(), again.state_hash());
     EXPECT_EQ(save_scene(edited), save_scene(again));
   }
+}
+
+// Where nothing moves only the memory tells: how long ago the last shorter step was.
+TEST(Hashed, TellsMemoryWhereStatesAreTheSame) {
+  WorldOptions options;
+  options.method = Method::kEnergyMomentum;
+  options.gravity.setZero();
+  options.sleep_after = std::numeric_limits<double>::infinity();
+  World world(options);
+  const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 1.0}));
+  world.add_joint(make_joint("rod", kWorldBody, {0.0, 0.0, 2.0}, ball, Vector3d::Zero(), rod(1.0)));
+  run(world, 3);
+  World again = load_scene(save_scene(world));
+  run(world, 1);
+  run(again, 1);
+  ASSERT_EQ(save_scene(again), save_scene(world));
+  EXPECT_NE(again.state_hash(), world.state_hash());
 }
 
 // Two boxes that tumble alike but for the step size found before: bodies that nothing holds have

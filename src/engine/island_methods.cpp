@@ -526,7 +526,8 @@ Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& sp
   if (options.dissipation) mode = ImplicitMode::kDissipate;
   const Progress progress =
       method.advance(span, mode, options.tolerance, most_halvings, &motion.equations(), &states);
-  memory.gradient_iterations = static_cast<std::uint32_t>(std::max(progress.iterations, 1));
+  memory.gradient_iterations = static_cast<std::uint32_t>(
+      std::max(method.was_first() ? progress.iterations / 2 : progress.iterations, 1));
   if (method.frequency() > kCalmShare * most_frequency(i))
     memory.stiff_until = std::max(memory.stiff_until, step_count + kCalmFor);
   else if (method.frequency() * kMuchCheaper < most_frequency(i))

@@ -71,7 +71,8 @@ TEST_P(SavedScene, GoesOnAsItWouldHave) {
     // 1.3e-5 measured, of heavy_load, whose light links move faster than ticks can show; the
     // others stay far below
     if (!is_same) {
-      EXPECT_LT(apart(again, original), 1e-4) << steps;
+      // methods begin anew; the first tick of a stiff island is made of two halves
+      EXPECT_LT(apart(again, original), 1e-3) << steps;
     }
   }
 }

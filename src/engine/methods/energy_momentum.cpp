@@ -66,7 +66,7 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
   mode_ = mode;
   stop_ = span.stop;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
-  is_new = is_new || equations->has_jumped();
+  was_first_ = is_new = is_new || equations->has_jumped();
   if (is_new) {
     has_started_ = start(span, equations, states, &progress);
     if (!has_started_) {

@@ -38,6 +38,8 @@ class EnergyMomentum {
   /// for.
   Progress advance(const SmoothSpan& span, ImplicitMode mode, double tolerance, int most_halvings,
                    EquationsOfMotion* equations, std::vector<BodyState>* states);
+  /// Whether the last span was made of two halves, as a first one is.
+  bool was_first() const { return was_first_; }
   /// Largest ω of the bodies by what held them in the last step [rad/s].
   double frequency() const { return step_equations_.frequency(); }
   double frequency_of(std::size_t body) const { return step_equations_.frequency_of(body); }
@@ -78,6 +80,7 @@ class EnergyMomentum {
   std::vector<double> change_;
   std::vector<double> numbers_;  // a state and its derivative, as EquationsOfMotion has them
   EndpointEstimate estimate_;
+  bool was_first_ = false;
   bool has_started_ = false;
   ImplicitMode mode_ = ImplicitMode::kOrder4;
   double step_before_ = 0.0;  // [s], where BDF2 can go on from it; else 0

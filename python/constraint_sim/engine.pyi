@@ -94,6 +94,8 @@ class StepReport:
     @property
     def max_constraint_error(self) -> float: ...  # [m]
     @property
+    def worst_joint(self) -> Optional[str]: ...
+    @property
     def max_penetration(self) -> float: ...  # [m]
     @property
     def energy(self) -> float: ...  # [J]
@@ -110,7 +112,19 @@ class StepReport:
     @property
     def projected_energy(self) -> float: ...  # [J]
     @property
+    def correction_work(self) -> float: ...  # [J]
+    @property
+    def driven_work(self) -> float: ...  # [J]
+    @property
+    def solver_residual(self) -> float: ...  # [m/s]
+    @property
     def failed(self) -> bool: ...
+    @property
+    def failure(self) -> str: ...
+    @property
+    def failed_body(self) -> Optional[str]: ...
+    @property
+    def stopped(self) -> bool: ...
     @property
     def islands(self) -> Dict[str, int]: ...  # by method
     @property
@@ -138,6 +152,10 @@ class RunReport:
     @property
     def failed(self) -> bool: ...
     @property
+    def failure(self) -> str: ...
+    @property
+    def failed_body(self) -> Optional[str]: ...
+    @property
     def timed_out(self) -> bool: ...
     @property
     def wall_time(self) -> float: ...  # of the steps alone [s]
@@ -153,6 +171,12 @@ class RunReport:
     def energy_final(self) -> float: ...  # [J]
     @property
     def energy_drift(self) -> float: ...  # [1]
+    @property
+    def correction_work(self) -> float: ...  # [J]
+    @property
+    def driven_work(self) -> float: ...  # [J]
+    @property
+    def solver_residual(self) -> float: ...  # [m/s]
     @property
     def methods(self) -> Set[str]: ...
     @property
@@ -268,6 +292,7 @@ class World:
     def unresolved_bodies(self) -> List[str]: ...
     def explain(self) -> str: ...
     def left_out(self) -> List[str]: ...
+    def warnings(self) -> List[str]: ...
     def save_scene(self) -> str: ...
     def save_scene_file(self, path: str) -> None: ...
 

@@ -6,7 +6,7 @@
 namespace constraint_sim::python {
 namespace {
 
-py::dict islands_of(const engine::StepReport& report) {
+py::dict islands_of(const NamedReport& report) {
   py::dict dict;
   for (std::size_t i = 0; i < engine::kMethodCount; ++i)
     if (static_cast<engine::Method>(i) != engine::Method::kAuto)
@@ -15,7 +15,7 @@ py::dict islands_of(const engine::StepReport& report) {
 }
 
 void define_step_report(py::module* module) {
-  using Report = engine::StepReport;
+  using Report = NamedReport;
   py::class_<Report>(*module, "StepReport",
                      "What one step did, how wrong it is and what it cost. A copy: it keeps its "
                      "values when the world steps on.")
@@ -23,6 +23,7 @@ void define_step_report(py::module* module) {
       .def_readonly("time", &Report::time, "simulated time after the step [s]")
       .def_readonly("max_constraint_error", &Report::max_constraint_error,
                     "largest |error| of the joints, springs excepted [m]")
+      .def_readonly("worst_joint", &Report::worst_joint_name, "joint whose error it is, or None")
       .def_readonly("max_penetration", &Report::max_penetration, "deepest contact [m]")
       .def_readonly("energy", &Report::energy,
                     "kinetic energy + potential energy of gravity and springs [J]")
@@ -37,8 +38,22 @@ void define_step_report(py::module* module) {
       .def_readonly("torn_joints", &Report::torn_joints, "joints that broke in this step")
       .def_readonly("projected_energy", &Report::projected_energy,
                     "kinetic energy lost where velocities were projected onto the joints [J]")
-      .def_readonly("failed", &Report::failed,
-                    "the result was not finite; the world kept the state before the step")
+      .def_readonly("correction_work", &Report::correction_work,
+                    "of closing errors where impulses carry islands: weight times the distance "
+                    "moved for that [J]")
+      .def_readonly("driven_work", &Report::driven_work,
+                    "of wrenches, motors and kinematic bodies where impulses carry islands [J]")
+      .def_readonly("solver_residual", &Report::solver_residual,
+                    "largest |J V - target| that the sweeps left [m/s]")
+      .def_readonly("failed", &Report::failed, "the world kept the state before the step")
+      .def_property_readonly(
+          "failure", [](const Report& report) { return engine::text(report.failure); },
+          "why the step failed, in plain words; empty where it did not")
+      .def_readonly("failed_body", &Report::failed_body_name,
+                    "body whose motion it was, or None where it was not that of one")
+      .def_readonly("stopped", &Report::stopped,
+                    "a stop flag ended the step early: the world kept the state before it; C++ "
+                    "alone can set one")
       .def_property_readonly("islands", &islands_of, "islands advanced by each method")
       .def_readonly("asleep", &Report::asleep, "islands at rest, left out")
       .def_readonly("changes", &Report::changes, "changes of method")
@@ -59,7 +74,11 @@ void define_run_report(py::module* module) {
                         "Outcome of World.run: worst values over its steps, sums, and samples.")
       .def_readonly("steps", &RunReport::steps, "steps taken")
       .def_readonly("failed", &RunReport::failed,
-                    "a step was not finite: the run ended with the state before it")
+                    "a step failed: the run ended with the state before it")
+      .def_readonly("failure", &RunReport::failure,
+                    "why, in plain words; empty where no step failed")
+      .def_readonly("failed_body", &RunReport::failed_body,
+                    "body whose motion it was, or None where it was not that of one")
       .def_readonly("timed_out", &RunReport::timed_out, "time_limit was reached before the end")
       .def_readonly("wall_time", &RunReport::wall_time, "run time of the steps alone [s]")
       .def_readonly("max_constraint_error", &RunReport::max_constraint_error, "over all steps [m]")
@@ -69,6 +88,13 @@ void define_run_report(py::module* module) {
       .def_readonly("energy_initial", &RunReport::energy_initial, "before the first step [J]")
       .def_readonly("energy_final", &RunReport::energy_final, "after the last step [J]")
       .def_readonly("energy_drift", &RunReport::energy_drift, "of the last step [1]")
+      .def_readonly("correction_work", &RunReport::correction_work,
+                    "of closing errors where impulses carry islands, sum over all steps [J]")
+      .def_readonly("driven_work", &RunReport::driven_work,
+                    "of wrenches, motors and kinematic bodies where impulses carry islands, sum "
+                    "over all steps [J]")
+      .def_readonly("solver_residual", &RunReport::solver_residual,
+                    "largest |J V - target| that the sweeps left, over all steps [m/s]")
       .def_readonly("methods", &RunReport::methods, "that advanced an island")
       .def_readonly("unresolved_bodies", &RunReport::unresolved_bodies,
                     "names of bodies that moved faster than a step resolves")

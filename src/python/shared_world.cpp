@@ -26,6 +26,13 @@ std::uint64_t steps_in(double duration, double time_step) {
   return static_cast<std::uint64_t>(steps);
 }
 
+/// Among `ids`, what `id` names; nothing where it is not there any more.
+template <class Ids, class Id, class NameOf>
+std::optional<std::string> name_among(const Ids& ids, const Id& id, NameOf name_of) {
+  if (std::find(ids.begin(), ids.end(), id) == ids.end()) return std::nullopt;
+  return name_of(id);
+}
+
 void add(const engine::StepReport& step, const engine::World& world, RunReport* report) {
   ++report->steps;
   report->max_constraint_error = std::max(report->max_constraint_error, step.max_constraint_error);
@@ -40,12 +47,20 @@ void add(const engine::StepReport& step, const engine::World& world, RunReport* 
   report->torn_joints += step.torn_joints;
   report->changes += step.changes;
   report->dependent_rows = std::max(report->dependent_rows, step.dependent_rows);
-  report->failed = step.failed;
+  report->correction_work += step.correction_work;
+  report->driven_work += step.driven_work;
+  report->solver_residual = std::max(report->solver_residual, step.solver_residual);
   for (std::size_t i = 0; i < engine::kMethodCount; ++i)
     if (step.islands[i] > 0) report->methods.insert(engine::name(static_cast<engine::Method>(i)));
   if (step.unresolved_bodies == 0) return;
   for (const engine::BodyId id : world.unresolved_bodies())
     report->unresolved_bodies.insert(world.body(id).name);
+}
+
+void add_failure(const NamedReport& step, RunReport* report) {
+  report->failed = true;
+  report->failure = engine::text(step.failure);
+  report->failed_body = step.failed_body_name;
 }
 
 /// Array that owns these numbers.
@@ -56,6 +71,15 @@ py::array owned(std::vector<double> numbers, std::vector<py::ssize_t> shape) {
 }
 
 }  // namespace
+
+NamedReport::NamedReport(const engine::World& world) : engine::StepReport(world.report()) {
+  if (worst_joint)
+    worst_joint_name = name_among(world.joint_ids(), *worst_joint,
+                                  [&](engine::JointId id) { return world.joint(id).name; });
+  if (failed_body)
+    failed_body_name = name_among(world.body_ids(), *failed_body,
+                                  [&](engine::BodyId id) { return world.body(id).name; });
+}
 
 class SharedWorld::Stepping {
  public:
@@ -127,14 +151,14 @@ py::array SharedWorld::columns(py::ssize_t first, py::ssize_t count) {
   return view;
 }
 
-const engine::StepReport& SharedWorld::step() {
+NamedReport SharedWorld::step() {
   check_idle();
   {
     const Stepping stepping(this);
     world_.step();
   }
   update_arrays();
-  return world_.report();
+  return NamedReport(world_);
 }
 
 void SharedWorld::run_released(std::uint64_t steps, std::uint64_t every, double time_limit,
@@ -148,13 +172,17 @@ void SharedWorld::run_released(std::uint64_t steps, std::uint64_t every, double 
   if (every > 0) sample();
   constexpr auto kSignalInterval = std::chrono::milliseconds(100);
   auto signals_checked = SteadyClock::now();
-  while (report->steps < steps && !report->failed && !report->timed_out) {
+  while (report->steps < steps && !report->timed_out) {
     const auto start = SteadyClock::now();
     const engine::StepReport& step = world_.step();
     const auto end = SteadyClock::now();
     report->wall_time += seconds(end - start);
+    if (step.failed) {  // what it tells is of motion that was taken back
+      add_failure(NamedReport(world_), report);
+      return;
+    }
     add(step, world_, report);
-    if (every > 0 && report->steps % every == 0 && !report->failed) sample();
+    if (every > 0 && report->steps % every == 0) sample();
     report->timed_out = report->wall_time > time_limit && report->steps < steps;
     if (end - signals_checked < kSignalInterval) continue;
     signals_checked = end;

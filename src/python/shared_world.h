@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <vector>
@@ -19,16 +20,26 @@ namespace py = pybind11;
 /// Numbers of one body in the arrays: position, orientation x y z w, linear and angular velocity.
 constexpr py::ssize_t kStateSize = 13;
 
+/// Report of a step with the names of what it points at, as long as the world has it.
+struct NamedReport : engine::StepReport {
+  explicit NamedReport(const engine::World& world);
+  std::optional<std::string> worst_joint_name, failed_body_name;
+};
+
 /// Outcome of World.run: worst values over all its steps, and sums.
 struct RunReport {
   std::uint64_t steps = 0;
-  bool failed = false;     ///< a step was not finite: the world kept the state before it
+  bool failed = false;     ///< a step failed: the world kept the state before it
+  std::string failure;     ///< why, in plain words
+  std::optional<std::string> failed_body;
   bool timed_out = false;  ///< `time_limit` was reached before the end
   double wall_time = 0.0;  ///< of the steps alone [s]
   double max_constraint_error = 0.0, max_penetration = 0.0;  ///< [m]
   double accumulated_local_error = 0.0;                      ///< [m]
   double energy_initial = 0.0, energy_final = 0.0;           ///< [J]
   double energy_drift = 0.0;                                 ///< after the last step [1]
+  double correction_work = 0.0, driven_work = 0.0;           ///< sums [J]
+  double solver_residual = 0.0;                              ///< over all steps [m/s]
   std::set<std::string> methods, unresolved_bodies;          ///< by name
   std::uint64_t substeps = 0, rejected = 0, iterations = 0, rows = 0, contacts = 0;
   std::uint64_t torn_joints = 0, changes = 0;
@@ -50,7 +61,7 @@ class SharedWorld {
 
   /// Columns [first, first + count) of all bodies, a read-only view into the buffer.
   py::array columns(py::ssize_t first, py::ssize_t count);
-  const engine::StepReport& step();
+  NamedReport step();
   /// Samples: the start and every `every` ticks; 0: none.
   RunReport run(double duration, std::uint64_t every, double time_limit);
 

@@ -257,7 +257,7 @@ void define_wrenches(Class* world) {
 }
 
 void define_motion(Class* world) {
-  world->def("step", &SharedWorld::step, py::return_value_policy::copy,
+  world->def("step", &SharedWorld::step,
              "Advances the world by one tick, without the GIL; returns its StepReport.");
   world->def(
       "run",
@@ -283,7 +283,7 @@ void define_motion(Class* world) {
 
 void define_time(Class* world) {
   world->def_property_readonly(
-      "report", [](const SharedWorld& self) { return engine::StepReport(self.read().report()); },
+      "report", [](const SharedWorld& self) { return NamedReport(self.read()); },
       "StepReport of the last step.");
   world->def_property_readonly(
       "time", [](const SharedWorld& self) { return self.read().time(); }, "Simulated time [s].");
@@ -347,6 +347,10 @@ void define_texts(Class* world) {
   world->def(
       "left_out", [](const SharedWorld& self) { return engine::left_out(self.read()); },
       "What the world leaves out and why, one line each.");
+  world->def(
+      "warnings", [](const SharedWorld& self) { return engine::warnings(self.read()); },
+      "What the world has that may not be meant, one line each: inertias that no distribution of "
+      "mass has.");
   world->def(
       "save_scene", [](const SharedWorld& self) { return engine::save_scene(self.read()); },
       "The world as it is now, as text of a scene; every number to 4 ulp.");

@@ -213,11 +213,61 @@ def test_plan_and_reports():
 
 
 def test_failed_physics_is_reported_not_raised():
+    # 1e20 m is the bound: six ticks of 1e16 m stay below it, the seventh does not
     world = engine.World(gravity=(0.0, 0.0, 0.0))
-    world.add_body('fast', mass=1.0, position=(1e308, 0, 0), linear_velocity=(1.7e308, 0, 0))
+    world.add_body('slow', mass=1.0)
+    world.add_body('fast', mass=1.0, position=(9.9935e19, 0, 0), linear_velocity=(1e18, 0, 0))
     run = world.run(10.0, every=1)
-    assert run.failed and world.report.failed and run.steps < 1000
-    assert np.isfinite(run.states).all(), 'the world keeps the last good state'
+    last, report = world.state_hash, world.report
+    assert run.failed and report.failed and not report.stopped
+    assert run.failure == report.failure == 'a body is beyond 1e20 m, m/s or rad/s'
+    assert run.failed_body == report.failed_body == 'fast'
+    assert run.steps == world.step_count == 6 and len(run.times) == 7
+    assert np.isfinite(run.states).all() and world.positions[1, 0] <= 1e20
+    assert world.step().failed and world.state_hash == last, 'the world keeps the last good state'
+    world.remove_body('fast')
+    assert world.report.failed_body is None, 'it has no such body any more'
+    good = world.step()
+    assert not good.failed and good.failure == '' and good.failed_body is None
+    lost = engine.World()
+    lost.set_time(2.0 ** 46 - 0.05, 0)
+    run = lost.run(10.0)
+    assert run.failure == 'a tick is lost beside so long a time' and run.failed_body is None
+
+
+def test_what_impulses_report():
+    """Work of a force against the energy it gives, and sums and maxima of a run against its steps."""
+    world = engine.World(method='sequential_impulses', gravity=(0.0, 0.0, 0.0))
+    world.add_body('puck', mass=1.0)
+    world.add_wrench('puck', force=(2.0, 0.0, 0.0))
+    run = world.run(1.0)
+    # impulses act before the motion of their tick: a hundredth more way than 1 m; sums of 100 terms
+    assert run.driven_work == pytest.approx(2.0 * world.positions[0, 0], abs=1e-12)
+    assert run.driven_work == pytest.approx(2.02, abs=1e-12)
+    assert run.energy_final == pytest.approx(2.0, abs=1e-12)  # (2 N s)^2 / 2 kg
+    assert run.correction_work == run.solver_residual == 0.0
+    chain = engine.load_scene_file(str(SCENES / 'chain_heavy_end.yaml'))
+    chain.set_options(method='sequential_impulses')
+    again = chain.copy()
+    reports = [chain.step() for _ in range(50)]
+    run = again.run(50 * again.options['time_step'])
+    assert again.state_hash == chain.state_hash
+    assert run.solver_residual == max(report.solver_residual for report in reports) > 0.0
+    assert run.correction_work == sum(report.correction_work for report in reports) != 0.0
+    assert run.driven_work == sum(report.driven_work for report in reports)
+    last = reports[-1]
+    assert last.worst_joint in chain.joint_names
+    assert abs(chain.joint_state(last.worst_joint)['error']) == last.max_constraint_error
+    chain.remove_joint(last.worst_joint)
+    assert last.worst_joint is not None and chain.report.worst_joint is None
+
+
+def test_warnings():
+    world = hanging()
+    assert world.warnings() == []
+    world.add_body('odd', mass=1.0, inertia=(1.0, 2.0, 4.0))
+    assert world.warnings() == ["body 'odd': inertia (1, 2, 4) is that of no distribution of mass: its "
+                                'largest exceeds the sum of the others']
 
 
 def rejected(call, *arguments, **keywords):
@@ -263,7 +313,7 @@ def test_bad_input_names_field_and_value():
                         (lambda: engine.load_scene('bodies: 3', 'mine.yaml'),
                          "mine.yaml:1: bodies: expected a list, got '3'"),
                         (lambda: engine.load_scene_file('/missing.yaml'),
-                         '/missing.yaml: cannot read this file')):
+                         '/missing.yaml: cannot read this file: No such file or directory')):
         with pytest.raises(ValueError) as caught:
             call()
         assert str(caught.value) == error

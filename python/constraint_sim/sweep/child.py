@@ -115,6 +115,9 @@ def run_case(case, job, reference, wants_all):
         position, orientation = reference.errors(
             (job['reference'] or {}).get('closed_form'), case, times, states)
     warnings = []
+    if run.failed:
+        warnings.append(run.failure + (f": '{run.failed_body}'" if run.failed_body else ''))
+    warnings.extend(world.warnings())
     if run.unresolved_bodies:
         warnings.append(f'{len(run.unresolved_bodies)} bodies are not resolved')
     if run.torn_joints:
@@ -129,7 +132,8 @@ def run_case(case, job, reference, wants_all):
         'max_constraint_error': run.max_constraint_error, 'max_penetration': run.max_penetration,
         'accumulated_local_error': run.accumulated_local_error,
         'energy_initial': run.energy_initial, 'energy_final': run.energy_final,
-        'energy_drift': run.energy_drift, **{name: getattr(run, name) for name in SUMS},
+        'energy_drift': run.energy_drift, 'correction_work': run.correction_work,
+        'driven_work': run.driven_work, 'solver_residual': run.solver_residual, **{name: getattr(run, name) for name in SUMS},
         'torn_joints': run.torn_joints, 'unresolved_bodies': len(run.unresolved_bodies),
         'methods': '+'.join(sorted(run.methods)), 'warnings': '; '.join(warnings),
     }

@@ -11,7 +11,7 @@ OUTCOMES = {'ok': '#1a7f37', 'too_slow': '#c8c8c8', 'failed': '#d7263d', 'refuse
 MOST_LINES = 20
 UNITS = {'position_error': 'm', 'orientation_error': 'rad', 'max_constraint_error': 'm', 'max_penetration': 'm',
          'accumulated_local_error': 'm', 'energy_initial': 'J', 'energy_final': 'J', 'energy_drift': '1',
-         'run_time': 's', 'time_step': 's'}
+         'correction_work': 'J', 'driven_work': 'J', 'solver_residual': 'm/s', 'run_time': 's', 'time_step': 's'}
 
 
 def is_number(value):

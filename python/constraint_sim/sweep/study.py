@@ -20,9 +20,9 @@ from .scene_template import PathError, SceneTemplate
 INDEX = ('case', 'scene')
 CHOICES = ('method', 'time_step', 'tolerance')
 MEASURES = ('position_error', 'orientation_error', 'max_constraint_error', 'max_penetration',
-            'accumulated_local_error', 'energy_initial', 'energy_final', 'energy_drift', 'run_time', 'steps',
-            'substeps', 'rejected', 'iterations', 'rows', 'contacts', 'changes', 'torn_joints',
-            'unresolved_bodies')
+            'accumulated_local_error', 'energy_initial', 'energy_final', 'energy_drift', 'correction_work',
+            'driven_work', 'solver_residual', 'run_time', 'steps', 'substeps', 'rejected', 'iterations',
+            'rows', 'contacts', 'changes', 'torn_joints', 'unresolved_bodies')
 MOST_CASES = 200_000  # whose table is kept in memory
 
 Method = collections.namedtuple('Method', 'name options peer', defaults=(None,))

@@ -29,8 +29,8 @@ struct NamedReport : engine::StepReport {
 /// Outcome of World.run: worst values over all its steps, and sums.
 struct RunReport {
   std::uint64_t steps = 0;
-  bool failed = false;     ///< a step failed: the world kept the state before it
-  std::string failure;     ///< why, in plain words
+  bool failed = false;  ///< a step failed: the world kept the state before it
+  std::string failure;  ///< why, in plain words
   std::optional<std::string> failed_body;
   bool timed_out = false;  ///< `time_limit` was reached before the end
   double wall_time = 0.0;  ///< of the steps alone [s]

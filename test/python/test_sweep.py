@@ -188,7 +188,7 @@ def test_what_cannot_be_is_told_before_anything_runs(tmp_path, capsys):
 
 def test_refused_cluster(tmp_path, capsys, monkeypatch):
     path = make(tmp_path)
-    monkeypatch.setattr(executors, 'CONNECT_LIMIT', 1.0)
+    monkeypatch.setattr(executors, 'CONNECT_LIMIT', 0.3)
     assert command.main([str(path), '--cluster', 'tcp://127.0.0.1:1']) == 3
     assert 'no scheduler there' in capsys.readouterr().err
 
@@ -468,11 +468,11 @@ def other_build(folder):
 
 
 def test_workers_that_die_come_late_or_are_others_lose_nothing(tmp_path, capfd):
-    """A scheduler with three workers: one is killed, one comes late, and one of another build gets nothing."""
+    """A scheduler with three workers: the one that has all the work is killed, one comes late, and one of
+    another build gets nothing. bench/sweep_check.py has more of them, and 2000 cases."""
     machines = Machines(tmp_path)
     try:
         first = machines.worker()
-        machines.worker()
         machines.worker(other_build(tmp_path))
         path = many(tmp_path / 'a', 60)
         process = subprocess.Popen([*COMMAND, str(path), '--no-plots', '--cluster', machines.address],
@@ -480,7 +480,7 @@ def test_workers_that_die_come_late_or_are_others_lose_nothing(tmp_path, capfd):
         results = path.with_suffix('.results') / 'results.jsonl'
         wait_until(lambda: results.exists() and results.read_text())
         first.kill()
-        assert process.poll() is None, 'it is not done when the worker dies'
+        assert process.poll() is None, 'nobody else could end the work'
         machines.worker()
         told = process.communicate(timeout=60)[1]
         assert process.returncode == 0, told

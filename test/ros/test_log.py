@@ -1,6 +1,9 @@
 #!/usr/bin/env python3
-"""What the node says by itself, on /rosout, and to whom it does not start for."""
+"""What the node says by itself, in its output and on /rosout, and to whom it does not start for."""
+import contextlib
+import os
 import subprocess
+import tempfile
 import unittest
 
 import rospy
@@ -14,25 +17,31 @@ RUN = [support.node_program(), "__name:=constraint_sim"]
 
 
 class NodeLog:
-    """What the node has written to /rosout since. One subscription for all of them: a node that comes
-    up while another one ends may be lost to it."""
-    _listener = None
+    """What a node has written to its output. /rosout would not do: what is said before the
+    subscriber is connected does not come there."""
 
-    def __init__(self):
-        NodeLog._listener = NodeLog._listener or Listener("/rosout", Log)
-        self._start = len(self._listener.messages)
+    def __init__(self, path):
+        self._path = path
 
-    def _messages(self):
-        return [m for m in self._listener.messages[self._start:] if m.name == NODE]
+    def lines(self, *words):
+        """The lines with all these words."""
+        with open(self._path) as file:
+            return [line for line in file.read().splitlines() if all(word in line for word in words)]
 
     def wait(self, level, *words):
         """A line of this level with all these words."""
-        return wait_until(lambda: next((m for m in self._messages() if m.level == level and
-                                        all(word in m.msg for word in words)), None),
-                          "a line with %s" % (words,))
+        wait_until(lambda: any(level + "]" in line for line in self.lines(*words)),
+                   "a line of %s with %s" % (level, words))
 
-    def lines(self, *words):
-        return [m.msg for m in self._messages() if all(word in m.msg for word in words)]
+
+@contextlib.contextmanager
+def speaking(command):
+    """Runs the node and keeps what it says."""
+    environment = dict(os.environ, ROSCONSOLE_STDOUT_LINE_BUFFERED="1",
+                       ROSCONSOLE_FORMAT="[${severity}] ${message}")
+    with tempfile.NamedTemporaryFile() as output:
+        with running(command, stdout=output, stderr=subprocess.STDOUT, env=environment):
+            yield NodeLog(output.name)
 
 
 class NodeSpeaks(unittest.TestCase):
@@ -45,55 +54,51 @@ class NodeSpeaks(unittest.TestCase):
         rospy.set_param("/use_sim_time", False)
 
     def test_start_loads_broken_constraints_and_failures(self):
-        log = NodeLog()
-        with running(node_command(scene="pendulum", paused="true")):
-            log.wait(Log.INFO, "pendulum", "1 body", "1 constraint", "tick 0.002 s", "runge_kutta")
+        with speaking(node_command(scene="pendulum", paused="true")) as log:
+            log.wait("INFO", "pendulum", "1 body", "1 constraint", "tick 0.002 s", "runge_kutta")
             call("load_scene", path="winch")
-            log.wait(Log.INFO, "winch", "2 bodies", "sequential_impulses")
+            log.wait("INFO", "winch", "2 bodies", "sequential_impulses")
 
             call("load_scene", text="""
 bodies: [{name: load, mass: 1, position: [0, 0, -1]}]
 constraints: [{name: thread, body_b: load, break_force: 1}]""")
             call("step", steps=10)
-            log.wait(Log.WARN, "broken", "'thread'")
+            log.wait("WARN", "broken", "'thread'")
             self.assertEqual(len(log.lines("broken")), 1)
 
             body = sphere("fast", 1e20)
             body.twist.linear.x = 1e20
             call("add_body", body=body)
             call("unpause_physics")
-            log.wait(Log.ERROR, "failed", "'fast'")
+            log.wait("ERROR", "failed", "'fast'")
             call("unpause_physics")
-            log.wait(Log.WARN, "unpause_physics", "failed", "'fast'")
+            log.wait("WARN", "unpause_physics", "failed", "'fast'")
             call("remove_body", name="fast")
-            log.wait(Log.INFO, "goes on")
+            log.wait("INFO", "goes on")
 
     def test_what_a_step_reports_is_told_when_it_begins_and_when_it_ends(self):
-        log = NodeLog()
-        with running(node_command(paused="true")):
-            log.wait(Log.INFO, "no scene")  # from here on nothing is lost
+        with speaking(node_command(paused="true")) as log:
             call("unpause_physics")
             call("load_scene", path="heavy_load")  # its light bars tremble faster than its tick
-            log.wait(Log.WARN, "'bar_1'", "time_step")
+            log.wait("WARN", "'bar_1'", "time_step")
             call("load_scene", path="pendulum")
-            log.wait(Log.INFO, "shows the motion")
+            log.wait("INFO", "shows the motion")
             self.assertEqual(len(log.lines("'bar_1'")), 1)
 
     def test_dropped_ticks(self):
-        log = NodeLog()
-        with running(node_command(scene="falling_balls", real_time_factor=1000.0, paused="true")):
-            log.wait(Log.INFO, "falling_balls", "paused")
+        command = node_command(scene="falling_balls", real_time_factor=1000.0, paused="true")
+        with speaking(command) as log:
+            log.wait("INFO", "falling_balls", "paused")
             call("unpause_physics")
-            log.wait(Log.WARN, "dropped", "real_time_factor 1000")
+            log.wait("WARN", "dropped", "real_time_factor 1000")
             call("pause_physics")
-            log.wait(Log.INFO, "no more ticks")
+            log.wait("INFO", "no more ticks")
             self.assertLess(len(log.lines("so far")), 3)  # and not one a tick
 
     def test_no_clock_and_a_use_sim_time_that_was_left_behind(self):
         rospy.set_param("/use_sim_time", True)
-        log = NodeLog()
-        with running(node_command(scene="pendulum")):
-            log.wait(Log.WARN, "/clock", "2 s", "rosparam set /use_sim_time false")
+        with speaking(node_command(scene="pendulum")) as log:
+            log.wait("WARN", "/clock", "2 s", "rosparam set /use_sim_time false")
             topic = rospy.Publisher("/clock", Clock, queue_size=1)
             rate = 0
 
@@ -104,6 +109,15 @@ constraints: [{name: thread, body_b: load, break_force: 1}]""")
                 return log.lines("/clock has come")
             wait_until(come, "the clock's coming")
             self.assertEqual(len(log.lines("nothing on /clock")), 1)
+
+    def test_it_speaks_on_rosout_too(self):
+        rosout = Listener("/rosout", Log)
+        with running(node_command(paused="true")):
+            def is_told():
+                call("load_scene", path="winch")  # again, for the first may be too early
+                return any((m.name, m.level) == (NODE, Log.INFO) and "load_scene winch" in m.msg
+                           for m in rosout.messages)
+            wait_until(is_told, "a line on /rosout")
 
     # ---- parameters
 
@@ -126,12 +140,11 @@ constraints: [{name: thread, body_b: load, break_force: 1}]""")
         self.assertEqual(rospy.get_param(NODE + "/time_step"), -1.0)
 
     def test_unknown_parameters_and_those_of_an_earlier_run_are_named(self):
-        log = NodeLog()
-        with running(RUN + ["_scene:=winch", "_tme_step:=0.1", "_paused:=true"]):
-            log.wait(Log.WARN, "~tme_step", "did you mean 'time_step'?")
+        with speaking(RUN + ["_scene:=winch", "_tme_step:=0.1", "_paused:=true"]) as log:
+            log.wait("WARN", "~tme_step", "did you mean 'time_step'?")
         rospy.delete_param(NODE + "/tme_step")
-        with running(RUN):
-            log.wait(Log.WARN, "~scene 'winch', ~paused true", "earlier run",
+        with speaking(RUN) as log:
+            log.wait("WARN", "~scene 'winch', ~paused true", "earlier run",
                      "rosparam delete " + NODE)
 
 

@@ -141,7 +141,7 @@ class Docs(unittest.TestCase):
     def test_each_key_of_scenes_has_an_example(self):
         sections = re.split(r"^### ", re.split(r"^## ", read("docs/scenes.md"), flags=re.M)[1],
                             flags=re.M)[1:]
-        self.assertEqual(len(sections), 4)
+        self.assertGreaterEqual(len(sections), 5)  # they are found at all
         for section in sections:
             shown = set()
             for scene in map(yaml.safe_load, yaml_blocks(section)):

@@ -5,7 +5,10 @@ import os
 import signal
 import subprocess
 import time
+import xmlrpc.client
 
+import rosgraph
+import rosnode
 import rospy
 import rosservice
 from constraint_sim.msg import Body, Shape
@@ -79,6 +82,16 @@ def empty_world():
     call("pause_physics")
     assert call("load_scene", text="bodies: []").success
     return properties()
+
+
+def topics_between(publisher, subscriber):
+    """The topics that a node sends to another one: to be subscribed is not yet to be connected."""
+    uri = rosnode.get_api_uri(rosgraph.Master(rospy.get_name()), publisher, skip_cache=True)
+    if not uri:
+        return set()  # not up yet
+    _, _, connections = xmlrpc.client.ServerProxy(uri).getBusInfo(rospy.get_name())
+    return {topic for _, other, direction, _, topic, *_ in connections
+            if direction == "o" and other == subscriber}
 
 
 class Listener:

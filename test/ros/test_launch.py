@@ -17,7 +17,7 @@ from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
 import support
-from support import Listener, call, wait_until
+from support import Listener, call, topics_between, wait_until
 
 LAUNCH = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "launch")
 TOPICS = ("markers", "body_states", "constraint_states", "contact_states", "statistics", "plan")
@@ -88,8 +88,8 @@ def recorded(**arguments):
     with tempfile.TemporaryDirectory() as folder:
         with launched("simulator.launch", scene="double_pendulum", record="true",
                       bag=folder + "/run", **arguments):
-            wait_until(lambda: topics_of_node("/record") >= topics_of("constraint_sim"),
-                       "the recorder")
+            wait_until(lambda: topics_between("/constraint_sim", "/record") >=
+                       topics_of("constraint_sim"), "the recorder")
             start = support.properties().sim_time
             wait_until(lambda: support.properties().sim_time > start + 2.0, "2 s")
         yield wait_until(lambda: glob.glob(folder + "/run_*.bag"), "the closed bag")[0]
@@ -180,8 +180,8 @@ class Launch(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder:
             with in_group("simulator.launch", name="left", prefix="left/", scene="double_pendulum",
                           record="true", bag=folder + "/run"):
-                wait_until(lambda: topics_of_node("/robot/record") >= full, "the recorder")
-                wait_until(lambda: published_topics() >= full, "topics")
+                wait_until(lambda: topics_between("/robot/left", "/robot/record") >= full,
+                           "the recorder")
                 state = call("/robot/left/get_world_properties")
                 self.assertEqual(state.bodies, ["upper", "lower"])
                 wait_until(lambda: call("/robot/left/get_world_properties").step > state.step + 500,

@@ -19,11 +19,6 @@ from support import call, node_command, properties, running
 SCENES = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "config", "scenes")
 
 
-def recorded_topics():
-    _, subscribers, _ = rospy.get_master().getSystemState()[2]
-    return {topic for topic, nodes in subscribers if any("/record" in node for node in nodes)}
-
-
 class Runs(unittest.TestCase):
     def runner_report(self, scene):
         with tempfile.TemporaryDirectory() as folder:
@@ -53,8 +48,9 @@ class Runs(unittest.TestCase):
             bag_path = folder + "/run.bag"
             with running(node_command(scene="double_pendulum")):
                 call("pause_physics")
-                with running(["rosbag", "record", "-O", bag_path] + topics):
-                    support.wait_until(lambda: recorded_topics() >= set(topics), "the recorder")
+                with running(["rosbag", "record", "-O", bag_path] + topics + ["__name:=recorder"]):
+                    support.wait_until(lambda: support.topics_between(support.NODE, "/recorder") >=
+                                       set(topics), "the recorder")
                     call("unpause_physics")
                     first = properties().sim_time
                     support.wait_until(lambda: properties().sim_time > first + 2.0, "2 s")

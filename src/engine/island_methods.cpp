@@ -475,7 +475,8 @@ double World::Impl::most_frequency(std::size_t i) const {
 }
 
 double World::Impl::stages() const {
-  return options.order == 5 ? DormandPrince5::kStages : DormandPrince8::kStages;
+  return static_cast<double>(options.order == 5 ? DormandPrince5::kStages
+                                                : DormandPrince8::kStages);
 }
 
 // of a tick, as the last one was, or as such a tick usually is

@@ -442,7 +442,8 @@ bool EquationsOfMotion::find_dependent(double t, const std::vector<Vector3d>& po
   }
   rows->assign(rows_.size(), 0);
   for (std::size_t i = 0; i < rows_.size(); ++i)
-    (*rows)[i] = is_redundant_[i] ? kRedundant : ldlt_.is_left_out(rows_[i].unknown);
+    (*rows)[i] =
+        is_redundant_[i] ? kRedundant : (ldlt_.is_left_out(rows_[i].unknown) ? kMomentary : '\0');
   dependent_rows_ = std::max(dependent_rows_, left_out_);
   return true;
 }

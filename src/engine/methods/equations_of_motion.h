@@ -67,7 +67,7 @@ class EquationsOfMotion {
   /// One of these with one body.
   bool is_point_on_rod() const { return is_chain_ && links_.size() == 1 && bodies_.size() == 1; }
 
-  static constexpr char kRedundant = 2;
+  static constexpr char kMomentary = 1, kRedundant = 2;
 
   // ---- for methods that step these bodies and joints in their own way
 
@@ -102,8 +102,8 @@ class EquationsOfMotion {
   /// Of the same [m/s].
   Eigen::Vector3d offset_rate(std::size_t ball) const;
   /// Marks rows without a force, with the bodies there and those that turn so: redundant rows by
-  /// kRedundant, and rows whose pivot falls below this share of its entry by 1. False where the
-  /// step before has left redundant rows so far off that it has to be shorter.
+  /// kRedundant, and rows whose pivot falls below this share of its entry by kMomentary. False
+  /// where the step before has left redundant rows so far off that it has to be shorter.
   bool find_dependent(double t, const std::vector<Eigen::Vector3d>& positions,
                       const std::vector<Eigen::Quaterniond>& orientations, double least,
                       std::vector<char>* rows);

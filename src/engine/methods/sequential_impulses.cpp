@@ -125,9 +125,9 @@ void SequentialImpulses::respond(const std::vector<Row>& rows) {
       if (inertia.can_turn) result.tail<3>() = inertia.inverse_W * J.tail<3>();
       return result;
     };
-    r.M_inv_Jt_A = apply_inverse_mass(a, r.J_A);
-    r.M_inv_Jt_B = apply_inverse_mass(b, r.J_B);
-    r.K = r.J_A.dot(r.M_inv_Jt_A) + r.J_B.dot(r.M_inv_Jt_B);
+    r.response_a = apply_inverse_mass(a, r.J_A);
+    r.response_b = apply_inverse_mass(b, r.J_B);
+    r.K = r.J_A.dot(r.response_a) + r.J_B.dot(r.response_b);
     const double constraint_mass = r.K + row.softness;
     r.effective_mass = constraint_mass > 0.0 ? 1.0 / constraint_mass : 0.0;
     r.component = component_of(a.is_moved ? row.body_a : row.body_b);
@@ -148,8 +148,8 @@ double SequentialImpulses::velocity_along(const Row& row, const Response& r,
 void SequentialImpulses::push(const Row& row, const Response& r, double impulse,
                               std::vector<Twist>* velocities) {
   Twist* const v = velocities->data();
-  v[row.body_a] += impulse * r.M_inv_Jt_A;
-  v[row.body_b] += impulse * r.M_inv_Jt_B;
+  v[row.body_a] += impulse * r.response_a;
+  v[row.body_b] += impulse * r.response_b;
 }
 
 // The impulses of the step before, where starting from zero would not be nearer: the sweeps lower

@@ -93,7 +93,7 @@ class SequentialImpulses {
  private:
   /// Of one row: J and M⁻¹ Jᵀ of each body, K = J M⁻¹ Jᵀ, and 1/(K + softness).
   struct Response {
-    Twist J_A, J_B, M_inv_Jt_A, M_inv_Jt_B;
+    Twist J_A, J_B, response_a, response_b;
     double K, effective_mass;
     int component;
     bool corrects;                 // whether any row of the component does

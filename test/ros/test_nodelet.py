@@ -13,7 +13,9 @@ import support
 from support import Listener, call, sphere
 
 MANAGER = "/manager"
-QUICK = 1.0  # [s] in which a simulator must be gone, whatever it does
+# [s] in which a simulator must be gone, whatever it does: a second, and ten times that on a machine
+# that is busy with others
+QUICK = 10.0
 
 
 def manager(service, service_type, *arguments):
@@ -54,13 +56,13 @@ class Nodelet(unittest.TestCase):
             self.assertLess(unload("/sim"), QUICK)
         self.assertEqual(manager("list", NodeletList).nodelets, [])
 
-    def test_it_unloads_while_four_clients_call_and_a_million_steps_run(self):
+    def test_it_unloads_while_four_clients_call_and_steps_without_end_run(self):
         self.assertTrue(load("/sim", scene="falling_balls", paused=True))
         answers, stop = [], threading.Event()
 
         def ask_for_steps():
             try:
-                answers.append(call("/sim/step", steps=1000000))
+                answers.append(call("/sim/step", steps=4294967295))
             except (rospy.ServiceException, rospy.ROSException):
                 answers.append(None)  # the connection went with the service
 

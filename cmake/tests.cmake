@@ -17,6 +17,8 @@ function(constraint_sim_add_gtest name)
   if(CONSTRAINT_SIM_SANITIZE)
     # Half the time to build. The engine's own files are checked for these as well.
     target_compile_options(${name} PRIVATE -fno-sanitize=null,alignment)
+    # Ten times slower: long tests take a part of their steps and scenes.
+    target_compile_definitions(${name} PRIVATE CONSTRAINT_SIM_SANITIZED)
   endif()
   target_compile_definitions(${name} PRIVATE
     CONSTRAINT_SIM_SCENE_DIR="${CMAKE_CURRENT_SOURCE_DIR}/config/scenes")

@@ -10,8 +10,13 @@
 namespace constraint_sim::engine::random_scenes {
 namespace {
 
+#ifdef CONSTRAINT_SIM_SANITIZED
+constexpr std::uint64_t kScenes = 4;
+constexpr std::uint64_t kScenesATest = 1;
+#else
 constexpr std::uint64_t kScenes = 60;
 constexpr std::uint64_t kScenesATest = 6;
+#endif
 
 class RandomScenes : public testing::TestWithParam<std::uint64_t> {};
 

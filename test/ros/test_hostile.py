@@ -176,7 +176,8 @@ class Hostile(unittest.TestCase):
                     self.assertTrue(self.quick("save_scene").success)
                 self.quick(end, **({"path": "pendulum"} if end == "load_scene" else {}))
                 if end == "pause_physics":
-                    self.assertEqual(properties().state_hash, stood.state_hash)
+                    # the tick is abandoned; the calls beside may edit the world from now on
+                    self.assertEqual(properties().step, first)
                     self.assertTrue(self.quick("remove_constraint", name="leash").success)
             self.quick("pause_physics")
             # of a scene of this size there are a few copies, of some kB a rope, and no more each time

@@ -17,4 +17,18 @@ std::vector<std::string> left_out(const World& world);
 /// body whose inertia no distribution of mass has.
 std::vector<std::string> warnings(const World& world);
 
+/// What the last step tells of errors that are not closed and of energy without a cause.
+struct Told {
+  enum class Kind { kUnclosed, kEnergyRise };
+  Kind kind;
+  std::string whose;    ///< a joint, or the first body of an island
+  double amount = 0.0;  ///< |error| [m], or the rise [J]
+};
+
+/// Joints in the order of adding, then the island. Nothing between an edit and the next step.
+std::vector<Told> told(const World& world);
+
+/// One line, beginning with whose it is.
+std::string text(const Told& told);
+
 }  // namespace constraint_sim::engine

@@ -55,25 +55,36 @@ inline constexpr double kMostMagnitude = 1e20;
 inline constexpr std::size_t kMostPairs = 1000000;
 inline constexpr std::size_t kMostContacts = 300000;
 
+/// Above so much the error of a joint is told that does not fall by a tenth within 0.5 s,
+/// `closing_time` or 20 ticks, whichever is the longest [m].
+inline constexpr double kUnclosedError = 1e-3;
+
 /// What a step did, how wrong it is, and what it cost.
 struct StepReport {
   std::uint64_t step = 0;  ///< steps since the start, this one included
   double time = 0.0;       ///< simulated time after the step [s]
 
   // how wrong
-  double max_constraint_error = 0.0;   ///< largest |error| of the joints, springs left out [m]
-  std::optional<JointId> worst_joint;  ///< whose it is
-  double max_penetration = 0.0;        ///< deepest contact that the step met [m]
+  double max_constraint_error = 0.0;      ///< largest |error| of the joints, springs left out [m]
+  std::optional<JointId> worst_joint;     ///< whose it is
+  std::uint32_t unclosed_joints = 0;      ///< off by more than kUnclosedError, and not being closed
+  std::optional<JointId> unclosed_joint;  ///< whose error is the largest of these
+  double max_penetration = 0.0;           ///< deepest contact that the step met [m]
   double energy = 0.0;  ///< kinetic + potential of gravity and springs [J]; 0 height is z = 0;
                         ///< without velocities that close errors in this step alone
   double energy_drift = 0.0;  ///< change of energy since the last edit over the largest kinetic
                               ///< energy since then [1]; motors, wrenches, friction and impacts
                               ///< count as well
-  double local_error = 0.0;   ///< largest estimate of an island for this step [m]; 0 where no
-                              ///< method has one
-  std::uint32_t dependent_rows = 0;     ///< equations that followed from others, at most at once
-  std::uint32_t unresolved_bodies = 0;  ///< of stiff islands, that move faster than a step can show
-  std::uint32_t torn_joints = 0;        ///< that broke in this step
+  double energy_rise = 0.0;   ///< without a cause, since it was least [J]; 0 where rounding and the
+                              ///< tolerance explain it
+  std::optional<BodyId> energy_rise_body;  ///< the first one of the island whose it is most
+  double local_error = 0.0;  ///< largest estimate of an island for this step [m]; 0 where no
+                             ///< method has one
+  std::uint32_t dependent_rows = 0;  ///< equations that followed from others, at most at once
+  std::uint32_t unresolved_bodies =
+      0;                          ///< that move faster than a step can show: of stiff islands,
+                                  ///< and by impulses those on joints that turn so fast
+  std::uint32_t torn_joints = 0;  ///< that broke in this step
   double projected_energy = 0.0;  ///< kinetic energy lost where velocities were made to fit the
                                   ///< joints, when a method took over or an edit came [J]
   double correction_work = 0.0;   ///< of closing errors where impulses carry islands: weight times

@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -132,9 +133,16 @@ class World {
   /// one as it will begin.
   std::vector<Island> islands() const;
   /// Of stiff islands, those whose motion the last step was too long to show, h·ω > 2: they may be
-  /// off by 1e-4 of a joint's length or more, while what is heavy is not. In the order of adding;
-  /// none between an edit and the next step.
+  /// off by 1e-4 of a joint's length or more, while what is heavy is not. Where impulses carry
+  /// joints, those that turn by more than 2 rad in a step. In the order of adding; none between an
+  /// edit and the next step.
   std::vector<BodyId> unresolved_bodies() const;
+  /// Joints that the last step found off by more than kUnclosedError and not being closed, in the
+  /// order of adding; none between an edit and the next step.
+  std::vector<JointId> unclosed_joints() const;
+  /// The first body of the island whose energy has risen without a cause, as of the last step; none
+  /// between an edit and the next step.
+  std::optional<BodyId> gaining_body() const;
   /// Kinetic energy plus that of gravity and springs [J], now.
   double energy() const;
   /// Every body and joint returns to what it was when added or loaded: state, motor, travel, torn

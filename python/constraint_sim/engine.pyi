@@ -96,11 +96,15 @@ class StepReport:
     @property
     def worst_joint(self) -> Optional[str]: ...
     @property
+    def unclosed_joints(self) -> int: ...  # off by more than 1e-3 m, not being closed
+    @property
     def max_penetration(self) -> float: ...  # [m]
     @property
     def energy(self) -> float: ...  # [J]
     @property
     def energy_drift(self) -> float: ...  # over the largest kinetic energy [1]
+    @property
+    def energy_rise(self) -> float: ...  # without a cause [J]
     @property
     def local_error(self) -> float: ...  # [m]
     @property

@@ -211,6 +211,8 @@ void World::Impl::sort_islands() {
     if (island.method == before && !is_fresh && !has_woken) continue;
     changed = true;
     if (!is_fresh && island.method != before) ++report.changes;
+    parts.energy.has_changed |= !is_fresh && (island.method == Method::kSequentialImpulses ||
+                                              before == Method::kSequentialImpulses);
     const bool begins_anew = is_fresh || has_woken;
     if (begins_anew) {
       begin_anew(parts);
@@ -570,6 +572,7 @@ void World::Impl::refuse_island(std::size_t i) {
   island_parts[i].refused_until = step_count + kRefusedFor;
   any_refused = true;
   ++island_parts[i].changes;
+  island_parts[i].energy.has_changed = true;
   report.rejected += islands[i].rejected;
 }
 
@@ -595,6 +598,7 @@ void World::Impl::tell_of_islands() {
 
 // how many there are in an island, and if asked for which bodies
 std::uint32_t World::Impl::find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const {
+  if (islands[i].method == Method::kSequentialImpulses) return find_spinning(i, bodies);
   const EnergyMomentum& method = *stiff[at(island_parts[i].linked)];
   const std::vector<int>& held = linked[at(island_parts[i].linked)].equations().bodies();
   std::uint32_t count = 0;

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <map>
 #include <sstream>
 #include <utility>
@@ -157,6 +158,26 @@ std::vector<std::string> warnings(const World& world) {
                       "others");
   }
   return lines;
+}
+
+std::vector<Told> told(const World& world) {
+  std::vector<Told> list;
+  for (const JointId id : world.unclosed_joints())
+    list.push_back(
+        {Told::Kind::kUnclosed, world.joint(id).name, std::abs(world.joint_state(id).error)});
+  if (const std::optional<BodyId> body = world.gaining_body())
+    list.push_back({Told::Kind::kEnergyRise, world.body(*body).name, world.report().energy_rise});
+  return list;
+}
+
+std::string text(const Told& told) {
+  char amount[32];
+  std::snprintf(amount, sizeof amount, "%.3g", told.amount);
+  if (told.kind == Told::Kind::kUnclosed)
+    return "constraint " + quoted(told.whose) + ": its error of " + amount +
+           " m is not being closed";
+  return "body " + quoted(told.whose) + ": energy of its island rose by " + amount +
+         " J without a cause";
 }
 
 }  // namespace constraint_sim::engine

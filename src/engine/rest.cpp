@@ -177,7 +177,7 @@ bool World::Impl::find_drowsy() {
 
 // what the stages go through, and of all the rest what a step tells of it
 void World::Impl::list_awake() {
-  awake_changed = true;
+  awake_changed = watch.awake_changed = true;
   resting_report = StepReport{};
   awake_islands.clear();
   for (std::size_t i = 0; i < islands.size(); ++i) {

@@ -153,6 +153,7 @@ void World::Impl::recompile() {
   const Energy now = energy();
   largest_kinetic_energy = now.kinetic;
   reference_energy = now.kinetic + now.potential;
+  begin_watch();
 }
 
 // a loop is closed by a joint between bodies that others connect already; immovable ones are one
@@ -515,7 +516,10 @@ void World::Impl::drop_spent_wrenches() {
   const auto is_spent = [this](const Wrench& wrench) {
     return wrench.end <= std::max(step_end, wrench.start);
   };
-  wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_spent), wrenches.end());
+  const auto spent = std::remove_if(wrenches.begin(), wrenches.end(), is_spent);
+  if (spent == wrenches.end()) return;
+  wrenches.erase(spent, wrenches.end());
+  watch.any_wrench_ended = true;
 }
 
 void World::Impl::measure() {
@@ -533,6 +537,10 @@ void World::Impl::measure() {
     const double drift = (report.energy - reference_energy) / largest_kinetic_energy;
     report.energy_drift = std::clamp(drift, -kMost, kMost);  // what moves least may divide by least
   }
+  if (report.failed || report.stopped) return;
+  if (report.max_constraint_error > kUnclosedError || !watch.open.empty()) watch_joints();
+  if (!impulse_joints.empty()) watch_spin();
+  watch_energy();
 }
 
 void World::Impl::find_worst_joint(const std::vector<int>& among, StepReport* worst) const {

@@ -16,6 +16,7 @@
 #include "engine/methods/inconsistent_motion.h"
 #include "engine/methods/runge_kutta.h"
 #include "engine/methods/sequential_impulses.h"
+#include "engine/watch.h"
 #include "engine/workers.h"
 
 namespace constraint_sim::engine {
@@ -96,6 +97,9 @@ struct IslandParts : IslandMemory {
   std::uint32_t changes = 0;      ///< of its method
   bool is_to_be_asked = false;    ///< what it is, again in the next step
   bool has_failed = false;
+
+  WatchedEnergy energy;
+  bool gives_way = false;  ///< has a spring with a force limit, whose energy is not ½ k C²
 };
 
 /// What stands behind a World. Lists of one kind run in parallel: entry i of each is the same body,
@@ -204,6 +208,7 @@ struct World::Impl {
 
   // ---- what a step tells
   std::vector<Contact> contacts;  // those of sleepers first
+  Watch watch;
   StepReport report;
   Clock clock = nullptr;
   StopFlag stop = nullptr;
@@ -307,6 +312,14 @@ struct World::Impl {
   void add_contacts(const TouchingPair& pair);
   void drop_spent_wrenches();
   void measure();
+  void begin_watch();
+  void watch_joints();
+  void watch_spin();
+  std::uint32_t find_spinning(std::size_t i, std::vector<std::size_t>* bodies) const;
+  void watch_energy();
+  void look_at_energy();
+  double look_at_island(std::size_t island, double* allowed);
+  void tell_of_gain(const IslandParts& parts, double gain, double allowed);
   void find_worst_joint(const std::vector<int>& among, StepReport* worst) const;
   [[noreturn]] static void fail(Failure why);
   void keep_state_before(Failure why);

@@ -24,11 +24,15 @@ void define_step_report(py::module* module) {
       .def_readonly("max_constraint_error", &Report::max_constraint_error,
                     "largest |error| of the joints, springs excepted [m]")
       .def_readonly("worst_joint", &Report::worst_joint_name, "joint whose error it is, or None")
+      .def_readonly("unclosed_joints", &Report::unclosed_joints,
+                    "joints off by more than 1e-3 m that are not being closed")
       .def_readonly("max_penetration", &Report::max_penetration, "deepest contact [m]")
       .def_readonly("energy", &Report::energy,
                     "kinetic energy + potential energy of gravity and springs [J]")
       .def_readonly("energy_drift", &Report::energy_drift,
                     "change of energy since the last edit over the largest kinetic energy [1]")
+      .def_readonly("energy_rise", &Report::energy_rise,
+                    "rise of an island's energy without a cause [J]; 0: none")
       .def_readonly("local_error", &Report::local_error,
                     "largest error estimate of an island for this step [m]")
       .def_readonly("dependent_rows", &Report::dependent_rows,

@@ -5,6 +5,8 @@
 
 #include <cmath>
 
+#include "constraint_sim/plan.h"
+
 namespace constraint_sim {
 namespace {
 
@@ -31,6 +33,20 @@ std::string unresolved(const World& world) {
          ": it is damped away or off; a shorter time_step would show it";
 }
 
+std::string unclosed(const World& world) {
+  std::vector<std::string> names;
+  for (const engine::JointId id : world.unclosed_joints()) names.push_back(world.joint(id).name);
+  return "errors that are not being closed, of " + listed(names) +
+         ": these constraints contradict others, or the method cannot hold them";
+}
+
+std::string gaining(const World& world) {
+  for (const engine::Told& told : engine::told(world))
+    if (told.kind == engine::Told::Kind::kEnergyRise)
+      return engine::text(told) + ": a shorter time_step or a smaller tolerance may keep it";
+  return {};
+}
+
 bool is_beyond_range(const engine::StepReport& report) {
   return !std::isfinite(report.energy + report.energy_drift + report.max_constraint_error +
                         report.max_penetration + report.local_error);
@@ -47,6 +63,10 @@ struct Reported {
 const Reported kReported[] = {
     {[](const engine::StepReport& report) { return report.unresolved_bodies > 0; }, unresolved,
      "the tick shows the motion of all bodies again"},
+    {[](const engine::StepReport& report) { return report.unclosed_joints > 0; }, unclosed,
+     "errors are closed, or are being closed, again"},
+    {[](const engine::StepReport& report) { return report.energy_rise > 0.0; }, gaining,
+     "energy no longer rises without a cause"},
     {is_beyond_range,
      [](const World&) {
        return std::string(

@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
@@ -28,6 +29,7 @@ namespace {
 
 constexpr int kBadInput = 2;
 constexpr int kPhysicsFailed = 3;
+constexpr int kFinishedButTold = 4;
 constexpr int kSignalled = 128;  // plus the signal, as shells have it
 
 // ---- scenes
@@ -100,10 +102,12 @@ std::optional<Arguments> parse(int argc, char** argv) {
     std::cout << "Usage: constraint_sim_run SCENE --duration SECONDS [options]\n\n"
               << "SCENE is a file, `-` for standard input, or one of those that come with this:\n";
     for (const std::string& name : scene_names(scene_folder())) std::cout << "  " << name << '\n';
-    std::cout << '\n'
-              << visible
-              << "\nExit status: 0, 2 for bad input, 3 when the physics failed, 130 or 143 when\n"
-                 "interrupted or terminated: the files are written as far as it came.\n";
+    std::cout
+        << '\n'
+        << visible
+        << "\nExit status: 0, 2 for bad input, 3 when the physics failed, 4 when it finished but\n"
+           "an error was not closed or energy rose without a cause, 130 or 143 when\n"
+           "interrupted or terminated: the files are written as far as it came.\n";
     return std::nullopt;
   }
   po::notify(values);
@@ -241,8 +245,14 @@ struct Outcome {
   double accumulated_local_error = 0.0;             ///< sum of the steps' estimates [m]
   std::set<std::string> methods;
   std::set<std::string> unresolved_bodies;
+  std::map<std::pair<Told::Kind, std::string>, Told> told;  ///< each once, at its largest
   bool failed = false;
 };
+
+void add(const Told& told, Outcome* outcome) {
+  Told& known = outcome->told.emplace(std::pair(told.kind, told.whose), told).first->second;
+  known.amount = std::max(known.amount, told.amount);
+}
 
 Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
   Outcome outcome;
@@ -265,6 +275,8 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
     if (report.unresolved_bodies > 0)
       for (const BodyId id : world->unresolved_bodies())
         outcome.unresolved_bodies.insert(world->body(id).name);
+    if (report.unclosed_joints > 0 || report.energy_rise > 0.0)
+      for (const Told& now : told(*world)) add(now, &outcome);
     outcome.failed = report.failed;
     if (csv->is_wanted()) write_csv_rows(*world, csv->stream());
     progress.update(step);
@@ -285,6 +297,12 @@ std::string hash_text(const World& world) {
 template <class Vector>
 std::vector<double> list(const Vector& vector) {
   return std::vector<double>(vector.data(), vector.data() + vector.size());
+}
+
+std::vector<std::string> warnings_of(const World& world, const Outcome& outcome) {
+  std::vector<std::string> lines = warnings(world);
+  for (const auto& [key, told] : outcome.told) lines.push_back(text(told));
+  return lines;
 }
 
 nlohmann::json report_of(const World& world, const Outcome& outcome) {
@@ -311,7 +329,7 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
       {"methods", outcome.methods},
       {"unresolved_bodies", outcome.unresolved_bodies},
       {"left_out", engine::left_out(world)},
-      {"warnings", warnings(world)},
+      {"warnings", warnings_of(world, outcome)},
   };
 }
 
@@ -355,7 +373,9 @@ int run(const Arguments& arguments) {
                  text(world.report().failure));
     return kPhysicsFailed;
   }
-  if (stop_signal == 0) return 0;
+  for (const auto& [key, told] : outcome.told)
+    std::fprintf(stderr, "constraint_sim_run: warning: %s\n", text(told).c_str());
+  if (stop_signal == 0) return outcome.told.empty() ? 0 : kFinishedButTold;
   std::fprintf(stderr, "constraint_sim_run: stopped after %g s\n", world.time());
   return kSignalled + stop_signal;
 }

@@ -131,6 +131,27 @@ TEST_F(Runner, SaysWhatWasLeftOut) {
   EXPECT_EQ(report().at("left_out").at(0), "constraints: there are none");
 }
 
+TEST_F(Runner, TellsErrorsThatAreNotClosed) {
+  std::ofstream(in_folder("contradiction.yaml"))
+      << "bodies:\n"
+         "  - {name: bob, mass: 1, position: [0, 0, -1.1]}\n"
+         "constraints:\n"
+         "  - {name: short, body_b: bob, length: 1}\n"
+         "  - {name: long, body_b: bob, length: 1.2}\n";
+  ASSERT_EQ(run("contradiction.yaml --duration 2 --report report.json"), 4) << err();
+  const auto warnings = report().at("warnings");
+  ASSERT_EQ(warnings.size(), 2u);
+  for (const auto& line : warnings) {
+    EXPECT_NE(line.get<std::string>().find("is not being closed"), std::string::npos) << line;
+    EXPECT_NE(err().find("warning: " + line.get<std::string>() + "\n"), std::string::npos) << err();
+  }
+  ASSERT_EQ(run("heavy_load --duration 2 --method sequential_impulses --report report.json"), 4);
+  ASSERT_EQ(run("scene.yaml --duration 5 --report report.json"), 0) << err();
+  EXPECT_TRUE(report().at("warnings").empty());
+  ASSERT_EQ(run("scene.yaml --duration 8 --tolerance 0 --time-step 0.4 --report report.json"), 4);
+  EXPECT_NE(err().find("energy of its island rose"), std::string::npos) << err();
+}
+
 TEST_F(Runner, GivesTheSameTwice) {
   const std::string scene = "'" CONSTRAINT_SIM_SCENE_DIR "/bridge.yaml' --duration 1 --report ";
   ASSERT_EQ(run(scene + "a.json"), 0) << err();

@@ -185,6 +185,7 @@ void World::reset() {
     impl_->start_joint(j);
   }
   impl_->wrenches.clear();
+  impl_->watch = Watch{};
   impl_->loaded_memory.clear();
   impl_->forget_contacts();
   impl_->edited = impl_->topology_edited = true;
@@ -217,6 +218,16 @@ std::vector<BodyId> World::unresolved_bodies() const {
   ids.reserve(indices.size());
   for (const std::size_t index : indices) ids.push_back(impl_->body_ids[index]);
   return ids;
+}
+
+std::vector<JointId> World::unclosed_joints() const {
+  if (impl_->edited || impl_->report.unclosed_joints == 0) return {};
+  return impl_->watch.unclosed;
+}
+
+std::optional<BodyId> World::gaining_body() const {
+  if (impl_->edited) return std::nullopt;
+  return impl_->report.energy_rise_body;
 }
 
 const char* name(Method method) {

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "constraint_sim/id.h"
+
+namespace constraint_sim::engine {
+
+/// Energy of an island, as looked at every kWindow steps.
+struct WatchedEnergy {
+  double before = 0.0;        ///< when last looked at [J]
+  double gain = 0.0;          ///< without a cause, since it was least; by impulses, since then [J]
+  double most_kinetic = 0.0;  ///< since the last edit [J]
+  bool was_driven = false;    ///< when last looked at
+  bool was_by_impulses = false;
+  bool has_changed = false;  ///< to or from impulses, since
+};
+
+/// Finds errors that nothing closes, and energy that rises without a cause. Decides nothing.
+class Watch {
+ public:
+  /// Steps after which energies are looked at.
+  static constexpr int kWindow = 16;
+
+  /// A joint that is off by more than kUnclosedError.
+  struct Open {
+    JointId id;
+    double error = 0.0;  ///< from which it has to fall [m]
+    double age = 0.0;    ///< time in which it has not [s]
+    double closing_since = 0.0;
+  };
+  std::vector<Open> open, open_before;  ///< in the order of adding
+
+  // of the window
+  int steps = 0;
+  double booked = 0.0;  ///< work on islands that impulses carry [J]
+  bool any_wrench_ended = false, awake_changed = false;
+
+  // of all islands that impulses carry
+  double gain = 0.0;  ///< without a cause, since it was least [J]
+
+  // what was found
+  double energy_rise = 0.0;  ///< [J]
+  BodyId energy_rise_body;
+  std::vector<JointId> unclosed;
+};
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,289 @@
+// What a step tells of itself: errors that are not closed, energy without a cause, and what turns
+// too fast; whose it is, when, and that nothing is told of what is well.
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+
+#include "constraint_sim/plan.h"
+#include "constraint_sim/scene.h"
+#include "random_scenes.h"
+#include "redundant_cases.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kPatience = 0.5;  // [s]
+
+World after(World world, double seconds) {
+  const long steps = std::lround(seconds / world.options().time_step);
+  for (long i = 0; i < steps; ++i)
+    if (world.step().failed) ADD_FAILURE() << text(world.report().failure);
+  return world;
+}
+
+/// Whether any step within so long tells anything, and what.
+std::vector<std::string> told_within(World world, double seconds) {
+  const long steps = std::lround(seconds / world.options().time_step);
+  for (long i = 0; i < steps; ++i) {
+    if (world.step().failed) return {text(world.report().failure)};
+    std::vector<std::string> lines;
+    for (const Told& told : told(world)) lines.push_back(text(told));
+    if (!lines.empty()) return lines;
+  }
+  return {};
+}
+
+std::string one_line(const std::vector<std::string>& lines) {
+  return lines.empty() ? "" : lines.front();
+}
+
+/// A mass on a rod of 1 m and one of 1.2 m to the same point: both are off by 0.1 m, the mean.
+World two_lengths() {
+  World world(options(0.01));
+  WorldOptions chosen = world.options();
+  chosen.method = Method::kAuto;
+  world.set_options(chosen);
+  const BodyId bob = world.add_body(make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.1}));
+  world.add_joint(hang("short", bob, rod(1.0)));
+  world.add_joint(hang("long", bob, rod(1.2)));
+  return world;
+}
+
+// ---- errors
+
+TEST(Told, NamesRodsThatContradictEachOther) {
+  World world = after(two_lengths(), 2.0);
+  EXPECT_EQ(world.report().unclosed_joints, 2u);
+  ASSERT_EQ(world.unclosed_joints().size(), 2u);
+  const std::vector<Told> list = told(world);
+  ASSERT_EQ(list.size(), 2u);
+  EXPECT_EQ(list[0].whose, "short");
+  EXPECT_EQ(list[1].whose, "long");
+  for (const Told& told : list) {
+    EXPECT_EQ(told.kind, Told::Kind::kUnclosed);
+    EXPECT_NEAR(told.amount, 0.1, 1e-9);  // equal shares of least squares
+  }
+  EXPECT_EQ(text(list[0]), "constraint 'short': its error of 0.1 m is not being closed");
+  world.set_motor(world.find_joint("short"), Motor{});
+  EXPECT_TRUE(told(world).empty());  // until the next step
+}
+
+TEST(Told, NothingWhileAnEditIsBeingClosed) {
+  for (const Method method : {Method::kAuto, Method::kSequentialImpulses}) {
+    WorldOptions chosen = options(0.01);
+    chosen.method = method;
+    World world(chosen);
+    const BodyId bob = world.add_body(make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.5}));
+    world.add_joint(hang("rod", bob, rod(1.0)));
+    EXPECT_EQ(one_line(told_within(world, 3.0)), "");
+    BodyState state = world.state(bob);
+    for (int i = 0; i < 5; ++i) {  // and again before it is done
+      for (int step = 0; step < 30; ++step)
+        ASSERT_EQ(world.step().unclosed_joints, 0u) << name(method) << " " << i << " " << step;
+      world.set_state(bob, state);
+    }
+  }
+}
+
+TEST(Told, AnErrorThatStaysIsToldAfterItsTime) {
+  WorldOptions chosen = options(0.01);
+  chosen.baumgarte = 0.0;  // closes nothing
+  World world(chosen);
+  const BodyId bob = world.add_body(make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.01}));
+  world.add_joint(hang("rod", bob, rod(1.0)));
+  world = after(world, kPatience - 0.02);
+  EXPECT_EQ(world.report().unclosed_joints, 0u);
+  world = after(world, 0.05);
+  EXPECT_EQ(world.report().unclosed_joint, world.find_joint("rod"));
+  // a stream of edits does not hide it
+  for (int i = 0; i < 10; ++i) {
+    world.set_motor(world.find_joint("rod"), Motor{});
+    EXPECT_EQ(world.step().unclosed_joints, 1u);
+  }
+  chosen.baumgarte = 0.1;
+  world.set_options(chosen);
+  world = after(world, 0.5);
+  EXPECT_EQ(world.report().unclosed_joints, 0u);
+}
+
+TEST(Told, SpringsAndSlackRopesAreOffByNothing) {
+  WorldOptions chosen = options(0.01);
+  chosen.method = Method::kAuto;
+  World world(chosen);
+  const BodyId bob = world.add_body(make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.0}));
+  world.add_joint(hang("spring", bob, spring(0.5, 20.0, 1.0)));
+  const BodyId other = world.add_body(make_body("other", Point{}, 1.0, {1.0, 0.0, 0.0}));
+  world.add_joint(hang("rope", other, rope(5.0)));
+  EXPECT_EQ(one_line(told_within(world, 1.0)), "");
+}
+
+TEST(Told, WhatTooFewSweepsCannotHold) {
+  World world =
+      redundant::with(redundant::chain_with_slack_rope(1e4), Method::kSequentialImpulses, 60.0);
+  WorldOptions chosen = world.options();
+  chosen.iterations = 2;
+  world.set_options(chosen);
+  world = after(world, 2.0);
+  EXPECT_GT(world.report().unclosed_joints, 0u);
+  EXPECT_TRUE(world.report().unclosed_joint);
+}
+
+// ---- energy
+
+// A truss that turns by 2 rad in a tick on a stiff spring: impulses follow its line too late.
+World gaining_spring() {
+  WorldOptions chosen = weightless(0.1);
+  World world(chosen);
+  Body body = make_body("left", Point{}, 1.0, {-0.5, 0.0, 0.0});
+  body.state.linear_velocity = {0.0, -5.0, 0.0};
+  const BodyId left = world.add_body(body);
+  body = make_body("right", Point{}, 1.0, {0.5, 0.0, 0.0});
+  body.state.linear_velocity = {0.0, 5.0, 0.0};
+  const BodyId right = world.add_body(body);
+  DistanceJoint spring;
+  spring.length = 1.0;
+  spring.stiffness = 1000.0;
+  world.add_joint(make_joint("spring", left, Vector3d::Zero(), right, Vector3d::Zero(), spring));
+  return world;
+}
+
+TEST(Told, EnergyThatImpulsesGain) {
+  World world = gaining_spring();
+  const double start = world.energy();
+  double gained = 0.0, least = start;
+  for (int step = 1; step <= 160; ++step) {
+    const StepReport& report = world.step();
+    if (step % 16 != 0) continue;  // when it is looked at
+    least = std::min(least, report.energy);
+    gained = report.energy - least;
+    // sweeps' rounding is allowed
+    if (gained > 0.1) {
+      ASSERT_NEAR(report.energy_rise, gained, 1e-6 * gained) << step;
+    }
+  }
+  ASSERT_GT(gained, 1.0);
+  const std::vector<Told> list = told(world);
+  ASSERT_EQ(list.size(), 1u);
+  EXPECT_EQ(list[0].kind, Told::Kind::kEnergyRise);
+  EXPECT_EQ(list[0].whose, "left");
+}
+
+// Without a tolerance steps are as long as ticks, and much too long here.
+TEST(Told, EnergyThatTooLongStepsGain) {
+  World world = problems::chain(2);
+  WorldOptions chosen = world.options();
+  chosen.method = Method::kRungeKutta;
+  chosen.tolerance = 0.0;
+  chosen.time_step = 0.2;
+  world.set_options(chosen);
+  EXPECT_NE(one_line(told_within(world, 10.0)).find("rose by"), std::string::npos);
+  chosen.tolerance = 1e-8;
+  world = problems::chain(2);
+  world.set_options(chosen);
+  EXPECT_EQ(one_line(told_within(world, 10.0)), "");
+}
+
+// What is done from outside is a cause: wrenches, motors, kinematic bodies, closings, also where
+// they begin and end between two looks.
+TEST(Told, DrivesAreCauses) {
+  for (const Method method : {Method::kAuto, Method::kEnergyMomentum}) {
+    WorldOptions chosen = options(0.01);
+    chosen.method = method;
+    World world(chosen);
+    const auto pendulum = [&](const std::string& name, double x, BodyId on) {
+      const BodyId bob = world.add_body(make_body(name, Point{}, 1.0, {x, 0.0, -1.0}));
+      const Vector3d anchor = on == kWorldBody ? Vector3d(x, 0.0, 0.0) : Vector3d::Zero();
+      world.add_joint(make_joint("rod_" + name, on, anchor, bob, Vector3d::Zero()));
+      return bob;
+    };
+    const BodyId pushed = pendulum("pushed", 0.0, kWorldBody);
+    pendulum("wound", 10.0, kWorldBody);
+    Body carrier = make_body("carrier", Point{}, 0.0, {20.0, 0.0, 0.0});
+    carrier.type = BodyType::kKinematic;
+    carrier.state.linear_velocity = {0.0, 0.0, 0.5};
+    pendulum("carried", 20.0, world.add_body(carrier));
+    const BodyId moved = pendulum("moved", 30.0, kWorldBody);
+    Motor motor;
+    motor.bias = -0.1;
+    motor.timeout = 0.3;
+    for (int step = 0; step < 400; ++step) {
+      const double t = world.time();
+      if (step % 37 == 0)
+        world.add_wrench({pushed, {5.0, 0.0, 3.0}, Vector3d::Zero(), t, t + 0.05});
+      if (step % 41 == 0) world.clear_wrenches(pushed);
+      if (step % 150 == 0) world.set_motor(world.find_joint("rod_wound"), motor);
+      if (step == 200) {
+        BodyState state = world.state(moved);
+        state.position.z() += 0.2;
+        world.set_state(moved, state);
+      }
+      world.step();
+      ASSERT_TRUE(told(world).empty()) << text(told(world).front()) << " at step " << step;
+    }
+  }
+}
+
+// ---- what is well
+
+// The worked example spins in first order, and is off by 1e-3 m again after some seconds.
+TEST(Told, NothingOfShippedScenes) {
+  for (const auto& file : std::filesystem::directory_iterator(CONSTRAINT_SIM_SCENE_DIR)) {
+    const double seconds = file.path().stem() == "worked_example" ? 2.0 : 4.0;
+    EXPECT_EQ(one_line(told_within(load_scene_file(file.path()), seconds)), "") << file.path();
+  }
+}
+
+// Energy of random scenes never rises without a cause by any method; joints of those that are
+// integrated throughout stay within 1e-6 m.
+TEST(Told, NothingOfRandomScenes) {
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    for (const Method method : {Method::kAuto, Method::kRungeKutta, Method::kEnergyMomentum,
+                                Method::kSequentialImpulses}) {
+      random_scenes::Scene scene = random_scenes::Generator(seed).make();
+      scene.options.method = method;
+      World world = random_scenes::make_world(scene);
+      const long steps = std::lround(1.0 / world.options().time_step);
+      for (long i = 0; i < steps; ++i) {
+        const StepReport& report = world.step();
+        ASSERT_EQ(report.energy_rise, 0.0) << seed << " " << name(method) << " step " << i;
+        if (method != Method::kSequentialImpulses && !redundant::has_conflict(world)) {
+          ASSERT_EQ(report.unclosed_joints, 0u) << seed << " " << name(method) << " step " << i;
+        }
+      }
+    }
+  }
+}
+
+// ---- what cannot be resolved
+
+TEST(Told, SpinThatImpulsesCannotFollow) {
+  World world =
+      redundant::with(redundant::fast_box({0.0, 1e3, 1e6}), Method::kSequentialImpulses, 100.0);
+  EXPECT_EQ(world.step().unresolved_bodies, 1u);
+  ASSERT_EQ(world.unresolved_bodies().size(), 1u);
+  world =
+      redundant::with(redundant::fast_box({0.0, 0.0, 10.0}), Method::kSequentialImpulses, 100.0);
+  EXPECT_EQ(world.step().unresolved_bodies, 0u);
+}
+
+// A light body under one 1e20 times as heavy falls freely: told from the first step that cannot
+// meet the joints by more than a millimetre.
+TEST(Told, MassesThatCannotBeHeld) {
+  for (const double rate : {60.0, 1000.0}) {
+    World world = redundant::with(redundant::mass_ratio(1.0, 1e20), Method::kAuto, rate);
+    for (int step = 0; step < static_cast<int>(rate); ++step) {
+      const StepReport& report = world.step();
+      if (redundant::largest_joint_error(world) > kUnclosedError) {
+        ASSERT_TRUE(report.failed || report.unresolved_bodies > 0 || report.unclosed_joints > 0)
+            << step;
+      }
+    }
+  }
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

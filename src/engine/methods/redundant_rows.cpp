@@ -86,7 +86,8 @@ int EquationsOfMotion::choose_rows(double t, const double* y) {
   if (redundant_rows() == 0 && ldlt_.factor(least) == 0) return 0;
 
   std::vector<char> redundant = independent_rows(least);
-  for (std::size_t i = 0; i < rows_.size(); ++i) redundant[i] = !redundant[i] && !is_needed_[i];
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    redundant[i] = !redundant[i] && !is_needed_[i] ? 1 : 0;
   set_redundant(redundant);
   find_matrix();
   ldlt_.factor(kRoundOffPivot);
@@ -132,7 +133,7 @@ Eigen::MatrixXd EquationsOfMotion::dense_matrix() {
 
 std::vector<char> EquationsOfMotion::independent_rows(double least) {
   std::vector<char> was_kept(rows_.size());
-  for (std::size_t i = 0; i < rows_.size(); ++i) was_kept[i] = !is_redundant_[i];
+  for (std::size_t i = 0; i < rows_.size(); ++i) was_kept[i] = is_redundant_[i] ? 0 : 1;
   return choose_independent_rows(dense_matrix(), was_kept, is_needed_, least).is_kept;
 }
 
@@ -346,7 +347,7 @@ void EquationsOfMotion::verify_left_out(double least) {
       if (!ldlt_.is_left_out(rows_[i].unknown)) {
         is_verified_[i] = 0;
       } else if (!is_verified_[i] && !ldlt_.is_kept(rows_[i].unknown)) {
-        is_verified_[i] = self_stress_imbalance(i) <= kMomentarySelfStress;
+        is_verified_[i] = self_stress_imbalance(i) <= kMomentarySelfStress ? 1 : 0;
         if (is_verified_[i]) continue;
         ldlt_.keep(rows_[i].unknown);
         any_kept = true;

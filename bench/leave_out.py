@@ -140,8 +140,8 @@ def parse(path, program):
 
 
 def own_name(path):
-    """Below src/engine or include/constraint_sim; of libraries ''."""
-    found = re.search(r'/(?:src/engine|include/constraint_sim)/(.*)', path)
+    """Below src/engine or include/constraint_sim/engine; of libraries ''."""
+    found = re.search(r'/(?:src/engine|include/constraint_sim/engine)/(.*)', path)
     return found.group(1) if found else ''
 
 

@@ -17,7 +17,7 @@
 #include <variant>
 #include <vector>
 
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 
 namespace constraint_sim::engine::reference {
 

@@ -11,7 +11,7 @@
 #include <utility>
 #include <vector>
 
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 
 namespace constraint_sim::engine::problems {
 

@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 #include "problems.h"
 
 namespace constraint_sim::engine::redundant {

@@ -17,6 +17,7 @@ catkin_package(
   LIBRARIES constraint_sim_engine
   CATKIN_DEPENDS geometry_msgs message_runtime std_msgs
   DEPENDS EIGEN3
+  CFG_EXTRAS constraint_sim-engine.cmake
 )
 
 add_library(constraint_sim_ros STATIC
@@ -45,7 +46,12 @@ add_library(constraint_sim_nodelet SHARED src/ros/nodelet.cpp)
 constraint_sim_own_code(constraint_sim_nodelet)
 target_link_libraries(constraint_sim_nodelet PRIVATE constraint_sim_ros)
 
-install(TARGETS constraint_sim_engine ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+install(TARGETS constraint_sim_engine EXPORT constraint_sim
+  ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+install(EXPORT constraint_sim NAMESPACE constraint_sim:: FILE constraint_sim_engine_targets.cmake
+  DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/cmake)
+export(EXPORT constraint_sim NAMESPACE constraint_sim::
+  FILE ${CMAKE_CURRENT_BINARY_DIR}/constraint_sim_engine_targets.cmake)
 install(TARGETS constraint_sim_node constraint_sim_run ${bench_programs}
   RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(TARGETS constraint_sim_nodelet LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})

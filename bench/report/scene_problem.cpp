@@ -5,7 +5,7 @@
 #include <map>
 #include <variant>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "contestant.h"
 
 namespace constraint_sim::report {

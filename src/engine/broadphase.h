@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-#include "constraint_sim/body.h"
-#include "constraint_sim/report.h"
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/report.h"
 
 namespace constraint_sim::engine {
 

@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include "constraint_sim/contact.h"
+#include "constraint_sim/engine/contact.h"
 
 namespace constraint_sim::engine {
 

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "constraint_sim/report.h"
+#include "constraint_sim/engine/report.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {

@@ -2,8 +2,8 @@
 
 #include <Eigen/Core>
 
-#include "constraint_sim/body.h"
-#include "constraint_sim/contact.h"
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/contact.h"
 
 namespace constraint_sim::engine {
 

@@ -1,4 +1,4 @@
-#include "constraint_sim/plan.h"
+#include "constraint_sim/engine/plan.h"
 
 #include <array>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 
 #include <limits>
 

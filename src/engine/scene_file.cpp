@@ -11,7 +11,7 @@
 #include <numeric>
 #include <system_error>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
 

@@ -1,4 +1,4 @@
-#include "constraint_sim/shape.h"
+#include "constraint_sim/engine/shape.h"
 
 #include "engine/validate.h"
 

@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 
 namespace constraint_sim::engine {
 namespace {

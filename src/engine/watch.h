@@ -5,7 +5,7 @@
 #include <optional>
 #include <vector>
 
-#include "constraint_sim/id.h"
+#include "constraint_sim/engine/id.h"
 
 namespace constraint_sim::engine {
 

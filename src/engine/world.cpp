@@ -1,4 +1,4 @@
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 
 #include <algorithm>
 #include <cmath>

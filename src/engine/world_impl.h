@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 #include "engine/broadphase.h"
 #include "engine/constraints/joint.h"
 #include "engine/islands.h"

@@ -7,7 +7,7 @@
 #include <locale>
 #include <sstream>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {

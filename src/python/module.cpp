@@ -6,7 +6,7 @@
 #include <memory>
 #include <string>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "python/definitions.h"
 #include "python/parameters.h"
 

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 #include "python/keywords.h"
 
 namespace constraint_sim::python {

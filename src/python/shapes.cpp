@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "constraint_sim/shape.h"
+#include "constraint_sim/engine/shape.h"
 #include "python/definitions.h"
 #include "python/keywords.h"
 #include "python/parameters.h"

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "constraint_sim/plan.h"
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/scene.h"
 #include "python/definitions.h"
 #include "python/keywords.h"
 #include "python/parameters.h"

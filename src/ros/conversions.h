@@ -16,8 +16,8 @@
 
 #include <string>
 
-#include "constraint_sim/world.h"
-#include "constraint_sim/wrench.h"
+#include "constraint_sim/engine/world.h"
+#include "constraint_sim/engine/wrench.h"
 
 namespace constraint_sim {
 

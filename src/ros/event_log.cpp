@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "constraint_sim/plan.h"
+#include "constraint_sim/engine/plan.h"
 
 namespace constraint_sim {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 #include "ros/parameters.h"
 #include "sim/condition.h"
 #include "sim/stepper.h"

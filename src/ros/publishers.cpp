@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "constraint_sim/plan.h"
+#include "constraint_sim/engine/plan.h"
 #include "ros/conversions.h"
 #include "ros/time_conversions.h"
 

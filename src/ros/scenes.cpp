@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <stdexcept>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "sim/files.h"
 #include "sim/words.h"
 

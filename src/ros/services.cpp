@@ -4,7 +4,7 @@
 
 #include <exception>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "ros/conversions.h"
 #include "ros/scenes.h"
 #include "ros/time_conversions.h"

@@ -19,8 +19,8 @@
 #include <string>
 #include <vector>
 
-#include "constraint_sim/plan.h"
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/scene.h"
 #include "engine/method_names.h"
 #include "engine/validate.h"
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 
 namespace constraint_sim {
 

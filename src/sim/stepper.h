@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 
 namespace constraint_sim {
 

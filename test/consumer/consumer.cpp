@@ -3,8 +3,8 @@
 #include <cmath>
 #include <cstdio>
 
-#include "constraint_sim/scene.h"
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/scene.h"
+#include "constraint_sim/engine/world.h"
 
 int main() {
   using namespace constraint_sim::engine;

@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "counted_allocations.h"
 #include "problems.h"
 #include "support.h"

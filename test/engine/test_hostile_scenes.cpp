@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -1,7 +1,7 @@
 // Energy under sequential impulses: less the work of wrenches, motors, kinematic bodies and
 // position corrections it never rises, at any tick, mass ratio and number of sweeps.
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

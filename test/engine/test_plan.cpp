@@ -2,8 +2,8 @@
 
 #include <yaml-cpp/yaml.h>
 
-#include "constraint_sim/plan.h"
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/scene.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

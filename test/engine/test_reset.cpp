@@ -2,7 +2,7 @@
 
 #include <functional>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -1,6 +1,6 @@
 // Islands at rest: who falls asleep, what that leaves out, and what wakes them.
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "counted_allocations.h"
 #include "support.h"
 

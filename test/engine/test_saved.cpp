@@ -6,7 +6,7 @@
 #include <limits>
 #include <tuple>
 
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/scene.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -5,8 +5,8 @@
 
 #include <filesystem>
 
-#include "constraint_sim/plan.h"
-#include "constraint_sim/scene.h"
+#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/scene.h"
 #include "random_scenes.h"
 #include "redundant_cases.h"
 #include "support.h"

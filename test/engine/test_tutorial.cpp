@@ -1,6 +1,6 @@
 // The tutorial's own numbers: the constraint on a line, the worked example, the experiment.
 
-#include "constraint_sim/distance_1d.h"
+#include "constraint_sim/engine/distance_1d.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "../contestant.h"
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 
 namespace constraint_sim::report {
 namespace {

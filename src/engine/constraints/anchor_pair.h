@@ -2,9 +2,9 @@
 
 #include <Eigen/Core>
 
-#include "constraint_sim/body.h"
-#include "constraint_sim/joint.h"
-#include "constraint_sim/row.h"
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/row.h"
 
 namespace constraint_sim::engine {
 

@@ -2,9 +2,9 @@
 
 #include <Eigen/Core>
 
-#include "constraint_sim/body.h"
-#include "constraint_sim/contact.h"
-#include "constraint_sim/row.h"
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/contact.h"
+#include "constraint_sim/engine/row.h"
 
 namespace constraint_sim::engine {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "constraint_sim/joint.h"
+#include "constraint_sim/engine/joint.h"
 
 namespace constraint_sim::engine {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "constraint_sim/joint.h"
+#include "constraint_sim/engine/joint.h"
 #include "engine/constraints/anchor_pair.h"
 
 namespace constraint_sim::engine {

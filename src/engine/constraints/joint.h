@@ -1,7 +1,7 @@
 #pragma once
 
-#include "constraint_sim/joint.h"
-#include "constraint_sim/row.h"
+#include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/row.h"
 #include "engine/constraints/anchor_pair.h"
 #include "engine/constraints/course.h"
 

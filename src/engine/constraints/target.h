@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "constraint_sim/row.h"
+#include "constraint_sim/engine/row.h"
 
 namespace constraint_sim::engine {
 

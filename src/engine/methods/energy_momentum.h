@@ -3,7 +3,7 @@
 #include <array>
 #include <vector>
 
-#include "constraint_sim/body.h"
+#include "constraint_sim/engine/body.h"
 #include "engine/methods/endpoint_estimate.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/implicit_step.h"

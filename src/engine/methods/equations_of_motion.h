@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "constraint_sim/body.h"
+#include "constraint_sim/engine/body.h"
 #include "engine/constraints/joint.h"
 #include "engine/linear/block_pivot.h"
 #include "engine/linear/sparse_ldlt.h"

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "constraint_sim/body.h"
+#include "constraint_sim/engine/body.h"
 #include "engine/linear/saddle_lu.h"
 #include "engine/methods/endpoint_estimate.h"
 #include "engine/methods/equations_of_motion.h"

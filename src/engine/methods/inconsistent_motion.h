@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "constraint_sim/body.h"
+#include "constraint_sim/engine/body.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/integrate.h"
 #include "engine/methods/regularized_rows.h"

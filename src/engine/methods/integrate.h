@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "constraint_sim/stop_flag.h"
+#include "constraint_sim/engine/stop_flag.h"
 #include "engine/methods/embedded_pairs.h"
 
 namespace constraint_sim::engine {

@@ -4,7 +4,7 @@
 #include <limits>
 #include <vector>
 
-#include "constraint_sim/body.h"
+#include "constraint_sim/engine/body.h"
 #include "engine/mass_properties.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/integrate.h"

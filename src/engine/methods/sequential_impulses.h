@@ -3,9 +3,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "constraint_sim/body.h"
-#include "constraint_sim/row.h"
-#include "constraint_sim/stop_flag.h"
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/row.h"
+#include "constraint_sim/engine/stop_flag.h"
 #include "engine/mass_properties.h"
 
 namespace constraint_sim::engine {

@@ -6,7 +6,7 @@
 #include <string>
 #include <variant>
 
-#include "constraint_sim/id.h"
+#include "constraint_sim/engine/id.h"
 
 namespace constraint_sim::engine {
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-#include "constraint_sim/id.h"
+#include "constraint_sim/engine/id.h"
 
 namespace constraint_sim::engine {
 

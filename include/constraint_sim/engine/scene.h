@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "constraint_sim/world.h"
+#include "constraint_sim/engine/world.h"
 
 namespace constraint_sim::engine {
 

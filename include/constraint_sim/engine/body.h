@@ -4,7 +4,7 @@
 #include <Eigen/Geometry>
 #include <string>
 
-#include "constraint_sim/shape.h"
+#include "constraint_sim/engine/shape.h"
 
 namespace constraint_sim::engine {
 

@@ -8,14 +8,14 @@
 #include <string_view>
 #include <vector>
 
-#include "constraint_sim/body.h"
-#include "constraint_sim/contact.h"
-#include "constraint_sim/id.h"
-#include "constraint_sim/island.h"
-#include "constraint_sim/joint.h"
-#include "constraint_sim/report.h"
-#include "constraint_sim/stop_flag.h"
-#include "constraint_sim/wrench.h"
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/contact.h"
+#include "constraint_sim/engine/id.h"
+#include "constraint_sim/engine/island.h"
+#include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/report.h"
+#include "constraint_sim/engine/stop_flag.h"
+#include "constraint_sim/engine/wrench.h"
 
 namespace constraint_sim::engine {
 

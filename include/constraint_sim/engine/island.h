@@ -2,8 +2,8 @@
 
 #include <cstdint>
 
-#include "constraint_sim/id.h"
-#include "constraint_sim/report.h"
+#include "constraint_sim/engine/id.h"
+#include "constraint_sim/engine/report.h"
 
 namespace constraint_sim::engine {
 

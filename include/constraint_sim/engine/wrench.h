@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <limits>
 
-#include "constraint_sim/id.h"
+#include "constraint_sim/engine/id.h"
 
 namespace constraint_sim::engine {
 

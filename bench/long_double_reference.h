@@ -39,12 +39,12 @@ struct Scene {
 };
 
 inline bool is_spring(const Joint& joint) {
-  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+  const auto* distance = if_distance(joint);
   return distance != nullptr && distance->is_soft();
 }
 
 inline bool is_limit(const Joint& joint) {
-  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+  const auto* distance = if_distance(joint);
   return distance != nullptr && distance->is_limited();
 }
 
@@ -123,7 +123,7 @@ class Mechanics {
   Real joint_error(const Joint& joint, const std::vector<Pose>& poses, Real t) const {
     const Ends e = ends(joint, poses);
     const Real d = e.d.norm();
-    const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+    const auto* distance = if_distance(joint);
     if (distance == nullptr) return d;
     if (distance->is_soft()) return 0;
     const Real s = travel(joint.motor, t).s;
@@ -157,7 +157,7 @@ class Mechanics {
     }
     for (const Joint& joint : scene_.joints) {
       if (!is_spring(joint)) continue;
-      const auto& spring = std::get<DistanceJoint>(joint.type);
+      const auto& spring = joint.distance;
       const Real stretch = ends(joint, poses).d.norm() - static_cast<Real>(*spring.length);
       potential += static_cast<Real>(spring.stiffness) * stretch * stretch / 2;
     }
@@ -351,7 +351,7 @@ class Mechanics {
       const auto along = [&](const Vector3& n) {
         return Row{e.a, e.b, -n, -e.r_A.cross(n), n, e.r_B.cross(n)};
       };
-      if (std::holds_alternative<BallJoint>(joint.type)) {
+      if (joint.kind == JointKind::kBall) {
         for (int k = 0; k < 3; ++k) {
           Row row = along(Vector3::Unit(k));
           row.C = e.d[k];
@@ -361,7 +361,7 @@ class Mechanics {
         continue;
       }
       const Travel s = travel(joint.motor, t);
-      const Real length = static_cast<Real>(*std::get<DistanceJoint>(joint.type).length) + s.s;
+      const Real length = static_cast<Real>(*joint.distance.length) + s.s;
       Row row = along(e.d);
       row.C = (e.d.squaredNorm() - length * length) / 2;
       row.target = length * s.rate;
@@ -420,7 +420,7 @@ class Mechanics {
                 wrench.torque.cast<Real>(), a);
     for (const Joint& joint : scene_.joints) {
       if (!is_spring(joint)) continue;
-      const auto& spring = std::get<DistanceJoint>(joint.type);
+      const auto& spring = joint.distance;
       const Ends e = ends(joint, poses);
       const Vector3 n = e.d.normalized();
       Real rate = 0;

@@ -69,7 +69,7 @@ inline World chain_of_bars(int links) {
     joint.anchor_a = {i == 1 ? 0.0 : 0.5, 0.0, 0.0};
     joint.body_b = id;
     joint.anchor_b = {-0.5, 0.0, 0.0};
-    joint.type = BallJoint{};
+    joint.kind = JointKind::kBall;
     world.add_joint(joint);
     last = id;
   }

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <random>
 
+#include "joint_type.h"
 #include "long_double_reference.h"
 
 namespace constraint_sim::engine::random_scenes {
@@ -182,8 +183,8 @@ class Generator {
     joint.body_b = BodyId{static_cast<std::uint32_t>(b + 1)};
     joint.anchor_a = turns(a) ? in_body(a, p) : Vector3d::Zero();
     joint.anchor_b = turns(b) ? in_body(b, q) : Vector3d::Zero();
-    joint.type = type;
-    if (auto* distance = std::get_if<DistanceJoint>(&joint.type))
+    type.write(&joint);
+    if (auto* distance = if_distance(joint))
       if (!distance->length && !distance->is_limited())
         distance->length = (place(b, joint.anchor_b) - place(a, joint.anchor_a)).norm();
     scene_.joints.push_back(joint);
@@ -206,20 +207,20 @@ class Generator {
     if (!turns(b) || !turns(a)) {  // a mass is held at its centre: in that point, or by a rod
       const int point = turns(b) ? a : b, other = turns(b) ? b : a;
       if (other < 0 || r.chance(0.7)) return add_rod(a, b);
-      add_joint(other, at(point).state.position, point, at(point).state.position, BallJoint{});
+      add_joint(other, at(point).state.position, point, at(point).state.position, JointKind::kBall);
       return;
     }
     const double kind = r.unit();
     if (kind < 0.25) return add_rod(a, b);
     const Vector3d p = r.chance(0.5) ? point_on(b) : Vector3d(0.5 * (point_on(a) + point_on(b)));
-    add_joint(a, p, b, p, BallJoint{});
+    add_joint(a, p, b, p, JointKind::kBall);
     if (kind < 0.6) return;
     const Vector3d q = p + r.vector(0.4);  // a hinge: one row of six is too many
-    add_joint(a, q, b, q, BallJoint{});
+    add_joint(a, q, b, q, JointKind::kBall);
     words_ += words_.find("hinge") == std::string::npos ? ", hinges" : "";
     if (kind > 0.9) {  // locked, by a third point off the axis
       const Vector3d s = p + r.vector(0.4);
-      add_joint(a, s, b, s, BallJoint{});
+      add_joint(a, s, b, s, JointKind::kBall);
     }
   }
 
@@ -271,8 +272,8 @@ class Generator {
       const int a = static_cast<int>(of.body_a.value) - 1,
                 b = static_cast<int>(of.body_b.value) - 1;
       const Vector3d p = place(a, of.anchor_a), q = place(b, of.anchor_b);
-      if (r.chance(0.4) || !std::holds_alternative<BallJoint>(of.type)) {
-        add_joint(a, p, b, q, of.type);  // the same once more
+      if (r.chance(0.4) || of.kind != JointKind::kBall) {
+        add_joint(a, p, b, q, JointType(of));  // the same once more
         continue;
       }
       // from the common point, in one of the bodies, to another point of the other
@@ -327,7 +328,7 @@ class Generator {
     Random& r = random_;
     if (!r.chance(0.15)) return;
     Joint& joint = scene_.joints[r.below(scene_.joints.size())];
-    const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+    const auto* distance = if_distance(joint);
     if (distance == nullptr || distance->is_soft() || distance->is_limited()) return;
     joint.motor.amplitude = r.uniform(0.02, 0.2);
     joint.motor.frequency = r.uniform(0.3, 2.0);

@@ -22,7 +22,7 @@ inline double largest_joint_error(const World& world) {
   double largest = 0.0;
   for (const JointId id : world.joint_ids()) {
     const Joint& joint = world.joint(id);
-    const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+    const auto* distance = if_distance(joint);
     if (distance != nullptr && (distance->is_soft() || distance->is_limited())) continue;
     const double length = distance != nullptr ? *distance->length : 0.0;
     const Vector3d d = anchor_in_world(world, joint.body_b, joint.anchor_b) -

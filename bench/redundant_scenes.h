@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "joint_type.h"
 #include "problems.h"
 
 namespace constraint_sim::engine::redundant {
@@ -52,12 +53,12 @@ inline JointId join(World* world, BodyId a, const Vector3d& p_W, BodyId b, const
   joint.anchor_a = in_body(*world, a, p_W);
   joint.body_b = b;
   joint.anchor_b = in_body(*world, b, q_W);
-  joint.type = type;
+  type.write(&joint);
   return world->add_joint(joint);
 }
 
 inline JointId join_ball(World* world, BodyId a, BodyId b, const Vector3d& p_W) {
-  return join(world, a, p_W, b, p_W, BallJoint{});
+  return join(world, a, p_W, b, p_W, JointKind::kBall);
 }
 
 /// A hinge about `axis` of two ball joints, 2 × `half` apart.
@@ -525,7 +526,7 @@ inline World rounded(const World& original, int digits) {
     Joint joint = original.joint(id);
     joint.anchor_a = round_all(joint.anchor_a);
     joint.anchor_b = round_all(joint.anchor_b);
-    if (auto* distance = std::get_if<DistanceJoint>(&joint.type))
+    if (auto* distance = if_distance(joint))
       if (distance->length) distance->length = round(*distance->length);
     world.add_joint(joint);
   }

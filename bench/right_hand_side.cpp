@@ -48,7 +48,7 @@ struct SwingingChain {
       all[i] = static_cast<int>(i);
       ends[i] = {i, i + 1};
       if (!has_bars) continue;
-      joints[i].type = BallJoint{};
+      joints[i].kind = JointKind::kBall;
       joints[i].anchor_a = {i == 0 ? 0.0 : 0.5, 0.0, 0.0};
       joints[i].anchor_b = {-0.5, 0.0, 0.0};
     }

@@ -103,8 +103,7 @@ class Judge {
     for (const Joint& joint : made.joints) {
       has_limits_ = has_limits_ || reference::is_limit(joint);
       is_driven_ = is_driven_ || joint.motor.bias != 0.0 || joint.motor.amplitude != 0.0;
-      if (reference::is_spring(joint))
-        is_damped_ = is_damped_ || std::get<DistanceJoint>(joint.type).damping > 0.0;
+      if (reference::is_spring(joint)) is_damped_ = is_damped_ || joint.distance.damping > 0.0;
     }
     for (const Body& body : made.bodies) {
       if (body.type == BodyType::kKinematic) is_driven_ = true;

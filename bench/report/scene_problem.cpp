@@ -82,9 +82,9 @@ Joint made_from(const World& world, engine::JointId id, const std::map<BodyId, i
   made.anchor_b = joint.anchor_b;
   made.rate = motor.bias;
   made.max_force = motor.max_force;
-  if (std::holds_alternative<engine::BallJoint>(joint.type)) {
+  if (joint.kind == engine::JointKind::kBall) {
     made.kind = JointKind::kBall;
-  } else if (const auto* distance = std::get_if<engine::DistanceJoint>(&joint.type)) {
+  } else if (const auto* distance = engine::if_distance(joint)) {
     if (distance->is_limited()) refuse("has limits");
     if (distance->damping > 0.0) refuse("is damped");
     made.kind = distance->is_soft() ? JointKind::kSpring : JointKind::kRod;

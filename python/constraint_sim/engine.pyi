@@ -256,7 +256,9 @@ class World:
     def angular_velocities(self) -> np.ndarray: ...  # [rad/s], (bodies, 3)
 
     def add_joint(self, name: str, *, type: str = ..., body_a: str = ..., anchor_a: Vector = ...,
-                  body_b: str = ..., anchor_b: Vector = ..., length: Optional[float] = ...,
+                  body_b: str = ..., anchor_b: Vector = ..., axis_a: Vector = ...,
+                  axis_b: Vector = ..., frame_a: Vector = ..., frame_b: Vector = ...,
+                  length: Optional[float] = ...,
                   min_length: float = ..., max_length: float = ..., frequency: float = ...,
                   damping_ratio: float = ..., stiffness: float = ..., damping: float = ...,
                   baumgarte: Optional[float] = ..., break_force: float = ...,

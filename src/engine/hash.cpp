@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "engine/constraints/joint_kinds.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -93,35 +94,47 @@ void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodySt
   hash.add(state.angular_velocity);
 }
 
-void add(Fnv1a& hash, const DistanceJoint& joint) {
-  hash.add(joint.length.value_or(-1.0));
-  for (const double value : {joint.min_length, joint.max_length, joint.stiffness, joint.damping})
-    hash.add(value);
+// a ball joint's three numbers, and what other kinds have beside these
+void add(Fnv1a& hash, const RowVector& rows) {
+  hash.add(Eigen::Vector3d(rows.head<3>()));
+  if (!rows.tail<3>().isZero(0.0)) hash.add(Eigen::Vector3d(rows.tail<3>()));
 }
 
-void add(Fnv1a&, const BallJoint&) {}
+void add_settings(Fnv1a& hash, const Joint& joint) {
+  if (const DistanceJoint* distance = if_distance(joint)) {
+    hash.add(distance->length.value_or(-1.0));
+    for (const double number :
+         {distance->min_length, distance->max_length, distance->stiffness, distance->damping})
+      hash.add(number);
+  }
+  if (!info(joint.kind).has_frames) return;
+  for (const Eigen::Quaterniond& frame : {joint.frame_a, *joint.frame_b}) {
+    hash.add(Eigen::Vector3d(frame.vec()));
+    hash.add(frame.w());
+  }
+}
 
 void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::string& body_b,
          const JointState& state) {
   hash.add(joint.name);
-  hash.add(std::string(type_name(joint.type)));
+  hash.add(std::string(name(joint.kind)));
   hash.add(body_a);
   hash.add(joint.anchor_a);
   hash.add(body_b);
   hash.add(joint.anchor_b);
-  std::visit([&](const auto& type) { add(hash, type); }, joint.type);
+  add_settings(hash, joint);
   const Motor& motor = joint.motor;
   for (const double value : {motor.bias, motor.amplitude, motor.frequency, motor.phase,
                              motor.max_force, motor.timeout, state.expires_at, state.travel})
     hash.add(value);
-  hash.add(state.impulse);
+  add(hash, state.impulse);
   hash.add(joint.baumgarte.value_or(-1.0));
   hash.add(joint.break_force);
   hash.add(std::uint64_t{joint.collide_connected});
   hash.add(std::uint64_t{state.broken});
   if (!state.closing) return;
   hash.add(state.closing_since);
-  hash.add(state.closing_offset);
+  add(hash, state.closing_offset);
   hash.add(state.initial_error);
 }
 
@@ -206,8 +219,8 @@ std::uint64_t World::state_hash() const {
     add(hash, world.joints[j], name_of(world.joints[j].body_a), name_of(world.joints[j].body_b),
         world.joint_states[j]);
     if (world.self_stress[j].is_none()) continue;
-    hash.add(world.self_stress[j].share);
-    hash.add(world.self_stress[j].impulse);
+    add(hash, world.self_stress[j].share);
+    add(hash, world.self_stress[j].impulse);
   }
   for (const std::size_t i : body_order)
     for (const Wrench& wrench : world.wrenches)

@@ -111,7 +111,7 @@ void World::Impl::find_fastest_springs() {
   fastest_spring.assign(bodies.size(), 0.0);
   std::vector<double> damping;
   for (std::size_t j = 0; j < joints.size(); ++j) {
-    const auto* distance = std::get_if<DistanceJoint>(&joints[j].type);
+    const auto* distance = if_distance(joints[j]);
     if (distance == nullptr || !distance->is_soft() || joint_states[j].broken) continue;
     if (damping.empty()) damping.assign(bodies.size(), 0.0);
     const auto add = [&](std::size_t body, const Vector3d& anchor) {
@@ -130,7 +130,7 @@ void World::Impl::find_fastest_springs() {
 Why World::Impl::nature_of(const IslandMembers& members) const {
   if (options.method == Method::kSequentialImpulses) return Why::kAskedFor;
   for (const int j : members.joints) {
-    const auto* distance = std::get_if<DistanceJoint>(&joints[at(j)].type);
+    const auto* distance = if_distance(joints[at(j)]);
     if (distance != nullptr && distance->is_limited()) return Why::kLimit;
     if (joints[at(j)].motor.max_force > 0.0) return Why::kForceLimit;
   }

@@ -17,8 +17,9 @@ struct Counts {
   int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
   int points = 0, spheres = 0, boxes = 0, planes = 0;
   int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, rough = 0, turning = 0;
-  int rods = 0, limited = 0, springs = 0, balls = 0, motors = 0, broken = 0;
-  std::array<int, kMethodCount> islands{};  // that are awake
+  int rods = 0, limited = 0, springs = 0, motors = 0, broken = 0;
+  std::array<int, kJointKindCount> joints{};  // by kind
+  std::array<int, kMethodCount> islands{};    // that are awake
   int asleep = 0;
 
   bool collides() const { return colliding >= 2 && colliding_dynamic >= 1; }
@@ -48,10 +49,10 @@ void count_body(const Body& body, Counts* counts) {
 void count_joint(const Joint& joint, const JointState& state, Counts* counts) {
   counts->motors += joint.motor.bias != 0.0 || joint.motor.amplitude != 0.0;
   counts->broken += state.broken;
-  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
-  if (distance == nullptr)
-    ++counts->balls;
-  else if (distance->is_soft())
+  ++counts->joints[static_cast<std::size_t>(joint.kind)];
+  const auto* distance = if_distance(joint);
+  if (distance == nullptr) return;
+  if (distance->is_soft())
     ++counts->springs;
   else if (distance->is_limited())
     ++counts->limited;
@@ -110,8 +111,13 @@ std::string explain(const World& world) {
   out << "shapes: {point: " << counts.points << ", sphere: " << counts.spheres
       << ", box: " << counts.boxes << ", plane: " << counts.planes << "}\n";
   out << "constraints: {rod: " << counts.rods << ", limited: " << counts.limited
-      << ", spring: " << counts.springs << ", ball: " << counts.balls
-      << ", motor: " << counts.motors << ", broken: " << counts.broken << "}\n";
+      << ", spring: " << counts.springs;
+  for (const JointKind kind : joint_kinds()) {  // balls always, others where there are any
+    const int number = counts.joints[static_cast<std::size_t>(kind)];
+    if (kind == JointKind::kBall || (kind != JointKind::kDistance && number > 0))
+      out << ", " << name(kind) << ": " << number;
+  }
+  out << ", motor: " << counts.motors << ", broken: " << counts.broken << "}\n";
   out << "wrenches: " << world.wrenches().size() << "\n";
   out << std::boolalpha << "collision: " << counts.collides() << "\n";
   out << "rotation: " << counts.turns() << "\n";

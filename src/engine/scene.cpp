@@ -2,6 +2,7 @@
 
 #include <limits>
 
+#include "engine/constraints/joint_kinds.h"
 #include "engine/method_names.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
@@ -175,8 +176,38 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
   if (type == "rope") return {"max_length"};
   if (type == "strut") return {"min_length"};
   if (type == "spring") return {"length", "frequency", "damping_ratio", "stiffness", "damping"};
-  if (type == "ball") return {};
-  fail_unknown(item.at("type"), type, "distance, rope, strut, spring, ball");
+  const std::optional<JointKind> kind = joint_kind_named(type);
+  if (!kind)
+    fail_unknown(item.at("type"), type, "distance, rope, strut, spring" + names_of_further_kinds());
+  if (has_frames(*kind)) return {"axis_a", "axis_b", "frame_a", "frame_b"};
+  return {};
+}
+
+Eigen::Quaterniond read_frame(const YamlElement& item) {
+  Eigen::Quaterniond frame;
+  frame.coeffs() = Eigen::Vector4d(item.numbers(4));
+  return frame;
+}
+
+/// Frames, or the z axes of these.
+void read_frames(const YamlElement& item, Joint* joint) {
+  for (const char* side : {"a", "b"}) {
+    const auto axis = item.find(std::string("axis_") + side);
+    const auto frame = item.find(std::string("frame_") + side);
+    if (axis && frame) axis->fail("the frame already says it; give one or the other");
+    if (!axis && !frame) continue;
+    const bool is_a = side[0] == 'a';
+    if (frame) {
+      (is_a ? joint->frame_a : joint->frame_b.emplace()) = read_frame(*frame);
+      continue;
+    }
+    const Eigen::Vector3d direction = axis->numbers(3);
+    if (direction.isZero(0.0)) axis->fail("must not be (0, 0, 0)");
+    if (is_a)
+      joint->frame_a = frame_along(direction);
+    else
+      joint->axis_b = direction;
+  }
 }
 
 /// Reads distances and springs of every type but `ball`; anchors have been read.
@@ -226,10 +257,9 @@ Joint read_joint(const YamlElement& item, const World& world) {
   item.read("anchor_a", &joint.anchor_a);
   joint.body_b = read_body_reference(item, "body_b", world);
   item.read("anchor_b", &joint.anchor_b);
-  if (type == "ball")
-    joint.type = BallJoint{};
-  else
-    joint.type = read_distance(item, type, world, joint);
+  joint.kind = joint_kind_named(type).value_or(JointKind::kDistance);  // or a shorthand for it
+  if (joint.kind == JointKind::kDistance) joint.distance = read_distance(item, type, world, joint);
+  if (has_frames(joint.kind)) read_frames(item, &joint);
   if (const auto motor = item.find("motor")) joint.motor = read_motor(*motor);
   if (const auto baumgarte = item.find("baumgarte")) joint.baumgarte = baumgarte->number();
   item.read("break_force", &joint.break_force);
@@ -237,36 +267,41 @@ Joint read_joint(const YamlElement& item, const World& world) {
   return joint;
 }
 
-SelfStress read_self_stress(const YamlElement& item) {
-  SelfStress self_stress;
-  item.read("self_stress", &self_stress.share);
-  item.read("self_stress_of", &self_stress.impulse);
+/// The numbers of a joint's rows, at least three.
+void read_rows(const YamlElement& item, const char* key, JointKind kind, RowVector* rows) {
+  const int size = std::max(info(kind).rows, 3);
+  if (const auto numbers = item.find(key)) rows->head(size) = numbers->numbers(size);
   item.attempt([&] {
-    check_finite("self_stress", self_stress.share);
-    check_finite("self_stress_of", self_stress.impulse);
+    for (int k = 0; k < size; ++k) check_finite(key, (*rows)[k]);
   });
+}
+
+SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
+  SelfStress self_stress;
+  read_rows(item, "self_stress", kind, &self_stress.share);
+  read_rows(item, "self_stress_of", kind, &self_stress.impulse);
   return self_stress;
 }
 
 /// What a saved joint goes on from.
-JointState read_joint_state(const YamlElement& item) {
+JointState read_joint_state(const YamlElement& item, JointKind kind) {
   item.expect_keys({"travel", "expires_at", "impulse", "self_stress", "self_stress_of",
                     "closing_since", "closing_offset", "initial_error"});
   JointState state;
   item.read("travel", &state.travel);
   if (const auto value = item.find("expires_at")) state.expires_at = value->number_or_infinity();
-  item.read("impulse", &state.impulse);
+  read_rows(item, "impulse", kind, &state.impulse);
   if (const auto since = item.find("closing_since")) {
     state.closing = true;
     state.closing_since = since->number();
-    state.closing_offset = item.at("closing_offset").numbers(3);
+    item.at("closing_offset");
+    read_rows(item, "closing_offset", kind, &state.closing_offset);
     state.initial_error = item.at("initial_error").number();
   }
   item.attempt([&] {
     check_finite("travel", state.travel);
     if (std::isfinite(state.expires_at)) check_finite("expires_at", state.expires_at);
     check_finite("closing_since", state.closing_since);
-    check_finite("closing_offset", state.closing_offset);
     check_finite("initial_error", state.initial_error);
   });
   return state;
@@ -402,11 +437,14 @@ World load_scene(const std::string& text, const std::string& source, const World
     const Joint joint = read_joint(item, world);
     bool broken = false;
     item.read("broken", &broken);
-    const JointId id = item.attempt([&] { return world.add_joint(joint, broken); });
-    if (const auto state = item.find("state")) {
-      auto& impl = Insides::of(world);
-      impl.continue_joint(impl.index(id), read_joint_state(*state));
-      impl.self_stress[impl.index(id)] = read_self_stress(*state);
+    const auto state = item.find("state");
+    const double most_misaligned = state ? kMostSavedAngle : kAligned;
+    auto& impl = Insides::of(world);
+    const JointId id = item.attempt(
+        [&] { return impl.add_joint(joint, broken, broken ? kAnyAngle : most_misaligned); });
+    if (state) {
+      impl.continue_joint(impl.index(id), read_joint_state(*state, joint.kind));
+      impl.self_stress[impl.index(id)] = read_self_stress(*state, joint.kind);
     }
   }
   for (const YamlElement& item : items_of(scene, "wrenches")) {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "constraint_sim/engine/scene.h"
+#include "engine/constraints/joint_kinds.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
 
@@ -155,6 +156,11 @@ void write_motor(YAML::Emitter* out, const Motor& motor) {
   *out << YAML::EndMap;
 }
 
+/// The numbers of a joint's rows, at least three.
+void write_rows(YAML::Emitter* out, const char* key, const Joint& joint, const RowVector& rows) {
+  write(out, key, Eigen::VectorXd(rows.head(std::max(info(joint.kind).rows, 3))));
+}
+
 /// What a joint goes on from; nothing where adding it would find the same.
 void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
                  const JointState& state) {
@@ -164,15 +170,15 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
   *out << YAML::Key << "state" << YAML::Value << YAML::Flow << YAML::BeginMap;
   write(out, "travel", state.travel);
   if (joint.motor.timeout > 0.0) write(out, "expires_at", state.expires_at);
-  write(out, "impulse", state.impulse);
+  write_rows(out, "impulse", joint, state.impulse);
   const SelfStress& self_stress = impl.self_stress[impl.index(id)];
   if (!self_stress.is_none()) {
-    write(out, "self_stress", self_stress.share);
-    write(out, "self_stress_of", self_stress.impulse);
+    write_rows(out, "self_stress", joint, self_stress.share);
+    write_rows(out, "self_stress_of", joint, self_stress.impulse);
   }
   if (state.closing) {
     write(out, "closing_since", state.closing_since);
-    write(out, "closing_offset", state.closing_offset);
+    write_rows(out, "closing_offset", joint, state.closing_offset);
     write(out, "initial_error", state.initial_error);
   }
   *out << YAML::EndMap;
@@ -185,13 +191,16 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   };
   *out << YAML::BeginMap;
   write(out, "name", joint.name);
-  write(out, "type", type_name(joint.type));
+  write(out, "type", name(joint.kind));
   write(out, "body_a", body_name(joint.body_a));
   write(out, "anchor_a", joint.anchor_a);
   write(out, "body_b", body_name(joint.body_b));
   write(out, "anchor_b", joint.anchor_b);
-  if (const auto* distance = std::get_if<DistanceJoint>(&joint.type))
-    write_distance(out, *distance);
+  if (has_frames(joint.kind)) {
+    write(out, "frame_a", joint.frame_a.coeffs());
+    write(out, "frame_b", joint.frame_b->coeffs());
+  }
+  if (const auto* distance = if_distance(joint)) write_distance(out, *distance);
   write_motor(out, joint.motor);
   if (joint.baumgarte) write(out, "baumgarte", *joint.baumgarte);
   write(out, "break_force", joint.break_force);

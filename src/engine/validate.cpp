@@ -136,15 +136,19 @@ void check_name(const std::string& field, const std::string& name) {
   if (!legal) refuse(field, "must match [A-Za-z0-9_][A-Za-z0-9_./-]*, got " + quoted(name));
 }
 
+namespace {
+
+void check_unit(const std::string& field, const Eigen::Quaterniond& q) {
+  if (!(std::abs(q.norm() - 1.0) <= 0.01))
+    refuse(field, "must be a unit quaternion (x, y, z, w), got (" + shortest(q.x()) + ", " +
+                      shortest(q.y()) + ", " + shortest(q.z()) + ", " + shortest(q.w()) + ")");
+}
+
+}  // namespace
+
 void validate(const BodyState& state) {
   check_finite("position", state.position);
-  const double norm = state.orientation.norm();
-  if (!(std::abs(norm - 1.0) <= 0.01)) {
-    const auto& q = state.orientation;
-    refuse("orientation", "must be a unit quaternion (x, y, z, w), got (" + shortest(q.x()) + ", " +
-                              shortest(q.y()) + ", " + shortest(q.z()) + ", " + shortest(q.w()) +
-                              ")");
-  }
+  check_unit("orientation", state.orientation);
   check_finite("linear_velocity", state.linear_velocity);
   check_finite("angular_velocity", state.angular_velocity);
 }
@@ -197,7 +201,7 @@ void validate(const Motor& motor) {
 
 namespace {
 
-void validate_type(const DistanceJoint& joint) {
+void validate_distance(const DistanceJoint& joint) {
   if (joint.length) check_zero_or_positive("length", *joint.length);
   check_not_negative("min_length", joint.min_length);
   if (!(joint.max_length > 0.0))
@@ -222,21 +226,30 @@ void validate_type(const DistanceJoint& joint) {
                shortest(*joint.length));
 }
 
-void validate_type(const BallJoint&) {}
-
 }  // namespace
 
 void validate(const Joint& joint) {
   check_name("name", joint.name);
   check_finite("anchor_a", joint.anchor_a);
   check_finite("anchor_b", joint.anchor_b);
-  std::visit([](const auto& type) { validate_type(type); }, joint.type);
+  if (const DistanceJoint* distance = if_distance(joint)) validate_distance(*distance);
+  check_unit("frame_a", joint.frame_a);
+  if (joint.frame_b) check_unit("frame_b", *joint.frame_b);
+  if (joint.axis_b) {
+    check_finite("axis_b", *joint.axis_b);
+    if (joint.axis_b->isZero(0.0)) refuse("axis_b", "must not be (0, 0, 0)");
+    if (joint.frame_b) refuse("axis_b", "give this or frame_b, not both");
+  }
+  if (has_two_axes(joint.kind) && !joint.axis_b && !joint.frame_b)
+    refuse("axis_b", "a " + std::string(name(joint.kind)) +
+                         " joint needs it: which axis of body B stands at a right angle to axis_a");
   validate(joint.motor);
   const Motor& m = joint.motor;
-  if (std::holds_alternative<BallJoint>(joint.type) &&
+  if (joint.kind != JointKind::kDistance &&
       (m.bias != 0.0 || m.amplitude != 0.0 || m.max_force != 0.0))
-    refuse("motor", "a ball joint has none, got bias " + shortest(m.bias) + ", amplitude " +
-                        shortest(m.amplitude) + ", max_force " + shortest(m.max_force));
+    refuse("motor", "a " + std::string(name(joint.kind)) + " joint has none, got bias " +
+                        shortest(m.bias) + ", amplitude " + shortest(m.amplitude) + ", max_force " +
+                        shortest(m.max_force));
   if (joint.baumgarte) check_share("baumgarte", *joint.baumgarte);
   check_not_negative("break_force", joint.break_force);
 }

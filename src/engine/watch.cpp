@@ -51,8 +51,7 @@ void World::Impl::watch_joints() {
     Watch::Open now{joint_ids[j], error, 0.0, state.closing ? state.closing_since : 0.0};
     while (before != watch.open_before.end() && before->id.value < now.id.value) ++before;
     const bool is_known = before != watch.open_before.end() && before->id == now.id;
-    const bool closes_anew =
-        is_known && state.closing && now.closing_since > before->closing_since;
+    const bool closes_anew = is_known && state.closing && now.closing_since > before->closing_since;
     if (is_known && !closes_anew && error > kFallenShare * before->error) {
       now = *before;
       now.age += h;

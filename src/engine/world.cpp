@@ -264,21 +264,17 @@ void World::Impl::prepare_rows() {
     const auto j = static_cast<std::size_t>(index);
     joint_rows.push_back(rows.size());
     if (!options.warm_starting) joint_states[j].impulse.setZero();
-    std::array<Row, kMaxJointRows> written;
-    const int count =
-        prepare_joint(joints[j], state_a(j), state_b(j), step, joint_states[j], written.data());
-    for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
-      written[k].body_a = static_cast<int>(joint_ends[j].first);
-      written[k].body_b = static_cast<int>(joint_ends[j].second);
-      rows.push_back(written[k]);
-    }
     const auto [a, b] = joint_ends[j];
+    prepare_joint(joints[j], states[a], states[b], step, joint_states[j], &rows);
+    for (std::size_t k = joint_rows.back(); k < rows.size(); ++k) {
+      rows[k].body_a = static_cast<int>(a);
+      rows[k].body_b = static_cast<int>(b);
+    }
     if (!has_loop[static_cast<std::size_t>(island_of[is_movable(a) ? a : b])] ||
         !is_always_rigid(joints[j]))
       continue;
-    for (int k = 0; k < count; ++k) {
-      loop_rows.push_back({joint_rows.back() + static_cast<std::size_t>(k), j, k, 0.0});
-    }
+    for (std::size_t k = joint_rows.back(); k < rows.size(); ++k)
+      loop_rows.push_back({k, j, static_cast<int>(k - joint_rows.back()), 0.0});
   }
   joint_rows.push_back(rows.size());
 

@@ -74,8 +74,8 @@ struct IslandMemory {
 
 /// What of a joint's impulse balances itself, and the impulse that it was found for [N s].
 struct SelfStress {
-  Eigen::Vector3d share = Eigen::Vector3d::Zero();
-  Eigen::Vector3d impulse = Eigen::Vector3d::Zero();
+  RowVector share = RowVector::Zero();
+  RowVector impulse = RowVector::Zero();
 
   bool is_none() const { return share.isZero(0.0) && impulse.isZero(0.0); }
 };
@@ -101,6 +101,12 @@ struct IslandParts : IslandMemory {
   WatchedEnergy energy;
   bool gives_way = false;  ///< has a spring with a force limit, whose energy is not ½ k C²
 };
+
+/// Throws std::invalid_argument where the frames of a joint are not aligned as its kind has them.
+void check_alignment(const Joint& joint, const BodyState& a, const BodyState& b, double most);
+inline constexpr double kAligned = 1e-6;        // [rad] an orientation added or set
+inline constexpr double kAnyAngle = 4.0;        // [rad] of broken joints
+inline constexpr double kMostSavedAngle = 0.5;  // [rad] the same, saved while a method closed it
 
 /// What stands behind a World. Lists of one kind run in parallel: entry i of each is the same body,
 /// or the same joint. Body 0 is the world.
@@ -217,7 +223,9 @@ struct World::Impl {
   std::size_t index(BodyId id) const;
   std::size_t index(JointId id) const;
   void check_ends(const Joint& joint) const;
+  JointId add_joint(const Joint& joint, bool broken, double most_misaligned);
   void fill_in(Joint& joint) const;
+  void fill_in_frames(Joint& joint) const;
   double inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const;
   void start_joint(std::size_t j);
   void continue_joint(std::size_t j, const JointState& saved);

@@ -230,14 +230,22 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
   reading.read("broken", broken);
   joint.body_a = body_named(world, body_a);
   joint.body_b = body_named(world, body_b);
-  if (type == "distance") {
-    engine::DistanceJoint distance;
-    visit_distance(distance, reader(&reading));
-    joint.type = distance;
-  } else if (type == "ball") {
-    joint.type = engine::BallJoint{};
-  } else {
-    throw std::invalid_argument("type: there is no '" + type + "'; there are distance, ball");
+  const std::optional<engine::JointKind> kind = engine::joint_kind_named(type);
+  if (!kind)
+    throw std::invalid_argument("type: there is no '" + type + "'; there are distance" +
+                                engine::names_of_further_kinds());
+  joint.kind = *kind;
+  if (engine::if_distance(joint) != nullptr) visit_distance(joint.distance, reader(&reading));
+  if (engine::has_frames(joint.kind)) {
+    Eigen::Vector3d axis_a = Eigen::Vector3d::Zero(), axis_b = axis_a;
+    Eigen::Quaterniond frame_b(0.0, 0.0, 0.0, 0.0);
+    reading.read("axis_a", &axis_a);
+    reading.read("axis_b", &axis_b);
+    reading.read("frame_a", &joint.frame_a);
+    reading.read("frame_b", &frame_b);
+    if (!axis_a.isZero(0.0)) joint.frame_a = engine::frame_along(axis_a);
+    if (!axis_b.isZero(0.0)) joint.axis_b = axis_b;
+    if (!frame_b.coeffs().isZero(0.0)) joint.frame_b = frame_b;
   }
   if (const py::object motor = reading.find("motor")) {
     if (!py::isinstance<py::dict>(motor))
@@ -252,10 +260,14 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
 py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool broken) {
   py::dict dict;
   visit_joint(joint, writer(&dict));
-  dict["type"] = engine::type_name(joint.type);
+  dict["type"] = engine::name(joint.kind);
+  if (engine::has_frames(joint.kind)) {
+    dict["frame_a"] = to_python(joint.frame_a);
+    dict["frame_b"] = to_python(*joint.frame_b);
+  }
   dict["body_a"] = body_name(world, joint.body_a);
   dict["body_b"] = body_name(world, joint.body_b);
-  if (const auto* distance = std::get_if<engine::DistanceJoint>(&joint.type)) {
+  if (const auto* distance = engine::if_distance(joint)) {
     visit_distance(*distance, writer(&dict));
     dict["motor"] = motor_dict(joint.motor);
   }

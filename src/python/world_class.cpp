@@ -162,8 +162,11 @@ void define_joints(Class* world) {
         self.edit([&](engine::World& edited) { edited.add_joint(joint, is_broken); });
       },
       py::arg("name"),
-      "add_joint(name, *, type='distance' or 'ball', body_a='world', anchor_a=(0, 0, 0) [m] in "
-      "the body's frame, body_b='world', anchor_b, length=None [m] None: the present distance, "
+      "add_joint(name, *, type='distance', 'ball', 'hinge', 'slider', 'cylindrical', 'planar', "
+      "'universal', 'weld', 'point_on_line' or 'point_on_plane', body_a='world', "
+      "anchor_a=(0, 0, 0) [m] in the body's frame, body_b='world', anchor_b, for types with axes "
+      "axis_a=(0, 0, 1) and axis_b or frame_a and frame_b (x, y, z, w), length=None [m] None: the "
+      "present distance, "
       "min_length=0, max_length=inf [m], frequency [Hz] and damping_ratio, or stiffness [N/m] and "
       "damping [N s/m], baumgarte=None, break_force=0 [N], collide_connected=False, broken=False, "
       "motor={})\n\nAdds a joint; the motor's keywords are those of set_motor.");

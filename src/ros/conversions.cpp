@@ -55,7 +55,7 @@ void read_keys(const Constraint& msg, engine::Joint& joint) {
   if (msg.keys.size() != msg.values.size())
     refuse("values", "must be as many as keys, got " + std::to_string(msg.values.size()) + " for " +
                          std::to_string(msg.keys.size()));
-  auto* distance = std::get_if<engine::DistanceJoint>(&joint.type);
+  auto* distance = engine::if_distance(joint);
   for (std::size_t i = 0; i < msg.keys.size(); ++i) {
     const std::string& key = msg.keys[i];
     if (key == "timeout")
@@ -76,12 +76,9 @@ std::optional<double> length_of(const Constraint& msg) {
   return msg.length > 0.0 ? std::optional<double>(msg.length) : std::nullopt;
 }
 
-engine::JointType joint_type(const Constraint& msg, double present_distance) {
+// a distance joint, or what is a shorthand for one
+engine::DistanceJoint distance_joint(const Constraint& msg, double present_distance) {
   engine::DistanceJoint distance;
-  if (msg.type == "ball") {
-    check_left_out(msg, {});
-    return engine::BallJoint{};
-  }
   if (msg.type == "distance") {
     check_left_out(msg, {"length", "min_length", "max_length", "frequency", "damping_ratio"});
     distance.length = length_of(msg);
@@ -97,12 +94,22 @@ engine::JointType joint_type(const Constraint& msg, double present_distance) {
     check_left_out(msg, {"length", "frequency", "damping_ratio"});
     distance.length = length_of(msg);
   } else {
-    refuse("type", "there is no '" + msg.type +
-                       "' (yet); there are distance, rope, strut, spring and ball");
+    refuse("type", "there is no '" + msg.type + "' (yet); there are distance, rope, strut, spring" +
+                       engine::names_of_further_kinds());
   }
   distance.frequency = msg.frequency;
   distance.damping_ratio = msg.damping_ratio;
   return distance;
+}
+
+// axes of zero are left out: z of body A, and of body B what it is as the bodies lie
+void read_axes(const Constraint& msg, engine::Joint* joint) {
+  if (!engine::has_frames(joint->kind)) return check_left_out(msg, {});
+  check_left_out(msg, {"axis_a", "axis_b"});
+  const Eigen::Vector3d axis_a = finite("axis_a", from_msg(msg.axis_a));
+  const Eigen::Vector3d axis_b = finite("axis_b", from_msg(msg.axis_b));
+  if (!axis_a.isZero(0.0)) joint->frame_a = engine::frame_along(axis_a);
+  if (!axis_b.isZero(0.0)) joint->axis_b = axis_b;
 }
 
 engine::BodyType body_type(std::uint8_t type) {
@@ -219,21 +226,25 @@ engine::Joint from_msg(const AddDistanceConstraintRequest& request, const engine
   engine::Joint joint = joint_between(request, world);
   engine::DistanceJoint distance;
   if (request.length > 0.0) distance.length = request.length;
-  joint.type = distance;
+  joint.distance = distance;
   return joint;
 }
 
 engine::Joint from_msg(const Constraint& msg, const engine::World& world) {
   engine::Joint joint = joint_between(msg, world);
-  joint.type = joint_type(msg, (anchor_in_world(world, joint.body_b, joint.anchor_b) -
-                                anchor_in_world(world, joint.body_a, joint.anchor_a))
-                                   .norm());
+  joint.kind = engine::joint_kind_named(msg.type).value_or(engine::JointKind::kDistance);
+  if (engine::if_distance(joint) == nullptr)
+    read_axes(msg, &joint);
+  else
+    joint.distance = distance_joint(msg, (anchor_in_world(world, joint.body_b, joint.anchor_b) -
+                                          anchor_in_world(world, joint.body_a, joint.anchor_a))
+                                             .norm());
   joint.motor = {msg.bias, msg.amplitude, msg.motor_frequency, msg.phase, msg.max_force, 0.0};
   if (msg.baumgarte != 0.0) joint.baumgarte = msg.baumgarte;
   joint.break_force = msg.break_force;
   joint.collide_connected = msg.collide_connected;
   read_keys(msg, joint);
-  const auto* distance = std::get_if<engine::DistanceJoint>(&joint.type);
+  const auto* distance = engine::if_distance(joint);
   if (msg.type == "spring" && !distance->is_soft())
     refuse("frequency",
            "a spring needs one, or stiffness or damping, got " + std::to_string(msg.frequency));
@@ -343,7 +354,7 @@ BodyState to_msg(const std::string& name, const engine::BodyState& state) {
 ConstraintState to_msg(const engine::Joint& joint, const engine::JointState& state) {
   ConstraintState msg;
   msg.name = joint.name;
-  msg.type = engine::type_name(joint.type);
+  msg.type = engine::name(joint.kind);
   msg.error = finite(state.error);
   msg.error_rate = finite(state.error_rate);
   msg.force = finite(state.force);

@@ -16,6 +16,7 @@ constexpr double kPointDiameter = 0.06;  // [m] that a point mass is drawn with
 constexpr double kPlaneWidth = 20.0;     // [m] that is drawn of a plane
 constexpr double kLineWidth = 0.03;      // [m]
 constexpr double kNormalLength = 0.2;    // [m]
+constexpr double kAxisLength = 0.3;      // [m] of the axis of a joint
 constexpr double kGreenError = 1e-6;     // [m]
 constexpr double kRedError = 1e-2;       // [m]
 
@@ -156,7 +157,7 @@ Marker Markers::constraint(const engine::World& world, engine::JointId id) const
   const engine::World::Anchors anchors = world.anchors(id);
   marker.points = {to_point(anchors.p_a), to_point(anchors.p_b)};
   const engine::Joint& joint = world.joint(id);
-  if (std::holds_alternative<engine::BallJoint>(joint.type)) {
+  if (engine::if_distance(joint) == nullptr) {
     // no length to see: arms from the centres of the bodies instead
     for (const auto& [body, anchor] :
          {std::pair{joint.body_a, anchors.p_a}, std::pair{joint.body_b, anchors.p_b}}) {
@@ -164,6 +165,13 @@ Marker Markers::constraint(const engine::World& world, engine::JointId id) const
       marker.points.push_back(to_point(world.state(body).position));
       marker.points.push_back(to_point(anchor));
     }
+  }
+  if (engine::has_frames(joint.kind)) {  // the axis that it turns about or moves along
+    const Eigen::Vector3d half =
+        0.5 * kAxisLength *
+        (world.state(joint.body_a).orientation * joint.frame_a * Eigen::Vector3d::UnitZ());
+    marker.points.push_back(to_point(anchors.p_a - half));
+    marker.points.push_back(to_point(anchors.p_a + half));
   }
   return marker;
 }

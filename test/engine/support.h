@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "joint_type.h"
 
 namespace constraint_sim::engine {
 
@@ -100,7 +101,7 @@ inline Joint make_joint(const std::string& name, BodyId a, const Eigen::Vector3d
   joint.anchor_a = anchor_a;
   joint.body_b = b;
   joint.anchor_b = anchor_b;
-  joint.type = type;
+  type.write(&joint);
   return joint;
 }
 

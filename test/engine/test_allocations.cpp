@@ -63,7 +63,8 @@ TEST(Allocations, AreNoneWithMotorsSpringsAndTurningBodies) {
   const BodyId hub = scene.add_body(wheel);
   const BodyId box = scene.add_body(make_body("box", Box{{0.2, 0.3, 0.4}}, 1.0, {1.0, 0.0, 0.0}));
   const BodyId bob = scene.add_body(make_body("bob", Point{}, 1.0, {2.0, 0.0, 0.0}));
-  scene.add_joint(make_joint("ball", hub, {0.5, 0.0, 0.0}, box, {-0.5, 0.0, 0.0}, BallJoint{}));
+  scene.add_joint(
+      make_joint("ball", hub, {0.5, 0.0, 0.0}, box, {-0.5, 0.0, 0.0}, JointKind::kBall));
   Joint winch = make_joint("winch", box, {0.1, 0.0, 0.1}, bob, Vector3d::Zero());
   winch.motor.amplitude = 0.1;
   winch.motor.frequency = 0.3;

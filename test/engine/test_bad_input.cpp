@@ -22,7 +22,7 @@ struct Victim {
     point = world.add_body(make_body("point", Point{}, 1.0, {1.0, 0.0, 2.0}));
     rod = world.add_joint(make_joint("rod", ball, {0.1, 0.0, 0.0}, point, Vector3d::Zero()));
     hinge = world.add_joint(
-        make_joint("hinge", kWorldBody, {0.0, 0.0, 2.0}, ball, Vector3d::Zero(), BallJoint{}));
+        make_joint("hinge", kWorldBody, {0.0, 0.0, 2.0}, ball, Vector3d::Zero(), JointKind::kBall));
     run(world, 5);
   }
 
@@ -216,7 +216,7 @@ TEST(BadInput, Motors) {
 }
 
 TEST(BadInput, Joints) {
-  const auto distance = [](Joint& j) -> DistanceJoint& { return std::get<DistanceJoint>(j.type); };
+  const auto distance = [](Joint& j) -> DistanceJoint& { return j.distance; };
   std::vector<Field<Joint>> fields{
       {"length", kNegative, [=](Joint& j, double v) { distance(j).length = v; }},
       {"min_length", kNegative, [=](Joint& j, double v) { distance(j).min_length = v; }},

@@ -108,7 +108,7 @@ TEST(Bounds, OfMagnitudes) {
                            spring(1.0, 1e300, 0.0));
   EXPECT_EQ(refusal_of([&] { world.add_joint(joint); }),
             "stiffness: must be at most 1e+20, got 1e+300");
-  joint.type = rod(1e-300);
+  joint.distance = rod(1e-300);
   EXPECT_EQ(refusal_of([&] { world.add_joint(joint); }),
             "length: must be from 1e-20 to 1e+20, got 1e-300");
 }

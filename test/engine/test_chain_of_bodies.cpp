@@ -51,7 +51,7 @@ struct Chain {
     for (std::size_t i = 0; i < links; ++i) {
       std::size_t a = place[i], b = place[i + 1];
       Joint joint;
-      joint.type = BallJoint{};
+      joint.kind = JointKind::kBall;
       joint.anchor_a = random.vector();
       joint.anchor_b = random.vector();
       states[b].position = states[a].position + states[a].orientation * joint.anchor_a -
@@ -64,7 +64,7 @@ struct Chain {
       ends.emplace_back(a, b);
       JointState state;
       state.closing = closes;
-      state.closing_offset = 0.01 * random.vector();
+      state.closing_offset.head<3>() = 0.01 * random.vector();
       courses.emplace_back(joint, JointStep{0.0, kStep, 0.0, 0.5}, state);
     }
     order.resize(links);
@@ -159,7 +159,7 @@ TEST(ChainOfBodies, StepsAsTheEquationsDo) {
     EXPECT_EQ(motion.equations.dependent_rows(), 0);
     double largest = 0.0, difference = 0.0;
     for (std::size_t l = 0; l < chain.joints.size(); ++l) {
-      const Vector3d impulse = expected.equations.impulse(l);
+      const RowVector impulse = expected.equations.impulse(l);
       largest = std::max(largest, impulse.norm());
       difference = std::max(difference, (motion.equations.impulse(l) - impulse).norm());
     }

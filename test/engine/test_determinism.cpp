@@ -32,7 +32,7 @@ World busy_world() {
   driven.motor.frequency = 1.3;
   driven.motor.max_force = 50.0;
   world.add_joint(driven);
-  world.add_joint(make_joint("ball", boxes[4], corner, boxes[6], -corner, BallJoint{}));
+  world.add_joint(make_joint("ball", boxes[4], corner, boxes[6], -corner, JointKind::kBall));
   world.add_joint(make_joint("rope", kWorldBody, {0.0, 0.0, 3.0}, boxes[8], corner, rope(2.6)));
   world.add_joint(
       make_joint("spring", boxes[10], corner, boxes[12], corner, spring(0.5, 50.0, 1.0)));
@@ -146,13 +146,13 @@ struct Parts {
     DistanceJoint distance = spring(1.7, 3.0, 0.2);
     distance.min_length = 0.5;
     distance.max_length = 2.5;
-    joint.type = distance;
+    joint.distance = distance;
     joint.motor = {0.1, 0.2, 0.3, 0.4, 5.0, 6.0};
     joint.baumgarte = 0.3;
     joint.break_force = 1000.0;
   }
 
-  DistanceJoint& distance() { return std::get<DistanceJoint>(joint.type); }
+  DistanceJoint& distance() { return joint.distance; }
 
   std::uint64_t hash() const {
     World world(options);
@@ -193,7 +193,7 @@ TEST(Hash, SeesOneUlpInEveryField) {
       {"joint name", [](Parts& p) { p.joint.name = "joinu"; }},
       {"joint type",
        [](Parts& p) {
-         p.joint.type = BallJoint{};
+         p.joint.kind = JointKind::kBall;
          p.joint.motor = {};
        }},
       {"length", [](Parts& p) { p.distance().length = up(*p.distance().length); }},

@@ -96,20 +96,20 @@ struct Assembly {
     }
     const auto add = [&](std::size_t a, std::size_t b, const JointType& type, bool is_off_centre) {
       Joint joint;
-      joint.type = type;
+      type.write(&joint);
       if (is_off_centre) joint.anchor_a = 0.3 * random.vector();
       if (is_off_centre) joint.anchor_b = 0.3 * random.vector();
       joints.push_back(joint);
       ends.emplace_back(a, b);
     };
-    add(0, 1, BallJoint{}, true);
+    add(0, 1, JointKind::kBall, true);
     add(1, 2, rod(1.0), true);
     add(2, 3, spring(1.2, 50.0, 2.0), true);
     add(3, 4, rod(0.8), false);
     add(0, 4, spring(0.5, 80.0, 0.0), false);
     if (!is_closed) return;
     add(1, 4, rod(0.9), true);
-    add(3, 1, BallJoint{}, true);
+    add(3, 1, JointKind::kBall, true);
   }
 
   EquationsOfMotion equations() const {
@@ -200,7 +200,7 @@ World linked_boxes() {
     boxes.push_back(world.add_body(body));
   }
   world.add_joint(
-      make_joint("ball", boxes[0], {0.4, 0.0, 0.1}, boxes[1], {-0.4, 0.0, 0.1}, BallJoint{}));
+      make_joint("ball", boxes[0], {0.4, 0.0, 0.1}, boxes[1], {-0.4, 0.0, 0.1}, JointKind::kBall));
   world.add_joint(make_joint("rod", boxes[1], {0.1, 0.15, 0.0}, boxes[2], {-0.1, 0.15, 0.0}));
   return world;
 }
@@ -387,7 +387,7 @@ World heavy_box(double mass) {
     body.state.linear_velocity = {omega * -body.state.position.z(), 0.0, 0.0};
     const BodyId id = world.add_body(body);
     world.add_joint(make_joint("ball_" + std::to_string(i), last, {0.0, 0.0, -half}, id,
-                               {0.0, 0.0, 0.5 * length}, BallJoint{}));
+                               {0.0, 0.0, 0.5 * length}, JointKind::kBall));
     half = 0.5 * length;
     top -= length;
     last = id;
@@ -419,8 +419,9 @@ TEST(EnergyMomentum, TurnsAHeavyWheelAsTheToleranceAsks) {
     wheel.state.angular_velocity = {0.5, 0.0, 20.0};
     const BodyId load = world.add_body(wheel);
     world.add_joint(
-        make_joint("top", kWorldBody, Vector3d::Zero(), link, {0.0, 0.0, 0.5}, BallJoint{}));
-    world.add_joint(make_joint("hook", link, {0.0, 0.0, -0.5}, load, {0.0, 0.0, 0.1}, BallJoint{}));
+        make_joint("top", kWorldBody, Vector3d::Zero(), link, {0.0, 0.0, 0.5}, JointKind::kBall));
+    world.add_joint(
+        make_joint("hook", link, {0.0, 0.0, -0.5}, load, {0.0, 0.0, 0.1}, JointKind::kBall));
     WorldOptions options;
     options.time_step = time_step;
     options.method = method;
@@ -829,13 +830,13 @@ TEST(EnergyMomentum, InertiasMayDifferAMillionfold) {
     body.inertia = inertia;
     body.state.angular_velocity = {1.0, 0.3, 5.0};
     const BodyId needle = scene.add_body(body);
-    scene.add_joint(
-        make_joint("ball", kWorldBody, {0.01, 0.0, 0.0}, needle, {0.01, 0.0, 0.5}, BallJoint{}));
+    scene.add_joint(make_joint("ball", kWorldBody, {0.01, 0.0, 0.0}, needle, {0.01, 0.0, 0.5},
+                               JointKind::kBall));
     Body load = make_body("load", Point{}, 1e3, {0.0, 0.0, -1.5});
     load.inertia = Vector3d::Constant(1e3);
     const BodyId end = scene.add_body(load);
     scene.add_joint(
-        make_joint("low", needle, {0.0, 0.01, -0.5}, end, {0.0, 0.01, 0.5}, BallJoint{}));
+        make_joint("low", needle, {0.0, 0.01, -0.5}, end, {0.0, 0.01, 0.5}, JointKind::kBall));
     WorldOptions options = scene.options();
     options.method = Method::kEnergyMomentum;
     options.time_step = 1.0 / 30.0;

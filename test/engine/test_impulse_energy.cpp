@@ -50,16 +50,16 @@ Joint any_joint(const std::string& name, BodyId a, const Vector3d& anchor_a, Bod
                 const Vector3d& anchor_b, double distance, bool soft, Random* random) {
   Joint joint = make_joint(name, a, anchor_a, b, anchor_b, rod(distance));
   const double kind = (*random)();
-  if (kind < -0.6) joint.type = rope(distance * (1.0 + 0.2 * (*random)()));
-  if (kind > 0.8) joint.type = between(distance * (1.0 + 0.2 * (*random)()), kInfinity);
+  if (kind < -0.6) joint.distance = rope(distance * (1.0 + 0.2 * (*random)()));
+  if (kind > 0.8) joint.distance = between(distance * (1.0 + 0.2 * (*random)()), kInfinity);
   if (soft && kind > 0.3 && kind < 0.8)
-    joint.type = spring(distance * (1.0 + 0.3 * (*random)()), std::pow(10.0, 2.0 + (*random)()),
-                        1.0 + (*random)());
+    joint.distance = spring(distance * (1.0 + 0.3 * (*random)()), std::pow(10.0, 2.0 + (*random)()),
+                            1.0 + (*random)());
   if ((*random)() > 0.8) {
     joint.motor.amplitude = 0.1;
     joint.motor.frequency = 1.0 + (*random)();
     // a spring that gives way at a force holds less energy than ½ k C², which is what is measured
-    const auto* distance_joint = std::get_if<DistanceJoint>(&joint.type);
+    const auto* distance_joint = if_distance(joint);
     if ((*random)() > 0.0 && !distance_joint->is_soft()) joint.motor.max_force = 10.0;
   }
   return joint;
@@ -158,13 +158,13 @@ World random_bridge(const WorldOptions& options, bool, Random* random) {
     for (const double y : {-0.5, 0.5})
       scene.world.add_joint(make_joint("joint_" + std::to_string(2 * i + (y > 0.0)), before,
                                        at + Vector3d(0.0, y, 0.0), id, {-0.2, y, 0.0},
-                                       BallJoint{}));
+                                       JointKind::kBall));
     before = id;
     at = {0.2, 0.0, 0.0};
   }
   for (const double y : {-0.5, 0.5})
     scene.world.add_joint(make_joint(y > 0.0 ? "far" : "near", before, {0.2, y, 0.0}, kWorldBody,
-                                     {2.4, y, 0.0}, BallJoint{}));
+                                     {2.4, y, 0.0}, JointKind::kBall));
   Body ball = make_body("ball", Sphere{0.2}, Setting::mass(random), {1.0, 0.1, 0.5});
   ball.restitution = 0.5;
   scene.world.add_body(ball);
@@ -319,7 +319,7 @@ TEST(SelfStress, OfAnImpactIsLost) {
   const BodyId id = world.add_body(plank);
   for (const double y : {-0.5, 0.5})
     world.add_joint(make_joint(y > 0.0 ? "far" : "near", kWorldBody, {0.0, y, 0.0}, id,
-                               {0.0, y, 0.2}, BallJoint{}));
+                               {0.0, y, 0.2}, JointKind::kBall));
   world.step();
   double largest = 0.0;
   for (const JointId joint : world.joint_ids())

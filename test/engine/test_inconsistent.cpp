@@ -46,7 +46,7 @@ class Island {
                    const JointType& type, const Motor& motor = {}) {
     Joint joint = make_joint("j", kWorldBody, anchor_a, kWorldBody, anchor_b, type);
     joint.motor = motor;
-    if (auto* distance = std::get_if<DistanceJoint>(&joint.type); distance && !distance->length)
+    if (auto* distance = if_distance(joint); distance && !distance->length)
       distance->length = (place(b, anchor_b) - place(a, anchor_a)).norm();
     joints.push_back(joint);
     ends_.emplace_back(a, b);
@@ -272,7 +272,7 @@ TEST(Inconsistent, TumblingBoxesKeepTheirMomenta) {
     const std::size_t a = island.add(1.0, {0.0, 0.0, 0.0}, {0.1, 0.2, 0.25});
     const std::size_t b = island.add(3.0, {0.0, 0.0, 1.0}, {0.5, 0.3, 0.4});
     for (const double side : {-1.0, 1.0})
-      island.join(a, {0.5 * side, 0.0, 0.5}, b, {0.55 * side, 0.0, -0.5}, BallJoint{});
+      island.join(a, {0.5 * side, 0.0, 0.5}, b, {0.55 * side, 0.0, -0.5}, JointKind::kBall);
     for (const std::size_t body : {a, b}) {
       island.states[body].angular_velocity = {1.0, 0.5, 2.0};
       island.states[body].linear_velocity =

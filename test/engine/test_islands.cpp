@@ -91,7 +91,7 @@ TEST(Islands, HaveTheMethodThatTheirJointsAskFor) {
   motor.motor.max_force = 5.0;
   EXPECT_EQ(only_island(hanging(motor)).why, Why::kForceLimit);
   EXPECT_EQ(only_island(hanging(hang("j", {}))).why, Why::kSmooth);
-  EXPECT_EQ(only_island(hanging(hang("j", {}, BallJoint{}))).why, Why::kSmooth);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, JointKind::kBall))).why, Why::kSmooth);
   EXPECT_EQ(only_island(hanging(hang("j", {}, rope(2.0)))).why, Why::kLimit);
   EXPECT_EQ(only_island(hanging(hang("j", {}, between(0.5, 2.0)))).why, Why::kLimit);
   EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 100.0, 1.0)))).why, Why::kSmooth);

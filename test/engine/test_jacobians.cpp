@@ -2,7 +2,6 @@
 
 #include <functional>
 
-#include "engine/constraints/ball.h"
 #include "engine/constraints/contact.h"
 #include "engine/constraints/distance.h"
 #include "engine/narrowphase.h"
@@ -114,20 +113,6 @@ TEST(Jacobians, RowsOfLimits) {
     EXPECT_EQ(rows[1].lower, 0.0);
     EXPECT_EQ(rows[1].upper, kInfinity);
     expect_gradient(C_min, joined.pose, rows[1].J);
-  }
-}
-
-TEST(Jacobians, RowsOfABall) {
-  Random random;
-  for (int trial = 0; trial < kTrials; ++trial) {
-    const Joined joined = random_joint(&random);
-    Row rows[3];
-    ASSERT_EQ(write_ball_rows({joined.joint, joined.pose.a, joined.pose.b}, rows), 3);
-    for (int i = 0; i < 3; ++i) {
-      const auto C = [&](const Pair& at) { return joined.d(at)[i]; };
-      EXPECT_NEAR(rows[i].C, C(joined.pose), 8 * kEpsilon);
-      expect_gradient(C, joined.pose, rows[i].J);
-    }
   }
 }
 

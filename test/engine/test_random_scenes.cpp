@@ -45,7 +45,7 @@ Scene pendulum() {
   joint.body_b = BodyId{1};
   DistanceJoint rod;
   rod.length = 1.0;
-  joint.type = rod;
+  joint.distance = rod;
   scene.joints.push_back(joint);
   return scene;
 }

@@ -184,7 +184,7 @@ INSTANTIATE_TEST_SUITE_P(
                hook.type = BodyType::kKinematic;
                hook.state.angular_velocity.z() = 1.0;
                Joint joint = on_top(world->add_body(hook), box);
-               joint.type = rope(5.0);
+               joint.distance = rope(5.0);
                world->add_joint(joint);
              }}),
     [](const testing::TestParamInfo<Held>& info) { return std::string(info.param.name); });

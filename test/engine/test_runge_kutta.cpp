@@ -428,7 +428,7 @@ World compound_pendulum() {
   rod.inertia = {1e-3, 1.0 / 12.0, 1.0 / 12.0};
   const BodyId id = world.add_body(rod);
   world.add_joint(
-      make_joint("hinge", kWorldBody, Vector3d::Zero(), id, {-0.5, 0.0, 0.0}, BallJoint{}));
+      make_joint("hinge", kWorldBody, Vector3d::Zero(), id, {-0.5, 0.0, 0.0}, JointKind::kBall));
   return world;
 }
 
@@ -461,7 +461,7 @@ TEST(RungeKutta, KeepsEnergyAndMomentumOfLinkedBoxes) {
   const BodyId id_a = world.add_body(a);
   const BodyId id_b = world.add_body(b);
   world.add_joint(
-      make_joint("corner", id_a, {0.15, 0.2, 0.25}, id_b, {-0.1, -0.15, -0.35}, BallJoint{}));
+      make_joint("corner", id_a, {0.15, 0.2, 0.25}, id_b, {-0.1, -0.15, -0.35}, JointKind::kBall));
   world.step();  // the velocities become those of two joined boxes
   const double energy = world.energy();
   const Vector3d p = momentum(world);
@@ -595,7 +595,7 @@ TEST(RungeKutta, AWheelOnTwoBallJointsSpins) {
     const BodyId id = world.add_body(wheel);
     for (const double side : {-0.5, 0.5})
       world.add_joint(make_joint(side < 0.0 ? "left" : "right", kWorldBody, place + side * axle, id,
-                                 side * Vector3d::UnitX(), BallJoint{}));
+                                 side * Vector3d::UnitX(), JointKind::kBall));
     run_exactly(world, 5.0);
     EXPECT_EQ(world.report().dependent_rows, 1u);
     EXPECT_LE((world.state(id).angular_velocity - 4.0 * axle).norm(), 1e-9);
@@ -607,7 +607,7 @@ TEST(RungeKutta, ABodyHeldAtItsCentreAtTheOriginStays) {
   World world = with(World(), 0.01, 1e-9);
   const BodyId id = world.add_body(make_body("b", Point{}, 0.3, Vector3d::Zero()));
   world.add_joint(
-      make_joint("pin", kWorldBody, Vector3d::Zero(), id, Vector3d::Zero(), BallJoint{}));
+      make_joint("pin", kWorldBody, Vector3d::Zero(), id, Vector3d::Zero(), JointKind::kBall));
   run_exactly(world, 1.0);
   EXPECT_LE(world.state(id).position.norm(), 1e-15);
   EXPECT_NEAR(world.joint_state(world.joint_ids().front()).force, 0.3 * 9.81, 1e-12);
@@ -848,7 +848,7 @@ TEST(RungeKutta, ALoopClosedAsItRunsIsClosedSmoothly) {
   run(world, 100);
   const BodyId last = world.body_ids().back();
   const Vector3d hook = world.state(last).position + Vector3d(0.5, 0.0, 1.4);
-  Joint closing = make_joint("closing", kWorldBody, hook, last, Vector3d::Zero(), BallJoint{});
+  Joint closing = make_joint("closing", kWorldBody, hook, last, Vector3d::Zero(), JointKind::kBall);
   const JointId id = world.add_joint(closing);
   Vector3d before = world.state(last).position;
   for (int i = 0; i < 200; ++i) {

@@ -311,9 +311,9 @@ World linkage(int sides, double stiffness) {
     };
     const std::string name = "ball_" + std::to_string(i);
     if (b == kWorldBody)
-      world.add_joint(make_joint(name, b, corner(i), a, anchor(a, 1.0), BallJoint{}));
+      world.add_joint(make_joint(name, b, corner(i), a, anchor(a, 1.0), JointKind::kBall));
     else
-      world.add_joint(make_joint(name, a, anchor(a, 1.0), b, anchor(b, -1.0), BallJoint{}));
+      world.add_joint(make_joint(name, a, anchor(a, 1.0), b, anchor(b, -1.0), JointKind::kBall));
   }
   world.add_joint(make_joint("spring", bars[0], Vector3d::Zero(), bars[1], Vector3d::Zero(),
                              spring(0.3, stiffness, 0.0)));

@@ -297,7 +297,7 @@ TEST(Saved, KeepsWhatIsClosing) {
   world.add_joint(make_joint("rod", kWorldBody, {0.0, 0.0, 3.0}, ball, Vector3d::Zero(), rod(1.5)));
   const BodyId other = world.add_body(make_body("other", Sphere{0.1}, 1.0, {5.0, 0.0, 1.0}));
   world.add_joint(
-      make_joint("hook", kWorldBody, {5.0, 0.25, 1.5}, other, {0.0, 0.0, 0.1}, BallJoint{}));
+      make_joint("hook", kWorldBody, {5.0, 0.25, 1.5}, other, {0.0, 0.0, 0.1}, JointKind::kBall));
   run(world, 20);
   ASSERT_TRUE(world.joint_state(world.find_joint("rod")).closing);
   const World again = load_scene(save_scene(world));
@@ -407,8 +407,8 @@ World random_heap(unsigned seed, Method method) {
   for (std::size_t i = 0; i + 1 < bodies.size(); i += 3) {
     Joint joint = make_joint("j" + std::to_string(i), bodies[i], 0.2 * dice.vector(), bodies[i + 1],
                              0.2 * dice.vector());
-    if (i == 3) joint.type = rope(2.0);
-    if (i == 6) joint.type = BallJoint{};
+    if (i == 3) joint.distance = rope(2.0);
+    if (i == 6) joint.kind = JointKind::kBall;
     if (i == 0) joint.motor = {0.2 * dice(), 0.1, 0.5, dice(), 0.0, 0.7};
     world.add_joint(joint);
   }

@@ -161,7 +161,7 @@ TEST(Conversions, ALengthOfZeroOrLessIsThePresentDistance) {
   request.body_b = "b";
   const auto length = [&](double value) {
     request.length = value;
-    return std::get<engine::DistanceJoint>(from_msg(request, world).type).length;
+    return from_msg(request, world).distance.length;
   };
   EXPECT_EQ(length(2.0), 2.0);
   EXPECT_FALSE(length(0.0));
@@ -217,9 +217,9 @@ TEST(Conversions, ARopeAndAStrutTakeThePresentDistance) {
   msg.name = "c";
   msg.body_b = "b";
   msg.type = "rope";
-  EXPECT_EQ(std::get<engine::DistanceJoint>(from_msg(msg, world).type).max_length, 5.0);
+  EXPECT_EQ(from_msg(msg, world).distance.max_length, 5.0);
   msg.type = "strut";
-  EXPECT_EQ(std::get<engine::DistanceJoint>(from_msg(msg, world).type).min_length, 5.0);
+  EXPECT_EQ(from_msg(msg, world).distance.min_length, 5.0);
 }
 
 TEST(Conversions, EachFieldOfAConstraintStateArrives) {

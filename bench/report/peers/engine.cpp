@@ -60,12 +60,12 @@ void add(const Joint& joint, const std::vector<BodyId>& ids, World* world) {
   added.body_b = id(joint.b);
   added.anchor_b = joint.anchor_b;
   if (joint.kind == JointKind::kBall) {
-    added.type = engine::BallJoint{};
+    added.kind = engine::JointKind::kBall;
   } else {
     engine::DistanceJoint distance;
     if (!(joint.length < 0.0)) distance.length = joint.length;  // NaN is passed on
     if (joint.kind == JointKind::kSpring) distance.stiffness = joint.stiffness;
-    added.type = distance;
+    added.distance = distance;
   }
   added.motor.bias = joint.rate;
   added.motor.max_force = joint.max_force;

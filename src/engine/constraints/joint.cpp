@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/constraints/ball.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/distance.h"
+#include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/target.h"
 
 namespace constraint_sim::engine {
@@ -74,38 +74,89 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
   return count;
 }
 
-int prepare_rows(const BallJoint&, const Joint& joint, const AnchorPair& anchors,
-                 const JointStep& step, JointState& state, Row* rows) {
-  const int count = write_ball_rows(anchors, rows);
-  for (int k = 0; k < count; ++k) {
+// of every kind but kDistance
+int prepare_table_rows(const Joint& joint, const JointVectors& vectors, const JointStep& step,
+                       const JointState& state, Row* rows) {
+  const JointKindInfo& kind = info(joint.kind);
+  for (int k = 0; k < kind.rows; ++k) {
+    const RowForm form = kind.row[static_cast<std::size_t>(k)];
     const Closing closing(state, step, k);
-    rows[k].C -= closing.offset;
+    rows[k].J = jacobian(form, vectors);
+    rows[k].C = value(form, vectors) - closing.offset;
     aim_rigid(rows[k], 0.0, joint.baumgarte.value_or(step.beta), step.h);
     rows[k].correction += closing.rate;
   }
-  return count;
-}
-
-void measure(const DistanceJoint& distance, double length, double zeta, JointState& state) {
-  state.error = distance_error(distance, length, state.travel);
-  const bool is_slack = is_between_limits(distance) && state.error == 0.0;
-  state.error_rate = is_slack ? 0.0 : state.reached_rate - zeta;
-}
-
-void measure(const BallJoint&, double length, double, JointState& state) {
-  state.error = length;
-  state.error_rate = state.reached_rate;
+  return kind.rows;
 }
 
 // error, error_rate and reached_rate from where the bodies are and how they move; zeta is the bias
 // asked for now
-void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
-                   JointState& state) {
+void measure_distance(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
+                      JointState& state) {
   const AnchorPair anchors(joint, a, b);
   const Eigen::Vector3d d_dot = anchors.d_dot(a, b);
   const double length = anchors.d.norm();
   state.reached_rate = length > 0.0 ? anchors.d.dot(d_dot) / length : direction(anchors).dot(d_dot);
-  std::visit([&](const auto& type) { measure(type, length, zeta, state); }, joint.type);
+  state.error = distance_error(joint.distance, length, state.travel);
+  const bool is_slack = is_between_limits(joint.distance) && state.error == 0.0;
+  state.error_rate = is_slack ? 0.0 : state.reached_rate - zeta;
+}
+
+// The norm of some values, and its rate.
+struct NormAndRate {
+  Eigen::Vector3d values = Eigen::Vector3d::Zero(), rates = Eigen::Vector3d::Zero();
+
+  double norm() const { return values.norm(); }
+  double rate() const {
+    const double size = values.norm();
+    return size > 0.0 ? values.dot(rates) / size : rates.x();
+  }
+};
+
+// the same of every other kind
+void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState& b,
+                        JointState& state) {
+  const JointKindInfo& kind = info(joint.kind);
+  const JointVectors vectors(joint, a, b);
+  const JointMotion motion(vectors, a, b);
+  NormAndRate separation, angle;
+  for (int k = 0; k < kind.rows; ++k) {
+    const RowForm form = kind.row[static_cast<std::size_t>(k)];
+    NormAndRate& part = k < kind.separation_rows ? separation : angle;
+    const int at = k < kind.separation_rows ? k : k - kind.separation_rows;
+    part.values[at] = value(form, vectors);
+    part.rates[at] = rate(form, vectors, motion);
+  }
+  state.error = separation.norm();
+  state.error_rate = state.reached_rate = separation.rate();
+  if (kind.alignment == Alignment::kFree) return;
+  state.angle_error = misalignment(kind.alignment, vectors).norm();
+  if (state.radius * state.angle_error <= state.error) return;
+  state.error = state.radius * state.angle_error;
+  state.error_rate = state.radius * angle.rate();
+}
+
+void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
+                   JointState& state) {
+  if (joint.kind == JointKind::kDistance)
+    measure_distance(joint, a, b, zeta, state);
+  else
+    measure_table_rows(joint, a, b, state);
+}
+
+// errors of all rows
+RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
+                     const JointState& state) {
+  RowVector errors = RowVector::Zero();
+  if (joint.kind == JointKind::kDistance) {
+    errors[0] = state.error;
+    return errors;
+  }
+  const JointKindInfo& kind = info(joint.kind);
+  const JointVectors vectors(joint, a, b);
+  for (int k = 0; k < kind.rows; ++k)
+    errors[k] = value(kind.row[static_cast<std::size_t>(k)], vectors);
+  return errors;
 }
 
 // what the step added to the motor's travel; a motor at its force limit gives way, and holds from
@@ -133,12 +184,14 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
   }
 }
 
-void settle(const BallJoint&, const Joint&, const AnchorPair&, const JointStep& step,
-            const Row* rows, int count, JointState& state) {
-  Eigen::Vector3d impulse;
+// of every kind but kDistance
+void settle_table_rows(const Joint& joint, const JointStep& step, const Row* rows, int count,
+                       JointState& state) {
+  Eigen::Vector3d impulse = Eigen::Vector3d::Zero();
   for (int k = 0; k < count; ++k) {
     state.impulse[k] = rows[k].impulse;
-    impulse[k] = rows[k].impulse + rows[k].correction_impulse;
+    if (k < info(joint.kind).separation_rows)
+      impulse[k] = rows[k].impulse + rows[k].correction_impulse;
   }
   state.force = impulse.norm() / step.h;
 }
@@ -161,30 +214,40 @@ void finish(const Joint& joint, const BodyState& a, const BodyState& b, const Jo
 
 }  // namespace
 
-int prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
-                  JointState& state, Row* rows) {
-  const AnchorPair anchors(joint, a, b);
-  const int count = std::visit(
-      [&](const auto& type) { return prepare_rows(type, joint, anchors, step, state, rows); },
-      joint.type);
+void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
+                   const JointStep& step, JointState& state, std::vector<Row>* rows) {
+  const std::size_t first = rows->size();
+  const bool is_distance = joint.kind == JointKind::kDistance;
+  rows->resize(first +
+               static_cast<std::size_t>(is_distance ? kMaxDistanceRows : info(joint.kind).rows));
+  Row* const written = rows->data() + first;
+  const int count =
+      is_distance
+          ? prepare_rows(joint.distance, joint, AnchorPair(joint, a, b), step, state, written)
+          : prepare_table_rows(joint, JointVectors(joint, a, b), step, state, written);
   for (int k = 0; k < count; ++k)
-    rows[k].impulse = std::clamp(state.impulse[k], rows[k].lower, rows[k].upper);
-  return count;
+    written[k].impulse = std::clamp(state.impulse[k], written[k].lower, written[k].upper);
+  rows->resize(first + static_cast<std::size_t>(count));
 }
 
 void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b, Jacobian* J) {
-  const AnchorPair anchors(joint, a, b);
-  if (std::holds_alternative<BallJoint>(joint.type))
-    for (int k = 0; k < 3; ++k) J[k] = anchors.along(Eigen::Vector3d::Unit(k));
-  else
-    std::fill(J, J + kMaxJointRows, anchors.along(direction(anchors)));
+  if (joint.kind == JointKind::kDistance) {
+    const AnchorPair anchors(joint, a, b);
+    std::fill(J, J + kMaxDistanceRows, anchors.along(direction(anchors)));
+    return;
+  }
+  const JointKindInfo& kind = info(joint.kind);
+  const JointVectors vectors(joint, a, b);
+  for (int k = 0; k < kind.rows; ++k)
+    J[k] = jacobian(kind.row[static_cast<std::size_t>(k)], vectors);
 }
 
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
                 const Row* rows, int count, JointState& state) {
-  const AnchorPair anchors(joint, a, b);
-  std::visit([&](const auto& type) { settle(type, joint, anchors, step, rows, count, state); },
-             joint.type);
+  if (joint.kind == JointKind::kDistance)
+    settle(joint.distance, joint, AnchorPair(joint, a, b), step, rows, count, state);
+  else
+    settle_table_rows(joint, step, rows, count, state);
   finish(joint, a, b, step, state.bias, state);
 }
 
@@ -193,38 +256,32 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
   measure_joint(joint, a, b, state.bias, state);
   state.initial_error = state.error;
   state.closing_since = t;
-  const bool is_ball = std::holds_alternative<BallJoint>(joint.type);
-  state.closing_offset =
-      is_ball ? AnchorPair(joint, a, b).d : Eigen::Vector3d(state.error, 0.0, 0.0);
+  state.closing_offset = row_errors(joint, a, b, state);
   state.closing = !state.broken && is_rigid(joint) && std::abs(state.error) > kFits;
 }
 
 double elastic_energy(const Joint& joint, const JointState& state) {
-  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+  const auto* distance = if_distance(joint);
   if (distance == nullptr || state.broken) return 0.0;
   return 0.5 * distance->stiffness * state.error * state.error;
 }
 
 bool is_rigid(const Joint& joint) {
-  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+  const auto* distance = if_distance(joint);
   return distance == nullptr || !distance->is_soft();
 }
 
 bool is_always_rigid(const Joint& joint) {
-  const auto* distance = std::get_if<DistanceJoint>(&joint.type);
+  const auto* distance = if_distance(joint);
   return (distance == nullptr || !(distance->is_soft() || distance->is_limited())) &&
          joint.motor.max_force == 0.0;
-}
-
-const char* type_name(const JointType& type) {
-  return std::holds_alternative<BallJoint>(type) ? "ball" : "distance";
 }
 
 // ---- for methods that take time and its derivatives
 
 JointCourse::JointCourse(const Joint& joint, const JointStep& span, JointState& state)
     : start_(span.t) {
-  if (const auto* distance = std::get_if<DistanceJoint>(&joint.type)) {
+  if (const auto* distance = if_distance(joint)) {
     motor_ = drive(*distance, span, joint.motor, state);
     length_ = distance->length.value_or(0.0) + state.travel;
   }
@@ -240,9 +297,9 @@ Course JointCourse::length(double t) const {
   Course length{length_ + travel.value, travel.rate, travel.acceleration};
   if (!is_closing()) return length;
   const Course share = share_to_close(t);
-  length.value += closing_offset_.x() * share.value;
-  length.rate += closing_offset_.x() * share.rate;
-  length.acceleration += closing_offset_.x() * share.acceleration;
+  length.value += closing_offset_[0] * share.value;
+  length.rate += closing_offset_[0] * share.rate;
+  length.acceleration += closing_offset_[0] * share.acceleration;
   return length;
 }
 
@@ -254,19 +311,31 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
           const JointState& state) {
   if (!state.closing) return std::abs(state.error) <= kFits;
   const double share = closing_course(step.t - state.closing_since, step.closing_time).value;
-  if (std::holds_alternative<BallJoint>(joint.type))  // may be off by this, but not elsewhere
-    return (AnchorPair(joint, a, b).d - share * state.closing_offset).norm() <= kFits;
-  return std::abs(state.error - share * state.initial_error) <= kFits;
+  if (joint.kind == JointKind::kDistance)
+    return std::abs(state.error - share * state.initial_error) <= kFits;
+  // may be off by this, but not elsewhere
+  const JointKindInfo& kind = info(joint.kind);
+  const RowVector off = row_errors(joint, a, b, state) - share * state.closing_offset;
+  Eigen::Vector3d separation = Eigen::Vector3d::Zero(), angle = separation;
+  for (int k = 0; k < kind.rows; ++k)
+    (k < kind.separation_rows ? separation[k] : angle[k - kind.separation_rows]) = off[k];
+  return separation.norm() <= kFits && state.radius * angle.norm() <= kFits;
 }
 
 void finish_span(const JointStep& span, JointState& state) { state.travel += state.bias * span.h; }
 
 void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
-                       const JointStep& step, const Eigen::Vector3d& impulse, double zeta,
+                       const JointStep& step, const RowVector& impulse, double zeta,
                        JointState& state) {
   state.impulse = impulse;
-  const bool is_ball = std::holds_alternative<BallJoint>(joint.type);
-  state.force = (is_ball ? impulse.norm() : impulse.x()) / step.h;
+  const bool is_distance = joint.kind == JointKind::kDistance;
+  double force = impulse[0];
+  if (!is_distance) {
+    Eigen::Vector3d separation = impulse.head<3>();
+    for (int k = info(joint.kind).separation_rows; k < 3; ++k) separation[k] = 0.0;
+    force = separation.norm();
+  }
+  state.force = force / step.h;
   finish(joint, a, b, step, zeta, state);
 }
 

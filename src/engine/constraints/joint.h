@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "constraint_sim/engine/joint.h"
 #include "constraint_sim/engine/row.h"
 #include "engine/constraints/anchor_pair.h"
@@ -7,7 +9,7 @@
 
 namespace constraint_sim::engine {
 
-inline constexpr int kMaxJointRows = 3;
+inline constexpr int kMaxDistanceRows = 2;
 
 /// One step as a joint sees it.
 struct JointStep {
@@ -17,10 +19,10 @@ struct JointStep {
   double closing_time;  ///< [s] in which an error left by an edit is closed; 0: by Baumgarte
 };
 
-/// Writes the rows of a joint, given as Row{}, with their targets and returns how many, at most
-/// kMaxJointRows. Sets the bias of `state`, and ends it when its time is over.
-int prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
-                  JointState& state, Row* rows);
+/// Adds the rows of a joint with their targets to `rows`. Sets the bias of `state`, and ends it
+/// when its time is over.
+void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
+                   const JointStep& step, JointState& state, std::vector<Row>* rows);
 
 /// Writes the Jacobians of those rows at other states of the bodies.
 void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b, Jacobian* J);
@@ -58,9 +60,9 @@ class JointCourse {
   bool is_constant() const { return !is_driven() && !is_closing(); }
   /// Of a distance joint, at the simulated time t [s].
   Course length(double t) const;
-  /// A ball joint is to be off by this share of offset(), in world axes [m].
+  /// Each row of another kind is to be off by this share of offset().
   Course share_to_close(double t) const;
-  const Eigen::Vector3d& offset() const { return closing_offset_; }
+  const RowVector& offset() const { return closing_offset_; }
   /// The bias alone [m/s].
   double zeta(double t) const { return motor_course(motor_, start_, t - start_).rate; }
 
@@ -69,7 +71,7 @@ class JointCourse {
   double start_ = 0.0;   // [s]
   double length_ = 0.0;  // then [m]
   double closing_since_ = 0.0, closing_time_ = 0.0;
-  Eigen::Vector3d closing_offset_ = Eigen::Vector3d::Zero();
+  RowVector closing_offset_ = RowVector::Zero();
 };
 
 /// Whether a joint is off by no more than what it is closing, and so can be kept exactly from here.
@@ -79,10 +81,10 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
 /// Adds what the motor moved in a span.
 void finish_span(const JointStep& span, JointState& state);
 
-/// Takes over what a step has done, at the positions after it. `impulse`: of a distance joint along
-/// d in x, of a ball joint on B in world axes [N s]; `zeta`: the bias asked for now [m/s].
+/// Takes over what a step has done, at the positions after it. `impulse`: of each row, of a
+/// distance joint along d [N s]; `zeta`: the bias asked for now [m/s].
 void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
-                       const JointStep& step, const Eigen::Vector3d& impulse, double zeta,
+                       const JointStep& step, const RowVector& impulse, double zeta,
                        JointState& state);
 
 }  // namespace constraint_sim::engine

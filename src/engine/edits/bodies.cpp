@@ -116,14 +116,21 @@ void World::set_state(BodyId id, const BodyState& state) {
   Body body = impl_->bodies[i];
   body.state = state;
   validate(body);
+  BodyState placed = state;
+  normalize(placed.orientation);
+  for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
+    const Joint& joint = impl_->joints[j];
+    if ((joint.body_a == id || joint.body_b == id) && !impl_->joint_states[j].broken)
+      check_alignment(joint, joint.body_a == id ? placed : this->state(joint.body_a),
+                      joint.body_b == id ? placed : this->state(joint.body_b), kAligned);
+  }
 
   if (impl_->is_movable(i))
     impl_->wake(i);
   else
     impl_->wake_all();
-  impl_->states[i] = state;
+  impl_->states[i] = placed;
   impl_->corrections[i].setZero();
-  normalize(impl_->states[i].orientation);
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     const Joint& joint = impl_->joints[j];
     if (joint.body_a == id || joint.body_b == id)

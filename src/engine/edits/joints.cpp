@@ -1,8 +1,11 @@
 #include <algorithm>
+#include <iomanip>
 #include <limits>
+#include <sstream>
 
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint.h"
+#include "engine/constraints/joint_kinds.h"
 #include "engine/edits/find_named.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
@@ -24,24 +27,30 @@ std::size_t World::Impl::index(JointId id) const {
 }
 
 JointId World::add_joint(const Joint& joint, bool broken) {
-  validate(joint);
-  if (has_joint(joint.name))
-    refuse("name", "there is already a constraint named " + quoted(joint.name));
-  impl_->check_ends(joint);
-  Joint filled = joint;
-  impl_->fill_in(filled);
+  return impl_->add_joint(joint, broken, broken ? kAnyAngle : kAligned);
+}
 
-  const JointId id{static_cast<std::uint32_t>(impl_->joint_index.size())};
-  impl_->joint_index.push_back(static_cast<int>(impl_->joints.size()));
-  impl_->joints.push_back(filled);
-  impl_->joint_starts.push_back({filled.motor, broken, {}, 0.0});
-  impl_->joint_states.emplace_back();
-  impl_->self_stress.emplace_back();
-  impl_->start_joint(impl_->joints.size() - 1);
-  impl_->wake_ends(filled);
-  impl_->joint_ids.push_back(id);
-  impl_->joint_by_name.emplace(joint.name, id);
-  impl_->edited = impl_->topology_edited = true;
+JointId World::Impl::add_joint(const Joint& joint, bool broken, double most_misaligned) {
+  validate(joint);
+  if (joint_by_name.count(joint.name) > 0)
+    refuse("name", "there is already a constraint named " + quoted(joint.name));
+  check_ends(joint);
+  Joint filled = joint;
+  fill_in(filled);
+  check_alignment(filled, states[index(joint.body_a)], states[index(joint.body_b)],
+                  most_misaligned);
+
+  const JointId id{static_cast<std::uint32_t>(joint_index.size())};
+  joint_index.push_back(static_cast<int>(joints.size()));
+  joints.push_back(filled);
+  joint_starts.push_back({filled.motor, broken, {}, 0.0});
+  joint_states.emplace_back();
+  self_stress.emplace_back();
+  start_joint(joints.size() - 1);
+  wake_ends(filled);
+  joint_ids.push_back(id);
+  joint_by_name.emplace(joint.name, id);
+  edited = topology_edited = true;
   return id;
 }
 
@@ -61,12 +70,22 @@ void World::Impl::check_ends(const Joint& joint) const {
   };
   check_anchor("anchor_a", a, joint.anchor_a);
   check_anchor("anchor_b", b, joint.anchor_b);
+  const JointKindInfo& kind = info(joint.kind);
+  const auto check_axes = [&](const char* field, std::size_t i, bool has_axes) {
+    if (has_axes && is_movable(i) && !masses[i].can_turn())
+      refuse(field, quoted(bodies[i].name) + " is a point mass without inertia and has no axes, " +
+                        "which a joint of type " + kind.name + " needs");
+  };
+  check_axes("body_a", a, kind.has_frames);
+  check_axes("body_b", b, kind.alignment != Alignment::kFree);
 }
 
 // the length as it is, the ball joint that a length of zero asks for, and a spring's constants
 void World::Impl::fill_in(Joint& joint) const {
-  auto* distance = std::get_if<DistanceJoint>(&joint.type);
-  if (distance == nullptr) return;
+  auto* distance = if_distance(joint);
+  if (distance == nullptr) return fill_in_frames(joint);
+  joint.frame_a.setIdentity();
+  joint.frame_b.reset();
   const std::size_t a = index(joint.body_a);
   const std::size_t b = index(joint.body_b);
   const AnchorPair anchors(joint, states[a], states[b]);
@@ -77,7 +96,8 @@ void World::Impl::fill_in(Joint& joint) const {
     distance->length = present <= kCoincident * size ? 0.0 : present;
   }
   if (distance->length == 0.0 && !distance->is_soft()) {
-    joint.type = BallJoint{};
+    joint.kind = JointKind::kBall;
+    joint.distance = DistanceJoint{};
   } else if (distance->frequency > 0.0) {
     const Jacobian J = anchors.along(direction(anchors));
     const double constraint_mass = inverse_mass_along(J, a, b);
@@ -87,6 +107,44 @@ void World::Impl::fill_in(Joint& joint) const {
     distance->frequency = distance->damping_ratio = 0.0;
   }
   validate(joint);  // a ball joint has no motor, and what followed from the rest may be too large
+}
+
+// frame B where it is left out, from how the bodies lie
+void World::Impl::fill_in_frames(Joint& joint) const {
+  joint.distance = DistanceJoint{};
+  const JointKindInfo& kind = info(joint.kind);
+  if (!kind.has_frames) {
+    joint.frame_a.setIdentity();
+    joint.frame_b.reset();
+    return;
+  }
+  const BodyState& a = states[index(joint.body_a)];
+  const BodyState& b = states[index(joint.body_b)];
+  joint.frame_a.normalize();
+  if (joint.frame_b) {
+    joint.frame_b->normalize();
+  } else {
+    joint.frame_b =
+        b.orientation.conjugate() * a.orientation * joint.frame_a * home(kind.alignment);
+    if (joint.axis_b) {
+      const Eigen::Quaterniond along =
+          frame_along(joint.frame_b->conjugate() * joint.axis_b->normalized());
+      joint.frame_b = *joint.frame_b * along;
+    }
+  }
+  joint.axis_b.reset();
+}
+
+void check_alignment(const Joint& joint, const BodyState& a, const BodyState& b, double most) {
+  const Alignment alignment = info(joint.kind).alignment;
+  if (alignment == Alignment::kFree) return;
+  const double off = misalignment(alignment, JointVectors(joint, a, b)).norm();
+  if (off <= most) return;
+  std::ostringstream degrees;
+  degrees << std::setprecision(3) << 180.0 / kPi * off;
+  refuse("frame_b", "the axes of the " + std::string(name(joint.kind)) + " " + quoted(joint.name) +
+                        " are " + degrees.str() +
+                        " degrees off, and joints are not closed in orientation yet");
 }
 
 // J M⁻¹ Jᵀ of one row between two bodies
@@ -105,8 +163,9 @@ void World::Impl::start_joint(std::size_t j) {
   state.broken = joint_starts[j].broken;
   self_stress[j] = SelfStress{};
   state.expires_at = end_of(joints[j].motor);
-  begin_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)], time(),
-              state);
+  const std::size_t a = index(joints[j].body_a), b = index(joints[j].body_b);
+  state.radius = std::max(masses[a].radius_of_gyration(), masses[b].radius_of_gyration());
+  begin_joint(joints[j], states[a], states[b], time(), state);
   if (!joint_starts[j].state) return;
   state = *joint_starts[j].state;
   const double elapsed = time() - joint_starts[j].time;
@@ -140,7 +199,9 @@ bool World::Impl::is_as_added(JointId id) const {
   const JointState& state = joint_states[j];
   JointState added;
   added.broken = state.broken;
+  added.radius = state.radius;
   begin_joint(joint, states[index(joint.body_a)], states[index(joint.body_b)], time(), added);
+  if (added.angle_error > 0.5 * kAligned) return false;
   const bool closes_alike = !added.closing || (state.closing_since == added.closing_since &&
                                                state.closing_offset == added.closing_offset &&
                                                state.initial_error == added.initial_error);
@@ -210,6 +271,8 @@ void World::set_motor(JointId id, const Motor& motor) {
 void World::set_broken(JointId id, bool broken) {
   const Joint& joint = this->joint(id);
   JointState& state = impl_->joint_states[impl_->index(id)];
+  if (!broken)
+    check_alignment(joint, this->state(joint.body_a), this->state(joint.body_b), kAligned);
   state.broken = broken;
   state.impulse.setZero();
   impl_->wake_ends(joint);

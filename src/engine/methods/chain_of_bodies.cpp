@@ -233,7 +233,7 @@ double ChainOfBodies::find_values(double* y) {
   std::vector<double>& asked = equations_.value_;
   std::fill(asked.begin(), asked.end(), 0.0);
   for (const auto& [l, course] : equations_.courses_)
-    Vector3d::Map(asked.data() + 3 * l) = equations_.length_[l].value * course.offset();
+    Vector3d::Map(asked.data() + 3 * l) = equations_.length_[l].value * course.offset().head<3>();
   double worst = 0.0;
   const auto set_value = [&](std::size_t e, const Lanes3& d) {
     ChainPair& pair = pairs_[e];

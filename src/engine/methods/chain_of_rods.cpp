@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <array>
 
+#include "engine/constraints/joint_kinds.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -22,8 +24,9 @@ bool EquationsOfMotion::order_as_chain(const std::vector<Joint>& all_joints, con
   };
   std::vector<std::array<int, 2>> rods_of(bodies_.size(), {-1, -1});  // or ball joints
   for (const int j : joints_) {
-    const auto* distance = std::get_if<DistanceJoint>(&all_joints[at(j)].type);
+    const auto* distance = if_distance(all_joints[at(j)]);
     if ((distance == nullptr) != is_of_bodies) return false;
+    if (info(all_joints[at(j)].kind).form == RowsForm::kGeneral) return false;
     if (distance != nullptr && distance->is_soft()) return false;
     for (const std::size_t body : {ends[at(j)].first, ends[at(j)].second}) {
       if (!masses[body].is_movable()) continue;

@@ -106,14 +106,15 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
 void EquationsOfMotion::find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
                                     const std::vector<MassProperties>& masses) {
   std::vector<int> turning, others;
-  const auto add = [&](std::size_t body, const Vector3d& anchor) {
+  const auto add = [&](std::size_t body, const Vector3d& anchor, bool has_axes) {
     if (!masses[body].is_movable()) return;
-    const bool turns = !anchor.isZero(0.0) && masses[body].can_turn();
+    const bool turns = (!anchor.isZero(0.0) || has_axes) && masses[body].can_turn();
     (turns ? turning : others).push_back(static_cast<int>(body));
   };
-  for (const int joint : joints_) {
-    add(ends[at(joint)].first, all_joints[at(joint)].anchor_a);
-    add(ends[at(joint)].second, all_joints[at(joint)].anchor_b);
+  for (const int j : joints_) {
+    const Joint& joint = all_joints[at(j)];
+    add(ends[at(j)].first, joint.anchor_a, info(joint.kind).has_frames);
+    add(ends[at(j)].second, joint.anchor_b, info(joint.kind).alignment != Alignment::kFree);
   }
   const auto sort_out = [](std::vector<int>& list) {
     std::sort(list.begin(), list.end());
@@ -137,10 +138,11 @@ void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const En
     };
     return turns_body(ends[at(j)].first) || turns_body(ends[at(j)].second);
   };
-  const auto kind = [&](int j) {  // rods between centres, other rods, ball joints, springs
-    const auto* distance = std::get_if<DistanceJoint>(&all_joints[at(j)].type);
-    if (distance == nullptr) return 2;
-    if (distance->is_soft()) return 3;
+  // rods between centres, other rods, ball joints, general ones, springs
+  const auto kind = [&](int j) {
+    const auto* distance = if_distance(all_joints[at(j)]);
+    if (distance == nullptr) return info(all_joints[at(j)].kind).form == RowsForm::kGeneral ? 3 : 2;
+    if (distance->is_soft()) return 4;
     return turns_an_end(j) ? 1 : 0;
   };
   std::stable_sort(joints_.begin(), joints_.end(), [&](int i, int j) { return kind(i) < kind(j); });
@@ -150,30 +152,50 @@ void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const En
   };
   first_armed_ = count_below(1);
   first_ball_ = count_below(2);
-  first_spring_ = count_below(3);
+  first_general_ = count_below(3);
+  first_spring_ = count_below(4);
 
-  const auto point_of = [&](std::size_t body, const Vector3d& anchor) {
+  const auto point_of = [&](std::size_t body, const Vector3d& anchor, bool has_axes) {
     if (masses[body].is_movable()) return place_of.at(body);
-    fixed_points_.push_back({static_cast<int>(body), anchor, BodyState{}});
+    fixed_points_.push_back({static_cast<int>(body), anchor, has_axes, BodyState{}});
     inverse_mass_.push_back(0.0);
     return inverse_mass_.size() - 1;
   };
   for (const int j : joints_) {
     const Joint& joint = all_joints[at(j)];
     Link link{};
-    link.a = point_of(ends[at(j)].first, joint.anchor_a);
-    link.b = point_of(ends[at(j)].second, joint.anchor_b);
+    const bool has_axes = info(joint.kind).has_frames;
+    link.a = point_of(ends[at(j)].first, joint.anchor_a, has_axes);
+    link.b = point_of(ends[at(j)].second, joint.anchor_b, has_axes);
+    link.kind = joint.kind;
     link.anchor_a = joint.anchor_a;
     link.anchor_b = joint.anchor_b;
     link.has_arms = turns(link.a) || turns(link.b);
-    if (const auto* distance = std::get_if<DistanceJoint>(&joint.type)) {
+    if (const auto* distance = if_distance(joint)) {
       link.stiffness = distance->stiffness;
       link.damping = distance->damping;
+    }
+    if (has_axes) {
+      link.frame_a = joint.frame_a.toRotationMatrix();
+      link.frame_b = joint.frame_b->toRotationMatrix();
+      for (const std::size_t body : {ends[at(j)].first, ends[at(j)].second})
+        link.radius = std::max(link.radius, masses[body].radius_of_gyration());
     }
     links_.push_back(link);
   }
   if (is_chain_) turn_along_chain();
-  for (std::size_t l = 0; l < first_spring_; ++l) add_rows(links_[l], is_rod(l) ? 1 : 3);
+  for (std::size_t l = 0; l < first_general_; ++l) add_rows(links_[l], is_rod(l) ? 1 : 3);
+  for (std::size_t l = first_general_; l < first_spring_; ++l) {
+    links_[l].first_row = rows_.size();
+    for (std::size_t k = 0; k < rows_of(l); ++k) {
+      const RowForm form = info(links_[l].kind).row[k];
+      general_rows_.push_back(
+          {rows_.size() + k, l, form, form.has_separation() ? 1.0 : links_[l].radius});
+    }
+    add_rows(links_[l], static_cast<int>(rows_of(l)));
+  }
+  vectors_.resize(first_spring_ - first_general_);
+  fixed_axes_.assign(fixed_points_.size(), Matrix3d::Identity());
 }
 
 void EquationsOfMotion::add_rows(const Link& link, int count) {
@@ -190,7 +212,8 @@ void EquationsOfMotion::add_rows(const Link& link, int count) {
     if (turns(link.a)) row.turn_a = turn(link.a);
     if (turns(link.b)) row.turn_b = turn(link.b);
     rows_.push_back(row);
-    direction_.emplace_back(count == 3 ? Vector3d(Vector3d::Unit(k)) : Vector3d(Vector3d::Zero()));
+    const bool is_of_ball = info(link.kind).form == RowsForm::kPoint;
+    direction_.emplace_back(is_of_ball ? Vector3d(Vector3d::Unit(k)) : Vector3d(Vector3d::Zero()));
   }
 }
 
@@ -239,7 +262,14 @@ void EquationsOfMotion::couple_rows() {
     pulls_end_.push_back(pulls_.size());
   }
 
+  const std::size_t first_general_row = rows_.size() - general_rows_.size();
   const auto are_two_axes = [&](std::size_t i, std::size_t j) {
+    const auto is_general = [&](std::size_t row) { return row >= first_general_row; };
+    const auto has_no_force = [&](std::size_t row) {
+      return is_general(row) && !general_rows_[row - first_general_row].form.has_separation();
+    };
+    if (has_no_force(i) || has_no_force(j)) return true;
+    if (is_general(i) || is_general(j)) return false;
     return i >= first_ball_ && j >= first_ball_ && direction_[i] != direction_[j];
   };
   linear_couplings_.clear();
@@ -330,8 +360,9 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
     }
     is_changing_[l] = !course.is_constant();
     if (is_changing_[l]) courses_.emplace_back(l, course);
-    length_[l] = is_ball(l) ? Course{} : course.length(t);
+    length_[l] = is_by_offset(l) ? Course{} : course.length(t);
     fixed_scale_ = std::max(fixed_scale_, length_[l].value);
+    if (is_general(l)) fixed_scale_ = std::max(fixed_scale_, links_[l].radius);
     if (turns(links_[l].a)) fixed_scale_ = std::max(fixed_scale_, links_[l].anchor_a.norm());
     if (turns(links_[l].b)) fixed_scale_ = std::max(fixed_scale_, links_[l].anchor_b.norm());
   }
@@ -395,26 +426,30 @@ void EquationsOfMotion::clear() {
   momentary_error_ = 0.0;
 }
 
-Vector3d EquationsOfMotion::impulse(std::size_t l) const {
-  if (is_rod(l)) return {impulses_[rows_[l].unknown], 0.0, 0.0};
-  if (!is_ball(l)) return {impulses_[rows_.size() + l - first_spring_], 0.0, 0.0};
-  const std::size_t i = first_row(l);
-  return {impulses_[rows_[i].unknown], impulses_[rows_[i + 1].unknown],
-          impulses_[rows_[i + 2].unknown]};
+RowVector EquationsOfMotion::impulse(std::size_t l) const {
+  RowVector impulse = RowVector::Zero();
+  if (!is_by_offset(l)) {
+    impulse[0] = impulses_[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_];
+    return impulse;
+  }
+  const std::size_t first = first_row(l);
+  for (std::size_t k = 0; k < rows_of(l); ++k)
+    impulse[static_cast<Eigen::Index>(k)] = impulses_[rows_[first + k].unknown];
+  return impulse;
 }
 
 // ---- for methods that step in their own way
 
-Vector3d EquationsOfMotion::offset(std::size_t ball) const {
+RowVector EquationsOfMotion::offset(std::size_t of) const {
   for (const auto& [l, course] : courses_)
-    if (l == ball) return length_[l].value * course.offset();
-  return Vector3d::Zero();
+    if (l == of) return length_[l].value * course.offset();
+  return RowVector::Zero();
 }
 
-Vector3d EquationsOfMotion::offset_rate(std::size_t ball) const {
+RowVector EquationsOfMotion::offset_rate(std::size_t of) const {
   for (const auto& [l, course] : courses_)
-    if (l == ball) return length_[l].rate * course.offset();
-  return Vector3d::Zero();
+    if (l == of) return length_[l].rate * course.offset();
+  return RowVector::Zero();
 }
 
 void EquationsOfMotion::read_pose(const std::vector<Vector3d>& positions,
@@ -448,12 +483,12 @@ bool EquationsOfMotion::find_dependent(double t, const std::vector<Vector3d>& po
   return true;
 }
 
-void EquationsOfMotion::add_impulse(std::size_t l, const Vector3d& impulse) {
-  if (is_ball(l)) {
-    for (std::size_t k = 0; k < 3; ++k)
+void EquationsOfMotion::add_impulse(std::size_t l, const RowVector& impulse) {
+  if (is_by_offset(l)) {
+    for (std::size_t k = 0; k < rows_of(l); ++k)
       impulses_[rows_[first_row(l) + k].unknown] += impulse[static_cast<Eigen::Index>(k)];
   } else {
-    impulses_[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_] += impulse.x();
+    impulses_[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_] += impulse[0];
   }
 }
 
@@ -463,6 +498,7 @@ double EquationsOfMotion::frequency() {
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
     double force = 0.0, across = 0.0;
+    if (is_general(l)) continue;
     if (is_ball(l)) {
       for (std::size_t k = 0; k < 3; ++k)
         force = std::hypot(force, forces[rows_[first_row(l) + k].unknown]);
@@ -476,6 +512,15 @@ double EquationsOfMotion::frequency() {
       if (point >= bodies_.size()) continue;
       squares_[point] += 2.0 * across * inverse_mass_[point];
       if (turns(point)) squares_[point] += force * anchor.norm() / inertia_[point].minCoeff();
+    }
+  }
+  for (const GeneralRow& general : general_rows_) {
+    const Row& row = rows_[general.row];
+    const double force = std::abs(forces[row.unknown]);
+    for (const int turn : {row.turn_a, row.turn_b}) {
+      if (turn < 0) continue;
+      const std::size_t body = turns_[at(turn)].body;
+      squares_[body] += force * turn_[at(turn)].norm() / inertia_[body].minCoeff();
     }
   }
   return std::sqrt(*std::max_element(squares_.begin(), squares_.end()));
@@ -500,7 +545,7 @@ double EquationsOfMotion::kinetic_energy(const double* y) const {
 // lengths and offsets at t, of the links where they change
 void EquationsOfMotion::ask(double t) {
   for (const auto& [l, course] : courses_) {
-    if (!is_ball(l)) {
+    if (!is_by_offset(l)) {
       const Course length = length_[l] = course.length(t);
       if (!is_rod(l)) continue;
       rate_target_[l] = length.value * length.rate;
@@ -508,7 +553,7 @@ void EquationsOfMotion::ask(double t) {
       continue;
     }
     const Course share = length_[l] = course.share_to_close(t);
-    for (std::size_t k = 0; k < 3; ++k) {
+    for (std::size_t k = 0; k < rows_of(l); ++k) {
       const double offset = course.offset()[static_cast<Eigen::Index>(k)];
       rate_target_[first_row(l) + k] = offset * share.rate;
       acceleration_target_[first_row(l) + k] = offset * share.acceleration;
@@ -527,6 +572,7 @@ void EquationsOfMotion::place(double t, const double* y) {
   if (fixed_points_move_) place_fixed_points(t);
   place_links();
   if (turning_ > 0) place_arms();
+  if (!general_rows_.empty()) place_general();
 }
 
 void EquationsOfMotion::place_bodies(const double* y) {
@@ -550,6 +596,8 @@ void EquationsOfMotion::place_fixed_points(double t) {
     position_[p] = point.start.position + since * point.start.linear_velocity + arm;
     velocity_[p] = point.start.linear_velocity + around;
     load_acceleration_[p] = w.cross(around);
+    if (point.has_axes)
+      fixed_axes_[i] = (rotation(since * w) * point.start.orientation).toRotationMatrix();
   }
 }
 
@@ -568,7 +616,7 @@ void EquationsOfMotion::place_arms() {
     Vector3d& d = is_rod(l) ? direction_[l] : d_[l];
     if (turns(link.a)) d -= arm_a_[l] = orientation_[link.a] * link.anchor_a;
     if (turns(link.b)) d += arm_b_[l] = orientation_[link.b] * link.anchor_b;
-    if (l >= first_spring_) continue;
+    if (l >= first_general_) continue;
     const std::size_t begin = is_rod(l) ? l : first_row(l);
     const std::size_t end = is_rod(l) ? l + 1 : begin + 3;
     for (std::size_t i = begin; i < end; ++i) {
@@ -579,6 +627,52 @@ void EquationsOfMotion::place_arms() {
   }
   for (std::size_t p = 0; p < turns_.size(); ++p)
     turn_response_[p].noalias() = inverse_inertia_[turns_[p].body] * turn_[p];
+}
+
+// the rows of general joints: vectors, and with these their Jacobians
+void EquationsOfMotion::place_general() {
+  for (std::size_t l = first_general_; l < first_spring_; ++l) {
+    const Link& link = links_[l];
+    JointVectors& vectors = vectors_[l - first_general_];
+    vectors.r_A = arm_a_[l];
+    vectors.r_B = arm_b_[l];
+    vectors.d = d_[l];
+    const auto axes = [&](std::size_t point, const Matrix3d& frame) -> Matrix3d {
+      if (turns(point)) return orientation_[point] * frame;
+      return point < bodies_.size() ? frame : Matrix3d(fixed_axes(point) * frame);
+    };
+    if (!info(link.kind).has_frames) continue;
+    vectors.axes_A = axes(link.a, link.frame_a);
+    vectors.axes_B = axes(link.b, link.frame_b);
+  }
+  for (const GeneralRow& general : general_rows_) {
+    const Row& row = rows_[general.row];
+    const JointVectors& vectors = vectors_[general.link - first_general_];
+    const Jacobian J = jacobian(general.form, vectors);
+    direction_[general.row] = J.j3;
+    if (row.turn_a >= 0) turn_[at(row.turn_a)] = J.j2;
+    if (row.turn_b >= 0) turn_[at(row.turn_b)] = J.j4;
+    for (const int turn : {row.turn_a, row.turn_b})
+      if (turn >= 0)
+        turn_response_[at(turn)].noalias() =
+            inverse_inertia_[turns_[at(turn)].body] * turn_[at(turn)];
+  }
+}
+
+// how the vectors of the joint of a general row move
+JointMotion EquationsOfMotion::motion_of(const GeneralRow& row) const {
+  const Link& link = links_[row.link];
+  const auto spin = [&](std::size_t point) -> Vector3d {
+    if (turns(point)) return spin_[point];
+    if (point < bodies_.size()) return Vector3d::Zero();
+    return fixed_points_[point - bodies_.size()].start.angular_velocity;
+  };
+  JointMotion motion;
+  motion.d_dot = d_dot(row.link);
+  motion.d_bias = gamma_d(row.link);
+  motion.w_A = spin(link.a);
+  motion.w_B = spin(link.b);
+  return motion;
 }
 
 // A = G M⁻¹ Gᵀ here
@@ -660,12 +754,17 @@ void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) co
     const Vector3d a = free[row.b] - free[row.a] + gamma_d(l);
     b[row.unknown] = -d_dot(l).squaredNorm() - direction_[l].dot(a);
   }
-  for (std::size_t l = first_ball_; l < first_spring_; ++l) {
+  for (std::size_t l = first_ball_; l < first_general_; ++l) {
     const Link& link = links_[l];
     Vector3d a = free[link.b] - free[link.a];
     if (link.has_arms) a += gamma_d(l);
     for (std::size_t k = 0; k < 3; ++k)
       b[rows_[first_row(l) + k].unknown] = -a[static_cast<Eigen::Index>(k)];
+  }
+  for (const GeneralRow& row : general_rows_) {
+    const Row& of = rows_[row.row];
+    b[of.unknown] = -gamma(row.form, vectors_[row.link - first_general_], motion_of(row)) -
+                    direction_[row.row].dot(free[of.b] - free[of.a]);
   }
   for (std::size_t p = 0; p < turns_.size(); ++p)
     b[turns_[p].unknown] -= turn_[p].dot(spin_acceleration_[turns_[p].body]);
@@ -729,19 +828,27 @@ double EquationsOfMotion::find_values() {
     value_[l] = 0.5 * (direction_[l].squaredNorm() - length * length);
     consider(l, std::abs(value_[l] / length));
   }
-  for (std::size_t l = first_ball_; l < first_spring_; ++l)
+  for (std::size_t l = first_ball_; l < first_general_; ++l)
     Vector(value_.data() + first_row(l)) = d_[l];
+  for (const GeneralRow& row : general_rows_)
+    value_[row.row] = value(row.form, vectors_[row.link - first_general_]);
   for (const auto& [l, course] : courses_)
-    if (is_ball(l)) Vector(value_.data() + first_row(l)) -= length_[l].value * course.offset();
-  for (std::size_t i = first_ball_; i < rows_.size(); ++i) consider(i, std::abs(value_[i]));
+    for (std::size_t k = 0; is_by_offset(l) && k < rows_of(l); ++k)
+      value_[first_row(l) + k] -= length_[l].value * course.offset()[static_cast<Eigen::Index>(k)];
+  const std::size_t first_general_row = rows_.size() - general_rows_.size();
+  for (std::size_t i = first_ball_; i < first_general_row; ++i) consider(i, std::abs(value_[i]));
+  for (const GeneralRow& row : general_rows_)
+    consider(row.row, row.metres * std::abs(value_[row.row]));
   return worst;
 }
 
 // Ċ of all rows
 void EquationsOfMotion::find_rates() {
   for (std::size_t l = 0; l < first_ball_; ++l) rate_[l] = direction_[l].dot(d_dot(l));
-  for (std::size_t l = first_ball_; l < first_spring_; ++l)
+  for (std::size_t l = first_ball_; l < first_general_; ++l)
     Vector(rate_.data() + first_row(l)) = d_dot(l);
+  for (const GeneralRow& row : general_rows_)
+    rate_[row.row] = rate(row.form, vectors_[row.link - first_general_], motion_of(row));
 }
 
 // largest speed of a point that a joint holds [m/s]

@@ -11,6 +11,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "engine/constraints/joint.h"
+#include "engine/constraints/joint_kinds.h"
 #include "engine/linear/block_pivot.h"
 #include "engine/linear/sparse_ldlt.h"
 #include "engine/linear/tridiagonal_ldlt.h"
@@ -44,9 +45,9 @@ struct ChainPair {
 /// form: the forces λ of the rigid rows are those that keep C̈ where it has to be.
 ///   v̇ = F/m + G_linᵀλ/m,  L̇ = τ + G_angᵀλ,  q̇ = ½ (0, ω) ⊗ q,  ω = I_W⁻¹ L
 ///   A λ = C̈_target − γ − G a_free,  A = G M⁻¹ Gᵀ,  γ = C̈ − G V̇
-/// A rod is C = ½(d·d − ℓ(t)²), a ball joint C = d, springs are forces. A body whose joints all
-/// act on its centre does not turn here. The state: x and v of all bodies, then q (x, y, z, w) and
-/// L of those that turn.
+/// A rod is C = ½(d·d − ℓ(t)²), a ball joint C = d, other joints have the rows of their kind, and
+/// springs are forces. A body whose joints all act on its centre alone does not turn here. The
+/// state: x and v of all bodies, then q (x, y, z, w) and L of those that turn.
 class EquationsOfMotion {
  public:
   /// Of these joints, given by index. Only this allocates.
@@ -54,7 +55,7 @@ class EquationsOfMotion {
                     const std::vector<std::pair<std::size_t, std::size_t>>& ends,
                     const std::vector<MassProperties>& masses);
 
-  /// Rods first, those between centres before all others, then ball joints, then springs.
+  /// Rods first, those between centres before all others, then ball joints, general ones, springs.
   const std::vector<int>& joints() const { return joints_; }
   /// Those whose rotation is part of the state first.
   const std::vector<int>& bodies() const { return bodies_; }
@@ -77,13 +78,23 @@ class EquationsOfMotion {
     Eigen::Vector3d anchor_a, anchor_b;
     bool has_arms;  ///< either end turns
     double stiffness = 0.0, damping = 0.0;
+    JointKind kind = JointKind::kDistance;
+    std::size_t first_row = 0;  ///< of general ones
+    Eigen::Matrix3d frame_a, frame_b;
+    double radius = 0.0;  ///< [m] that turns the angles of its rows into lengths
   };
   /// As joints().
   const std::vector<Link>& links() const { return links_; }
   bool is_rod(std::size_t l) const { return l < first_ball_; }
-  bool is_ball(std::size_t l) const { return l >= first_ball_ && l < first_spring_; }
-  /// Of a rod, or the first of a ball joint.
+  bool is_ball(std::size_t l) const { return l >= first_ball_ && l < first_general_; }
+  /// Neither of these nor a spring.
+  bool is_general(std::size_t l) const { return l >= first_general_ && l < first_spring_; }
+  /// Of a rod, or the first of another joint.
   std::size_t row_of(std::size_t l) const { return is_rod(l) ? l : first_row(l); }
+  /// Rows of a rigid joint.
+  std::size_t rows_of(std::size_t l) const {
+    return static_cast<std::size_t>(info(links_[l].kind).rows);
+  }
   std::size_t points() const { return inverse_mass_.size(); }
   double inverse_mass(std::size_t point) const { return inverse_mass_[point]; }
   const Eigen::Vector3d& inertia(std::size_t turning) const { return inertia_[turning]; }
@@ -98,9 +109,13 @@ class EquationsOfMotion {
   const Eigen::Vector3d& position(std::size_t fixed_point) const { return position_[fixed_point]; }
   const Eigen::Vector3d& velocity(std::size_t fixed_point) const { return velocity_[fixed_point]; }
   const Course& length(std::size_t l) const { return length_[l]; }
-  Eigen::Vector3d offset(std::size_t ball) const;
-  /// Of the same [m/s].
-  Eigen::Vector3d offset_rate(std::size_t ball) const;
+  /// What the rows of a joint that is no rod and no spring are to be off by.
+  RowVector offset(std::size_t l) const;
+  RowVector offset_rate(std::size_t l) const;
+  /// Axes of a fixed point that a general joint holds on to, and how it turns [rad/s].
+  const Eigen::Matrix3d& fixed_axes(std::size_t fixed_point) const {
+    return fixed_axes_[fixed_point - bodies_.size()];
+  }
   /// Marks rows without a force, with the bodies there and those that turn so: redundant rows by
   /// kRedundant, and rows whose pivot falls below this share of its entry by kMomentary. False
   /// where the step before has left redundant rows so far off that it has to be shorter.
@@ -110,7 +125,7 @@ class EquationsOfMotion {
   /// Whether the redundant rows are met there; makes those that are not ordinary rows again.
   bool redundant_rows_are_met(double t, const std::vector<Eigen::Vector3d>& positions,
                               const std::vector<Eigen::Quaterniond>& orientations);
-  void add_impulse(std::size_t l, const Eigen::Vector3d& impulse);
+  void add_impulse(std::size_t l, const RowVector& impulse);
   /// What add_impulse() adds after the first can be taken back by the second.
   void keep_impulses() { kept_impulses_ = impulses_; }
   void restore_impulses() { impulses_ = kept_impulses_; }
@@ -159,7 +174,7 @@ class EquationsOfMotion {
 
   void clear();
   /// As read_smooth_joint() wants it, of joints()[l].
-  Eigen::Vector3d impulse(std::size_t l) const;
+  RowVector impulse(std::size_t l) const;
   /// What momentary rows were off by since clear(): rate times substep, summed up [m].
   double momentary_error() const { return momentary_error_; }
   /// Most rows at once that depended on others, redundant rows included.
@@ -217,10 +232,17 @@ class EquationsOfMotion {
     std::size_t p, q;  // turns
     SparseLdlt::Slot slot;
   };
+  /// A row of a general joint.
+  struct GeneralRow {
+    std::size_t row, link;
+    RowForm form;
+    double metres;  // of a unit of the row
+  };
   /// A place of an immovable body that a joint holds on to.
   struct FixedPoint {
     int body;
     Eigen::Vector3d anchor;
+    bool has_axes;
     BodyState start;  // of the body at `start_time_`
   };
   using Ends = std::vector<std::pair<std::size_t, std::size_t>>;
@@ -239,7 +261,10 @@ class EquationsOfMotion {
                  const std::vector<MassProperties>& masses);
   void add_rows(const Link& link, int count);
   void couple_rows();
-  std::size_t first_row(std::size_t ball) const { return first_ball_ + 3 * (ball - first_ball_); }
+  std::size_t first_row(std::size_t l) const {
+    return is_ball(l) ? first_ball_ + 3 * (l - first_ball_) : links_[l].first_row;
+  }
+  bool is_by_offset(std::size_t l) const { return l >= first_ball_ && l < first_spring_; }
   bool turns(std::size_t point) const { return point < turning_; }
 
   // ---- what happens in one evaluation, in this order
@@ -249,6 +274,7 @@ class EquationsOfMotion {
   void place_fixed_points(double t);
   void place_links();
   void place_arms();
+  void place_general();
   void find_matrix();
   void factor(double least);
   void set_velocities(const double* y);
@@ -289,6 +315,8 @@ class EquationsOfMotion {
   double self_stress_imbalance(std::size_t row);
   double redundant_self_stress() const;
   void set_redundant(const std::vector<char>& redundant);
+  double offset_of(std::size_t l, const JointCourse& course) const;
+  double closing_arm(std::size_t l) const;
   double opening() const;
   double closing_curvature() const;
   bool is_closing() const;
@@ -303,7 +331,12 @@ class EquationsOfMotion {
   bool choose_again(double t, const double* y);
   void verify_left_out(double least);
   void note_left_out();
-  double row_length(std::size_t row) const { return row < first_ball_ ? length_[row].value : 1.0; }
+  JointMotion motion_of(const GeneralRow& row) const;
+  double row_length(std::size_t row) const {
+    if (row < first_ball_) return length_[row].value;
+    const std::size_t first = rows_.size() - general_rows_.size();
+    return row < first ? 1.0 : 1.0 / general_rows_[row - first].metres;
+  }
   double largest_speed() const;
 
   // ---- the linear system
@@ -317,8 +350,9 @@ class EquationsOfMotion {
   // in a state, where x is at 0; even, so that no pair of numbers is of two kinds
   std::size_t v_at_ = 0, q_at_ = 0, L_at_ = 0, size_ = 0;
   std::vector<Link> links_;
-  std::size_t first_armed_ = 0, first_ball_ = 0, first_spring_ = 0;  // among links_
-  std::vector<Row> rows_;  // of rods one each, of ball joints three
+  std::size_t first_armed_ = 0, first_ball_ = 0, first_general_ = 0, first_spring_ = 0;  // links_
+  std::vector<Row> rows_;  // of rods one each, of ball joints three, then of general ones
+  std::vector<GeneralRow> general_rows_;
   std::vector<Turn> turns_;
   std::vector<Pull> pulls_;  // on one body after the other
   std::vector<std::size_t> pulls_end_;
@@ -351,6 +385,8 @@ class EquationsOfMotion {
   std::vector<Eigen::Vector3d> d_;                         // of ball joints and springs, as links
   std::vector<Eigen::Vector3d> arm_a_, arm_b_;             // of links
   std::vector<Course> length_;                             // of links
+  std::vector<JointVectors> vectors_;                      // of general joints
+  std::vector<Eigen::Matrix3d> fixed_axes_;                // of fixed points, where they have axes
   std::vector<Eigen::Vector3d> direction_;                 // of rows: d of rods, an axis of balls
   std::vector<double> value_, rate_;                       // of rows
   std::vector<double> rate_target_, acceleration_target_;  // of rows

@@ -45,10 +45,14 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
   for (std::size_t l = 0; l < equations.links().size(); ++l) {
     const EquationsOfMotion::Link& from = equations.links()[l];
     Link link;
-    link.kind = equations.is_rod(l)    ? Kind::kRod
-                : equations.is_ball(l) ? Kind::kBall
-                                       : Kind::kSpring;
-    link.rows = link.kind == Kind::kBall ? 3 : 1;
+    link.kind = equations.is_rod(l)       ? Kind::kRod
+                : equations.is_ball(l)    ? Kind::kBall
+                : equations.is_general(l) ? Kind::kGeneral
+                                          : Kind::kSpring;
+    link.rows = static_cast<int>(equations.rows_of(l));
+    link.joint = from.kind;
+    link.frames = {from.frame_a, from.frame_b};
+    link.radius = from.radius;
     const auto end = [&](std::size_t point, const Vector3d& anchor, double sign) {
       End e;
       e.point = point;
@@ -325,6 +329,11 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
       if (end.dofs == 6) compliance += shape.r0[e].squaredNorm() / inertia_[end.point].mean();
     }
     shape.scale = 1.0 / std::sqrt(compliance);
+    if (link.kind == Kind::kGeneral) {
+      place_axes(*equations, link, &shape.axes0);
+      begin_general(link, &shape);
+      scale_ = std::max(scale_, link.radius);
+    }
     if (link.kind == Kind::kRod) shape.scale /= shape.d0.norm();
     shape.is_left_out = shape.is_redundant = {};
   }
@@ -335,7 +344,8 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
     Shape& shape = shapes_[l];
-    if (link.kind == Kind::kBall) {
+    if (link.kind == Kind::kGeneral) place_axes(*equations, link, &shape.axes1);
+    if (link.kind == Kind::kBall || link.kind == Kind::kGeneral) {
       shape.offset = equations->offset(l);
       continue;
     }
@@ -382,8 +392,10 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
   }
   for (std::size_t l = 0; l < links_.size(); ++l) {
     for (int k = 0; k < links_[l].rows; ++k) {
-      left_[at(links_[l].unknown + k)] = shapes_[l].scale;
-      right_[at(links_[l].unknown + k)] = shapes_[l].scale / s_;
+      const double scale =
+          links_[l].kind == Kind::kGeneral ? shapes_[l].row_scale[k] : shapes_[l].scale;
+      left_[at(links_[l].unknown + k)] = scale;
+      right_[at(links_[l].unknown + k)] = scale / s_;
     }
   }
   return true;
@@ -410,6 +422,8 @@ void ImplicitStep::evaluate(const Unknowns& unknowns) {
   for (std::size_t l = 0; l < links_.size(); ++l) {
     if (links_[l].is_between_points)
       evaluate_rod(links_[l], &shapes_[l], unknowns);
+    else if (links_[l].kind == Kind::kGeneral)
+      evaluate_general(links_[l], &shapes_[l], unknowns);
     else
       evaluate_link(links_[l], &shapes_[l], unknowns);
   }
@@ -496,9 +510,11 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
     case Kind::kBall:
       for (int k = 0; k < 3; ++k)
         shape->force[k] = shape->is_left_out[at(k)] ? 0.0 : unknowns[at(link.unknown + k)];
-      value = d1 - shape->offset + compliance * shape->force;
+      value = d1 - shape->offset.head<3>() + compliance * shape->force;
       for (int k = 0; k < 3; ++k) note_row(*shape, at(k), std::abs(value[k]));
       break;
+    case Kind::kGeneral:
+      break;  // evaluate_general()
     case Kind::kSpring: {
       const double s1 = d1.norm();
       const double s = (1.0 - share_) * shape->d0.norm() + share_ * s1;
@@ -610,6 +626,212 @@ void ImplicitStep::evaluate_rod(const Link& link, Shape* shape, const Unknowns& 
   residual_[at(link.unknown)] = is_in ? value : 0.0;
 }
 
+// ---- joints with the rows of their kind
+
+// of both ends, where the bodies are at the start of the step and fixed points are now
+void ImplicitStep::place_axes(const EquationsOfMotion& equations, const Link& link,
+                              std::array<Matrix3d, 2>* axes) const {
+  if (!info(link.joint).has_frames) return;
+  for (std::size_t e = 0; e < 2; ++e) {
+    const End& end = link.ends[e];
+    (*axes)[e] = link.frames[e];
+    if (end.dofs == 6) (*axes)[e] = turn_[end.point].R0 * link.frames[e];
+    if (end.dofs == 0) (*axes)[e] = equations.fixed_axes(end.point) * link.frames[e];
+  }
+}
+
+// what each row is scaled by: 1/√(J M⁻¹ Jᵀ), with the mean of the inertias
+void ImplicitStep::begin_general(const Link& link, Shape* shape) const {
+  JointVectors vectors;
+  vectors.r_A = shape->r0[0];
+  vectors.r_B = shape->r0[1];
+  vectors.d = shape->d0;
+  vectors.axes_A = shape->axes0[0];
+  vectors.axes_B = shape->axes0[1];
+  for (int k = 0; k < link.rows; ++k) {
+    const Jacobian J = jacobian(info(link.joint).row[at(k)], vectors);
+    double sum = 0.0;
+    for (std::size_t e = 0; e < 2; ++e) {
+      const End& end = link.ends[e];
+      if (end.dofs == 0) continue;
+      sum += J.j3.squaredNorm() / mass_[end.point];
+      if (end.dofs == 6) sum += (e == 0 ? J.j2 : J.j4).squaredNorm() / inertia_[end.point].mean();
+    }
+    shape->row_scale[k] = sum > 0.0 ? 1.0 / std::sqrt(sum) : 1.0;
+  }
+}
+
+namespace {
+
+/// The derivatives of a joint's vectors by the displacement of one of its ends.
+struct VectorSlopes {
+  using Slope = Eigen::Matrix<double, 3, 6>;
+  Slope arm = Slope::Zero(), d = Slope::Zero();
+  std::array<Slope, 3> axes{Slope::Zero(), Slope::Zero(), Slope::Zero()};
+
+  Slope of(VectorRef u, std::size_t end) const {
+    if (u.kind == VectorKind::kSeparation) return d;
+    if (u.kind == (end == 0 ? VectorKind::kAxisA : VectorKind::kAxisB)) return axes[u.axis];
+    return Slope::Zero();
+  }
+};
+
+/// The same of J: of the force on B, and of the torques on A and B.
+struct JacobianSlopes {
+  using Slope = VectorSlopes::Slope;
+  Slope force = Slope::Zero(), torque_A = Slope::Zero(), torque_B = Slope::Zero();
+
+  // adds those of Uᵀf, where f is the other vector of the row
+  void add(VectorRef u, VectorRef other, const JointVectors& v, const VectorSlopes& slopes,
+           std::size_t end) {
+    const Vector3d f = v[other];
+    const Slope df = slopes.of(other, end);
+    switch (u.kind) {
+      case VectorKind::kSeparation:
+        force += df;
+        torque_A -= cross_matrix(v.r_A) * df;
+        torque_B += cross_matrix(v.r_B) * df;
+        (end == 0 ? torque_A : torque_B) += (end == 0 ? 1.0 : -1.0) * cross_matrix(f) * slopes.arm;
+        break;
+      case VectorKind::kAxisA:
+        torque_A += cross_matrix(v[u]) * df - cross_matrix(f) * slopes.of(u, end);
+        break;
+      case VectorKind::kAxisB:
+        torque_B += cross_matrix(v[u]) * df - cross_matrix(f) * slopes.of(u, end);
+        break;
+      case VectorKind::kWorldAxis:
+        break;
+    }
+  }
+};
+
+}  // namespace
+
+// As evaluate_link(). Forces and torques are λ times the Jacobian at the vectors of the time at
+// which forces are taken: for the midpoint rule at their means, the discrete gradient.
+void ImplicitStep::evaluate_general(const Link& link, Shape* shape, const Unknowns& unknowns) {
+  const JointKindInfo& kind = info(link.joint);
+  double* const values = lu_.values().data();
+  JointVectors end_vectors, at_force;
+  std::array<VectorSlopes, 2> slopes;  // of the vectors at the end of the step
+  Vector3d change = Vector3d::Zero();  // of d
+  for (std::size_t e = 0; e < 2; ++e) {
+    const End& end = link.ends[e];
+    Vector3d& arm = e == 0 ? end_vectors.r_A : end_vectors.r_B;
+    Matrix3d& axes = e == 0 ? end_vectors.axes_A : end_vectors.axes_B;
+    arm = shape->r0[e];
+    if (kind.has_frames) axes = shape->axes1[e];
+    if (end.dofs == 0) {
+      change += end.sign * shift_[end.point];
+      continue;
+    }
+    change += end.sign * ConstVector(unknowns.data() + end.unknown);
+    slopes[e].d.leftCols<3>() = end.sign * Matrix3d::Identity();
+    if (end.dofs < 6) continue;
+    const Turning& turn = turn_[end.point];
+    const ConstVector w(unknowns.data() + end.unknown + 3);
+    const auto advance = [&](const Vector3d& start, VectorSlopes::Slope* slope) -> Vector3d {
+      const Vector3d mean = turn.B * start;
+      slope->rightCols<3>() = -turn.B * cross_matrix(mean);
+      return start + w.cross(mean);
+    };
+    arm = advance(shape->r0[e], &slopes[e].arm);
+    change += end.sign * (arm - shape->r0[e]);
+    slopes[e].d.rightCols<3>() = end.sign * slopes[e].arm.rightCols<3>();
+    for (int k = 0; kind.has_frames && k < 3; ++k)
+      axes.col(k) = advance(shape->axes0[e].col(k), &slopes[e].axes[at(k)]);
+  }
+  end_vectors.d = shape->d0 + change;
+  at_force.r_A = shape->r0[0] + share_ * (end_vectors.r_A - shape->r0[0]);
+  at_force.r_B = shape->r0[1] + share_ * (end_vectors.r_B - shape->r0[1]);
+  at_force.d = shape->d0 + share_ * change;
+  if (kind.has_frames) {
+    at_force.axes_A = shape->axes0[0] + share_ * (end_vectors.axes_A - shape->axes0[0]);
+    at_force.axes_B = shape->axes0[1] + share_ * (end_vectors.axes_B - shape->axes0[1]);
+  }
+
+  // forces and torques, and their derivatives by the displacements of both ends
+  Vector3d force = Vector3d::Zero();
+  std::array<Vector3d, 2> torque{Vector3d::Zero(), Vector3d::Zero()};
+  std::array<JacobianSlopes, 2> total;
+  std::array<Jacobian, kMaxJointRows> J;
+  std::array<std::array<Eigen::Matrix<double, 1, 6>, 2>, kMaxJointRows> gradient;
+  RowVector value;
+  shape->swing = {};
+  for (int k = 0; k < link.rows; ++k) {
+    const RowForm row = kind.row[at(k)];
+    J[at(k)] = jacobian(row, at_force);
+    value[k] = engine::value(row, end_vectors) - shape->offset[k];
+    note_row(*shape, at(k), std::abs(value[k]) * (row.has_separation() ? 1.0 : link.radius));
+    const double lambda = shape->is_left_out[at(k)] ? 0.0 : unknowns[at(link.unknown + k)];
+    force += lambda * J[at(k)].j3;
+    torque[0] += lambda * J[at(k)].j2;
+    torque[1] += lambda * J[at(k)].j4;
+    shape->swing[0] += (lambda * J[at(k)].j2).norm();
+    shape->swing[1] += (lambda * J[at(k)].j4).norm();
+    for (std::size_t f = 0; f < 2; ++f) {
+      if (link.ends[f].dofs == 0) continue;
+      JacobianSlopes slope;
+      slope.add(row.u, row.v, at_force, slopes[f], f);
+      slope.add(row.v, row.u, at_force, slopes[f], f);
+      total[f].force += lambda * slope.force;
+      total[f].torque_A += lambda * slope.torque_A;
+      total[f].torque_B += lambda * slope.torque_B;
+      gradient[at(k)][f] = end_vectors[row.v].transpose() * slopes[f].of(row.u, f) +
+                           end_vectors[row.u].transpose() * slopes[f].of(row.v, f);
+    }
+  }
+  shape->force = force;
+  shape->d = at_force.d;
+
+  std::array<Matrix3d, 2> C;
+  for (std::size_t e = 0; e < 2; ++e) {
+    const End& end = link.ends[e];
+    if (end.dofs == 0) continue;
+    Vector(residual_.data() + end.unknown) -= s_ * end.sign * force;
+    if (end.dofs < 6) continue;
+    C[e] = turn_[end.point].C;
+    Vector(residual_.data() + end.unknown + 3) -= s_ * (C[e] * torque[e]);
+    turn_[end.point].torque += torque[e];
+  }
+
+  std::size_t slot = link.slot;
+  for (std::size_t e = 0; e < 2; ++e) {
+    const End& row = link.ends[e];
+    const double* const left = left_.data() + std::max(row.unknown, 0);
+    for (std::size_t f = 0; f < 2; ++f) {
+      const End& column = link.ends[f];
+      if (row.dofs == 0 || column.dofs == 0) continue;
+      Eigen::Matrix<double, 6, 6> K;
+      K.topRows<3>() = (-s_ * share_ * row.sign) * total[f].force;
+      if (row.dofs == 6)
+        K.bottomRows<3>() =
+            (-s_ * share_) * C[e] * (e == 0 ? total[f].torque_A : total[f].torque_B);
+      const double* const right = right_.data() + column.unknown;
+      for (int i = 0; i < row.dofs; ++i)
+        for (int j = 0; j < column.dofs; ++j)
+          values[slots_[slot++]] += left[i] * K(i, j) * right[j];
+    }
+    std::array<Eigen::Matrix<double, 6, 1>, kMaxJointRows> columns;
+    for (int k = 0; k < link.rows && row.dofs > 0; ++k) {
+      columns[at(k)].head<3>() = -row.sign * J[at(k)].j3;
+      if (row.dofs == 6) columns[at(k)].tail<3>() = -(C[e] * (e == 0 ? J[at(k)].j2 : J[at(k)].j4));
+    }
+    for (int i = 0; i < row.dofs; ++i) {
+      for (int k = 0; k < link.rows; ++k) {
+        const double scale = shape->is_left_out[at(k)] ? 0.0 : shape->row_scale[k];
+        values[slots_[slot++]] += left[i] * columns[at(k)][i] * scale;
+        values[slots_[slot++]] += scale * gradient[at(k)][e][i] * right_[at(row.unknown + i)];
+      }
+    }
+  }
+  for (int k = 0; k < link.rows; ++k) {
+    const bool is_in = !shape->is_left_out[at(k)];
+    values[slots_[slot++]] += is_in ? 0.0 : 1.0;
+    residual_[at(link.unknown + k)] = is_in ? value[k] : 0.0;
+  }
+}
+
 std::pair<double, double> ImplicitStep::largest_spin(double most_frequency) const {
   double spin = 0.0, speed = 0.0;
   for (std::size_t i = 0; i < turning_; ++i) {
@@ -644,16 +866,27 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
     const double length = std::sqrt(2.0 * std::max(shape.target, 0.0));
     const double lambda = shape.is_left_out[0] ? 0.0 : unknowns[at(link.unknown)];
     double stiffness = 0.0;  // across the link
+    RowVector impulse = RowVector::Zero();
     switch (link.kind) {
       case Kind::kRod:
-        equations->add_impulse(l, {h_ * lambda * length, 0.0, 0.0});
+        equations->add_impulse(l, h_ * lambda * length * RowVector::Unit(0));
         stiffness = std::abs(lambda);
         break;
       case Kind::kBall:
-        equations->add_impulse(l, h_ * shape.force);
+        impulse.head<3>() = h_ * shape.force;
+        equations->add_impulse(l, impulse);
         break;
+      case Kind::kGeneral:
+        for (int k = 0; k < link.rows; ++k)
+          if (!shape.is_left_out[at(k)]) impulse[k] = h_ * unknowns[at(link.unknown + k)];
+        equations->add_impulse(l, impulse);
+        for (std::size_t e = 0; e < 2; ++e)
+          if (link.ends[e].dofs == 6)
+            squares_[link.ends[e].point] +=
+                shape.swing[e] / inertia_[link.ends[e].point].minCoeff();
+        continue;
       case Kind::kSpring:
-        equations->add_impulse(l, {h_ * lambda, 0.0, 0.0});
+        equations->add_impulse(l, h_ * lambda * RowVector::Unit(0));
         stiffness = std::abs(lambda) / std::max(shape.d.norm(), 1e-9 * scale_);
         break;
     }

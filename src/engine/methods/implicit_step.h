@@ -103,7 +103,7 @@ class ImplicitStep {
   double scale() const { return scale_; }
 
  private:
-  enum class Kind { kRod, kBall, kSpring };
+  enum class Kind { kRod, kBall, kGeneral, kSpring };
   /// An end of a link that moves: its body and that one's first unknown.
   struct End {
     std::size_t point = 0;
@@ -120,6 +120,9 @@ class ImplicitStep {
     int rows = 1;
     std::size_t slot = 0;  // first of its slots
     bool is_between_points = false;
+    JointKind joint = JointKind::kDistance;
+    std::array<Eigen::Matrix3d, 2> frames;  // of a general one, in its bodies
+    double radius = 0.0;                    // of a general one [m]
   };
   /// What it is in a step.
   struct Shape {
@@ -127,10 +130,13 @@ class ImplicitStep {
     std::array<Eigen::Vector3d, 2> r0;  // arms of both ends
     double target = 0.0;      // ½ℓ² of a rod; of a spring what its law has of before [m]
     double compliance = 0.0;  // ε, of a spring [m/N]
-    Eigen::Vector3d offset;   // of a ball joint
+    RowVector offset;         // of a ball joint or a general one
     double scale = 1.0;       // of its equations
-    double before = 0.0;      // ‖d‖ of a spring a step ago [m]
-    std::array<bool, 3> is_left_out{}, is_redundant{};  // rows that have no force
+    RowVector row_scale;      // the same, of a general one by row
+    std::array<Eigen::Matrix3d, 2> axes0, axes1;  // of a general one: at the ends of the step
+    std::array<double, 2> swing{};  // of a general one: Σ‖torque‖ at each end [N m]
+    double before = 0.0;            // ‖d‖ of a spring a step ago [m]
+    std::array<bool, kMaxJointRows> is_left_out{}, is_redundant{};  // rows that have no force
     // at the last evaluate()
     Eigen::Vector3d d, force;
   };
@@ -151,6 +157,10 @@ class ImplicitStep {
   void evaluate_bodies(const Unknowns& unknowns);
   void evaluate_link(const Link& link, Shape* shape, const Unknowns& unknowns);
   void evaluate_rod(const Link& link, Shape* shape, const Unknowns& unknowns);
+  void place_axes(const EquationsOfMotion& equations, const Link& link,
+                  std::array<Eigen::Matrix3d, 2>* axes) const;
+  void begin_general(const Link& link, Shape* shape) const;
+  void evaluate_general(const Link& link, Shape* shape, const Unknowns& unknowns);
   void note_row(const Shape& shape, std::size_t k, double error) {
     double& worst = shape.is_left_out[k] ? worst_momentary_row_ : worst_row_;
     if (!(error <= worst) && !shape.is_redundant[k]) worst = error;  // a NaN stays

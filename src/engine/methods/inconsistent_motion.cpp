@@ -89,6 +89,7 @@ InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
   for (Configuration* c : {&start_, &end_, &met_}) {
     c->position.assign(points_, Vector3d::Zero());
     c->orientation.assign(turning_, Quaterniond::Identity());
+    c->fixed_axes.assign(points_ - bodies_, Matrix3d::Identity());
   }
   for (BodyVectors* u :
        {&velocity_, &velocity_before_, &displacement_, &change_, &drive_, &target_.fixed}) {
@@ -129,19 +130,21 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
   for (std::size_t p = bodies_; p < points_; ++p) {
     configuration->position[p] = equations->position(p);
     target_.fixed.linear[p] = equations->velocity(p);
+    configuration->fixed_axes[p - bodies_] = equations->fixed_axes(p);
   }
   for (std::size_t l = 0; l < equations->links().size(); ++l) {
     const std::size_t i = rows_.first_row(l);
-    if (!equations->is_ball(l)) {
+    if (!equations->is_ball(l) && !equations->is_general(l)) {
       target_.length[i] = equations->length(l).value;
       target_.rate[i] = equations->length(l).rate;
       continue;
     }
-    const Vector3d offset = equations->offset(l);
-    const Vector3d rate = equations->offset_rate(l);
-    for (std::size_t k = 0; k < 3; ++k) {
-      target_.length[i + k] = offset[static_cast<Eigen::Index>(k)];
-      target_.rate[i + k] = rate[static_cast<Eigen::Index>(k)];
+    const RowVector offset = equations->offset(l);
+    const RowVector rate = equations->offset_rate(l);
+    for (std::size_t k = 0; k < equations->rows_of(l); ++k) {
+      const double metres = rows_.rows()[i + k].metres;
+      target_.length[i + k] = metres * offset[static_cast<Eigen::Index>(k)];
+      target_.rate[i + k] = metres * rate[static_cast<Eigen::Index>(k)];
     }
   }
   scale_ = largest(target_.length);
@@ -186,8 +189,7 @@ Progress InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* 
   if (!progress.done) return progress;
   for (std::size_t i = 0; i < impulses_.size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
-    const Vector3d along = row.axis < 0 ? Vector3d::UnitX() : Vector3d(Vector3d::Unit(row.axis));
-    equations->add_impulse(row.joint, impulses_[i] * along);
+    equations->add_impulse(row.joint, row.metres * impulses_[i] * RowVector::Unit(row.index));
   }
   store(states);
   return progress;
@@ -198,7 +200,7 @@ int InconsistentMotion::number_of_parts(double h) const {
   double rate = 0.0;
   for (const Vector3d& w : velocity_.angular) rate = std::max(rate, w.norm());
   for (const RegularizedRows::Row& row : rows_.rows()) {
-    if (row.axis >= 0 || row.is_spring) continue;
+    if (row.axis >= 0 || row.is_spring || row.is_general) continue;
     const EquationsOfMotion::Link& joint = equations_->links()[row.joint];
     const RegularizedRows::JointGeometry& g = at_end_[row.joint];
     Vector3d d_dot = velocity_.linear[joint.b] - velocity_.linear[joint.a] +
@@ -484,6 +486,9 @@ double InconsistentMotion::errors(const Rows& geometry, Numbers* values) const {
     (*values)[i] = row.axis < 0 ? d.norm() - target_.length[i] : d[row.axis] * share_off(i, d);
     if (row.axis >= 0 && !rows_.is_between_bodies(row.joint))
       (*values)[i] = d[row.axis] - target_.length[i];
+    if (row.is_general)
+      (*values)[i] =
+          row.metres * value(row.form, geometry[row.joint].vectors()) - target_.length[i];
     if (row.is_spring) (*values)[i] = 0.0;
     sum += (*values)[i] * (*values)[i] / weights_[i];
   }

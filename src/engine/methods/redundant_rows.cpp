@@ -154,6 +154,9 @@ double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
   double force = 0.0, torque = 0.0;  // largest ones of a row
   for (std::size_t i = 0; i < rows_.size(); ++i)
     force = std::max(force, std::abs(stress_[rows_[i].unknown]) * direction_[i].norm());
+  for (const GeneralRow& row : general_rows_)  // of a row between axes its torque over an arm
+    if (!row.form.has_separation())
+      force = std::max(force, std::abs(stress_[rows_[row.row].unknown]) / row.metres);
   for (std::size_t p = 0; p < turns_.size(); ++p) {
     const Turn& turn = turns_[p];
     const double arm = radius_of_gyration_[turn.body] * direction_[turn.row].norm();
@@ -189,13 +192,28 @@ void EquationsOfMotion::set_redundant(const std::vector<char>& redundant) {
 
 // ---- the watch
 
+// What a joint was open by when it began to be closed [m].
+double EquationsOfMotion::offset_of(std::size_t l, const JointCourse& course) const {
+  RowVector offset = course.offset();
+  if (is_general(l))
+    for (std::size_t k = 0; k < rows_of(l); ++k)
+      offset[static_cast<Eigen::Index>(k)] /= row_length(first_row(l) + k);
+  return offset.norm();
+}
+
+// What turns such an opening into an angle [m].
+double EquationsOfMotion::closing_arm(std::size_t l) const {
+  if (is_rod(l)) return length_[l].value;
+  return std::max({arm_a_[l].norm(), arm_b_[l].norm(), links_[l].radius});
+}
+
 // Largest opening of a joint that is being closed, as an angle [rad].
 double EquationsOfMotion::opening() const {
   double angle = 0.0;
   for (const auto& [l, course] : courses_) {
     if (!course.is_closing()) continue;
-    const double open = std::abs(course.share_to_close(time_).value) * course.offset().norm();
-    const double arm = is_rod(l) ? length_[l].value : std::max(arm_a_[l].norm(), arm_b_[l].norm());
+    const double open = std::abs(course.share_to_close(time_).value) * offset_of(l, course);
+    const double arm = closing_arm(l);
     if (arm > 0.0) angle = std::max(angle, open / arm);
   }
   return angle;
@@ -207,8 +225,8 @@ double EquationsOfMotion::closing_curvature() const {
   double largest = 0.0;
   for (const auto& [l, course] : courses_) {
     if (!course.is_closing()) continue;
-    const double arm = is_rod(l) ? length_[l].value : std::max(arm_a_[l].norm(), arm_b_[l].norm());
-    const double open = course.offset().norm();
+    const double arm = closing_arm(l);
+    const double open = offset_of(l, course);
     if (arm > 0.0) largest = std::max(largest, std::min(kOpenShare * open * open / arm, open));
   }
   return largest;

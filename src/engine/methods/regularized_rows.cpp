@@ -27,15 +27,21 @@ RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     first_row_.push_back(rows_.size());
     const bool is_ball = equations.is_ball(l);
-    for (int k = 0; k < (is_ball ? 3 : 1); ++k) {
+    for (int k = 0; k < static_cast<int>(equations.rows_of(l)); ++k) {
       for (std::size_t e = 0; e < 2; ++e) {
         const std::size_t point = end_of(joints_[l], e);
         if (point < bodies_) ends_on[point].emplace_back(rows_.size(), e);
       }
       Row row;
       row.joint = l;
+      row.index = k;
       row.axis = is_ball ? k : -1;
-      row.is_spring = !is_ball && !equations.is_rod(l);
+      row.is_general = equations.is_general(l);
+      row.is_spring = !is_ball && !row.is_general && !equations.is_rod(l);
+      if (row.is_general) {
+        row.form = info(joints_[l].kind).row[static_cast<std::size_t>(k)];
+        if (!row.form.has_separation()) row.metres = joints_[l].radius;
+      }
       row.angular.fill(Vector3d::Zero());
       row.response = row.angular;
       if (is_ball) row.direction = Vector3d::Unit(k);
@@ -74,6 +80,15 @@ void RegularizedRows::measure(const Configuration& configuration, Geometry* geom
       g.arm[e] = configuration.orientation[point] * (e == 0 ? joint.anchor_a : joint.anchor_b);
       g.d += kSign[e] * g.arm[e];
     }
+    if (info(joint.kind).has_frames) {
+      for (std::size_t e = 0; e < 2; ++e) {
+        const std::size_t point = end_of(joint, e);
+        g.axes[e] = e == 0 ? joint.frame_a : joint.frame_b;
+        if (point < turning_)
+          g.axes[e] = configuration.orientation[point].toRotationMatrix() * g.axes[e];
+        if (point >= bodies_) g.axes[e] = configuration.fixed_axes[point - bodies_] * g.axes[e];
+      }
+    }
     if (rows_[first_row_[l]].axis < 0 || !is_between_bodies(l)) continue;
     g.arm[0] += 0.5 * g.d;
     g.arm[1] -= 0.5 * g.d;
@@ -90,6 +105,10 @@ void RegularizedRows::linearize(const Geometry& a, const Geometry& b,
   for (Row& row : rows_) {
     const JointGeometry& g = a[row.joint];
     const JointGeometry& h = b[row.joint];
+    if (row.is_general) {
+      linearize(g.vectors(), h.vectors(), inverse_inertia, &row);
+      continue;
+    }
     if (row.axis < 0) {
       const double length = g.d.norm() + h.d.norm();
       row.direction = length > 0.0 ? Vector3d((g.d + h.d) / length) : Vector3d(Vector3d::UnitX());
@@ -100,6 +119,40 @@ void RegularizedRows::linearize(const Geometry& a, const Geometry& b,
       row.angular[e] = (0.5 * kSign[e] * (g.arm[e] + h.arm[e])).cross(row.direction);
       row.response[e] = inverse_inertia[point] * row.angular[e];
     }
+  }
+}
+
+JointVectors RegularizedRows::JointGeometry::vectors() const {
+  JointVectors vectors;
+  vectors.r_A = arm[0];
+  vectors.r_B = arm[1];
+  vectors.d = d;
+  vectors.axes_A = axes[0];
+  vectors.axes_B = axes[1];
+  return vectors;
+}
+
+// A row of a general joint. Rows along axes of the world have no moment where they are off: arms
+// meet halfway.
+void RegularizedRows::linearize(const JointVectors& a, const JointVectors& b,
+                                const std::vector<Matrix3d>& inverse_inertia, Row* row) const {
+  JointVectors mean;
+  mean.r_A = 0.5 * (a.r_A + b.r_A);
+  mean.r_B = 0.5 * (a.r_B + b.r_B);
+  mean.d = 0.5 * (a.d + b.d);
+  mean.axes_A = 0.5 * (a.axes_A + b.axes_A);
+  mean.axes_B = 0.5 * (a.axes_B + b.axes_B);
+  const bool is_along_world = row->form.v.kind == VectorKind::kWorldAxis;
+  if (is_along_world && is_between_bodies(row->joint)) {
+    mean.r_A += 0.5 * mean.d;
+    mean.r_B -= 0.5 * mean.d;
+  }
+  const Jacobian J = jacobian(row->form, mean);
+  row->direction = row->metres * J.j3;
+  row->angular = {row->metres * J.j2, row->metres * J.j4};
+  for (std::size_t e = 0; e < 2; ++e) {
+    const std::size_t point = end_of(joints_[row->joint], e);
+    if (point < turning_) row->response[e] = inverse_inertia[point] * row->angular[e];
   }
 }
 

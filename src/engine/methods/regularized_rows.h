@@ -16,6 +16,7 @@ namespace constraint_sim::engine {
 struct Configuration {
   std::vector<Eigen::Vector3d> position;
   std::vector<Eigen::Quaterniond> orientation;
+  std::vector<Eigen::Matrix3d> fixed_axes;  ///< of fixed points
 };
 
 /// A velocity, displacement or impulse of each body: linear of all, angular of those that turn.
@@ -32,8 +33,12 @@ class RegularizedRows {
 
   struct Row {
     std::size_t joint = 0;  ///< as EquationsOfMotion::joints()
+    int index = 0;          ///< among the rows of the joint
     int axis = -1;          ///< of a ball joint; -1: along the vector between the anchors
     bool is_spring = false;
+    bool is_general = false;  ///< as `form` has it, times `metres`
+    RowForm form;
+    double metres = 1.0;  ///< of a unit of the row
     SparseLdlt::Slot diagonal = 0;
     Eigen::Vector3d direction = Eigen::Vector3d::UnitX();
     std::array<Eigen::Vector3d, 2> angular, response;  ///< of ends A and B: J_ang, I⁻¹ J_angᵀ
@@ -47,6 +52,9 @@ class RegularizedRows {
   struct JointGeometry {
     Eigen::Vector3d d;
     std::array<Eigen::Vector3d, 2> arm;
+    std::array<Eigen::Matrix3d, 2> axes;  ///< of general joints
+
+    JointVectors vectors() const;
   };
   using Geometry = std::vector<JointGeometry>;
   void measure(const Configuration& configuration, Geometry* geometry) const;
@@ -83,6 +91,8 @@ class RegularizedRows {
     SparseLdlt::Slot slot;
   };
 
+  void linearize(const JointVectors& a, const JointVectors& b,
+                 const std::vector<Eigen::Matrix3d>& inverse_inertia, Row* row) const;
   double product(const Coupling& c) const;
 
   std::vector<EquationsOfMotion::Link> joints_;

@@ -1,0 +1,139 @@
+#include "engine/constraints/joint_kinds.h"
+
+#include <cmath>
+#include <initializer_list>
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+constexpr VectorRef d{VectorKind::kSeparation, 0};
+constexpr VectorRef xA{VectorKind::kAxisA, 0}, yA{VectorKind::kAxisA, 1}, zA{VectorKind::kAxisA, 2};
+constexpr VectorRef xB{VectorKind::kAxisB, 0}, yB{VectorKind::kAxisB, 1}, zB{VectorKind::kAxisB, 2};
+constexpr VectorRef xW{VectorKind::kWorldAxis, 0}, yW{VectorKind::kWorldAxis, 1},
+    zW{VectorKind::kWorldAxis, 2};
+constexpr Coordinate length{CoordinateKind::kLength, 0};
+constexpr Coordinate along_x{CoordinateKind::kTranslation, 0};
+constexpr Coordinate along_y{CoordinateKind::kTranslation, 1};
+constexpr Coordinate along_z{CoordinateKind::kTranslation, 2};
+constexpr Coordinate angle{CoordinateKind::kAngle, 2};
+constexpr Coordinate angle_1{CoordinateKind::kFirstOfUniversal, 2};
+constexpr Coordinate angle_2{CoordinateKind::kSecondOfUniversal, 2};
+
+constexpr bool is_axis(VectorRef u) {
+  return u.kind == VectorKind::kAxisA || u.kind == VectorKind::kAxisB;
+}
+
+constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> rows,
+                             Alignment alignment, std::initializer_list<Coordinate> coordinates) {
+  JointKindInfo made;
+  made.name = name;
+  made.alignment = alignment;
+  for (const RowForm& row : rows) {
+    made.row[static_cast<std::size_t>(made.rows++)] = row;
+    made.separation_rows += row.has_separation() ? 1 : 0;
+    made.has_frames = made.has_frames || is_axis(row.u) || is_axis(row.v);
+  }
+  if (made.row[0].is_square()) made.form = RowsForm::kDistance;
+  if (made.rows == 3 && made.separation_rows == 3 && !made.has_frames) made.form = RowsForm::kPoint;
+  for (const Coordinate& coordinate : coordinates)
+    made.coordinate[static_cast<std::size_t>(made.coordinates++)] = coordinate;
+  return made;
+}
+
+// In the order of JointKind. The lock x_A·y_B, y_A·z_B, z_A·x_B has eight roots, all of rank 3;
+// misalignment() says which one is meant.
+// clang-format off
+constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
+    kind("distance", {{d, d}}, Alignment::kFree, {length}),
+    kind("ball", {{d, xW}, {d, yW}, {d, zW}}, Alignment::kFree, {}),
+    kind("hinge", {{d, xW}, {d, yW}, {d, zW}, {zA, xB}, {zA, yB}}, Alignment::kParallelZ, {angle}),
+    kind("slider", {{xA, d}, {yA, d}, {xA, yB}, {yA, zB}, {zA, xB}}, Alignment::kSame, {along_z}),
+    kind("cylindrical", {{xA, d}, {yA, d}, {zA, xB}, {zA, yB}}, Alignment::kParallelZ, {along_z, angle}),
+    kind("planar", {{zA, d}, {zA, xB}, {zA, yB}}, Alignment::kParallelZ, {along_x, along_y, angle}),
+    kind("universal", {{d, xW}, {d, yW}, {d, zW}, {zA, zB}}, Alignment::kPerpendicularZ, {angle_1, angle_2}),
+    kind("weld", {{d, xW}, {d, yW}, {d, zW}, {xA, yB}, {yA, zB}, {zA, xB}}, Alignment::kSame, {}),
+    kind("point_on_line", {{xA, d}, {yA, d}}, Alignment::kFree, {along_z}),
+    kind("point_on_plane", {{zA, d}}, Alignment::kFree, {along_x, along_y}),
+}};
+// clang-format on
+
+// of a rotation by the angle θ in [0, π] about n
+Vector3d rotation_vector(const Vector3d& n, double sine, double cosine) {
+  const double angle_off = std::atan2(sine, cosine);
+  return sine > 0.0 ? Vector3d(angle_off / sine * n) : Vector3d(angle_off * Vector3d::UnitX());
+}
+
+}  // namespace
+
+const JointKindInfo& info(JointKind kind) { return kKinds[static_cast<std::size_t>(kind)]; }
+
+const char* name(JointKind kind) { return info(kind).name; }
+
+std::optional<JointKind> joint_kind_named(std::string_view text) {
+  for (const JointKind kind : joint_kinds())
+    if (text == name(kind)) return kind;
+  return std::nullopt;
+}
+
+std::string names_of_further_kinds() {
+  std::string names;
+  for (const JointKind kind : joint_kinds())
+    if (kind != JointKind::kDistance) names += std::string(", ") + name(kind);
+  return names;
+}
+
+bool has_frames(JointKind kind) { return info(kind).has_frames; }
+
+bool has_two_axes(JointKind kind) { return info(kind).alignment == Alignment::kPerpendicularZ; }
+
+const std::array<JointKind, kJointKindCount>& joint_kinds() {
+  static const std::array<JointKind, kJointKindCount> all = [] {
+    std::array<JointKind, kJointKindCount> list{};
+    for (std::size_t i = 0; i < list.size(); ++i) list[i] = static_cast<JointKind>(i);
+    return list;
+  }();
+  return all;
+}
+
+Eigen::Quaterniond frame_along(const Vector3d& axis) {
+  const Vector3d n = axis.normalized();
+  if (n.z() < 0.0)  // by the opposite one, turned over by half a turn about x
+    return frame_along(-n) * Eigen::Quaterniond(0.0, 1.0, 0.0, 0.0);
+  return Eigen::Quaterniond(1.0 + n.z(), -n.y(), n.x(), 0.0).normalized();
+}
+
+Eigen::Quaterniond home(Alignment alignment) {
+  if (alignment != Alignment::kPerpendicularZ) return Eigen::Quaterniond::Identity();
+  // x_B, y_B, z_B along z_A, −y_A, x_A: half a turn about x_A + z_A
+  return {0.0, std::sqrt(0.5), 0.0, std::sqrt(0.5)};
+}
+
+Vector3d misalignment(Alignment alignment, const JointVectors& vectors) {
+  const Vector3d z = Vector3d::UnitZ();
+  const Vector3d a = vectors.axes_B.transpose() * vectors.axes_A.col(2);  // z_A in frame B
+  switch (alignment) {
+    case Alignment::kFree:
+      break;
+    case Alignment::kSame: {
+      const Eigen::AngleAxisd turn(Matrix3d(vectors.axes_B.transpose() * vectors.axes_A));
+      return turn.angle() * turn.axis();
+    }
+    case Alignment::kParallelZ: {
+      const Vector3d n = z.cross(a);
+      return rotation_vector(n, n.norm(), a.z());
+    }
+    case Alignment::kPerpendicularZ: {
+      const Vector3d n = a.cross(z);
+      const double off = std::atan2(a.z(), n.norm());
+      const Vector3d axis = n.norm() > 0.0 ? Vector3d(n.normalized()) : Vector3d(Vector3d::UnitX());
+      // turning z_B by +off about a × z takes it away from a
+      return off * axis;
+    }
+  }
+  return Vector3d::Zero();
+}
+
+}  // namespace constraint_sim::engine

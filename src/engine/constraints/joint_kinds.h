@@ -1,0 +1,63 @@
+#pragma once
+
+#include <array>
+
+#include "engine/constraints/rows.h"
+
+namespace constraint_sim::engine {
+
+// The table of joint kinds. Whoever compiles, solves, draws, saves or tests a joint asks the table.
+
+/// What is free to change in a joint, about or along an axis of frame A.
+enum class CoordinateKind : std::uint8_t {
+  kNone,
+  kLength,             ///< ‖d‖ [m]
+  kTranslation,        ///< a·d [m], a an axis of frame A
+  kAngle,              ///< of B about z_A [rad]
+  kFirstOfUniversal,   ///< of the cross about z_A [rad]
+  kSecondOfUniversal,  ///< of B about z_B [rad]
+};
+
+struct Coordinate {
+  CoordinateKind kind = CoordinateKind::kNone;
+  std::uint8_t axis = 2;  ///< of a translation
+};
+
+/// What has to be so between the orientations of both frames.
+enum class Alignment : std::uint8_t {
+  kFree,           ///< nothing
+  kSame,           ///< all axes
+  kParallelZ,      ///< z_B along z_A
+  kPerpendicularZ  ///< z_B at a right angle to z_A
+};
+
+/// What rows there are, for methods that have a shorter way for some.
+enum class RowsForm : std::uint8_t {
+  kDistance,  ///< ½ d·d alone
+  kPoint,     ///< d along the three axes of the world
+  kGeneral,
+};
+
+struct JointKindInfo {
+  const char* name = "";  ///< as in scene files
+  int rows = 0;           ///< of the next, first those with d
+  std::array<RowForm, kMaxJointRows> row{};
+  int separation_rows = 0;  ///< so many of them have d
+  RowsForm form = RowsForm::kGeneral;
+  Alignment alignment = Alignment::kFree;
+  bool has_frames = false;  ///< whether any row has an axis of A or B
+  int coordinates = 0;
+  std::array<Coordinate, 3> coordinate{};
+};
+
+/// Of kDistance: one row ½(d·d − ℓ²), or what its settings make of it.
+const JointKindInfo& info(JointKind kind);
+
+/// Frame B where it has to be, as seen from frame A: the identity, but of kPerpendicularZ.
+Eigen::Quaterniond home(Alignment alignment);
+
+/// The rotation vector ϑ, in the joint's frame on B [rad], by which B has to turn to be aligned. It
+/// is right at any angle, where rows have several solutions.
+Eigen::Vector3d misalignment(Alignment alignment, const JointVectors& vectors);
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,56 @@
+#include "engine/constraints/vectors.h"
+
+#include "engine/constraints/anchor_pair.h"
+#include "engine/constraints/joint_kinds.h"
+
+namespace constraint_sim::engine {
+
+using Eigen::Vector3d;
+
+JointVectors::JointVectors(const Joint& joint, const BodyState& a, const BodyState& b) {
+  const AnchorPair anchors(joint, a, b);
+  r_A = anchors.r_A;
+  r_B = anchors.r_B;
+  d = anchors.d;
+  if (!info(joint.kind).has_frames) return;
+  axes_A = (a.orientation * joint.frame_a).toRotationMatrix();
+  axes_B =
+      (b.orientation * joint.frame_b.value_or(Eigen::Quaterniond::Identity())).toRotationMatrix();
+}
+
+JointMotion::JointMotion(const JointVectors& vectors, const BodyState& a, const BodyState& b)
+    : w_A(a.angular_velocity), w_B(b.angular_velocity) {
+  const Vector3d around_A = w_A.cross(vectors.r_A), around_B = w_B.cross(vectors.r_B);
+  d_dot = b.linear_velocity + around_B - a.linear_velocity - around_A;
+  d_bias = w_B.cross(around_B) - w_A.cross(around_A);
+}
+
+Vector3d JointMotion::rate(VectorRef u, const JointVectors& vectors) const {
+  switch (u.kind) {
+    case VectorKind::kSeparation:
+      return d_dot;
+    case VectorKind::kAxisA:
+      return w_A.cross(vectors[u]);
+    case VectorKind::kAxisB:
+      return w_B.cross(vectors[u]);
+    case VectorKind::kWorldAxis:
+      break;
+  }
+  return Vector3d::Zero();
+}
+
+Vector3d JointMotion::bias(VectorRef u, const JointVectors& vectors) const {
+  switch (u.kind) {
+    case VectorKind::kSeparation:
+      return d_bias;
+    case VectorKind::kAxisA:
+      return w_A.cross(w_A.cross(vectors[u]));
+    case VectorKind::kAxisB:
+      return w_B.cross(w_B.cross(vectors[u]));
+    case VectorKind::kWorldAxis:
+      break;
+  }
+  return Vector3d::Zero();
+}
+
+}  // namespace constraint_sim::engine

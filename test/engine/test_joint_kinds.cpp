@@ -1,0 +1,612 @@
+// All kinds of joints, by iteration over their table: rows against finite differences and their own
+// steps, motion in free space by each method, closed forms, redundant mechanisms, refusals.
+
+#include <Eigen/QR>
+#include <functional>
+
+#include "constraint_sim/engine/scene.h"
+#include "engine/constraints/joint_kinds.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+std::string refusal(const std::function<void()>& attempt) {
+  try {
+    attempt();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+constexpr int kTrials = 50;
+
+struct Pose {
+  BodyState a, b;
+};
+
+Joint random_joint(JointKind kind, Random* random) {
+  Joint joint;
+  joint.name = "joint";
+  joint.kind = kind;
+  joint.anchor_a = random->vector();
+  joint.anchor_b = random->vector();
+  joint.frame_a = random->orientation();
+  joint.frame_b = random->orientation();
+  return joint;
+}
+
+BodyState moved(BodyState body, const Vector3d& v, const Vector3d& w, double t) {
+  body.position += t * v;
+  if (w.norm() > 0.0)
+    body.orientation = Eigen::AngleAxisd(t * w.norm(), w.normalized()) * body.orientation;
+  return body;
+}
+
+double value_at(const Joint& joint, int row, const Pose& pose) {
+  return value(info(joint.kind).row[static_cast<std::size_t>(row)],
+               JointVectors(joint, pose.a, pose.b));
+}
+
+/// Of all rows of random joints of all kinds, at random poses that do not meet them.
+void for_each_row(
+    const std::function<void(const Joint&, int row, const Pose&, const std::string&)>& check) {
+  Random random;
+  for (const JointKind kind : joint_kinds()) {
+    for (int trial = 0; trial < kTrials; ++trial) {
+      const Joint joint = random_joint(kind, &random);
+      const Pose pose{random.state(), random.state()};
+      for (int k = 0; k < info(kind).rows; ++k)
+        check(joint, k, pose, std::string(name(kind)) + " row " + std::to_string(k));
+    }
+  }
+}
+
+// ---- rows
+
+// Differences of fourth order over 1e-3 leave 1e-12 of a fifth derivative of some ten, and rounding
+// of 1e-15 over the step.
+TEST(JointRows, JacobianIsTheGradient) {
+  constexpr double kStep = 1e-3, kTolerance = 2e-10;
+  for_each_row([&](const Joint& joint, int row, const Pose& pose, const std::string& which) {
+    const Jacobian J =
+        jacobian(info(joint.kind).row[static_cast<std::size_t>(row)], {joint, pose.a, pose.b});
+    const auto slope = [&](const Vector3d& v_A, const Vector3d& w_A, const Vector3d& v_B,
+                           const Vector3d& w_B) {
+      const auto C = [&](double t) {
+        return value_at(joint, row, {moved(pose.a, v_A, w_A, t), moved(pose.b, v_B, w_B, t)});
+      };
+      return (8.0 * (C(kStep) - C(-kStep)) - (C(2.0 * kStep) - C(-2.0 * kStep))) / (12.0 * kStep);
+    };
+    const Vector3d zero = Vector3d::Zero();
+    for (int i = 0; i < 3; ++i) {
+      const Vector3d e = Vector3d::Unit(i);
+      ASSERT_NEAR(J.j1[i], slope(e, zero, zero, zero), kTolerance) << which;
+      ASSERT_NEAR(J.j2[i], slope(zero, e, zero, zero), kTolerance) << which;
+      ASSERT_NEAR(J.j3[i], slope(zero, zero, e, zero), kTolerance) << which;
+      ASSERT_NEAR(J.j4[i], slope(zero, zero, zero, e), kTolerance) << which;
+    }
+  });
+}
+
+// While no body accelerates Ċ is the rate and C̈ is γ: differences of fourth order, over a step at
+// which 1e-16/h² and h⁴ of a sixth derivative of a thousand are alike.
+TEST(JointRows, RateAndGammaAreTheDerivativesByTime) {
+  constexpr double kStep = 2e-3, kTolerance = 5e-8;
+  for_each_row([&](const Joint& joint, int row, const Pose& pose, const std::string& which) {
+    const auto C = [&](double t) {
+      const auto at = [&](const BodyState& s) {
+        return moved(s, s.linear_velocity, s.angular_velocity, t);
+      };
+      return value_at(joint, row, {at(pose.a), at(pose.b)});
+    };
+    const double h = kStep;
+    const double first = (8.0 * (C(h) - C(-h)) - (C(2.0 * h) - C(-2.0 * h))) / (12.0 * h);
+    const double second =
+        (16.0 * (C(h) + C(-h)) - (C(2.0 * h) + C(-2.0 * h)) - 30.0 * C(0.0)) / (12.0 * h * h);
+    const RowForm form = info(joint.kind).row[static_cast<std::size_t>(row)];
+    const JointVectors vectors(joint, pose.a, pose.b);
+    const JointMotion motion(vectors, pose.a, pose.b);
+    ASSERT_NEAR(rate(form, vectors, motion), first, kTolerance) << which;
+    ASSERT_NEAR(gamma(form, vectors, motion), second, kTolerance) << which;
+    const Jacobian J = jacobian(form, vectors);
+    ASSERT_NEAR(J.times(pose.a.linear_velocity, pose.a.angular_velocity, pose.b.linear_velocity,
+                        pose.b.angular_velocity),
+                rate(form, vectors, motion), 1e-13)  // rounding of a dozen products
+        << which;
+  });
+}
+
+// Bodies turned by Cayley's map of w: with the means of the vectors J times the step is C₁ − C₀.
+TEST(JointRows, JacobianAtTheMeansIsTheDiscreteGradient) {
+  Random random;
+  for_each_row([&](const Joint& joint, int row, const Pose& pose, const std::string& which) {
+    Pose end = pose;
+    std::array<Vector3d, 4> step;  // of A and B: displacement, w
+    for (Vector3d& part : step) part = random.vector();
+    const auto turned = [](const Quaterniond& q, const Vector3d& w) {
+      const Quaterniond turn(1.0, 0.5 * w.x(), 0.5 * w.y(), 0.5 * w.z());
+      return (turn * q).normalized();
+    };
+    end.a.position += step[0];
+    end.a.orientation = turned(pose.a.orientation, step[1]);
+    end.b.position += step[2];
+    end.b.orientation = turned(pose.b.orientation, step[3]);
+    const JointVectors start(joint, pose.a, pose.b), stop(joint, end.a, end.b);
+    JointVectors mean;
+    mean.r_A = 0.5 * (start.r_A + stop.r_A);
+    mean.r_B = 0.5 * (start.r_B + stop.r_B);
+    mean.d = 0.5 * (start.d + stop.d);
+    mean.axes_A = 0.5 * (start.axes_A + stop.axes_A);
+    mean.axes_B = 0.5 * (start.axes_B + stop.axes_B);
+    const Jacobian J = jacobian(info(joint.kind).row[static_cast<std::size_t>(row)], mean);
+    ASSERT_NEAR(J.times(step[0], step[1], step[2], step[3]),
+                value_at(joint, row, end) - value_at(joint, row, pose), 1e-13)
+        << which;
+  });
+}
+
+/// B where the joint asks for it to be, a random place along what is free.
+Pose closed_pose(const Joint& joint, Random* random) {
+  const JointKindInfo& kind = info(joint.kind);
+  Pose pose{random->state(), random->state()};
+  const Quaterniond frame_A = pose.a.orientation * joint.frame_a;
+  Quaterniond frame_B = frame_A * home(kind.alignment);
+  Vector3d off = Vector3d::Zero();
+  for (int k = 0; k < kind.coordinates; ++k) {
+    const Coordinate& free = kind.coordinate[static_cast<std::size_t>(k)];
+    const double amount = (*random)();
+    if (free.kind == CoordinateKind::kTranslation)
+      off += frame_A * (amount * Vector3d::Unit(free.axis));
+    if (free.kind == CoordinateKind::kAngle || free.kind == CoordinateKind::kFirstOfUniversal)
+      frame_B =
+          frame_A * Eigen::AngleAxisd(amount, Vector3d::UnitZ()) * frame_A.conjugate() * frame_B;
+    if (free.kind == CoordinateKind::kSecondOfUniversal)
+      frame_B = frame_B * Eigen::AngleAxisd(amount, Vector3d::UnitZ());
+  }
+  if (kind.alignment == Alignment::kFree) frame_B = random->orientation();
+  pose.b.orientation = frame_B * joint.frame_b->conjugate();
+  if (joint.kind == JointKind::kDistance) off = random->vector();
+  pose.b.position = pose.a.position + pose.a.orientation * joint.anchor_a + off -
+                    pose.b.orientation * joint.anchor_b;
+  return pose;
+}
+
+// Rows are zero where only what is free has moved, and independent there: what they hold and what
+// they leave free are all six. Tried least singular values are above 0.3 for arms of a metre.
+TEST(JointRows, HoldAllThatIsNotFree) {
+  Random random;
+  for (const JointKind kind : joint_kinds()) {
+    if (kind == JointKind::kDistance) continue;
+    for (int trial = 0; trial < kTrials; ++trial) {
+      const Joint joint = random_joint(kind, &random);
+      const Pose pose = closed_pose(joint, &random);
+      const JointVectors vectors(joint, pose.a, pose.b);
+      Eigen::MatrixXd G(info(kind).rows, 12);
+      for (int k = 0; k < info(kind).rows; ++k) {
+        EXPECT_NEAR(value_at(joint, k, pose), 0.0, 1e-14) << name(kind) << " row " << k;
+        const Jacobian J = jacobian(info(kind).row[static_cast<std::size_t>(k)], vectors);
+        G.row(k) << J.j1.transpose(), J.j2.transpose(), J.j3.transpose(), J.j4.transpose();
+      }
+      Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(G);
+      qr.setThreshold(0.01);
+      EXPECT_EQ(qr.rank(), info(kind).rows) << name(kind);
+      EXPECT_LE(misalignment(info(kind).alignment, vectors).norm(), 1e-7) << name(kind);
+    }
+  }
+}
+
+// By which B has to turn, at any angle: turned by it, B is aligned.
+TEST(JointRows, MisalignmentIsTheWayHome) {
+  Random random;
+  for (const JointKind kind : joint_kinds()) {
+    if (info(kind).alignment == Alignment::kFree) continue;
+    for (int trial = 0; trial < kTrials; ++trial) {
+      const Joint joint = random_joint(kind, &random);
+      Pose pose{random.state(), random.state()};
+      const Vector3d way = misalignment(info(kind).alignment, JointVectors(joint, pose.a, pose.b));
+      const Quaterniond frame_B = pose.b.orientation * *joint.frame_b;
+      if (way.norm() > 0.0)
+        pose.b.orientation =
+            frame_B * Eigen::AngleAxisd(way.norm(), way.normalized()) * joint.frame_b->conjugate();
+      // the angle of a rotation by nearly nothing is found from a cosine
+      EXPECT_LE(misalignment(info(kind).alignment, JointVectors(joint, pose.a, pose.b)).norm(),
+                1e-7)
+          << name(kind) << " " << way.norm();
+    }
+  }
+}
+
+// ---- motion in free space
+
+/// Two boxes in a joint of this kind, in free space, that move as the joint lets them.
+World free_pair(JointKind kind, Method method, double h) {
+  Random random;
+  WorldOptions chosen = weightless(h);
+  chosen.method = method;
+  chosen.tolerance = 1e-10;
+  chosen.baumgarte = 0.2;
+  chosen.iterations = 50;
+  Joint joint = random_joint(kind, &random);
+  joint.anchor_a *= 0.4;
+  joint.anchor_b *= 0.4;
+  Pose pose = closed_pose(joint, &random);
+  // one rigid motion, and on top of it a small one that the start takes out where it is not free
+  pose.b.linear_velocity =
+      pose.a.linear_velocity + pose.a.angular_velocity.cross(pose.b.position - pose.a.position);
+  pose.b.angular_velocity = pose.a.angular_velocity + 0.5 * random.vector();
+  World world(chosen);
+  Body a = make_body("a", Box{{0.3, 0.5, 0.9}}, 2.0, Vector3d::Zero());
+  a.state = pose.a;
+  Body b = make_body("b", Box{{0.8, 0.2, 0.4}}, 3.0, Vector3d::Zero());
+  b.state = pose.b;
+  joint.body_a = world.add_body(a);
+  joint.body_b = world.add_body(b);
+  world.add_joint(joint);
+  return world;
+}
+
+class EachKind : public testing::TestWithParam<JointKind> {};
+
+TEST_P(EachKind, KeepsRowsEnergyAndMomentaInFreeSpace) {
+  for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
+    World world = free_pair(GetParam(), method, 0.01);
+    world.step();  // the start takes out what the joint does not let through
+    const double energy = world.energy();
+    const Vector3d p = momentum(world), L = angular_momentum(world);
+    for (int i = 0; i < 300; ++i) {
+      const StepReport& report = world.step();
+      ASSERT_FALSE(report.failed);
+      // four roundings of coordinates of some metres
+      ASSERT_LE(report.max_constraint_error, 4e-15 + 4.0 * kEpsilon * 10.0) << name(method);
+      ASSERT_EQ(report.changes, 0u);
+      ASSERT_EQ(report.dependent_rows, 0u);
+    }
+    // tolerance of 1e-10 m in 300 ticks at some m/s, and rounding
+    EXPECT_NEAR(world.energy(), energy, 2e-8 * energy) << name(method);
+    EXPECT_LE((momentum(world) - p).norm(), 1e-12 * p.norm()) << name(method);
+    EXPECT_LE((angular_momentum(world) - L).norm(), 1e-8 * L.norm()) << name(method);
+  }
+}
+
+// Order 8 against order 4, whose ticks of 1/1000 s leave 1e-9 m, and against the first order of
+// impulses, which halves with the tick.
+TEST_P(EachKind, MovesAlikeByEachMethod) {
+  const auto end = [&](Method method, double h) {
+    World world = free_pair(GetParam(), method, h);
+    const int steps = static_cast<int>(std::lround(0.5 / h));
+    for (int i = 0; i < steps; ++i) world.step();
+    std::vector<Vector3d> points;
+    for (const char* body : {"a", "b"}) {
+      const BodyState& state = world.state(world.find_body(body));
+      for (int k = 0; k < 3; ++k)
+        points.push_back(state.position + state.orientation * Vector3d::Unit(k));
+    }
+    return points;
+  };
+  const auto difference = [](const std::vector<Vector3d>& p, const std::vector<Vector3d>& q) {
+    double most = 0.0;
+    for (std::size_t i = 0; i < p.size(); ++i) most = std::max(most, (p[i] - q[i]).norm());
+    return most;
+  };
+  const auto exact = end(Method::kRungeKutta, 0.01);
+  EXPECT_LE(difference(end(Method::kEnergyMomentum, 0.001), exact), 1e-7);
+  const double coarse = difference(end(Method::kSequentialImpulses, 0.002), exact);
+  const double fine = difference(end(Method::kSequentialImpulses, 0.0005), exact);
+  EXPECT_LE(coarse, 0.02);
+  EXPECT_LE(fine, 0.4 * coarse + 1e-6);
+}
+
+TEST_P(EachKind, IsSavedAndLoadedAsItIs) {
+  for (const Method method : {Method::kRungeKutta, Method::kSequentialImpulses}) {
+    World world = free_pair(GetParam(), method, 0.01);
+    for (int i = 0; i < 20; ++i) world.step();
+    const std::string saved = save_scene(world);
+    World loaded = load_scene(saved, "saved");
+    EXPECT_EQ(save_scene(loaded), saved);
+    for (int i = 0; i < 20; ++i) {
+      world.step();
+      loaded.step();
+    }
+    for (const BodyId id : world.body_ids())
+      EXPECT_LE((world.state(id).position - loaded.state(id).position).norm(), 1e-8);
+    if (method == Method::kSequentialImpulses) {
+      EXPECT_EQ(world.state_hash(), loaded.state_hash());
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(JointKinds, EachKind, testing::ValuesIn(joint_kinds()),
+                         [](const auto& kind) { return std::string(name(kind.param)); });
+
+// ---- closed forms
+
+Joint between(JointKind kind, BodyId a, const Vector3d& anchor_a, BodyId b,
+              const Vector3d& anchor_b, const Vector3d& axis_a) {
+  Joint joint =
+      make_joint(std::string(name(kind)) + std::to_string(a.value) + "_" + std::to_string(b.value),
+                 a, anchor_a, b, anchor_b, kind);
+  joint.frame_a = frame_along(axis_a);
+  return joint;
+}
+
+WorldOptions smooth(Method method, double h) {
+  WorldOptions chosen = options(h);
+  chosen.method = method;
+  return chosen;
+}
+
+// Down an incline of which only z pulls: x = ½ g sin α t² exactly.
+TEST(Slider, FallsAlongItsAxisAsAParabola) {
+  for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
+    World world(smooth(method, 1.0 / 30.0));
+    const double slope = 0.3;
+    const Vector3d along(std::cos(slope), 0.0, -std::sin(slope));
+    Body cart = make_body("cart", Box{{0.3, 0.2, 0.1}}, 2.0, {0.4, 0.3, 0.2});
+    const BodyId id = world.add_body(cart);
+    world.add_joint(
+        between(JointKind::kSlider, kWorldBody, {0.4, 0.0, 0.2}, id, {0.0, -0.3, 0.0}, along));
+    for (int i = 0; i < 60; ++i) world.step();
+    const double t = world.time();
+    const Vector3d expected =
+        cart.state.position + 0.5 * kGravity * std::sin(slope) * t * t * along;
+    // of 6 m, in 60 ticks of rounding
+    EXPECT_LE((world.state(id).position - expected).norm(), 1e-12) << name(method);
+    EXPECT_LE(world.state(id).orientation.vec().norm(), 1e-14) << name(method);
+  }
+}
+
+// A bar on a hinge against θ̈ = −(m g l/I) sin θ, by Runge and Kutta's method of order 4 in steps of
+// 1e-5 s, off by less than 1e-14.
+TEST(Hinge, SwingsAsAPhysicalPendulum) {
+  const double m = 2.0, length = 1.0, l = 0.5;
+  const double I = m / 12.0 * (length * length + 0.01) + m * l * l;  // about y, box of 0.1 in z
+  double theta = 1.2, rate = 0.0;
+  const auto acceleration = [&](double angle) { return -m * kGravity * l / I * std::sin(angle); };
+  constexpr int kSteps = 100000;
+  const double h = 1.0 / kSteps;
+  for (int i = 0; i < kSteps; ++i) {
+    const double k1 = acceleration(theta), k2 = acceleration(theta + 0.5 * h * rate);
+    const double k3 = acceleration(theta + 0.5 * h * rate + 0.25 * h * h * k1);
+    const double k4 = acceleration(theta + h * rate + 0.5 * h * h * k2);
+    theta += h * rate + h * h / 6.0 * (k1 + k2 + k3);
+    rate += h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4);
+  }
+  for (const auto& [method, tick, tolerance] :
+       {std::tuple{Method::kRungeKutta, 1.0 / 30.0, 1e-7},
+        std::tuple{Method::kEnergyMomentum, 1.0 / 1000.0, 1e-8}}) {
+    World world(smooth(method, tick));
+    Body bar = make_body("bar", Box{{length, 0.3, 0.1}}, m, Vector3d::Zero());
+    const double start = 1.2;  // from hanging; x of the bar points down then
+    const Quaterniond q(Eigen::AngleAxisd(0.5 * kPi - start, Vector3d::UnitY()));
+    bar.state.orientation = q;
+    bar.state.position = q * Vector3d(l, 0.0, 0.0);
+    const BodyId id = world.add_body(bar);
+    world.add_joint(between(JointKind::kHinge, kWorldBody, Vector3d::Zero(), id, {-l, 0.0, 0.0},
+                            Vector3d::UnitY()));
+    const int steps = static_cast<int>(std::lround(1.0 / tick));
+    for (int i = 0; i < steps; ++i) world.step();
+    const Vector3d expected(l * std::sin(theta), 0.0, -l * std::cos(theta));
+    EXPECT_LE((world.state(id).position - expected).norm(), tolerance) << name(method);
+    EXPECT_LE(std::abs(world.state(id).angular_velocity.y() + rate), 10.0 * tolerance);
+  }
+}
+
+// Two boxes welded side by side turn as the one body that they are.
+TEST(Weld, MakesOneBodyOfTwo) {
+  const Vector3d size(0.3, 0.5, 0.2), spin(2.0, 0.3, -1.0);
+  const double m = 1.5;
+  const Vector3d each =
+      m / 12.0 *
+      Vector3d(size.y() * size.y() + size.z() * size.z(), size.z() * size.z() + size.x() * size.x(),
+               size.x() * size.x() + size.y() * size.y());
+  const double off = 0.5 * size.x();
+  const auto run = [&](World world) {
+    for (int i = 0; i < 60; ++i) world.step();
+    return world;
+  };
+  World single(smooth(Method::kRungeKutta, 1.0 / 30.0));
+  Body body = make_body("whole", Point{}, 2.0 * m, Vector3d::Zero());
+  body.inertia = 2.0 * (each + m * off * off * Vector3d(0.0, 1.0, 1.0));
+  body.state.angular_velocity = spin;
+  single.add_body(body);
+  const BodyState whole = run(single).state(single.find_body("whole"));
+  for (const auto& [method, tick, tolerance] :
+       {std::tuple{Method::kRungeKutta, 1.0 / 30.0, 3e-7},
+        std::tuple{Method::kEnergyMomentum, 1.0 / 30.0, 3e-6}}) {
+    World world(smooth(method, tick));
+    std::vector<BodyId> ids;
+    for (const double side : {-1.0, 1.0}) {
+      Body half = make_body(side < 0.0 ? "left" : "right", Box{size}, m, {side * off, 0.0, 0.0});
+      half.state.angular_velocity = spin;
+      half.state.linear_velocity = spin.cross(half.state.position);
+      half.no_collision = true;
+      ids.push_back(world.add_body(half));
+    }
+    world.add_joint(between(JointKind::kWeld, ids[0], {off, 0.0, 0.0}, ids[1], {-off, 0.0, 0.0},
+                            {0.3, -0.2, 0.5}));
+    world = run(world);
+    for (std::size_t k = 0; k < 2; ++k) {
+      const Vector3d there =
+          whole.position + whole.orientation * Vector3d(k == 0 ? -off : off, 0, 0);
+      EXPECT_LE((world.state(ids[k]).position - there).norm(), tolerance) << name(method);
+      EXPECT_LE(world.state(ids[k]).orientation.angularDistance(whole.orientation), tolerance)
+          << name(method);
+    }
+  }
+}
+
+// A shaft driven at ω₁ turns another, at an angle β to it, by a universal joint:
+// ω₂ = ω₁ cos β / (1 − sin²β sin²θ), θ = 0 where the first cross axis stands on both shafts.
+TEST(Universal, TurnsAShaftUnevenly) {
+  const double beta = 40.0 * kPi / 180.0, speed = 3.0;
+  World world(smooth(Method::kRungeKutta, 1.0 / 60.0));
+  Body first = make_body("first", Box{{0.4, 0.1, 0.1}}, 1.0, Vector3d::Zero());
+  first.type = BodyType::kKinematic;
+  first.state.angular_velocity = {speed, 0.0, 0.0};
+  const BodyId driving = world.add_body(first);
+  const Vector3d axis(std::cos(beta), std::sin(beta), 0.0);
+  Body second =
+      make_body("second", Box{{0.4, 0.1, 0.1}}, 1.0, Vector3d(0.2, 0.0, 0.0) + 0.2 * axis);
+  second.state.orientation = Eigen::AngleAxisd(beta, Vector3d::UnitZ());
+  const BodyId driven = world.add_body(second);
+  // the cross stands on the first shaft with z, and on the second with that one's y
+  Joint cross = between(JointKind::kUniversal, driving, {0.2, 0.0, 0.0}, driven, {-0.2, 0.0, 0.0},
+                        Vector3d::UnitZ());
+  EXPECT_NE(refusal([&] { world.add_joint(cross); }).find("axis_b: "), std::string::npos);
+  cross.axis_b = Vector3d::UnitY();
+  world.add_joint(cross);
+  // the second shaft turns about its line, in a bearing that leaves it free along it
+  world.add_joint(between(JointKind::kCylindrical, kWorldBody, second.state.position, driven,
+                          Vector3d::Zero(), axis));
+  for (int i = 0; i < 120; ++i) {
+    ASSERT_LE(world.step().max_constraint_error, 1e-12);
+    const double theta = speed * world.time();
+    const double sine = std::sin(beta) * std::sin(theta);
+    const double expected = speed * std::cos(beta) / (1.0 - sine * sine);
+    EXPECT_NEAR(world.state(driven).angular_velocity.dot(axis), expected, 1e-9) << theta;
+  }
+}
+
+// ---- redundant mechanisms
+
+void expect_kept(World world, double seconds, std::uint32_t dependent, double energy_tolerance) {
+  world.step();
+  const double energy = world.energy();
+  double largest = 0.0;
+  const int steps = static_cast<int>(std::lround(seconds / world.options().time_step));
+  for (int i = 0; i < steps; ++i) {
+    const StepReport& report = world.step();
+    ASSERT_FALSE(report.failed);
+    ASSERT_EQ(report.dependent_rows, dependent) << i;
+    ASSERT_EQ(report.changes, 0u) << i;
+    largest = std::max(largest, report.max_constraint_error);
+  }
+  EXPECT_LE(largest, 1e-12);
+  EXPECT_NEAR(world.energy(), energy, energy_tolerance);
+}
+
+/// Three bars and the ground on four parallel hinges: planar, so three rows are redundant.
+World four_bar(Method method, double h) {
+  World world(smooth(method, h));
+  const std::vector<Vector3d> pins{{0, 0, 0}, {0.3, 0, 1.0}, {1.8, 0, 1.3}, {2.0, 0, 0}};
+  std::vector<BodyId> bars;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Vector3d along = pins[k + 1] - pins[k];
+    Body bar = make_body("bar" + std::to_string(k), Box{{along.norm(), 0.1, 0.1}},
+                         1.0 + 0.2 * static_cast<double>(k), 0.5 * (pins[k] + pins[k + 1]));
+    bar.state.orientation = Quaterniond::FromTwoVectors(Vector3d::UnitX(), along);
+    bar.no_collision = true;
+    bars.push_back(world.add_body(bar));
+  }
+  const auto in_body = [&](std::size_t k, const Vector3d& p) -> Vector3d {
+    const BodyState& state = world.state(bars[k]);
+    return state.orientation.conjugate() * (p - state.position);
+  };
+  const auto axis_in = [&](std::size_t k) -> Vector3d {
+    return world.state(bars[k]).orientation.conjugate() * Vector3d::UnitY();
+  };
+  world.add_joint(between(JointKind::kHinge, kWorldBody, pins[0], bars[0], in_body(0, pins[0]),
+                          Vector3d::UnitY()));
+  for (std::size_t k = 0; k < 2; ++k)
+    world.add_joint(between(JointKind::kHinge, bars[k], in_body(k, pins[k + 1]), bars[k + 1],
+                            in_body(k + 1, pins[k + 1]), axis_in(k)));
+  world.add_joint(between(JointKind::kHinge, kWorldBody, pins[3], bars[2], in_body(2, pins[3]),
+                          Vector3d::UnitY()));
+  return world;
+}
+
+// Ten ticks of tolerance of 1e-8 m at 10 N are 1e-6 J.
+TEST(Redundant, AFourBarOfHingesKeepsJointsAndEnergy) {
+  expect_kept(four_bar(Method::kRungeKutta, 1.0 / 60.0), 3.0, 3, 1e-6);
+  expect_kept(four_bar(Method::kEnergyMomentum, 1.0 / 60.0), 3.0, 3, 1e-9);
+  expect_kept(four_bar(Method::kAuto, 1.0 / 1000.0), 1.0, 3, 1e-6);
+}
+
+// A door on two hinges: the second one has nothing to add.
+TEST(Redundant, ADoorOnTwoHingesHasFiveRowsTooMany) {
+  for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
+    World world(smooth(method, 0.01));
+    Body door = make_body("door", Box{{1.0, 0.05, 2.0}}, 10.0, {0.5, 0.0, 0.0});
+    door.state.angular_velocity = {0.0, 0.0, 2.0};
+    door.state.linear_velocity = {0.0, 1.0, 0.0};
+    const BodyId id = world.add_body(door);
+    for (const double z : {-0.8, 0.8}) {
+      Joint hinge = between(JointKind::kHinge, kWorldBody, {0.0, 0.0, z}, id, {-0.5, 0.0, z},
+                            Vector3d::UnitZ());
+      hinge.name += z < 0.0 ? "_low" : "_high";
+      world.add_joint(hinge);
+    }
+    expect_kept(world, 3.0, 5, 1e-10 * 100.0);
+  }
+}
+
+// ---- refusals
+
+TEST(JointFrames, OffByMoreThanAMicroradianAreRefusedInWords) {
+  World world(smooth(Method::kAuto, 0.01));
+  const BodyId id = world.add_body(make_body("arm", Box{{1.0, 0.1, 0.1}}, 1.0, {0.5, 0.0, 0.0}));
+  Joint hinge = between(JointKind::kHinge, kWorldBody, Vector3d::Zero(), id, {-0.5, 0.0, 0.0},
+                        Vector3d::UnitY());
+  hinge.axis_b = Vector3d(0.0, 1.0, 0.1);
+  EXPECT_EQ(refusal([&] { world.add_joint(hinge); }),
+            "frame_b: the axes of the hinge '" + hinge.name +
+                "' are 5.71 degrees off, and joints are not closed in orientation yet");
+  EXPECT_TRUE(world.joint_ids().empty());
+  hinge.axis_b = Vector3d(0.0, 3.0, 0.0);
+  const JointId joint = world.add_joint(hinge);
+
+  BodyState turned = world.state(id);
+  turned.orientation = Eigen::AngleAxisd(0.2, Vector3d::UnitX());
+  const std::uint64_t hash = world.state_hash();
+  EXPECT_NE(refusal([&] { world.set_state(id, turned); }).find("11.5 degrees off"),
+            std::string::npos);
+  EXPECT_EQ(world.state_hash(), hash);
+  world.set_broken(joint, true);
+  world.set_state(id, turned);
+  EXPECT_NE(refusal([&] { world.set_broken(joint, false); }).find("degrees off"),
+            std::string::npos);
+  EXPECT_TRUE(world.joint_state(joint).broken);
+}
+
+TEST(JointFrames, NeedBodiesThatHaveAxes) {
+  World world(smooth(Method::kAuto, 0.01));
+  const BodyId point = world.add_body(make_body("dust", Point{}, 1.0, Vector3d::Zero()));
+  const BodyId box = world.add_body(make_body("box", Box{{0.1, 0.1, 0.1}}, 1.0, {0.0, 0.0, 1.0}));
+  const auto add = [&](JointKind kind, BodyId a, BodyId b) {
+    Joint joint = between(kind, a, Vector3d::Zero(), b, Vector3d::Zero(), Vector3d::UnitX());
+    joint.name = "joint_" + std::to_string(world.joint_ids().size());
+    world.add_joint(joint);
+  };
+  EXPECT_EQ(refusal([&] { add(JointKind::kWeld, box, point); }),
+            "body_b: 'dust' is a point mass without inertia and has no axes, which a joint of "
+            "type weld needs");
+  EXPECT_NE(refusal([&] { add(JointKind::kPointOnLine, point, box); }).find("body_a: 'dust'"),
+            std::string::npos);
+  add(JointKind::kPointOnLine, box, point);
+  add(JointKind::kPointOnPlane, kWorldBody, point);
+}
+
+// A point mass on a plane through the origin slides as on ice; nothing in it turns.
+TEST(PointOnPlane, SlidesWithoutTurning) {
+  World world(smooth(Method::kRungeKutta, 0.01));
+  const double slope = 0.4;
+  Body body = make_body("dust", Point{}, 1.0, Vector3d::Zero());
+  body.state.linear_velocity = {0.0, 2.0, 0.0};
+  const BodyId id = world.add_body(body);
+  const Vector3d normal(std::sin(slope), 0.0, std::cos(slope));
+  world.add_joint(between(JointKind::kPointOnPlane, kWorldBody, Vector3d::Zero(), id,
+                          Vector3d::Zero(), normal));
+  for (int i = 0; i < 100; ++i) world.step();
+  const double t = world.time(), s = 0.5 * kGravity * std::sin(slope) * t * t;
+  const Vector3d expected(s * std::cos(slope), 2.0 * t, -s * std::sin(slope));
+  EXPECT_LE((world.state(id).position - expected).norm(), 1e-12);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -7,8 +7,8 @@ REGISTERED  the build's registered_tests.txt: `kind<tab>name<tab>path` a line. A
             and its cases are what it lists; a `rostest` is a .test file and its cases are the
             test_ methods of the scripts it runs, which lie beside it; a `python` is a file for
             pytest and its cases are its test_ functions.
-RESULTS     folder with, of each of them, NAME.status (exit status) and the results: NAME.xml of a
-            gtest or python, NAME/constraint_sim/rosunit-*.xml of a rostest.
+RESULTS     folder with, of each of them, NAME.status (exit status) and the results: NAME.PART.xml of a
+            gtest, NAME.xml of a python, NAME/constraint_sim/rosunit-*.xml of a rostest.
 CHECK       name of a check made elsewhere that passed; counts as one case.
 
 A registered case without a result failed, whatever the reason: it crashed, timed out, was skipped or
@@ -70,8 +70,9 @@ def outcomes(path):
 def suite_outcomes(kind, name, path, results):
     """Case name -> message for all registered cases of one gtest program or .test file."""
     if kind == 'gtest':
-        registered = gtest_cases(path)
-        found = outcomes(results / f'{name}.xml')
+        registered, found = gtest_cases(path), {}
+        for part in sorted(results.glob(f'{name}.*.xml')):
+            found.update(outcomes(part))
     elif kind == 'python':
         registered = python_cases(path)
         found = {'.'.join(case.split('.')[-2:]): message

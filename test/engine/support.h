@@ -23,6 +23,14 @@ inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 inline constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 inline constexpr double kGravity = 9.81;
 
+/// What long tests divide their numbers of cases or steps by: sanitizers look at memory and
+/// threads, for which a share of them does, and take ten times as long.
+#ifdef CONSTRAINT_SIM_SANITIZED
+inline constexpr int kSanitizedShare = 20;
+#else
+inline constexpr int kSanitizedShare = 1;
+#endif
+
 /// Uniform in [-1, 1), the same with every standard library.
 class Random {
  public:

@@ -117,12 +117,14 @@ TEST(Bounds, OfMagnitudes) {
 // ranges, each with each.
 TEST(Bounds, AcceptNothingWhoseStepsAreNotFinite) {
   const std::vector<double> magnitudes{1e-20, 1.0, 1e20};
+  int cases = 0;
   for (const double mass : magnitudes)
     for (const double size : magnitudes)
       for (const double speed : magnitudes)
         for (const double tick : {1e-12, 0.01, 1e6})
           for (const Method method :
                {Method::kAuto, Method::kEnergyMomentum, Method::kSequentialImpulses}) {
+            if (cases++ % kSanitizedShare != 0) continue;
             WorldOptions options;
             options.time_step = tick;
             options.method = method;

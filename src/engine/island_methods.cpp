@@ -389,6 +389,7 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
     Vector3d torque = Vector3d::Zero();
     for (const Load& load : loads)
       if (load.body == body) torque += load.torque;
+    if (!FreeRotation::turns(torque, states[at(body)])) continue;
     if (!note(i, rotations[at(body)].advance(span.h, torque, masses[at(body)], accuracy,
                                              &states[at(body)])))
       return false;

@@ -112,10 +112,8 @@ void check_share(const std::string& field, double value) {
 }
 
 // a time that is no whole number of its own roundings could stand still in the tick after next
-bool has_next_tick(double time, double time_step) {
+bool is_rounding_within(double time, double time_step) {
   const double size = std::abs(time);
-  constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-  if (size * kEpsilon <= time_step) return true;  // never less than the next number is away
   return std::nextafter(size, std::numeric_limits<double>::infinity()) - size <= time_step;
 }
 

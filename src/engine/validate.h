@@ -1,6 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
+#include <limits>
 #include <string>
 
 namespace constraint_sim::engine {
@@ -27,8 +29,14 @@ void check_positive(const std::string& field, double value);
 void check_not_negative(const std::string& field, double value);
 void check_share(const std::string& field, double value);  ///< in [0, 1]
 
+/// Whether two times beside this one can be told from each other that are a tick apart [s].
+bool is_rounding_within(double time, double time_step);
 /// Whether a time [s] has a next one a tick later, and that one as well.
-bool has_next_tick(double time, double time_step);
+inline bool has_next_tick(double time, double time_step) {
+  constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+  // never less than the next number is away
+  return std::abs(time) * kEpsilon <= time_step || is_rounding_within(time, time_step);
+}
 void check_next_tick(const std::string& field, double time, double time_step);
 
 /// `[A-Za-z0-9_][A-Za-z0-9_./-]*`, at most 255 characters, and not `world`.

@@ -78,13 +78,10 @@ void World::Impl::begin_step() {
 
 // for a step that fails
 void World::Impl::remember() {
-  states_before.resize(states.size());
-  joint_states_before.resize(joint_states.size());
   for (const int i : awake_bodies)
     states_before[static_cast<std::size_t>(i)] = states[static_cast<std::size_t>(i)];
   for (const int j : awake_joints)
     joint_states_before[static_cast<std::size_t>(j)] = joint_states[static_cast<std::size_t>(j)];
-  memory_before.resize(island_parts.size());
   for (const int i : awake_islands)
     memory_before[static_cast<std::size_t>(i)] = island_parts[static_cast<std::size_t>(i)];
   is_remembered = true;
@@ -154,6 +151,10 @@ void World::Impl::recompile() {
   largest_kinetic_energy = now.kinetic;
   reference_energy = now.kinetic + now.potential;
   begin_watch();
+
+  states_before.resize(states.size());
+  joint_states_before.resize(joint_states.size());
+  memory_before.resize(island_parts.size());
 }
 
 // a loop is closed by a joint between bodies that others connect already; immovable ones are one
@@ -416,15 +417,23 @@ void World::Impl::keep_state_before(Failure why) {
   report.time = step_start;
 }
 
-// One sum tells that all is well; only where it does not are bodies looked at one by one.
+// One sum tells that all is well, two numbers at a time; only where it does not are bodies looked
+// at one by one.
 Failure World::Impl::failure_of_motion() {
-  double squares = 0.0;
+  Eigen::Array2d squares(0.0, 0.0);
+  double others = 0.0;
   for (const int i : awake_bodies) {
     const BodyState& state = states[static_cast<std::size_t>(i)];
-    squares += state.position.squaredNorm() + state.linear_velocity.squaredNorm() +
-               state.angular_velocity.squaredNorm() + state.orientation.squaredNorm();
+    const Eigen::Vector3d& x = state.position;
+    const Eigen::Vector3d& v = state.linear_velocity;
+    const Eigen::Vector3d& w = state.angular_velocity;
+    const Eigen::Vector4d& q = state.orientation.coeffs();
+    squares += x.head<2>().array().square() + v.head<2>().array().square() +
+               w.head<2>().array().square() + q.head<2>().array().square() +
+               q.tail<2>().array().square();
+    others += x[2] * x[2] + v[2] * v[2] + w[2] * w[2];
   }
-  if (squares <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
+  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
   for (const int i : awake_bodies) {
     const BodyState& state = states[static_cast<std::size_t>(i)];
     Eigen::Matrix<double, 13, 1> numbers;
@@ -443,8 +452,8 @@ bool World::Impl::tells_finite_numbers() const {
   double sum = 0.0;
   for (const int j : awake_joints) {
     const JointState& state = joint_states[static_cast<std::size_t>(j)];
-    sum += std::abs(state.error) + std::abs(state.error_rate) + std::abs(state.force) +
-           std::abs(state.bias) + std::abs(state.reached_rate) + std::abs(state.travel);
+    sum += state.error + state.error_rate + state.force + state.bias + state.reached_rate +
+           state.travel;
   }
   for (std::size_t i = resting_contacts; i < contacts.size(); ++i)
     sum += contacts[i].normal_force + contacts[i].depth;
@@ -573,7 +582,7 @@ Energy World::Impl::energy(const std::vector<int>& of_bodies,
     }
     energy.kinetic += 0.5 * mass * v.squaredNorm();
     energy.potential -= mass * options.gravity.dot(states[i].position);
-    if (!masses[i].can_turn()) continue;
+    if (w.isZero(0.0) || !masses[i].can_turn()) continue;
     w = states[i].orientation.conjugate() * w;
     energy.kinetic += 0.5 * w.dot(masses[i].inertia.cwiseProduct(w));
   }

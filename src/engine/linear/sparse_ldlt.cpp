@@ -223,9 +223,8 @@ SparseLdlt::Slot SparseLdlt::slot(int i, int j) const {
 
 int SparseLdlt::factor(double least) {
   if (any_left_out_) std::fill(left_out_.begin(), left_out_.end(), 0);
-  const int left_out = is_forest_ ? factor_forest(least) : factor_supernodes(least);
-  any_left_out_ = left_out > 0;
-  return left_out;
+  any_left_out_ = false;
+  return is_forest_ ? factor_forest(least) : factor_supernodes(least);
 }
 
 void SparseLdlt::keep_none() {
@@ -267,6 +266,7 @@ int SparseLdlt::factor_forest(double least) {
 double SparseLdlt::leave_out(std::size_t k, double entry, double pivot, int* left_out) {
   if (is_kept_[k] && pivot > kRoundOff * entry) return pivot;
   left_out_[k] = 1;
+  any_left_out_ = true;
   ++*left_out;
   return 0.0;
 }

@@ -374,9 +374,7 @@ double EquationsOfMotion::largest_coordinate(const double* y) const {
       .maxCoeff();
 }
 
-bool EquationsOfMotion::keeps_pace(double t, const double* y) {
-  if (!has_chosen_) return false;
-  if (courses_.empty()) return true;
+bool EquationsOfMotion::rates_keep_pace(double t, const double* y) {
   ask(t);
   place(t, y);
   set_velocities(y);
@@ -988,7 +986,8 @@ void EquationsOfMotion::respond(const double* lambda) {
 // λ in place of b; 0 of rows without a force
 void EquationsOfMotion::solve(double* b) {
   if (rows_.empty()) return;
-  dependent_rows_ = std::max(dependent_rows_, left_out_);
+  if (left_out_ > dependent_rows_) dependent_rows_ = left_out_;
+  if (kept_ == rows_.size()) return ldlt_.solve(b);
   ldlt_.solve(b);
   std::fill(b + kept_, b + rows_.size(), 0.0);
 }

@@ -147,7 +147,9 @@ class EquationsOfMotion {
   /// Whether the last begin() found a course that had ended, or one that was new.
   bool has_jumped() const { return has_jumped_; }
   /// Whether y already moves as the joints ask at t, or has to be started.
-  bool keeps_pace(double t, const double* y);
+  bool keeps_pace(double t, const double* y) {
+    return has_chosen_ && (courses_.empty() || rates_keep_pace(t, y));
+  }
   /// Projects y onto the constraints and finds the first derivative; false where it cannot.
   bool start(double t, double* y, double* dydt);
   /// Whether the last start or step found joints that cannot all be met.
@@ -305,6 +307,7 @@ class EquationsOfMotion {
   Eigen::Vector3d gamma_d(std::size_t l) const;
   void find_rates();
   double find_values();
+  bool rates_keep_pace(double t, const double* y);
   bool moves_as_asked();
 
   // ---- rows that follow from others (redundant_rows.cpp)

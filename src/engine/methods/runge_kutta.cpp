@@ -163,7 +163,6 @@ Progress LinkedMotion::integrate_equations(const StageMemory& memory, const Smoo
 Progress FreeRotation::advance(double h, const Vector3d& torque, const MassProperties& mass,
                                const Accuracy& accuracy, BodyState* state) {
   const bool is_driven = !torque.isZero(0.0);
-  if (!is_driven && state->angular_velocity.isZero(0.0)) return {};
   if (!is_driven && mass.is_isotropic()) {
     state->orientation = (rotation(h * state->angular_velocity) * state->orientation).normalized();
     return {};

@@ -82,6 +82,10 @@ class LinkedMotion {
 /// only q̇ = ½ (0, I_W⁻¹ L) ⊗ q is integrated; of isotropic bodies not even that.
 class FreeRotation {
  public:
+  /// Whether there is anything to advance.
+  static bool turns(const Eigen::Vector3d& torque, const BodyState& state) {
+    return !(state.angular_velocity.isZero(0.0) && torque.isZero(0.0));
+  }
   Progress advance(double h, const Eigen::Vector3d& torque, const MassProperties& mass,
                    const Accuracy& accuracy, BodyState* state);
   /// Whether it has something to go on from.

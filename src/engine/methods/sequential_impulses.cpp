@@ -139,14 +139,15 @@ void SequentialImpulses::respond(const std::vector<Row>& rows) {
     r.corrects = any_corrections_ && components_[at(r.component)].corrects;
 }
 
-double SequentialImpulses::velocity_along(const Row& row, const Response& r,
-                                          const std::vector<Twist>& velocities) {
+[[gnu::always_inline]] inline double SequentialImpulses::velocity_along(
+    const Row& row, const Response& r, const std::vector<Twist>& velocities) {
   const Twist* const v = velocities.data();
   return r.J_A.dot(v[row.body_a]) + r.J_B.dot(v[row.body_b]);
 }
 
-void SequentialImpulses::push(const Row& row, const Response& r, double impulse,
-                              std::vector<Twist>* velocities) {
+[[gnu::always_inline]] inline void SequentialImpulses::push(const Row& row, const Response& r,
+                                                            double impulse,
+                                                            std::vector<Twist>* velocities) {
   Twist* const v = velocities->data();
   v[row.body_a] += impulse * r.response_a;
   v[row.body_b] += impulse * r.response_b;

@@ -40,6 +40,11 @@ class InconsistentMotion {
   using Rows = RegularizedRows::Geometry;
   using Numbers = std::vector<double>;  // by row
 
+  // Share of the weights on the diagonal where a right-hand side can be met.
+  static constexpr double kLeastShare = 1e-11;
+  // Share of the scene below which a change that is more than half of the one before is rounding.
+  static constexpr double kRounding = 1e-10;
+
   /// What time asks of the rows.
   struct Target {
     Numbers length;          // [m]: length of a distance, component of a ball joint's offset
@@ -66,10 +71,18 @@ class InconsistentMotion {
   void turn(std::size_t body, double h, const Vector3d& torque);
   void explicit_step(double h, Progress* progress);
   void stop_against_correction();
+  void restore_angular_momentum(double h);
+  double most_added(double h) const;
+  double hold_back(double energy_before, double allowed);
+  void find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const;
+  Rigid as_one_body(const Configuration& configuration, const BodyVectors& velocity) const;
+
+  // ---- inconsistent_corrections.cpp
   void meet(Configuration* configuration, Rows* geometry, Progress* progress);
   void find_correction(double share);
   double displace(Configuration* configuration) const;
   double errors(const Rows& geometry, Numbers* values) const;
+  static double largest(const Numbers& list);
   Vector3d components(const Numbers& list, std::size_t row) const;
   double share_off(std::size_t row, const Vector3d& d) const;
   double rate_asked_for(std::size_t row) const;
@@ -79,11 +92,6 @@ class InconsistentMotion {
   void solve_drive(double share, const Numbers& rates);
   void cap_energy(double allowed, Progress* progress);
   void scale(const BodyVectors& part, double factor);
-  void find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const;
-  void restore_angular_momentum(double h);
-  Rigid as_one_body(const Configuration& configuration, const BodyVectors& velocity) const;
-  double most_added(double h) const;
-  double hold_back(double energy_before, double allowed);
   void find_whether_met();
 
   double kinetic_energy(const BodyVectors& velocity) const;

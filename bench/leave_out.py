@@ -34,11 +34,13 @@ STEPS = 20
 # a comparison or jump that the compiler put beside a function may carry its line
 TOLERATED = 2  # [instructions a step]
 
-Scene = collections.namedtuple('Scene', 'name file first what')
+Scene = collections.namedtuple('Scene', 'name file first what options', defaults=((),))
 SCENES = (
     Scene('pendulum', 'pendulum', 20, 'a point mass on a rod'),
     Scene('double_pendulum', 'double_pendulum', 20, 'two'),
     Scene('chain_heavy_end', 'chain_heavy_end', 20, 'eleven, the last one heavy'),
+    Scene('chain_by_impulses', 'chain_heavy_end', 20, 'the same by sequential_impulses',
+          ('--method', 'sequential_impulses')),
     Scene('heavy_load', 'heavy_load', 20, 'a million times heavier, stiff'),
     Scene('oscillator', 'oscillator', 20, 'spring and damper, driven'),
     Scene('platform', 'platform', 20, 'a closed loop of boxes with motors'),
@@ -148,7 +150,7 @@ def profile(program, scene, steps, folder):
     subprocess.run(
         ['valgrind', '--tool=callgrind', f'--callgrind-out-file={out}', '--compress-strings=no',
          '--compress-pos=no', '--toggle-collect=constraint_sim::engine::World::step()', program,
-         path, '--duration', str(steps * tick_of(path)), '--report', report],
+         path, '--duration', str(steps * tick_of(path)), '--report', report, *scene.options],
         check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     return parse(out, os.path.basename(program)), json.loads(report.read_text())['left_out']
 

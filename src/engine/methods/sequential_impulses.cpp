@@ -255,6 +255,25 @@ SequentialImpulses::Outcome SequentialImpulses::solve(const std::vector<int>& mo
   return outcome;
 }
 
+[[gnu::always_inline]] inline double SequentialImpulses::wanted_correction(const Row& row,
+                                                                           const Response& r,
+                                                                           double J_V) const {
+  const double J_W = velocity_along(row, r, corrections_);
+  const double lower = row.lower == 0.0 ? 0.0 : row.lower - row.impulse;
+  const double upper = row.upper == 0.0 ? 0.0 : row.upper - row.impulse;
+  return std::clamp(wanted_impulse(row, row.correction_impulse, correction_target(row, J_V), J_W,
+                                   r.effective_mass),
+                    lower, upper);
+}
+
+[[gnu::always_inline]] inline void SequentialImpulses::correct(Row& row, const Response& r,
+                                                               double J_V) {
+  const double b = wanted_correction(row, r, J_V);
+  if (b == row.correction_impulse) return;
+  push(row, r, b - row.correction_impulse, &corrections_);
+  row.correction_impulse = b;
+}
+
 void SequentialImpulses::solve_row(Row& row, const Response& r) {
   const double J_V = velocity_along(row, r, velocities_);
   const double p = std::clamp(wanted_impulse(row, row.impulse, row.target, J_V, r.effective_mass),
@@ -263,22 +282,6 @@ void SequentialImpulses::solve_row(Row& row, const Response& r) {
   if (change != 0.0) push(row, r, change, &velocities_);
   row.impulse = p;
   if (r.corrects) correct(row, r, J_V + change * r.K);
-}
-
-void SequentialImpulses::correct(Row& row, const Response& r, double J_V) {
-  const double b = wanted_correction(row, r, J_V);
-  if (b == row.correction_impulse) return;
-  push(row, r, b - row.correction_impulse, &corrections_);
-  row.correction_impulse = b;
-}
-
-double SequentialImpulses::wanted_correction(const Row& row, const Response& r, double J_V) const {
-  const double J_W = velocity_along(row, r, corrections_);
-  const double lower = row.lower == 0.0 ? 0.0 : row.lower - row.impulse;
-  const double upper = row.upper == 0.0 ? 0.0 : row.upper - row.impulse;
-  return std::clamp(wanted_impulse(row, row.correction_impulse, correction_target(row, J_V), J_W,
-                                   r.effective_mass),
-                    lower, upper);
 }
 
 // Both tangents by one mass, or sliding would not be braked straight against its direction; then

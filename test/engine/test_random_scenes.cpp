@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include <vector>
+
 #include "problems.h"
 #include "scene_judge.h"
 
@@ -29,6 +31,22 @@ TEST_P(RandomScenes, AreNeverSilentlyWrong) {
 }
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomScenes,
                          testing::Range(std::uint64_t{1}, kScenes + 1, kScenesATest));
+
+#ifdef CONSTRAINT_SIM_SANITIZED
+const std::vector<std::uint64_t> kOffOnce = {505};
+#else
+const std::vector<std::uint64_t> kOffOnce = {374, 505};
+#endif
+
+// Rods that are too many between points, beside bodies that turn: what rounding left of their
+// self-stress at these was taken for an imbalance, and the rows for momentary ones. Off by 2e-6 m
+// (505) and, turned, by 1.5 m (374) at 1e-9 m of estimate.
+TEST(SpareRods, BetweenPointsKeepTheMotion) {
+  for (const std::uint64_t seed : kOffOnce) {
+    const Verdict verdict = judge_seed(seed);
+    for (const Finding& finding : verdict.findings) ADD_FAILURE() << line_of(verdict, finding);
+  }
+}
 
 // ---- the judge itself
 

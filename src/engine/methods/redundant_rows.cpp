@@ -165,7 +165,10 @@ double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
   double imbalance = 0.0;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
     imbalance = std::max(imbalance, push_[i].norm() / force);
-  for (const Vector3d& twist : twist_) imbalance = std::max(imbalance, twist.norm() / torque);
+  // where the self-stress leaves out those that turn, all that they have of it is rounding
+  for (std::size_t i = 0; i < turning_; ++i)
+    imbalance =
+        std::max(imbalance, twist_[i].norm() / std::max(torque, force * radius_of_gyration_[i]));
   return imbalance;
 }
 

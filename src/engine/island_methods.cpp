@@ -77,6 +77,7 @@ void World::Impl::make_islands() {
   linked.clear();
   stiff.clear();
   inconsistent.clear();
+  least_forces.clear();
   island_of.assign(bodies.size(), -1);
   rotations.assign(bodies.size(), FreeRotation{});
   for (IslandMembers& members : find_islands(movable, acting, joint_ends)) {
@@ -159,6 +160,7 @@ void World::Impl::link(IslandParts* parts) {
   linked.emplace_back(std::move(equations));
   stiff.emplace_back();
   inconsistent.emplace_back();
+  least_forces.emplace_back();
 }
 
 // ---- in every step
@@ -611,6 +613,17 @@ std::uint32_t World::Impl::find_unresolved(std::size_t i, std::vector<std::size_
   return count;
 }
 
+// What an island's joints share where some of its rows are redundant, else none. Joints that cannot
+// all be met have shares already.
+const LeastNormForces* World::Impl::share_forces(const IslandParts& parts, const Island& island) {
+  const EquationsOfMotion& equations = linked[at(parts.linked)].equations();
+  if (equations.redundant_rows() == 0 || island.why == Why::kConflict) return nullptr;
+  std::optional<LeastNormForces>& forces = least_forces[at(parts.linked)];
+  if (!forces) forces.emplace(equations);
+  forces->share(equations, states);
+  return &*forces;
+}
+
 void World::Impl::read_smooth_joints(const JointStep& step) {
   for (const int index : changing_courses) {
     const std::size_t j = at(index);
@@ -620,11 +633,12 @@ void World::Impl::read_smooth_joints(const JointStep& step) {
   for (const int i : smooth) {
     if (island_parts[at(i)].linked < 0) continue;
     const EquationsOfMotion& equations = linked[at(island_parts[at(i)].linked)].equations();
+    const LeastNormForces* const shared = share_forces(island_parts[at(i)], islands[at(i)]);
     for (std::size_t l = 0; l < equations.joints().size(); ++l) {
       const std::size_t j = at(equations.joints()[l]);
       const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;
-      read_smooth_joint(joints[j], state_a(j), state_b(j), step, equations.impulse(l), zeta,
-                        joint_states[j]);
+      const Eigen::Vector3d impulse = shared ? shared->impulse(l) : equations.impulse(l);
+      read_smooth_joint(joints[j], state_a(j), state_b(j), step, impulse, zeta, joint_states[j]);
       note_if_torn(j);
     }
   }

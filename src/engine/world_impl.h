@@ -14,6 +14,7 @@
 #include "engine/islands.h"
 #include "engine/methods/energy_momentum.h"
 #include "engine/methods/inconsistent_motion.h"
+#include "engine/methods/least_norm_forces.h"
 #include "engine/methods/runge_kutta.h"
 #include "engine/methods/sequential_impulses.h"
 #include "engine/watch.h"
@@ -149,10 +150,11 @@ struct World::Impl {
   std::vector<LinkedMotion> linked;                  // of the islands with joints
   std::vector<std::optional<EnergyMomentum>> stiff;  // the same, of those that are, or were, stiff
   std::vector<std::optional<InconsistentMotion>> inconsistent;  // the same, where constraints were
-  std::vector<FreeRotation> rotations;                          // of bodies
-  std::vector<double> fastest_spring;                           // of bodies [1/s]
-  double reference_energy = 0.0;                                // [J] at the last edit
-  double largest_kinetic_energy = 0.0;                          // [J] since the last edit
+  std::vector<std::optional<LeastNormForces>> least_forces;  // the same, where rows are redundant
+  std::vector<FreeRotation> rotations;                       // of bodies
+  std::vector<double> fastest_spring;                        // of bodies [1/s]
+  double reference_energy = 0.0;                             // [J] at the last edit
+  double largest_kinetic_energy = 0.0;                       // [J] since the last edit
   std::uint64_t quiet_steps = 0;  // after which an island may rest; 0: never
   bool is_fresh = true;           // no step since the last edit
 
@@ -314,6 +316,7 @@ struct World::Impl {
   void read_joints(const JointStep& step);
   void finish_corrections();
   void read_smooth_joints(const JointStep& step);
+  const LeastNormForces* share_forces(const IslandParts& parts, const Island& island);
   void note_if_torn(std::size_t j);
   void read_contacts();
   void tell_contacts();

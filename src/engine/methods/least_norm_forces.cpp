@@ -1,0 +1,221 @@
+#include "engine/methods/least_norm_forces.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+// What is added to the diagonal, as a share of it: bodies may move. Each solution leaves this share
+// over a pivot of what was missing.
+constexpr double kAdded = 1e-10;
+constexpr double kRounding = 1e-14;  // of what was missing at first
+constexpr double kSameSum = 1e-9;    // imbalance at a body, as a share of the largest force
+
+constexpr std::array<double, 2> kSign{-1.0, 1.0};  // of ends A and B
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
+  const std::size_t bodies = equations.bodies().size(), turning = equations.turning();
+  const auto unknowns_before = [&](std::size_t point) {
+    return static_cast<int>(3 * point + 3 * std::min(point, turning));
+  };
+  std::vector<std::pair<int, int>> pattern;
+  const auto add = [](int first, std::size_t i) { return first + static_cast<int>(i); };
+  for (std::size_t l = 0; equations.is_rod(l) || equations.is_ball(l); ++l) {
+    const EquationsOfMotion::Link& from = equations.links()[l];
+    Link link{equations.is_rod(l) ? 1 : 3, {-1, -1}, {0, 0}, rows_.size(), 0};
+    for (std::size_t e = 0; e < 2; ++e) {
+      const std::size_t point = e == 0 ? from.a : from.b;
+      if (point >= bodies) continue;
+      link.unknown[e] = unknowns_before(point);
+      link.unknowns[e] = point < turning ? 6 : 3;
+    }
+    rows_.resize(rows_.size() + at(link.rows), Row{});
+    for_each_entry(link, [&](std::size_t e, std::size_t i, std::size_t f, std::size_t k) {
+      pattern.emplace_back(add(link.unknown[e], i), add(link.unknown[f], k));
+    });
+    links_.push_back(link);
+  }
+  const int n = unknowns_before(bodies);
+  ldlt_.analyze(n, pattern);
+  for (Link& link : links_) {
+    link.first_slot = slots_.size();
+    for_each_entry(link, [&](std::size_t e, std::size_t i, std::size_t f, std::size_t k) {
+      slots_.push_back(ldlt_.slot(add(link.unknown[e], i), add(link.unknown[f], k)));
+    });
+  }
+  for (int u = 0; u < n; ++u) diagonal_.push_back(ldlt_.slot(u, u));
+  for (auto* list : {&stiffness_, &missing_, &permuted_}) list->assign(at(n), 0.0);
+  is_torque_.assign(at(n), 0);
+  for (std::size_t i = 0; i < turning; ++i) std::fill_n(&is_torque_[6 * i + 3], 3, 1);
+  impulses_.assign(rows_.size() + equations.links().size() - links_.size(), 0.0);
+}
+
+// The lower triangle of the unknowns of both ends: end and number of the row, then of the column.
+template <class Visit>
+void LeastNormForces::for_each_entry(const Link& link, Visit visit) const {
+  for (std::size_t e = 0; e < 2; ++e)
+    for (std::size_t i = 0; i < link.unknowns[e]; ++i)
+      for (std::size_t f = 0; f <= e; ++f)
+        for (std::size_t k = 0; k < (f == e ? i + 1 : link.unknowns[f]); ++k) visit(e, i, f, k);
+}
+
+void LeastNormForces::share(const EquationsOfMotion& equations,
+                            const std::vector<BodyState>& states) {
+  place(equations, states);
+  factor();
+  load(equations);
+  find_shares();
+  if (!has_same_sum()) shares_ = impulses_;
+}
+
+Vector3d LeastNormForces::impulse(std::size_t l) const {
+  if (l >= links_.size()) return {shares_[rows_.size() + l - links_.size()], 0.0, 0.0};
+  const std::size_t i = links_[l].first_row;
+  if (links_[l].rows == 1) return {shares_[i], 0.0, 0.0};
+  return {shares_[i], shares_[i + 1], shares_[i + 2]};
+}
+
+// directions, torques and weights of the rows where the step ends
+void LeastNormForces::place(const EquationsOfMotion& equations,
+                            const std::vector<BodyState>& states) {
+  for (std::size_t l = 0; l < links_.size(); ++l) {
+    Link& link = links_[l];
+    const EquationsOfMotion::Link& from = equations.links()[l];
+    const std::array<std::size_t, 2> points{from.a, from.b};
+    std::array<Vector3d, 2> arm{Vector3d::Zero(), Vector3d::Zero()};
+    Vector3d d = Vector3d::Zero();
+    for (std::size_t e = 0; e < 2; ++e) {
+      if (link.unknowns[e] == 0) {
+        d += kSign[e] * equations.position(points[e]);
+        continue;
+      }
+      const BodyState& state = states[at(equations.bodies()[points[e]])];
+      if (link.unknowns[e] == 6)
+        arm[e] = state.orientation * (e == 0 ? from.anchor_a : from.anchor_b);
+      d += kSign[e] * (state.position + arm[e]);
+    }
+    link.weight = 0.0;
+    for (int k = 0; k < link.rows; ++k) {
+      Row& row = rows_[link.first_row + at(k)];
+      const Vector3d n = link.rows == 1 ? d.normalized() : Vector3d(Vector3d::Unit(k));
+      for (std::size_t e = 0; e < 2; ++e) {
+        if (link.unknowns[e] == 0) continue;
+        Eigen::Map<Vector3d> force(row[e].data()), torque(row[e].data() + 3);
+        force = kSign[e] * n;
+        link.weight += equations.inverse_mass(points[e]) / link.rows;
+        if (link.unknowns[e] == 3) continue;
+        torque = kSign[e] * arm[e].cross(n);
+        const BodyState& state = states[at(equations.bodies()[points[e]])];
+        const Vector3d in_body = state.orientation.conjugate() * torque;
+        link.weight += in_body.dot(in_body.cwiseQuotient(equations.inertia(points[e]))) / link.rows;
+      }
+    }
+  }
+}
+
+void LeastNormForces::factor() {
+  std::vector<double>& K = ldlt_.values();
+  std::fill(K.begin(), K.end(), 0.0);
+  for (const Link& link : links_) {
+    const double stiffness = 1.0 / link.weight;
+    const Row* const first = rows_.data() + link.first_row;
+    const Row* const end = first + link.rows;
+    const SparseLdlt::Slot* slot = slots_.data() + link.first_slot;
+    for_each_entry(link, [&](std::size_t e, std::size_t i, std::size_t f, std::size_t k) {
+      double sum = 0.0;
+      for (const Row* row = first; row < end; ++row) sum += (*row)[e][i] * (*row)[f][k];
+      K[*slot++] += stiffness * sum;
+    });
+  }
+  for (std::size_t u = 0; u < diagonal_.size(); ++u) {
+    stiffness_[u] = K[diagonal_[u]];
+    K[diagonal_[u]] *= 1.0 + kAdded;
+  }
+  ldlt_.factor(0.01 * kAdded);
+}
+
+// ---- the shares
+
+// impulses of rows, then of springs
+void LeastNormForces::load(const EquationsOfMotion& equations) {
+  std::size_t i = 0;
+  for (std::size_t l = 0; l < equations.links().size(); ++l) {
+    const Vector3d impulse = equations.impulse(l);
+    for (int k = 0; k < (l < links_.size() ? links_[l].rows : 1); ++k) impulses_[i++] = impulse[k];
+  }
+  shares_ = impulses_;
+  std::fill_n(shares_.begin(), rows_.size(), 0.0);
+}
+
+// Solutions with kAdded, until what is missing is rounding.
+void LeastNormForces::find_shares() {
+  const double all = find_missing();
+  double before = std::numeric_limits<double>::infinity();
+  for (double missing = all; missing > kRounding * all && missing <= 0.5 * before;) {
+    before = missing;
+    add_shares();
+    missing = find_missing();
+  }
+}
+
+// Gᵀ of what is not shared out yet; returns the largest of it, each unknown by its own stiffness.
+double LeastNormForces::find_missing() {
+  std::fill(missing_.begin(), missing_.end(), 0.0);
+  for (const Link& link : links_) {
+    for (std::size_t r = link.first_row; r < link.first_row + at(link.rows); ++r) {
+      const double impulse = impulses_[r] - shares_[r];
+      for (std::size_t e = 0; e < 2; ++e)
+        for (std::size_t k = 0; k < link.unknowns[e]; ++k)
+          missing_[at(link.unknown[e]) + k] += impulse * rows_[r][e][k];
+    }
+  }
+  double largest = 0.0;
+  for (std::size_t u = 0; u < missing_.size(); ++u)
+    if (stiffness_[u] > 0.0)
+      largest = std::max(largest, std::abs(missing_[u]) / std::sqrt(stiffness_[u]));
+  return largest;
+}
+
+// λ += D⁻¹ G z
+void LeastNormForces::add_shares() {
+  for (std::size_t u = 0; u < missing_.size(); ++u)
+    permuted_[at(ldlt_.place(static_cast<int>(u)))] = missing_[u];
+  ldlt_.solve(permuted_.data());
+  for (std::size_t u = 0; u < missing_.size(); ++u)
+    missing_[u] = permuted_[at(ldlt_.place(static_cast<int>(u)))];
+  for (const Link& link : links_) {
+    for (std::size_t r = link.first_row; r < link.first_row + at(link.rows); ++r) {
+      double sum = 0.0;
+      for (std::size_t e = 0; e < 2; ++e)
+        for (std::size_t k = 0; k < link.unknowns[e]; ++k)
+          sum += rows_[r][e][k] * missing_[at(link.unknown[e]) + k];
+      shares_[r] += sum / link.weight;
+    }
+  }
+}
+
+// Whether what is missing is rounding: the shares have the force and torque of the impulses on each
+// body.
+bool LeastNormForces::has_same_sum() const {
+  double force = 0.0, torque = 0.0;  // largest ones of a row
+  for (std::size_t r = 0; r < rows_.size(); ++r) {
+    const double most = std::max(std::abs(impulses_[r]), std::abs(shares_[r]));
+    force = std::max(force, most);
+    for (const auto& end : rows_[r])
+      torque = std::max(torque, most * Eigen::Map<const Vector3d>(end.data() + 3).norm());
+  }
+  for (std::size_t u = 0; u < missing_.size(); ++u)
+    if (!(std::abs(missing_[u]) <= kSameSum * (is_torque_[u] ? torque : force))) return false;
+  return true;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "constraint_sim/engine/body.h"
+#include "engine/linear/sparse_ldlt.h"
+#include "engine/methods/equations_of_motion.h"
+
+namespace constraint_sim::engine {
+
+/// The impulses of an island with redundant rows, as they are told. The motion asks for their sum
+/// on each body alone, and many λ have that sum. Told is the one of least Σ a λ² over all rigid
+/// rows, a the diagonal entry of G M⁻¹ Gᵀ, of a ball joint the mean of its three:
+///   λ = D⁻¹ G z,  Gᵀ D⁻¹ G z = Gᵀ λ of the motion,  D = diag(a)
+/// Joints that are alike share alike. Nothing here reaches the motion.
+class LeastNormForces {
+ public:
+  explicit LeastNormForces(const EquationsOfMotion& equations);
+
+  /// Shares out the impulses of `equations`, with the bodies where the step ends. Keeps those where
+  /// no others of the same sum are found, as at mass ratios above 1e10.
+  void share(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
+  /// As EquationsOfMotion::impulse(), of joints()[l].
+  Eigen::Vector3d impulse(std::size_t l) const;
+
+ private:
+  /// One rigid joint, of one row or three; slots_ has the lower triangle of its bodies' unknowns.
+  struct Link {
+    int rows;
+    std::array<int, 2> unknown;  // first ones of its ends' bodies; -1 of a fixed point
+    std::array<std::size_t, 2> unknowns;
+    std::size_t first_row, first_slot;
+    double weight = 0.0;
+  };
+  /// What a unit impulse of a row does to its ends A and B: force and torque.
+  using Row = std::array<std::array<double, 6>, 2>;
+
+  void place(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
+  void factor();
+  void load(const EquationsOfMotion& equations);
+  void find_shares();
+  double find_missing();
+  void add_shares();
+  bool has_same_sum() const;
+  template <class Visit>
+  void for_each_entry(const Link& link, Visit visit) const;
+
+  std::vector<Link> links_;  // rigid ones, as joints()
+  std::vector<Row> rows_;
+  std::vector<SparseLdlt::Slot> slots_, diagonal_;
+  SparseLdlt ldlt_;                // of Gᵀ D⁻¹ G
+  std::vector<double> stiffness_;  // its diagonal
+  std::vector<double> missing_;    // Gᵀ of what is not shared out yet, then z; by unknown
+  std::vector<double> permuted_;   // the same, in the order of the elimination
+  std::vector<char> is_torque_;    // the same
+  std::vector<double> impulses_;   // of the motion: of rows, then of springs [N s]
+  std::vector<double> shares_;     // those told, the same
+};
+
+}  // namespace constraint_sim::engine

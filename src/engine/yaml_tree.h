@@ -32,8 +32,8 @@ class YamlError : public std::runtime_error {
 /// One YAML document. Whatever the text, memory and time to read it grow with its length alone.
 class YamlTree {
  public:
-  static constexpr std::size_t kMostNodes = 2000000;  ///< aliases included
-  static constexpr std::size_t kMostDepth = 32;       ///< of lists and maps in each other
+  static constexpr std::size_t kMostNodes = 750000;  ///< aliases included
+  static constexpr std::size_t kMostDepth = 32;      ///< of lists and maps in each other
 
   /// Throws YamlError.
   explicit YamlTree(const std::string& text);

@@ -218,6 +218,12 @@ bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response
 bool Services::save_scene(SaveSceneRequest& request, SaveSceneResponse& response) {
   return answer(response, [&] {
     stepper_.inspect([&](const World& world) { response.text = engine::save_scene(world); });
+    if (response.text.size() > kMostBytes) {
+      const std::string size = std::to_string(response.text.size());
+      response.text.clear();
+      throw std::invalid_argument("the scene would be " + size + " bytes long, and no more than " +
+                                  std::to_string(kMostBytes >> 20) + " MiB are loaded again");
+    }
     if (request.path.empty()) return;
     const std::string& folder = parameters_.scene_folder;
     write_file(folder.empty() ? request.path : path_below(folder, request.path), response.text);

@@ -365,7 +365,15 @@ int run(const Arguments& arguments) {
   const Outcome outcome = run(steps, &world, &csv);
 
   if (report.is_wanted()) report.stream() << report_of(world, outcome).dump(2) << '\n';
-  if (save.is_wanted()) save.stream() << save_scene(world);
+  if (save.is_wanted()) {
+    const std::string scene = save_scene(world);
+    if (scene.size() > kMostSceneBytes)
+      std::fprintf(stderr,
+                   "constraint_sim_run: warning: the saved scene has %zu bytes, and no more than "
+                   "%zu are loaded again\n",
+                   scene.size(), kMostSceneBytes);
+    save.stream() << scene;
+  }
   for (OutputFile* file : {&csv, &report, &save}) file->close();
   print_summary(world, outcome);
   if (outcome.failed) {

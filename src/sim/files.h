@@ -7,7 +7,7 @@ namespace constraint_sim {
 
 // Files that callers of services name. What cannot be throws std::invalid_argument with the path.
 
-inline constexpr std::size_t kMostBytes = std::size_t{16} << 20;  ///< of a scene
+inline constexpr std::size_t kMostBytes = std::size_t{6} << 20;  ///< of a scene, as load_scene
 
 /// The text of a regular file of up to kMostBytes; a link is followed.
 std::string read_file(const std::string& path);

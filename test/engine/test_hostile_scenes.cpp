@@ -102,43 +102,86 @@ TEST(HostileScene, OfAliasesIsAnsweredAtOnce) {
   EXPECT_EQ(std::get<Sphere>(world.body(world.find_body("b")).shape).radius, 0.5);
 }
 
-// Of a tenth of the size that is allowed; time and memory grow with the length alone. The bounds
-// are some ten times what was measured.
-TEST(HostileScene, OfGreatLengthIsAnsweredInTimeInProportion) {
+/// A list with as many different keys as fit.
+std::string many_keys(std::size_t size) {
+  std::string text;
+  for (std::size_t i = 0; text.size() + 20 < size; ++i) text += "k" + std::to_string(i) + ": 1\n";
+  return text;
+}
+
+// As long as is allowed. Others use the processor as well, so the best of five tries counts: what
+// takes more than a second in itself does so each time.
+TEST(HostileScene, OfGreatLengthIsAnsweredWithinASecond) {
+#ifdef CONSTRAINT_SIM_SANITIZED
+  constexpr std::size_t kSize = kMostSceneBytes / 20;  // sanitizers cost that much
+#else
+  constexpr std::size_t kSize = kMostSceneBytes;
+#endif
+  const auto filled = [](const std::string& before, const std::string& piece,
+                         const std::string& after = "") {
+    return before + repeated(piece, (kSize - before.size() - after.size()) / piece.size()) + after;
+  };
   const std::vector<std::string> texts{
-      "bodies: [" + repeated("x, ", 500000) + "]",
-      "bodies: [" + repeated("[],", 500000) + "]",
-      "bodies: [&a {}, " + repeated("*a, ", 390000) + "]",
-      repeated("a: 1\n", 300000),
-      "bodies:\n" + repeated("- a\n", 390000),
-      "world: {method: " + std::string(1500000, 'x') + "}",
-      "world: {method: \"" + std::string(1500000, 'x') + "\"}",
-      "world: {method: |\n" + repeated("  xxxx\n", 200000),
-      "world: " + repeated("x\n ", 500000),
-      std::string(1500000, ' '),
-      repeated("#\n", 750000),
-      std::string(1500000, '\n'),
-      std::string(1500000, '\t'),
-      std::string(1500000, '\0'),
-      repeated("&a ", 500000),
-      repeated("!", 1500000),
-      repeated("%TAG ! x\n", 160000),
-      std::string(1500000, '-'),
-      repeated("? ", 750000),
-      repeated("'", 1500000),
-      "'" + repeated("''", 750000),
-      "\"" + repeated("\\u0041", 250000),
+      filled("bodies: [", "x, ", "]"),
+      filled("bodies: [", "[],", "]"),
+      filled("bodies: [", "1,", "]"),
+      filled("bodies: [", "{name: a},", "]"),
+      filled("bodies: [&a {}, ", "*a, ", "]"),
+      filled("", "a: 1\n"),
+      many_keys(kSize),
+      filled("bodies:\n", "- a\n"),
+      filled("bodies:\n", "- {a: 1}\n"),
+      filled("bodies:\n", "- [1,2,3]\n"),
+      filled("world: {method: ", "x", "}"),
+      filled("world: {method: \"", "x", "\"}"),
+      filled("world: {method: |\n", "  xxxx\n"),
+      filled("world: ", "x\n "),
+      filled("", " "),
+      filled("", "#\n"),
+      filled("", "\n"),
+      filled("", "\t"),
+      std::string(kSize, '\0'),
+      filled("", "&a "),
+      filled("", "!"),
+      filled("", "%TAG ! x\n"),
+      filled("", "-"),
+      filled("", "? "),
+      filled("", "'"),
+      filled("'", "''"),
+      filled("\"", "\\u0041"),
   };
   for (const std::string& text : texts) {
     std::string answer;
-    const double seconds = seconds_of([&] { answer = answer_to(text); });
-    EXPECT_LT(seconds, 5.0) << text.substr(0, 40);
+    double seconds = 1.0;
+    for (int i = 0; i < 5 && seconds >= 1.0; ++i)
+      seconds = seconds_of([&] { answer = answer_to(text); });
+    EXPECT_LT(seconds, 1.0) << text.substr(0, 40);
     EXPECT_NE(answer, "") << text.substr(0, 40);
     expect_short(answer, text);
   }
-  EXPECT_LT(peak_memory(), 1e9);
+  EXPECT_LT(peak_memory(), 5e8);  // twice what was measured
   EXPECT_EQ(answer_to(std::string(kMostSceneBytes + 1, ' ')),
-            "s: must be at most 16777216 bytes, got 16777217");
+            "s: must be at most 6291456 bytes, got 6291457");
+}
+
+// What the bounds leave room for: 10 000 bodies in motion as they are saved, where every number has
+// all its digits.
+TEST(HostileScene, BoundsLeaveRoomForTenThousandBodies) {
+  World world;
+  for (int i = 0; i < 10000; ++i) {
+    Body body;
+    body.name = "body_" + std::to_string(i);
+    body.mass = 1.0;
+    body.shape = Sphere{0.1};
+    body.state.position = {i / 3.0, i / 7.0, 1.0 / (i + 3.0)};
+    body.state.orientation = Eigen::Quaterniond(1.0, 0.1, i / 11.0, 0.3).normalized();
+    body.state.linear_velocity = {i / 3.0, 1.0 / 7.0, i / 13.0};
+    body.state.angular_velocity = {i / 17.0, i / 19.0, 1.0 / 23.0};
+    world.add_body(body);
+  }
+  const std::string text = save_scene(world);
+  EXPECT_LT(text.size(), kMostSceneBytes);
+  EXPECT_EQ(load_scene(text).body_ids().size(), world.body_ids().size());
 }
 
 // ---- random ones
@@ -269,7 +312,7 @@ TEST_F(HostileFile, ThatIsTooLongIsNotRead) {
   std::ofstream(in_folder("long.yaml")) << "bodies: []\n";
   std::filesystem::resize_file(in_folder("long.yaml"), std::uintmax_t{1} << 40);
   EXPECT_EQ(answer_to_file(in_folder("long.yaml")),
-            in_folder("long.yaml") + ": must be at most 16777216 bytes, got 1099511627776");
+            in_folder("long.yaml") + ": must be at most 6291456 bytes, got 1099511627776");
 }
 
 TEST_F(HostileFile, OfASceneIsFoundByNameOrPath) {

@@ -224,7 +224,7 @@ TEST_F(Runner, ReadsStandardInput) {
   EXPECT_EQ(err(), "constraint_sim_run: standard input:1: expected a scene, got nothing\n");
   ASSERT_EQ(run("- --duration 1 </dev/zero", "timeout 20"), 2);
   EXPECT_EQ(err(),
-            "constraint_sim_run: standard input: must be at most 16777216 bytes, got 16777217\n");
+            "constraint_sim_run: standard input: must be at most 6291456 bytes, got 6291457\n");
 }
 
 TEST_F(Runner, RefusesWhatHasNoEndAtOnce) {

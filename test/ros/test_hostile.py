@@ -233,7 +233,7 @@ class Hostile(unittest.TestCase):
         with tempfile.TemporaryDirectory() as folder, node():
             os.mkfifo(folder + "/fifo")
             with open(folder + "/large", "w") as file:
-                file.truncate((16 << 20) + 1)
+                file.truncate((6 << 20) + 1)
             for path in (folder + "/fifo", "/dev/zero", "/dev/stdin", "/dev/full"):
                 self.refused(["regular", path], "load_scene", path=path)
                 self.refused(["regular", path], "save_scene", path=path)

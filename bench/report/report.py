@@ -20,30 +20,13 @@ import time
 import cells
 import figures
 import pages
+import studies
 
 SOURCES = pathlib.Path(__file__).parent
-# multiples of 10 a second, since errors are sampled each 0.1 s
-RATES = (10, 20, 30, 40, 60, 80, 120, 240, 500, 1000, 2000, 4000, 10000, 30000, 100000)
-GRID_TICKS = (0.5, 0.1, 1 / 30, 1 / 60, 1 / 240, 1 / 1000)
-# the stability grid also has the diagrams' problems that are stiff, singular or redundant
-ALSO_IN_GRID = ('four_bar_1', 'four_bar_10', 'four_bar_1_loaded', 'four_bar_10_loaded', 'ring_12',
-                'n_four_bar_2', 'net_8', 'block_sticks', 'bouncing')
-# many bodies at an ordinary tick, with each engine's own tolerances
-MANY, MANY_TICK = ('pendula_1000', 'net_32', 'free_boxes_10000'), 1 / 240
-# ever more links, bodies and contacts: of each engine what is quickest
-SIZED_TICK = 1e-3
-SIZED = {
-    'links': ('constraint_sim auto', 'constraint_sim sequential_impulses_10', 'mujoco joint_euler',
-              'bullet featherstone_rk4', 'bullet sequential_impulses_10', 'ode quickstep_10',
-              'dart joint', 'simbody pin', 'simbody rod'),
-    'bodies': ('constraint_sim auto', 'constraint_sim sequential_impulses_10', 'mujoco joint_euler',
-               'bullet featherstone_rk4', 'bullet sequential_impulses_10', 'ode quickstep_10',
-               'dart joint', 'simbody pin'),
-    'contacts': ('constraint_sim auto', 'constraint_sim sequential_impulses_10', 'mujoco joint_euler',
-                 'bullet featherstone_rk4', 'bullet sequential_impulses_10', 'ode quickstep_10',
-                 'dart joint', 'simbody pin')}
+STUDIES = {part: studies.load(part) for part in studies.PARTS}
 COUNTED = 'constraint_sim auto'  # whose instructions are counted
-PARTS = ('diagrams', 'grid', 'many', 'sizes')
+PARTS = studies.PARTS
+# what a shorter report leaves out of the studies
 QUICK = {
     'problems': ('pendulum', 'double_pendulum', 'chain_10', 'chain_100', 'free_box',
                  'tumbling_pendulum', 'four_bar_10_loaded', 'heavy_chain_1e3', 'sliding_ball'),
@@ -52,9 +35,10 @@ QUICK = {
     'grid_ticks': (0.1, 1 / 60), 'grid_stride': 3, 'many': (), 'counts': (10, 100),
     'budget': 0.04, 'grid_budget': 0.02, 'many_budget': 0.0, 'sizes_budget': 0.015, 'most': 1000,
 }
-FULL = {'problems': None, 'leave_out': None, 'grid_ticks': GRID_TICKS, 'grid_stride': 1, 'many': MANY,
-        'counts': (10, 100, 1000, 10000, 100000), 'budget': 3.0, 'grid_budget': 3.0,
-        'many_budget': 20.0, 'sizes_budget': 3.0, 'most': 100000}
+FULL = {'problems': None, 'leave_out': None, 'grid_ticks': STUDIES['grid'].time_steps, 'grid_stride': 1,
+        'many': STUDIES['many'].scenes, 'counts': STUDIES['sizes'].counts, 'most': 100000,
+        'budget': STUDIES['diagrams'].time_limit, 'grid_budget': STUDIES['grid'].time_limit,
+        'many_budget': STUDIES['many'].time_limit, 'sizes_budget': STUDIES['sizes'].time_limit}
 TINY = {'problems': ('pendulum', 'oscillator'),
         'leave_out': re.compile('^(?!constraint_sim (auto|runge|sequential_impulses_10))'),
         'grid_ticks': (0.1, 1 / 30), 'grid_stride': 1, 'many': ('pendula_1000',), 'counts': (10, 30),
@@ -71,7 +55,7 @@ def arguments():
     size = parser.add_mutually_exclusive_group()
     size.add_argument('--quick', action='store_true', help='a few minutes')
     size.add_argument('--tiny', action='store_true', help='seconds; for tests')
-    parser.add_argument('--rounds', type=int, default=5, help='interleaved runs of each setting')
+    parser.add_argument('--rounds', type=int, help='interleaved runs of each setting')
     parser.add_argument('--budget', type=float,
                         help='longest run in the diagrams [s]; all other budgets change in proportion')
     parser.add_argument('--only', choices=PARTS, action='append',
@@ -103,7 +87,7 @@ def machine():
 
 def values_of(variant, most):
     if variant.knob == 'tick':
-        return [1.0 / rate for rate in RATES if rate <= most]
+        return [step for step in STUDIES['diagrams'].time_steps if step >= 1.0 / most]
     return variant.values
 
 
@@ -152,8 +136,11 @@ class Measurements:
 
     def in_grid(self):
         return [p.name for p in self.problems.values()
-                if (not p.graded or p.name in ALSO_IN_GRID) and
+                if (not p.graded or p.name in STUDIES['grid'].scenes) and
                 (not self.options.tiny or p.name in TINY_GRID)][::self.size['grid_stride']]
+
+    def rounds(self, part):
+        return self.options.rounds or STUDIES[part].rounds
 
     def batches(self):
         """Of all parts that are wanted."""
@@ -164,11 +151,13 @@ class Measurements:
             'grid': [cells.Batch(1, name, variant, [tick * self.problems[name].tick_scale
                                                     for tick in size['grid_ticks']], True)
                      for name in self.in_grid() for variant in self.variants],
-            'many': [cells.Batch(1, name, variant, [MANY_TICK], True)
+            'many': [cells.Batch(1, name, variant, STUDIES['many'].time_steps, True)
                      for name in size['many'] for variant in self.variants],
-            'sizes': [cells.Batch(1, f'{kind}_{count}', variant, [SIZED_TICK], True)
-                      for count in size['counts'] for kind, names in SIZED.items()
-                      for variant in self.sized_variants if cells.label(variant) in names]}
+            'sizes': [cells.Batch(1, f'{kind}_{count}', variant,
+                                  STUDIES['sizes'].time_steps, True)
+                      for count in size['counts'] for kind in STUDIES['sizes'].scenes
+                      for variant in self.sized_variants
+                      if studies.runs(STUDIES['sizes'], kind, cells.label(variant))]}
         return {part: batches for part, batches in found.items()
                 if part in (self.options.only or PARTS)}
 
@@ -190,7 +179,7 @@ class Measurements:
                              if batch.problem in self.problems and
                              self.problems[batch.problem].has_reference)
         progress = cells.ProgressBar(
-            len(used) + len(wrong) + sum(len(batches[part]) * (1 if part == 'grid' else options.rounds)
+            len(used) + len(wrong) + sum(len(batches[part]) * (1 if part == 'grid' else self.rounds(part))
                                          for part in batches))
         references = self.work / 'references'
         self.own_errors = cells.make_references(
@@ -226,7 +215,7 @@ class Measurements:
             ended = {(row['problem'], row['contestant']): row['outcome'] for row in table.rows()}
             lost |= {self.line_of(batch) for batch in batches
                      if ended.get((batch.problem, cells.label(batch.variant))) != 'ok'}
-        for number in range(2, self.options.rounds + 1):
+        for number in range(2, self.rounds(part) + 1):
             cells.repeat(number, [batch for batches in stages for batch in batches], table, progress,
                          budget=2.0 * budget, **settings)
 
@@ -239,7 +228,8 @@ class Measurements:
         """Of a step of ours, by valgrind where it is there."""
         path = self.work / 'instructions.json'
         counted = json.loads(path.read_text()) if path.exists() else {}
-        names = [f'{kind}_{count}' for count in self.size['counts'] for kind in SIZED
+        names = [f'{kind}_{count}' for count in self.size['counts']
+                 for kind in STUDIES['sizes'].scenes
                  if f'{COUNTED} {kind}_{count}' not in counted]
         if self.options.tiny or not shutil.which('valgrind'):
             names = []
@@ -263,7 +253,7 @@ def instructions(program, variant, problem):
     run = subprocess.run(
         ['valgrind', '--tool=callgrind', '--callgrind-out-file=/dev/null',
          '--toggle-collect=*counted_ticks*', program, 'ticks', '--problem', problem, '--variant',
-         variant, '--values', str(SIZED_TICK), '--repeats', str(ticks)],
+         variant, '--values', str(STUDIES['sizes'].time_steps[0]), '--repeats', str(ticks)],
         check=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     return int(re.search(r'Collected : (\d+)', run.stderr).group(1)) // ticks
 
@@ -292,7 +282,7 @@ def main():
     variants = measurements.variants
     known = {path.stem for path in (SOURCES / 'peers').glob('*.cpp')}
     present = {variant.program.name.replace('constraint_sim_report_', '') for variant in variants}
-    facts = {**machine(), 'commit': options.commit, 'rounds': options.rounds,
+    facts = {**machine(), 'commit': options.commit, 'rounds': measurements.rounds('diagrams'),
              'budget': size['budget'], 'grid_budget': size['grid_budget'],
              'many_budget': size['many_budget'], 'sizes_budget': size['sizes_budget'],
              'kind': 'quick' if options.quick else 'tiny' if options.tiny else 'full',

@@ -379,6 +379,12 @@ TEST(Pipeline, FiguresAgreeWithAnswersByHand) {
             "");
 }
 
+TEST(Pipeline, CommittedSummaryComesFromTheStudies) {
+  EXPECT_EQ(run_python(std::string(CONSTRAINT_SIM_SOURCE_DIR) + "/test/report/test_committed.py '" +
+                       CONSTRAINT_SIM_REPORT + "'"),
+            "");
+}
+
 std::string content(const std::filesystem::path& path) {
   std::ifstream file(path);
   std::stringstream text;

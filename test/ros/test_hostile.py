@@ -5,6 +5,7 @@ import os
 import random
 import signal
 import socket
+import statistics
 import struct
 import subprocess
 import tempfile
@@ -22,18 +23,21 @@ from constraint_sim.srv import Step
 import support
 from support import NODE, Listener, call, node_command, properties, running, sphere, wait_until
 
-# [s] in which every call is answered, and in which the node ends: a second, and ten times that on a
-# machine that is busy with others. That an answer did not wait for a tick is seen from the world.
-QUICK = 10.0
+# [s] in which calls are answered and the node ends. Whatever else the machine does adds to it: of what
+# is tried once no more than QUICK is asked, of many calls the median, of what is tried again the least.
+# That an answer did not wait for a tick is seen from the world.
+SECOND, QUICK = 1.0, 10.0
 CALLS_A_SECOND = 100
 MOST_STEPS = 7  # calls of step that wait at the same time
-# A tick of some seconds: as many sweeps as there may be over many ropes
+# A tick of half a minute of the processor and more, far beyond QUICK, so that only its being stopped
+# ends it: as many sweeps as there may be over 500 spheres in one place, which touch in 125 000 points
 ENDLESS = """
-world: {iterations: 10000}
-bodies: [{name: ball, mass: 1, position: [1, 0, 0]}]
-constraints:
-- {name: leash, type: rope, body_b: ball, max_length: 1}
-""" + "".join("- {name: r%d, type: rope, body_b: ball, max_length: 1}\n" % i for i in range(20000))
+world: {iterations: 10000, method: sequential_impulses}
+constraints: [{name: leash, type: rope, body_b: ball, max_length: 20}]
+bodies:
+- {name: ball, mass: 1, position: [1, 0, 9]}
+""" + "".join("- {name: s%d, mass: 1, position: [%g, 0, 0], shape: {sphere: {radius: 1}}}\n"
+              % (i, 1e-3 * i) for i in range(500))
 
 
 @contextlib.contextmanager
@@ -76,15 +80,15 @@ class DeadCaller:
 class Traffic:
     """Calls at random, good and bad, a hundred a second beside whatever a test does."""
 
-    def __init__(self, without=()):
+    def __init__(self):
         self.random = random.Random(7)
-        self.made, self.answered, self.slowest, self.errors = 0, 0, 0.0, []
+        self.made, self.seconds, self.errors = 0, [], []
         self._lock = threading.Lock()
         self._proxies = {name: rospy.ServiceProxy(
             NODE + "/" + name, rosservice.get_service_class_by_name(NODE + "/" + name))
             for name in ("add_body", "remove_body", "get_body_state", "set_body_state",
                          "get_world_properties", "save_scene", "set_motor_bias",
-                         "remove_constraint", "apply_body_wrench") if name not in without}
+                         "remove_constraint", "apply_body_wrench")}
         self._start = time.monotonic()
         self._stop = threading.Event()
         self._threads = [threading.Thread(target=self._run) for _ in range(4)]
@@ -110,9 +114,7 @@ class Traffic:
             start = time.monotonic()
             try:
                 self._proxies[name](**arguments)
-                with self._lock:
-                    self.answered += 1
-                    self.slowest = max(self.slowest, time.monotonic() - start)
+                self.seconds.append(time.monotonic() - start)
             except rospy.ServiceException as error:
                 self.errors.append("%s: %s" % (name, error))
 
@@ -123,16 +125,17 @@ class Traffic:
 
 
 @contextlib.contextmanager
-def traffic(test, **options):
+def traffic(test):
     """Nothing of it is lost or waits for long."""
-    beside = Traffic(**options)
+    beside = Traffic()
     try:
         yield beside
     finally:
         beside.stop()
     test.assertEqual(beside.errors, [])
-    test.assertEqual(beside.answered, beside.made)
-    test.assertLess(beside.slowest, QUICK)
+    test.assertEqual(len(beside.seconds), beside.made)
+    test.assertLess(statistics.median(beside.seconds), SECOND)
+    test.assertLess(max(beside.seconds), QUICK)
 
 
 class Hostile(unittest.TestCase):
@@ -155,11 +158,10 @@ class Hostile(unittest.TestCase):
     # ---- what never ends
 
     def test_a_tick_without_end_keeps_nobody_waiting(self):
-        # to save as many ropes again and again takes longer than the tick
-        with node(scene="pendulum") as process, traffic(self, without=["save_scene"]) as beside:
-            before = memory_of(process)
-            for end in ("pause_physics", "load_scene", "reset_world", "reset_simulation"):
-                self.assertTrue(call("load_scene", text=ENDLESS).success)  # a long text
+        with node(scene="pendulum") as process, traffic(self) as beside:
+            before, memory = memory_of(process), []
+            for end in 3 * ("pause_physics", "load_scene", "reset_world", "reset_simulation"):
+                self.assertTrue(self.quick("load_scene", text=ENDLESS).success)
                 first = self.quick("get_world_properties").step
                 self.quick("unpause_physics")
                 made = beside.made
@@ -172,16 +174,19 @@ class Hostile(unittest.TestCase):
                 after = self.quick("get_world_properties")
                 self.assertEqual((stood.step, after.step), (first, first))
                 self.assertEqual(after.state_hash, stood.state_hash)
-                if end != "pause_physics":  # below, the tick must still run when it is paused
-                    self.assertTrue(self.quick("save_scene").success)
+                self.assertTrue(self.quick("save_scene").success)
                 self.quick(end, **({"path": "pendulum"} if end == "load_scene" else {}))
                 if end == "pause_physics":
                     # the tick is abandoned; the calls beside may edit the world from now on
                     self.assertEqual(properties().step, first)
                     self.assertTrue(self.quick("remove_constraint", name="leash").success)
+                memory.append(memory_of(process))
             self.quick("pause_physics")
-            # of a scene of this size there are a few copies, of some kB a rope, and no more each time
-            self.assertLess(memory_of(process) - before, 300.0)
+            # Measured: a tick of 125 000 contacts takes 125 MiB, of which some stay until the next one, and
+            # later ticks take 0 to 31 MiB more, whatever their number: one list lies in another arena.
+            # A list of 30 MiB that leaked in each of the last eight would be 240 MiB.
+            self.assertLess(max(memory) - before, 300.0, memory)
+            self.assertLess(max(memory[4:]) - max(memory[:4]), 100.0, memory)
 
     def test_steps_of_dead_callers_keep_nobody_waiting_and_are_cancelled(self):
         with node(scene="pendulum", paused="true") as process, traffic(self):
@@ -218,6 +223,13 @@ class Hostile(unittest.TestCase):
                 self.assertEqual([b.name for b in answers[0].bodies], ["bob"])
                 same = answers[0].state_hash == properties().state_hash
                 self.assertEqual(same, end == "pause_physics")
+
+    def test_a_world_that_could_not_be_loaded_again_is_not_saved(self):
+        with node(paused="true"), tempfile.TemporaryDirectory() as folder:
+            text = "bodies:\n" + "".join("- {name: b%d, mass: 1}\n" % i for i in range(30000))
+            self.assertTrue(call("load_scene", text=text).success)
+            self.refused(["6 MiB", "loaded again"], "save_scene", path=folder + "/large.yaml")
+            self.assertEqual(os.listdir(folder), [])
 
     def test_texts_that_no_scene_is_are_refused_at_once(self):
         with node() as process:
@@ -293,49 +305,69 @@ class Hostile(unittest.TestCase):
 
     # ---- the end
 
-    def check_end(self, process, number):
+    def ended(self, process, number):
+        """The seconds that it takes to end."""
         seconds = seconds_of(lambda: (process.send_signal(number),
                                       process.wait(timeout=support.TIMEOUT)))
         self.assertLess(seconds, QUICK)
+        return seconds
+
+    def ended_well(self, process, number):
+        seconds = self.ended(process, number)
         self.assertEqual(process.returncode, 0)
         self.assertNotIn(NODE, rosnode.get_node_names())
+        return seconds
+
+    def within_a_second(self, end, *arguments):
+        """What takes longer in itself does so each time."""
+        seconds = []
+        while not seconds or (seconds[-1] >= SECOND and len(seconds) < 5):
+            seconds.append(end(*arguments))
+        self.assertLess(seconds[-1], SECOND, seconds)
+
+    def end_beside_those_who_wait(self, number):
+        with running(node_command(scene="pendulum", paused="true")) as process:
+            properties()
+            answers = []
+            waiting = [threading.Thread(target=lambda: answers.append(
+                call("step", steps=4294967295))) for _ in range(MOST_STEPS + 1)]
+            for thread in waiting:
+                thread.start()
+            # one of them is refused when all others wait
+            wait_until(lambda: answers, "the refusal")
+            self.assertIn("calls wait already", answers[0].status_message)
+            seconds = self.ended_well(process, number)
+            for thread in waiting:
+                thread.join(QUICK)
+            self.assertEqual([a.success for a in answers], [False] * (MOST_STEPS + 1))
+            for answer in answers[1:]:
+                self.assertIn("shutting down", answer.status_message)
+                self.assertEqual(len(answer.bodies), 1)
+            return seconds
+
+    def end_in_a_tick_without_end(self, number):
+        with running(node_command(scene="pendulum", paused="true")) as process:
+            properties()
+            call("load_scene", text=ENDLESS)
+            call("unpause_physics")
+            wait_until(lambda: not call("remove_body", name="ball").success, "the long tick")
+            return self.ended_well(process, number)
+
+    def end_while_it_starts(self, number, delay):
+        with running(node_command(scene="bridge")) as process:
+            with self.assertRaises(subprocess.TimeoutExpired):
+                process.wait(timeout=delay)
+            return self.ended(process, number)
 
     def test_it_ends_within_a_second_at_any_moment_and_answers_those_who_wait(self):
         for number in (signal.SIGINT, signal.SIGTERM):
-            command = node_command(scene="pendulum", paused="true")
-            with running(command) as process:
-                properties()
-                answers = []
-                waiting = [threading.Thread(target=lambda: answers.append(
-                    call("step", steps=4294967295))) for _ in range(MOST_STEPS + 1)]
-                for thread in waiting:
-                    thread.start()
-                # one of them is refused when all others wait
-                wait_until(lambda: answers, "the refusal")
-                self.assertIn("calls wait already", answers[0].status_message)
-                self.check_end(process, number)
-                for thread in waiting:
-                    thread.join(QUICK)
-                self.assertEqual([a.success for a in answers], [False] * (MOST_STEPS + 1))
-                for answer in answers[1:]:
-                    self.assertIn("shutting down", answer.status_message)
-                    self.assertEqual(len(answer.bodies), 1)
-            with running(command) as process:  # and in a tick without end
-                properties()
-                call("load_scene", text=ENDLESS)
-                call("unpause_physics")
-                wait_until(lambda: not call("remove_body", name="ball").success, "the long tick")
-                self.check_end(process, number)
+            self.within_a_second(self.end_beside_those_who_wait, number)
+            self.within_a_second(self.end_in_a_tick_without_end, number)
 
     def test_it_ends_within_a_second_while_it_starts(self):
         for number in (signal.SIGINT, signal.SIGTERM):
             for delay in (0.0, 0.05):
-                with running(node_command(scene="bridge")) as process:
-                    with self.assertRaises(subprocess.TimeoutExpired):
-                        process.wait(timeout=delay)
-                    seconds = seconds_of(lambda: (process.send_signal(number),
-                                                  process.wait(timeout=support.TIMEOUT)))
-                    self.assertLess(seconds, QUICK)
+                self.within_a_second(self.end_while_it_starts, number, delay)
 
     def test_a_second_node_of_one_name_ends_the_first_and_stays(self):
         with running(node_command(scene="pendulum")) as first:
@@ -344,7 +376,7 @@ class Hostile(unittest.TestCase):
                 wait_until(lambda: first.poll() is not None, "the end of the first")
                 self.assertEqual(first.returncode, 0)
                 wait_until(lambda: properties().bodies == ["floor", "load"], "the second")
-                self.check_end(second, signal.SIGINT)
+                self.ended_well(second, signal.SIGINT)
 
 
 if __name__ == "__main__":

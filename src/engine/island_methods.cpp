@@ -276,7 +276,7 @@ void World::Impl::integrate() {
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
     IslandParts& parts = island_parts[at(i)];
-    parts.projected_energy = 0.0;
+    parts.projected_energy = parts.correction_work = 0.0;
     parts.changes = 0;
     parts.is_to_be_asked = parts.has_failed = false;
     if (parts.linked >= 0) linked[at(parts.linked)].begin_step();
@@ -317,9 +317,11 @@ int World::Impl::threads_worth_it() const {
 // what islands have kept to themselves, in their order, so that it is the same with any threads
 void World::Impl::gather_from_islands() {
   bool any_changed = false;
+  watch.integrated_corrections = 0.0;
   for (const int i : smooth) {
     const IslandParts& parts = island_parts[at(i)];
     report.projected_energy += parts.projected_energy;
+    watch.integrated_corrections += parts.correction_work;
     report.changes += parts.changes;
     any_stiff = any_stiff || parts.is_to_be_asked;
     any_changed = any_changed || parts.changes > 0;
@@ -415,8 +417,10 @@ bool World::Impl::note(std::size_t i, const Progress& progress) {
   island.rejected += static_cast<std::uint32_t>(progress.rejected);
   island.iterations += static_cast<std::uint32_t>(progress.iterations);
   // what was not done was taken back
-  if (progress.done) island_parts[i].projected_energy += progress.projected;
-  return progress.done;
+  if (!progress.done) return false;
+  island_parts[i].projected_energy += progress.projected;
+  island_parts[i].correction_work += progress.corrected;
+  return true;
 }
 
 // The method of the island first. Where that fails, the other one; and where the reason is that the
@@ -572,6 +576,7 @@ void World::Impl::refuse_island(std::size_t i) {
     joint_states[at(j)] = joint_states_before[at(j)];
   islands[i].method = Method::kSequentialImpulses;
   islands[i].why = Why::kRefused;
+  island_parts[i].projected_energy = island_parts[i].correction_work = 0.0;
   island_parts[i].refused_until = step_count + kRefusedFor;
   any_refused = true;
   ++island_parts[i].changes;

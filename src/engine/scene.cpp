@@ -344,6 +344,11 @@ TouchingPair read_contact(const YamlElement& item, const World& world) {
     if (world.body(key[5] == 'a' ? pair.id_a : pair.id_b).no_collision)
       item.fail(std::string(key) + " touches nothing");
   item.read("normal", &pair.manifold.normal);
+  item.attempt([&] {
+    const Eigen::Vector3d& normal = pair.manifold.normal;
+    if (!(std::abs(normal.norm() - 1.0) <= 0.01))
+      refuse("normal", "must be a unit vector, got " + shown(normal));
+  });
   const std::vector<YamlElement> points = item.at("points").items();
   if (points.empty() || points.size() > pair.manifold.points.size())
     item.at("points").fail("must be 1 to 8, got " + std::to_string(points.size()));
@@ -358,6 +363,11 @@ TouchingPair read_contact(const YamlElement& item, const World& world) {
     element.read("position", &point.position);
     element.read("depth", &point.depth);
     element.read("impulse", &pair.impulses[k]);
+    element.attempt([&] {
+      check_finite("position", point.position);
+      check_finite("depth", point.depth);
+      check_finite("impulse", pair.impulses[k]);
+    });
   }
   return pair;
 }

@@ -39,6 +39,8 @@ class Watch {
   double booked = 0.0;  ///< work on islands that impulses carry [J]
   bool any_wrench_ended = false, awake_changed = false;
 
+  double integrated_corrections = 0.0;  ///< work of corrections on smooth islands, in this step [J]
+
   // of all islands that impulses carry
   double gain = 0.0;  ///< without a cause, since it was least [J]
 

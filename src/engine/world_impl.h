@@ -94,9 +94,9 @@ struct IslandParts : IslandMemory {
   std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
 
   // of this step; each island writes its own, for several may be carried at once
-  double projected_energy = 0.0;  ///< [J]
-  std::uint32_t changes = 0;      ///< of its method
-  bool is_to_be_asked = false;    ///< what it is, again in the next step
+  double projected_energy = 0.0, correction_work = 0.0;  ///< [J]
+  std::uint32_t changes = 0;                             ///< of its method
+  bool is_to_be_asked = false;                           ///< what it is, again in the next step
   bool has_failed = false;
 
   WatchedEnergy energy;

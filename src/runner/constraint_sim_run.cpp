@@ -243,6 +243,8 @@ struct Outcome {
   double energy_initial = 0.0, energy_final = 0.0;  ///< [J]
   double energy_drift = 0.0;                        ///< after the last step [1]
   double accumulated_local_error = 0.0;             ///< sum of the steps' estimates [m]
+  double correction_work = 0.0, driven_work = 0.0;  ///< sums over all steps [J]
+  double solver_residual = 0.0;                     ///< largest of all steps [m/s]
   std::set<std::string> methods;
   std::set<std::string> unresolved_bodies;
   std::map<std::pair<Told::Kind, std::string>, Told> told;  ///< each once, at its largest
@@ -270,6 +272,9 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
         std::max(outcome.max_constraint_error, report.max_constraint_error);
     outcome.energy_drift = report.energy_drift;
     outcome.accumulated_local_error += report.local_error;
+    outcome.correction_work += report.correction_work;
+    outcome.driven_work += report.driven_work;
+    outcome.solver_residual = std::max(outcome.solver_residual, report.solver_residual);
     for (std::size_t i = 0; i < kMethodCount; ++i)
       if (report.islands[i] > 0) outcome.methods.insert(name(static_cast<Method>(i)));
     if (report.unresolved_bodies > 0)
@@ -305,6 +310,12 @@ std::vector<std::string> warnings_of(const World& world, const Outcome& outcome)
   return lines;
 }
 
+/// Name of the body whose motion failed, and null where it was not one body's.
+nlohmann::json failed_body(const World& world) {
+  const std::optional<BodyId>& body = world.report().failed_body;
+  return body ? nlohmann::json(world.body(*body).name) : nlohmann::json();
+}
+
 nlohmann::json report_of(const World& world, const Outcome& outcome) {
   nlohmann::json bodies = nlohmann::json::object();
   for (const BodyId id : world.body_ids()) {
@@ -316,6 +327,12 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
         {"angular_velocity", list(state.angular_velocity)},
     };
   }
+  std::vector<std::string> unclosed_joints;
+  double energy_rise = 0.0;
+  for (const auto& [key, told] : outcome.told) {
+    if (told.kind == Told::Kind::kUnclosed) unclosed_joints.push_back(told.whose);
+    if (told.kind == Told::Kind::kEnergyRise) energy_rise = std::max(energy_rise, told.amount);
+  }
   return {
       {"steps", world.step_count()},
       {"sim_time", world.time()},
@@ -326,6 +343,13 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
       {"energy_final", outcome.energy_final},
       {"max_constraint_error", outcome.max_constraint_error},
       {"accumulated_local_error", outcome.accumulated_local_error},
+      {"correction_work", outcome.correction_work},
+      {"driven_work", outcome.driven_work},
+      {"solver_residual", outcome.solver_residual},
+      {"unclosed_joints", unclosed_joints},
+      {"energy_rise", energy_rise},
+      {"failure", text(world.report().failure)},
+      {"failed_body", failed_body(world)},
       {"methods", outcome.methods},
       {"unresolved_bodies", outcome.unresolved_bodies},
       {"left_out", engine::left_out(world)},

@@ -145,6 +145,7 @@ TEST_F(Runner, TellsErrorsThatAreNotClosed) {
     EXPECT_NE(line.get<std::string>().find("is not being closed"), std::string::npos) << line;
     EXPECT_NE(err().find("warning: " + line.get<std::string>() + "\n"), std::string::npos) << err();
   }
+  EXPECT_EQ(report().at("unclosed_joints"), nlohmann::json({"long", "short"}));
   ASSERT_EQ(run("heavy_load --duration 2 --method sequential_impulses --report report.json"), 4);
   ASSERT_EQ(run("scene.yaml --duration 5 --report report.json"), 0) << err();
   EXPECT_TRUE(report().at("warnings").empty());
@@ -154,7 +155,8 @@ TEST_F(Runner, TellsErrorsThatAreNotClosed) {
          "         {name: lower, mass: 1, position: [2, 0, 0]}]\n"
          "constraints: [{name: rod_1, body_b: upper},\n"
          "              {name: rod_2, body_a: upper, body_b: lower}]\n";
-  ASSERT_EQ(run("double.yaml --duration 10 --tolerance 0 --time-step 0.2"), 4);
+  ASSERT_EQ(run("double.yaml --duration 10 --tolerance 0 --time-step 0.2 --report report.json"), 4);
+  EXPECT_GT(report().at("energy_rise"), 0.0);
   EXPECT_NE(err().find("energy of its island rose"), std::string::npos) << err();
 }
 
@@ -271,6 +273,40 @@ TEST_F(Runner, ReportsFailedPhysics) {
   ASSERT_EQ(run("far.yaml --duration 5 --report report.json"), 3) << out() << err();
   EXPECT_EQ(lines_of(err()).size(), 1u) << err();
   EXPECT_EQ(report().at("bodies").at("a").at("position").at(0), 1e20);
+  EXPECT_EQ(report().at("failure"), text(Failure::kOutOfRange));
+  EXPECT_EQ(report().at("failed_body"), "a");
+}
+
+// Sums and largest values over all steps, as the engine gives them.
+TEST_F(Runner, ReportsWorkAndWhatTheSweepsLeft) {
+  const std::string scene =
+      "world: {method: sequential_impulses, time_step: 0.001}\n"
+      "bodies: [{name: upper, mass: 1, position: [1, 0, 0]},\n"
+      "         {name: lower, mass: 1, position: [2, 0, 0]}]\n"
+      "constraints: [{name: rod_1, body_b: upper},\n"
+      "              {name: rod_2, body_a: upper, body_b: lower}]\n"
+      "wrenches: [{body: lower, force: [0, 1, 0]}]\n";
+  std::ofstream(in_folder("driven.yaml")) << scene;
+  World world = load_scene(scene);
+  double correction_work = 0.0, driven_work = 0.0, residual = 0.0;
+  for (int i = 0; i < 100; ++i) {
+    const StepReport& step = world.step();
+    correction_work += step.correction_work;
+    driven_work += step.driven_work;
+    residual = std::max(residual, step.solver_residual);
+  }
+  ASSERT_NE(correction_work, 0.0);
+  ASSERT_NE(driven_work, 0.0);
+  ASSERT_NE(residual, 0.0);
+  ASSERT_EQ(run("driven.yaml --duration 0.1 --report report.json"), 0) << err();
+  const auto json = report();
+  EXPECT_EQ(json.at("correction_work"), correction_work);
+  EXPECT_EQ(json.at("driven_work"), driven_work);
+  EXPECT_EQ(json.at("solver_residual"), residual);
+  EXPECT_TRUE(json.at("unclosed_joints").empty());
+  EXPECT_EQ(json.at("energy_rise"), 0.0);
+  EXPECT_EQ(json.at("failure"), "");
+  EXPECT_TRUE(json.at("failed_body").is_null());
 }
 
 }  // namespace

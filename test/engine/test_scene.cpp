@@ -480,6 +480,25 @@ INSTANTIATE_TEST_SUITE_P(
             with_wrenches("  - body: a\n    start: 1\n    duration: 1e-20\n"),
             "s:8: wrenches[0].duration: must be > 0 and not lost beside the start, got 1e-20"}));
 
+std::string with_contact(const std::string& contact) {
+  return "bodies:\n  - {name: a, type: static}\n  - {name: b, mass: 1}\ncontacts:\n  - {body_a: a, "
+         "body_b: b, " +
+         contact + "}\n";
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Contacts, RefusedScene,
+    testing::Values(BadScene{with_contact("normal: [0, 0, 2], points: [{feature: 0}]"),
+                             "s:5: contacts[0].normal: must be a unit vector, got (0, 0, 2)"},
+                    BadScene{with_contact("points: [{feature: 0, impulse: [0, 0, 1e300]}]"),
+                             "s:5: contacts[0].points[0].impulse: must be at most 1e+20, got (0, "
+                             "0, 1e+300)"},
+                    BadScene{with_contact("points: [{feature: 0, depth: 1e30}]"),
+                             "s:5: contacts[0].points[0].depth: must be at most 1e+20, got 1e+30"},
+                    BadScene{with_contact("points: [{feature: 0, position: [-1e30, 0, 0]}]"),
+                             "s:5: contacts[0].points[0].position: must be at most 1e+20, got "
+                             "(-1e+30, 0, 0)"}));
+
 // these are the World's to refuse, in its own words; where they stand is the scene's
 TEST(LoadScene, PointsAtWhatTheWorldRefuses) {
   const auto starts = [](const std::string& text) {

@@ -88,7 +88,8 @@ struct StepReport {
   double projected_energy = 0.0;  ///< kinetic energy lost where velocities were made to fit the
                                   ///< joints, when a method took over or an edit came [J]
   double correction_work = 0.0;   ///< of closing errors where impulses carry islands: weight times
-                                  ///< the distance moved for that [J]
+                                  ///< the distance moved for that; and where joints cannot all be
+                                  ///< met, energy that corrections of positions added [J]
   double driven_work = 0.0;       ///< of wrenches, motors and kinematic bodies on such islands [J]
   double solver_residual = 0.0;   ///< largest |J V − target| that the sweeps left, of the motion
                                   ///< or of what closes errors [m/s]

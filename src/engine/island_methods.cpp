@@ -642,7 +642,7 @@ void World::Impl::read_smooth_joints(const JointStep& step) {
     for (std::size_t l = 0; l < equations.joints().size(); ++l) {
       const std::size_t j = at(equations.joints()[l]);
       const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;
-      const Eigen::Vector3d impulse = shared ? shared->impulse(l) : equations.impulse(l);
+      const RowVector impulse = shared ? shared->impulse(l) : equations.impulse(l);
       read_smooth_joint(joints[j], state_a(j), state_b(j), step, impulse, zeta, joint_states[j]);
       note_if_torn(j);
     }

@@ -215,7 +215,7 @@ struct Columns {
         add_end(island, b, arm_b, n_W, &column);
         columns.push_back(column);
       };
-      if (std::holds_alternative<BallJoint>(joint.type))
+      if (joint.kind == JointKind::kBall)
         for (int k = 0; k < 3; ++k) add(Vector3::Unit(k));
       else
         add(d.normalized());
@@ -228,8 +228,7 @@ struct Columns {
     }
     Eigen::Index c = 0;
     for (const int j : island.equations().joints()) {
-      const bool is_ball =
-          std::holds_alternative<BallJoint>(island.joints[static_cast<std::size_t>(j)].type);
+      const bool is_ball = island.joints[static_cast<std::size_t>(j)].kind == JointKind::kBall;
       if (is_ball) weight.segment<3>(c).setConstant(weight.segment<3>(c).mean());
       c += is_ball ? 3 : 1;
     }
@@ -263,7 +262,7 @@ template <class Told>
 Vector by_row(const OneIsland& island, const Told& told) {
   std::vector<Real> rows;
   for (std::size_t l = 0; l < island.equations().joints().size(); ++l) {
-    const Vector3d impulse = told.impulse(l);
+    const RowVector impulse = told.impulse(l);
     rows.push_back(impulse.x());
     if (!island.equations().is_ball(l)) continue;
     rows.push_back(impulse.y());

@@ -8,6 +8,7 @@
 namespace constraint_sim::engine {
 namespace {
 
+using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 // What is added to the diagonal, as a share of it: bodies may move. Each solution leaves this share
@@ -29,9 +30,11 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
   };
   std::vector<std::pair<int, int>> pattern;
   const auto add = [](int first, std::size_t i) { return first + static_cast<int>(i); };
-  for (std::size_t l = 0; equations.is_rod(l) || equations.is_ball(l); ++l) {
+  for (std::size_t l = 0; l < equations.links().size(); ++l) {
+    if (!equations.is_rod(l) && !equations.is_ball(l) && !equations.is_general(l))
+      break;  // springs
     const EquationsOfMotion::Link& from = equations.links()[l];
-    Link link{equations.is_rod(l) ? 1 : 3, {-1, -1}, {0, 0}, rows_.size(), 0};
+    Link link{static_cast<int>(equations.rows_of(l)), {-1, -1}, {0, 0}, rows_.size(), 0};
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = e == 0 ? from.a : from.b;
       if (point >= bodies) continue;
@@ -56,6 +59,7 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
   for (auto* list : {&stiffness_, &missing_, &permuted_}) list->assign(at(n), 0.0);
   is_torque_.assign(at(n), 0);
   for (std::size_t i = 0; i < turning; ++i) std::fill_n(&is_torque_[6 * i + 3], 3, 1);
+  weights_.assign(rows_.size(), 0.0);
   impulses_.assign(rows_.size() + equations.links().size() - links_.size(), 0.0);
 }
 
@@ -77,18 +81,21 @@ void LeastNormForces::share(const EquationsOfMotion& equations,
   if (!has_same_sum()) shares_ = impulses_;
 }
 
-Vector3d LeastNormForces::impulse(std::size_t l) const {
-  if (l >= links_.size()) return {shares_[rows_.size() + l - links_.size()], 0.0, 0.0};
-  const std::size_t i = links_[l].first_row;
-  if (links_[l].rows == 1) return {shares_[i], 0.0, 0.0};
-  return {shares_[i], shares_[i + 1], shares_[i + 2]};
+RowVector LeastNormForces::impulse(std::size_t l) const {
+  RowVector impulse = RowVector::Zero();
+  if (l >= links_.size()) {
+    impulse[0] = shares_[rows_.size() + l - links_.size()];
+    return impulse;
+  }
+  for (int k = 0; k < links_[l].rows; ++k) impulse[k] = shares_[links_[l].first_row + at(k)];
+  return impulse;
 }
 
 // directions, torques and weights of the rows where the step ends
 void LeastNormForces::place(const EquationsOfMotion& equations,
                             const std::vector<BodyState>& states) {
   for (std::size_t l = 0; l < links_.size(); ++l) {
-    Link& link = links_[l];
+    const Link& link = links_[l];
     const EquationsOfMotion::Link& from = equations.links()[l];
     const std::array<std::size_t, 2> points{from.a, from.b};
     std::array<Vector3d, 2> arm{Vector3d::Zero(), Vector3d::Zero()};
@@ -103,22 +110,44 @@ void LeastNormForces::place(const EquationsOfMotion& equations,
         arm[e] = state.orientation * (e == 0 ? from.anchor_a : from.anchor_b);
       d += kSign[e] * (state.position + arm[e]);
     }
-    link.weight = 0.0;
+    JointVectors vectors;
+    vectors.r_A = arm[0];
+    vectors.r_B = arm[1];
+    vectors.d = d;
+    if (info(from.kind).has_frames) {
+      const auto axes = [&](std::size_t e, const Matrix3d& frame) -> Matrix3d {
+        if (link.unknowns[e] == 0) return equations.fixed_axes(points[e]) * frame;
+        return states[at(equations.bodies()[points[e]])].orientation * frame;
+      };
+      vectors.axes_A = axes(0, from.frame_a);
+      vectors.axes_B = axes(1, from.frame_b);
+    }
+    double sum = 0.0;
     for (int k = 0; k < link.rows; ++k) {
-      Row& row = rows_[link.first_row + at(k)];
-      const Vector3d n = link.rows == 1 ? d.normalized() : Vector3d(Vector3d::Unit(k));
+      Jacobian J = jacobian(info(from.kind).row[at(k)], vectors);
+      if (equations.is_rod(l)) {  // forces in newtons
+        const double length = d.norm();
+        for (Vector3d* part : {&J.j1, &J.j2, &J.j3, &J.j4}) *part /= length;
+      }
+      weights_[link.first_row + at(k)] = 0.0;
       for (std::size_t e = 0; e < 2; ++e) {
         if (link.unknowns[e] == 0) continue;
-        Eigen::Map<Vector3d> force(row[e].data()), torque(row[e].data() + 3);
-        force = kSign[e] * n;
-        link.weight += equations.inverse_mass(points[e]) / link.rows;
-        if (link.unknowns[e] == 3) continue;
-        torque = kSign[e] * arm[e].cross(n);
-        const BodyState& state = states[at(equations.bodies()[points[e]])];
-        const Vector3d in_body = state.orientation.conjugate() * torque;
-        link.weight += in_body.dot(in_body.cwiseQuotient(equations.inertia(points[e]))) / link.rows;
+        std::array<double, 6>& row = rows_[link.first_row + at(k)][e];
+        Eigen::Map<Vector3d> force(row.data()), torque(row.data() + 3);
+        force = e == 0 ? J.j1 : J.j3;
+        double weight = equations.inverse_mass(points[e]) * force.squaredNorm();
+        if (link.unknowns[e] == 6) {
+          torque = e == 0 ? J.j2 : J.j4;
+          const BodyState& state = states[at(equations.bodies()[points[e]])];
+          const Vector3d in_body = state.orientation.conjugate() * torque;
+          weight += in_body.dot(in_body.cwiseQuotient(equations.inertia(points[e])));
+        }
+        weights_[link.first_row + at(k)] += weight;
+        sum += weight;
       }
     }
+    if (equations.is_ball(l))  // no axis is preferred
+      std::fill_n(&weights_[link.first_row], link.rows, sum / link.rows);
   }
 }
 
@@ -126,14 +155,12 @@ void LeastNormForces::factor() {
   std::vector<double>& K = ldlt_.values();
   std::fill(K.begin(), K.end(), 0.0);
   for (const Link& link : links_) {
-    const double stiffness = 1.0 / link.weight;
-    const Row* const first = rows_.data() + link.first_row;
-    const Row* const end = first + link.rows;
     const SparseLdlt::Slot* slot = slots_.data() + link.first_slot;
     for_each_entry(link, [&](std::size_t e, std::size_t i, std::size_t f, std::size_t k) {
       double sum = 0.0;
-      for (const Row* row = first; row < end; ++row) sum += (*row)[e][i] * (*row)[f][k];
-      K[*slot++] += stiffness * sum;
+      for (std::size_t r = link.first_row; r < link.first_row + at(link.rows); ++r)
+        sum += rows_[r][e][i] * rows_[r][f][k] / weights_[r];
+      K[*slot++] += sum;
     });
   }
   for (std::size_t u = 0; u < diagonal_.size(); ++u) {
@@ -149,7 +176,7 @@ void LeastNormForces::factor() {
 void LeastNormForces::load(const EquationsOfMotion& equations) {
   std::size_t i = 0;
   for (std::size_t l = 0; l < equations.links().size(); ++l) {
-    const Vector3d impulse = equations.impulse(l);
+    const RowVector impulse = equations.impulse(l);
     for (int k = 0; k < (l < links_.size() ? links_[l].rows : 1); ++k) impulses_[i++] = impulse[k];
   }
   shares_ = impulses_;
@@ -198,7 +225,7 @@ void LeastNormForces::add_shares() {
       for (std::size_t e = 0; e < 2; ++e)
         for (std::size_t k = 0; k < link.unknowns[e]; ++k)
           sum += rows_[r][e][k] * missing_[at(link.unknown[e]) + k];
-      shares_[r] += sum / link.weight;
+      shares_[r] += sum / weights_[r];
     }
   }
 }

@@ -24,16 +24,15 @@ class LeastNormForces {
   /// no others of the same sum are found, as at mass ratios above 1e10.
   void share(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
   /// As EquationsOfMotion::impulse(), of joints()[l].
-  Eigen::Vector3d impulse(std::size_t l) const;
+  RowVector impulse(std::size_t l) const;
 
  private:
-  /// One rigid joint, of one row or three; slots_ has the lower triangle of its bodies' unknowns.
+  /// One rigid joint; slots_ has the lower triangle of its bodies' unknowns.
   struct Link {
     int rows;
     std::array<int, 2> unknown;  // first ones of its ends' bodies; -1 of a fixed point
     std::array<std::size_t, 2> unknowns;
     std::size_t first_row, first_slot;
-    double weight = 0.0;
   };
   /// What a unit impulse of a row does to its ends A and B: force and torque.
   using Row = std::array<std::array<double, 6>, 2>;
@@ -50,6 +49,7 @@ class LeastNormForces {
 
   std::vector<Link> links_;  // rigid ones, as joints()
   std::vector<Row> rows_;
+  std::vector<double> weights_;  // a of rows
   std::vector<SparseLdlt::Slot> slots_, diagonal_;
   SparseLdlt ldlt_;                // of Gᵀ D⁻¹ G
   std::vector<double> stiffness_;  // its diagonal

@@ -343,7 +343,7 @@ void World::Impl::enter() {
     }
   }
   changing_courses.clear();
-  courses.assign(joints.size(), JointCourse{});
+  if (!joints.empty()) courses.assign(joints.size(), JointCourse{});
   for (const int i : smooth) {
     for (const int index : island_parts[at(i)].members.joints) {
       const std::size_t j = at(index);

@@ -393,7 +393,7 @@ void World::Impl::finish_step() {
   const JointStep step = joint_step();
   read_joints(step);
   if (!impulse_bodies.empty() && solver.is_to_finish()) finish_corrections();
-  read_smooth_joints(step);
+  if (!linked.empty()) read_smooth_joints(step);
   read_contacts();
   if (!tells_finite_numbers()) fail(Failure::kNotFinite);
   ++step_count;

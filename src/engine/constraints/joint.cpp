@@ -59,15 +59,16 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
   const Closing closing(state, step, 0);
   const int count = write_distance_rows(distance, anchors, state.travel, rows);
   for (Row* row = rows; row != rows + count; ++row) {
+    row->target = row->drive = state.bias;
     const bool is_limit = row->lower == 0.0 || row->upper == 0.0;
     const bool is_closing = !is_limit || is_beyond(*row, closing.offset);
     if (is_closing) row->C -= closing.offset;
     if (is_limit)
-      aim_limit(*row, state.bias, beta, step.h);
+      aim_limit(*row, beta, step.h);
     else if (distance.is_soft())
-      aim_soft(*row, state.bias, distance.stiffness, distance.damping, step.h);
+      aim_soft(*row, distance.stiffness, distance.damping, step.h);
     else
-      aim_rigid(*row, state.bias, beta, step.h);
+      aim_rigid(*row, beta, step.h);
     if (is_closing) row->correction += closing.rate;
     if (joint.motor.max_force > 0.0) limit_force(*row, joint.motor.max_force, step.h);
   }
@@ -83,7 +84,7 @@ int prepare_table_rows(const Joint& joint, const JointVectors& vectors, const Jo
     const Closing closing(state, step, k);
     rows[k].J = jacobian(form, vectors);
     rows[k].C = value(form, vectors) - closing.offset;
-    aim_rigid(rows[k], 0.0, joint.baumgarte.value_or(step.beta), step.h);
+    aim_rigid(rows[k], joint.baumgarte.value_or(step.beta), step.h);
     rows[k].correction += closing.rate;
   }
   return kind.rows;

@@ -6,20 +6,18 @@
 
 namespace constraint_sim::engine {
 
-// What a row asks of the velocities, from its value C: J V = ζ − (β/h) C and its relatives. The
-// share that closes an error is kept apart, for it moves the bodies in this step alone.
+// What a row asks of the velocities, from its value C: J V = ζ − (β/h) C and its relatives, where
+// `target` is ζ already. The share that closes an error is kept apart, for it moves the bodies in
+// this step alone.
 
 /// An equation: a share β of the error goes in this step (Baumgarte).
-inline void aim_rigid(Row& row, double zeta, double beta, double h) {
-  row.target = row.drive = zeta;
-  row.correction = -beta / h * row.C;
-}
+inline void aim_rigid(Row& row, double beta, double h) { row.correction = -beta / h * row.C; }
 
 /// A limit with C ≤ 0 (upper = 0) or C ≥ 0 (lower = 0): while it is open the gap may close in this
 /// step but not more.
-inline void aim_limit(Row& row, double zeta, double beta, double h) {
+inline void aim_limit(Row& row, double beta, double h) {
   const bool open = row.upper == 0.0 ? row.C < 0.0 : row.C > 0.0;
-  aim_rigid(row, zeta, beta, h);
+  aim_rigid(row, beta, h);
   if (!open) return;
   row.target -= row.C / h;
   row.correction = 0.0;
@@ -27,12 +25,11 @@ inline void aim_limit(Row& row, double zeta, double beta, double h) {
 
 /// A spring of stiffness k [N/m] and damping c [N s/m] about C = 0, by implicit Euler: the force
 /// −k (C + h Ċ) − c Ċ at the end of the step, stable at any stiffness. Catto, "Soft constraints",
-/// GDC 2011.
-inline void aim_soft(Row& row, double zeta, double k, double c, double h) {
+/// GDC 2011. A call, so that rows without a spring have nothing of it.
+[[gnu::noinline]] inline void aim_soft(Row& row, double k, double c, double h) {
   row.softness = 1.0 / (h * (c + h * k));
-  row.drive = zeta;
   row.stiffness = k;
-  row.target = zeta - h * k * row.softness * row.C;
+  row.target -= h * k * row.softness * row.C;
 }
 
 /// No more force than this either way [N].

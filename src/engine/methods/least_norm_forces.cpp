@@ -59,7 +59,7 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
   for (auto* list : {&stiffness_, &missing_, &permuted_}) list->assign(at(n), 0.0);
   is_torque_.assign(at(n), 0);
   for (std::size_t i = 0; i < turning; ++i) std::fill_n(&is_torque_[6 * i + 3], 3, 1);
-  weights_.assign(rows_.size(), 0.0);
+  inverse_weights_.assign(rows_.size(), 0.0);
   impulses_.assign(rows_.size() + equations.links().size() - links_.size(), 0.0);
 }
 
@@ -91,6 +91,26 @@ RowVector LeastNormForces::impulse(std::size_t l) const {
   return impulse;
 }
 
+// of a general joint
+JointVectors LeastNormForces::vectors_of(const EquationsOfMotion& equations,
+                                         const std::vector<BodyState>& states, std::size_t l,
+                                         const std::array<Vector3d, 2>& arm,
+                                         const Vector3d& d) const {
+  const EquationsOfMotion::Link& from = equations.links()[l];
+  JointVectors vectors;
+  vectors.r_A = arm[0];
+  vectors.r_B = arm[1];
+  vectors.d = d;
+  if (!info(from.kind).has_frames) return vectors;
+  const auto axes = [&](std::size_t e, std::size_t point, const Matrix3d& frame) -> Matrix3d {
+    if (links_[l].unknowns[e] == 0) return equations.fixed_axes(point) * frame;
+    return states[at(equations.bodies()[point])].orientation * frame;
+  };
+  vectors.axes_A = axes(0, from.a, from.frame_a);
+  vectors.axes_B = axes(1, from.b, from.frame_b);
+  return vectors;
+}
+
 // directions, torques and weights of the rows where the step ends
 void LeastNormForces::place(const EquationsOfMotion& equations,
                             const std::vector<BodyState>& states) {
@@ -111,43 +131,39 @@ void LeastNormForces::place(const EquationsOfMotion& equations,
       d += kSign[e] * (state.position + arm[e]);
     }
     JointVectors vectors;
-    vectors.r_A = arm[0];
-    vectors.r_B = arm[1];
-    vectors.d = d;
-    if (info(from.kind).has_frames) {
-      const auto axes = [&](std::size_t e, const Matrix3d& frame) -> Matrix3d {
-        if (link.unknowns[e] == 0) return equations.fixed_axes(points[e]) * frame;
-        return states[at(equations.bodies()[points[e]])].orientation * frame;
-      };
-      vectors.axes_A = axes(0, from.frame_a);
-      vectors.axes_B = axes(1, from.frame_b);
-    }
+    if (equations.is_general(l)) vectors = vectors_of(equations, states, l, arm, d);
     double sum = 0.0;
     for (int k = 0; k < link.rows; ++k) {
-      Jacobian J = jacobian(info(from.kind).row[at(k)], vectors);
-      if (equations.is_rod(l)) {  // forces in newtons
-        const double length = d.norm();
-        for (Vector3d* part : {&J.j1, &J.j2, &J.j3, &J.j4}) *part /= length;
+      std::array<Vector3d, 2> push, turn;  // for an impulse of 1
+      if (equations.is_general(l)) {
+        const Jacobian J = jacobian(info(from.kind).row[at(k)], vectors);
+        push = {J.j1, J.j3};
+        turn = {J.j2, J.j4};
+      } else {
+        const Vector3d n = link.rows == 1 ? d.normalized() : Vector3d(Vector3d::Unit(k));
+        push = {-n, n};
+        turn = {-arm[0].cross(n), arm[1].cross(n)};
       }
-      weights_[link.first_row + at(k)] = 0.0;
+      double row_weight = 0.0;
       for (std::size_t e = 0; e < 2; ++e) {
         if (link.unknowns[e] == 0) continue;
         std::array<double, 6>& row = rows_[link.first_row + at(k)][e];
         Eigen::Map<Vector3d> force(row.data()), torque(row.data() + 3);
-        force = e == 0 ? J.j1 : J.j3;
+        force = push[e];
         double weight = equations.inverse_mass(points[e]) * force.squaredNorm();
         if (link.unknowns[e] == 6) {
-          torque = e == 0 ? J.j2 : J.j4;
+          torque = turn[e];
           const BodyState& state = states[at(equations.bodies()[points[e]])];
           const Vector3d in_body = state.orientation.conjugate() * torque;
           weight += in_body.dot(in_body.cwiseQuotient(equations.inertia(points[e])));
         }
-        weights_[link.first_row + at(k)] += weight;
-        sum += weight;
+        row_weight += weight;
       }
+      sum += row_weight;
+      inverse_weights_[link.first_row + at(k)] = 1.0 / row_weight;
     }
     if (equations.is_ball(l))  // no axis is preferred
-      std::fill_n(&weights_[link.first_row], link.rows, sum / link.rows);
+      std::fill_n(&inverse_weights_[link.first_row], link.rows, link.rows / sum);
   }
 }
 
@@ -159,7 +175,7 @@ void LeastNormForces::factor() {
     for_each_entry(link, [&](std::size_t e, std::size_t i, std::size_t f, std::size_t k) {
       double sum = 0.0;
       for (std::size_t r = link.first_row; r < link.first_row + at(link.rows); ++r)
-        sum += rows_[r][e][i] * rows_[r][f][k] / weights_[r];
+        sum += inverse_weights_[r] * rows_[r][e][i] * rows_[r][f][k];
       K[*slot++] += sum;
     });
   }
@@ -225,7 +241,7 @@ void LeastNormForces::add_shares() {
       for (std::size_t e = 0; e < 2; ++e)
         for (std::size_t k = 0; k < link.unknowns[e]; ++k)
           sum += rows_[r][e][k] * missing_[at(link.unknown[e]) + k];
-      shares_[r] += sum / weights_[r];
+      shares_[r] += inverse_weights_[r] * sum;
     }
   }
 }

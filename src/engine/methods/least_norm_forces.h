@@ -38,6 +38,9 @@ class LeastNormForces {
   using Row = std::array<std::array<double, 6>, 2>;
 
   void place(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
+  JointVectors vectors_of(const EquationsOfMotion& equations, const std::vector<BodyState>& states,
+                          std::size_t l, const std::array<Eigen::Vector3d, 2>& arm,
+                          const Eigen::Vector3d& d) const;
   void factor();
   void load(const EquationsOfMotion& equations);
   void find_shares();
@@ -49,7 +52,7 @@ class LeastNormForces {
 
   std::vector<Link> links_;  // rigid ones, as joints()
   std::vector<Row> rows_;
-  std::vector<double> weights_;  // a of rows
+  std::vector<double> inverse_weights_;  // 1/a of rows
   std::vector<SparseLdlt::Slot> slots_, diagonal_;
   SparseLdlt ldlt_;                // of Gᵀ D⁻¹ G
   std::vector<double> stiffness_;  // its diagonal

@@ -157,16 +157,19 @@ void add(Fnv1a& hash, const IslandMemory& memory, const std::string& first_body)
     hash.add(value);
 }
 
-// What methods go on from beside the state. After an edit all begin anew, and so do islands at rest
-// once they wake.
+// What methods go on from beside the state, or that they begin anew. Islands at rest do so once
+// they wake.
 template <class Impl>
 void add_methods(Fnv1a& hash, const Impl& world) {
-  if (world.edited || world.is_fresh) return;
   const MemoryHash add(&hash);
   for (std::size_t i = 0; i < world.islands.size(); ++i) {
     const Island& island = world.islands[i];
     const IslandParts& parts = world.island_parts[i];
     if (island.why == Why::kAtRest) continue;
+    if (parts.is_fresh) {
+      if (world.starts_methods_anew(i)) hash.add(std::uint64_t{i});
+      continue;
+    }
     for (const int body : parts.turning_freely) {
       const FreeRotation& rotation = world.rotations[static_cast<std::size_t>(body)];
       if (!rotation.has_memory()) continue;
@@ -196,7 +199,12 @@ void add(Fnv1a& hash, const Wrench& wrench, const std::string& body, double now)
 }  // namespace
 
 std::uint64_t World::state_hash() const {
-  const Impl& world = *impl_;
+  std::optional<Impl> copy;
+  return impl_->compiled(&copy).hash();
+}
+
+std::uint64_t World::Impl::hash() const {
+  const Impl& world = *this;
   Fnv1a hash;
   add(hash, world.options);
   hash.add(world.step_count);
@@ -230,7 +238,6 @@ std::uint64_t World::state_hash() const {
       if (world.is_known(pair)) add(hash, pair, name_of(pair.id_a), name_of(pair.id_b));
   for (const auto& [first_body, memory] : world.memories())
     if (world.body_index[first_body.value] >= 0) add(hash, memory, name_of(first_body));
-  hash.add(std::uint64_t{world.starts_methods_anew()});
   add_methods(hash, world);
   return hash.value();
 }

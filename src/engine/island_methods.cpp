@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 #include "engine/world_impl.h"
 
@@ -66,24 +67,29 @@ const char* text(Why why) {
 
 // ---- once after an edit
 
+// Islands of the same bodies and joints as before keep what is compiled for them.
 void World::Impl::make_islands() {
   topology_edited = false;
   std::vector<bool> movable, acting;
   for (std::size_t i = 0; i < bodies.size(); ++i) movable.push_back(is_movable(i));
   for (const JointState& state : joint_states) acting.push_back(!state.broken);
 
-  island_parts.clear();
-  islands.clear();
-  linked.clear();
-  stiff.clear();
-  inconsistent.clear();
-  least_forces.clear();
+  IslandLists before;
+  std::swap(before, static_cast<IslandLists&>(*this));
+  if (all_edited) rotations.clear();
+  rotations.resize(bodies.size());
+  const std::vector<int> island_before = std::move(island_of);
   island_of.assign(bodies.size(), -1);
-  rotations.assign(bodies.size(), FreeRotation{});
   for (IslandMembers& members : find_islands(movable, acting, joint_ends)) {
+    const auto first = at(members.bodies.front());
+    const int old = !all_edited && first < island_before.size() ? island_before[first] : -1;
     for (const int body : members.bodies) island_of[at(body)] = static_cast<int>(islands.size());
+    if (old >= 0 && before.island_parts[at(old)].members == members) {
+      keep_island(at(old), &before);
+      continue;
+    }
     Island& island = islands.emplace_back();
-    island.first_body = body_ids[at(members.bodies.front())];
+    island.first_body = body_ids[first];
     island.bodies = static_cast<std::uint32_t>(members.bodies.size());
     island.joints = static_cast<std::uint32_t>(members.joints.size());
     IslandParts& parts = island_parts.emplace_back();
@@ -92,6 +98,40 @@ void World::Impl::make_islands() {
       if (first_body == island.first_body) static_cast<IslandMemory&>(parts) = memory;
   }
   loaded_memory.clear();
+}
+
+void World::Impl::keep_island(std::size_t old, IslandLists* before) {
+  islands.push_back(before->islands[old]);
+  IslandParts& parts = island_parts.emplace_back(std::move(before->island_parts[old]));
+  if (parts.linked < 0) return;
+  const std::size_t l = at(parts.linked);
+  parts.linked = static_cast<int>(linked.size());
+  linked.push_back(std::move(before->linked[l]));
+  stiff.push_back(std::move(before->stiff[l]));
+  inconsistent.push_back(std::move(before->inconsistent[l]));
+  least_forces.push_back(std::move(before->least_forces[l]));
+}
+
+// those that have been edited, once it is known which bodies they have
+void World::Impl::list_fresh_islands() {
+  for (const BodyId id : edited_bodies) {
+    if (body_index[id.value] < 0) continue;
+    IslandParts& parts = island_parts[at(island_of[at(body_index[id.value])])];
+    if (!parts.is_fresh) static_cast<IslandMemory&>(parts) = parts.after_edit();
+    parts.is_fresh = true;
+  }
+  edited_bodies.clear();
+  if (all_edited) begin_all_anew();
+  all_edited = false;
+  fresh_islands.clear();
+  for (std::size_t i = 0; i < island_parts.size(); ++i)
+    if (island_parts[i].is_fresh) fresh_islands.push_back(static_cast<int>(i));
+}
+
+void World::Impl::begin_all_anew() {
+  fresh_islands.resize(island_parts.size());
+  std::iota(fresh_islands.begin(), fresh_islands.end(), 0);
+  for (IslandParts& parts : island_parts) parts.is_fresh = true;
 }
 
 void World::Impl::classify_islands() {
@@ -167,8 +207,8 @@ void World::Impl::link(IslandParts* parts) {
 
 void World::Impl::choose_methods() {
   entering.clear();
-  if (is_fresh || awake_changed || !touching.empty() || !touching_before.empty() || any_refused ||
-      any_stiff)
+  if (!fresh_islands.empty() || awake_changed || !touching.empty() || !touching_before.empty() ||
+      any_refused || any_stiff)
     sort_islands();
   report.islands = islands_by_method;
   report.rows = integrated_rows;
@@ -181,7 +221,7 @@ void World::Impl::sort_islands() {
     for (const int body : {pair.a, pair.b})
       if (island_of[at(body)] >= 0) touched[at(island_of[at(body)])] = true;
 
-  bool changed = is_fresh || awake_changed;
+  bool changed = !fresh_islands.empty() || awake_changed;
   awake_changed = any_refused = any_stiff = false;
   for (const int index : awake_islands) {
     const std::size_t i = at(index);
@@ -210,12 +250,12 @@ void World::Impl::sort_islands() {
     island.unresolved_bodies = 0;
     const Method before = island.method;
     island.method = method_for(island.why);
-    if (island.method == before && !is_fresh && !has_woken) continue;
+    if (island.method == before && !parts.is_fresh && !has_woken) continue;
     changed = true;
-    if (!is_fresh && island.method != before) ++report.changes;
-    parts.energy.has_changed |= !is_fresh && (island.method == Method::kSequentialImpulses ||
-                                              before == Method::kSequentialImpulses);
-    const bool begins_anew = is_fresh || has_woken;
+    if (!parts.is_fresh && island.method != before) ++report.changes;
+    parts.energy.has_changed |= !parts.is_fresh && (island.method == Method::kSequentialImpulses ||
+                                                    before == Method::kSequentialImpulses);
+    const bool begins_anew = parts.is_fresh || has_woken;
     if (begins_anew) {
       begin_anew(parts);
     } else if (parts.linked >= 0) {
@@ -246,6 +286,7 @@ bool World::Impl::is_integrated(std::size_t j) const {
 }
 
 void World::Impl::list_by_method() {
+  smooth_changed = true;
   smooth.clear();
   islands_by_method = {};
   integrated_rows = 0;
@@ -271,6 +312,7 @@ void World::Impl::integrate() {
   if (smooth.empty()) return;
   const StageTimer timer(*this, Stage::kIntegration);
   enter();
+  if (smooth_changed) list_changing_courses();
   for (const int i : smooth) {
     Island& island = islands[at(i)];
     island.local_error = 0.0;
@@ -286,16 +328,18 @@ void World::Impl::integrate() {
     const double t = span_ends[k];
     const JointStep span = span_from(t, span_ends[k + 1] - t);
     find_loads(t, span_ends[k + 1]);
-    const bool is_disturbed = is_fresh || had_loads || !loads.empty() || k > 0;
+    const bool is_disturbed = had_loads || !loads.empty() || k > 0;
     for (const int j : changing_courses)
       if (is_integrated(at(j)))
         courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
-    const SmoothSpan smooth_span{t,       span.h,       options.gravity,   loads,
-                                 courses, is_disturbed, is_fresh || k > 0, stop};
+    const SmoothSpan continued{t,       span.h,       options.gravity, loads,
+                               courses, is_disturbed, k > 0,           stop};
+    const SmoothSpan fresh{t, span.h, options.gravity, loads, courses, true, true, stop};
     workers.run(threads_worth_it(), smooth.size(), [&](std::size_t s) {
       const std::size_t i = at(smooth[s]);
       if (!island_parts[i].has_failed)
-        island_parts[i].has_failed = !integrate_island(i, smooth_span);
+        island_parts[i].has_failed =
+            !integrate_island(i, island_parts[i].is_fresh ? fresh : continued);
     });
     for (const int i : smooth)
       if (island_parts[at(i)].has_failed && islands[at(i)].method != Method::kSequentialImpulses)
@@ -342,15 +386,21 @@ void World::Impl::enter() {
         begin_joint(joints[j], state_a(j), state_b(j), step.t, joint_states[j]);
     }
   }
+  courses.resize(joints.size());
+  for (const int i : entering)
+    for (const int index : island_parts[at(i)].members.joints)
+      courses[at(index)] = JointCourse(joints[at(index)], step, joint_states[at(index)]);
+}
+
+// joints of smooth islands that time moves, also those that stand still for now, at the end of
+// their travel
+void World::Impl::list_changing_courses() {
+  smooth_changed = false;
   changing_courses.clear();
-  if (!joints.empty()) courses.assign(joints.size(), JointCourse{});
   for (const int i : smooth) {
     for (const int index : island_parts[at(i)].members.joints) {
-      const std::size_t j = at(index);
-      courses[j] = JointCourse(joints[j], step, joint_states[j]);
-      // also those that stand still for now, at the end of their travel
-      const Motor& motor = joints[j].motor;
-      if (joint_states[j].closing || motor.bias != 0.0 || motor.amplitude != 0.0)
+      const Motor& motor = joints[at(index)].motor;
+      if (joint_states[at(index)].closing || motor.bias != 0.0 || motor.amplitude != 0.0)
         changing_courses.push_back(index);
     }
   }

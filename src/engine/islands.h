@@ -9,6 +9,10 @@ namespace constraint_sim::engine {
 struct IslandMembers {
   std::vector<int> bodies;
   std::vector<int> joints;
+
+  bool operator==(const IslandMembers& other) const {
+    return bodies == other.bodies && joints == other.joints;
+  }
 };
 
 /// The islands that joints make of the bodies of [0, movable.size()), in the order of their first

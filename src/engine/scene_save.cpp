@@ -258,7 +258,7 @@ void write_contacts(YAML::Emitter* out, const World& world) {
 }
 
 void write_islands(YAML::Emitter* out, const World& world) {
-  const auto memories = Insides::of(world).memories();
+  const auto memories = Insides::of(world).next_memories();
   if (memories.empty()) return;
   *out << YAML::Key << "islands" << YAML::Value << YAML::BeginSeq;
   for (const auto& [first_body, memory] : memories) {

@@ -55,7 +55,8 @@ void World::Impl::fail(Failure why) { throw StepFailed{why}; }
 void World::Impl::abandon_step() {
   if (is_remembered) go_back();
   forget_contacts();
-  edited = topology_edited = true;
+  topology_edited = true;
+  edit_all();
   report = StepReport{};
   report.failed = true;
   report.step = step_count;
@@ -133,19 +134,21 @@ void World::Impl::recompile() {
     }
   }
 
-  changing_courses.clear();  // until the islands are sorted anew
+  smooth_changed = true;
+  changing_courses.clear();  // until the islands are sorted
   span_ends.clear();
 
-  for (IslandParts& parts : island_parts) static_cast<IslandMemory&>(parts) = parts.after_edit();
+  if (all_edited)
+    for (IslandParts& parts : island_parts) static_cast<IslandMemory&>(parts) = parts.after_edit();
   if (topology_edited) {
     make_islands();
     find_loops();
   }
+  list_fresh_islands();
   classify_islands();
   const double quiet = std::ceil(options.sleep_after / options.time_step);
   quiet_steps = quiet < 1e18 ? static_cast<std::uint64_t>(quiet) : 0;
   spread_waking();
-  is_fresh = true;
 
   const Energy now = energy();
   largest_kinetic_energy = now.kinetic;
@@ -399,7 +402,8 @@ void World::Impl::finish_step() {
   ++step_count;
   drop_spent_wrenches();
   fall_asleep();
-  is_fresh = false;
+  for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
+  fresh_islands.clear();
   report.step = step_count;
   report.time = step_end;
 }
@@ -409,7 +413,7 @@ void World::Impl::keep_state_before(Failure why) {
   for (LinkedMotion& motion : linked) motion.forget();
   for (std::optional<EnergyMomentum>& motion : stiff)
     if (motion) motion->forget();
-  is_fresh = true;
+  begin_all_anew();
   contacts.resize(resting_contacts);
   report.failed = true;
   report.failure = why;
@@ -485,7 +489,9 @@ void World::Impl::finish_corrections() {
 
 void World::Impl::note_if_torn(std::size_t j) {
   if (!joint_states[j].broken) return;
-  edited = topology_edited = true;
+  topology_edited = true;
+  edit_island_of(joints[j].body_a);
+  edit_island_of(joints[j].body_b);
   ++report.torn_joints;
 }
 

@@ -99,6 +99,7 @@ struct IslandParts : IslandMemory {
   bool is_to_be_asked = false;                           ///< what it is, again in the next step
   bool has_failed = false;
 
+  bool is_fresh = true;  ///< no step since an edit that concerns it
   WatchedEnergy energy;
   bool gives_way = false;  ///< has a spring with a force limit, whose energy is not ½ k C²
 };
@@ -109,9 +110,19 @@ inline constexpr double kAligned = 1e-6;        // [rad] an orientation added or
 inline constexpr double kAnyAngle = 4.0;        // [rad] of broken joints
 inline constexpr double kMostSavedAngle = 0.5;  // [rad] the same, saved while a method closed it
 
+/// Islands and what is compiled for them.
+struct IslandLists {
+  std::vector<IslandParts> island_parts;
+  std::vector<Island> islands;                       // the same, as it is told
+  std::vector<LinkedMotion> linked;                  // of the islands with joints
+  std::vector<std::optional<EnergyMomentum>> stiff;  // the same, of those that are, or were, stiff
+  std::vector<std::optional<InconsistentMotion>> inconsistent;  // the same, where constraints were
+  std::vector<std::optional<LeastNormForces>> least_forces;     // the same, with redundant rows
+};
+
 /// What stands behind a World. Lists of one kind run in parallel: entry i of each is the same body,
 /// or the same joint. Body 0 is the world.
-struct World::Impl {
+struct World::Impl : IslandLists {
   // ---- what was added
   WorldOptions options;
   std::vector<Body> bodies;
@@ -137,26 +148,22 @@ struct World::Impl {
   std::uint64_t step_count = 0;
 
   // ---- follows from the above; made anew by the first step after an edit
-  bool edited = true;
+  bool edited = true;                      // anything
   bool topology_edited = true;             // also who is joined to whom
+  bool all_edited = true;                  // all islands begin anew
+  std::vector<BodyId> edited_bodies;       // whose islands begin anew
   std::vector<Broadphase::Pair> unpaired;  // joined bodies that may overlap, sorted
   std::vector<std::pair<std::size_t, std::size_t>> joint_ends;  // the two bodies of each joint
-  std::vector<IslandParts> island_parts;
-  std::vector<Island> islands;  // the same, as it is told
   std::vector<std::pair<BodyId, IslandMemory>>
-      loaded_memory;                                 // by first body, until there are islands
-  std::vector<bool> has_loop;                        // islands whose joints close one
-  std::vector<int> island_of;                        // of bodies; -1 of immovable ones
-  std::vector<LinkedMotion> linked;                  // of the islands with joints
-  std::vector<std::optional<EnergyMomentum>> stiff;  // the same, of those that are, or were, stiff
-  std::vector<std::optional<InconsistentMotion>> inconsistent;  // the same, where constraints were
-  std::vector<std::optional<LeastNormForces>> least_forces;  // the same, where rows are redundant
-  std::vector<FreeRotation> rotations;                       // of bodies
-  std::vector<double> fastest_spring;                        // of bodies [1/s]
-  double reference_energy = 0.0;                             // [J] at the last edit
-  double largest_kinetic_energy = 0.0;                       // [J] since the last edit
-  std::uint64_t quiet_steps = 0;  // after which an island may rest; 0: never
-  bool is_fresh = true;           // no step since the last edit
+      loaded_memory;                    // by first body, until there are islands
+  std::vector<bool> has_loop;           // islands whose joints close one
+  std::vector<int> island_of;           // of bodies; -1 of immovable ones
+  std::vector<FreeRotation> rotations;  // of bodies
+  std::vector<double> fastest_spring;   // of bodies [1/s]
+  double reference_energy = 0.0;        // [J] at the last edit
+  double largest_kinetic_energy = 0.0;  // [J] since the last edit
+  std::uint64_t quiet_steps = 0;        // after which an island may rest; 0: never
+  std::vector<int> fresh_islands;       // those that begin anew
 
   // ---- what is awake, and what the rest tells; made anew when somebody wakes or falls asleep
   bool any_waking = false;  // somebody was woken, and the lists do not know yet
@@ -185,6 +192,7 @@ struct World::Impl {
   std::vector<int> impulse_bodies;    // of all other islands
   std::vector<int> impulse_joints;    // of all other islands
   std::vector<JointCourse> courses;   // of joints
+  bool smooth_changed = true;         // since changing_courses was listed
   std::vector<int> changing_courses;  // joints whose course is not constant
 
   // ---- what one stage hands to the next, and one step to the following
@@ -239,8 +247,13 @@ struct World::Impl {
   void continue_contact(TouchingPair pair);
   bool is_known(const TouchingPair& pair) const;
   bool is_as_added(JointId id) const;
+  const Impl& compiled(std::optional<Impl>* copy) const;
   std::vector<std::pair<BodyId, IslandMemory>> memories() const;
-  bool starts_methods_anew() const;
+  std::vector<std::pair<BodyId, IslandMemory>> next_memories() const;
+  bool starts_methods_anew(std::size_t island) const;
+  std::uint64_t hash() const;
+  void edit_all();
+  void edit_island_of(BodyId id);
   void erase_joint(std::size_t j);
   void erase_wrenches(BodyId id);
 
@@ -266,6 +279,9 @@ struct World::Impl {
   void go_back();
   void recompile();
   void make_islands();
+  void keep_island(std::size_t old, IslandLists* before);
+  void list_fresh_islands();
+  void begin_all_anew();
   void find_loops();
   void classify_islands();
   Why nature_of(const IslandMembers& members) const;
@@ -283,6 +299,7 @@ struct World::Impl {
   void list_by_method();
   void integrate();
   void enter();
+  void list_changing_courses();
   void split_step();
   void find_loads(double from, double to);
   bool integrate_island(std::size_t i, const SmoothSpan& span);

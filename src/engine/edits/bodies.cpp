@@ -76,7 +76,8 @@ std::vector<std::string> World::remove_body(BodyId id) {
     --impl_->body_index[impl_->body_ids[k].value];
   impl_->erase_wrenches(id);
   impl_->contacts.clear();
-  impl_->edited = impl_->topology_edited = true;
+  impl_->topology_edited = true;
+  impl_->edit_all();  // indices are others now
   return removed;
 }
 
@@ -137,7 +138,10 @@ void World::set_state(BodyId id, const BodyState& state) {
       begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), time(),
                   impl_->joint_states[j]);
   }
-  impl_->edited = true;
+  if (impl_->is_movable(i))
+    impl_->edit_island_of(id);
+  else
+    impl_->edit_all();
 }
 
 }  // namespace constraint_sim::engine

@@ -189,7 +189,8 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   }
   joint_starts[j].state = state;
   joint_starts[j].time = time();
-  edited = true;
+  edit_island_of(joints[j].body_a);
+  edit_island_of(joints[j].body_b);
 }
 
 // whether a joint added now, as this one is, would begin with the same state
@@ -231,7 +232,8 @@ void World::Impl::erase_joint(std::size_t j) {
   self_stress.erase(self_stress.begin() + at);
   joint_ids.erase(joint_ids.begin() + at);
   for (std::size_t k = j; k < joint_ids.size(); ++k) --joint_index[joint_ids[k].value];
-  edited = topology_edited = true;
+  topology_edited = true;
+  edit_all();  // indices are others now
 }
 
 void World::remove_joint(JointId id) { impl_->erase_joint(impl_->index(id)); }
@@ -265,7 +267,8 @@ void World::set_motor(JointId id, const Motor& motor) {
   impl_->wake_ends(joint);
   impl_->joints[j] = joint;
   impl_->joint_states[j].expires_at = impl_->end_of(motor);
-  impl_->edited = true;
+  impl_->edit_island_of(joint.body_a);
+  impl_->edit_island_of(joint.body_b);
 }
 
 void World::set_broken(JointId id, bool broken) {
@@ -277,7 +280,9 @@ void World::set_broken(JointId id, bool broken) {
   state.impulse.setZero();
   impl_->wake_ends(joint);
   begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), time(), state);
-  impl_->edited = impl_->topology_edited = true;
+  impl_->topology_edited = true;
+  impl_->edit_island_of(joint.body_a);
+  impl_->edit_island_of(joint.body_b);
 }
 
 }  // namespace constraint_sim::engine

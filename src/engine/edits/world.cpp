@@ -53,7 +53,7 @@ void World::set_options(const WorldOptions& options) {
   if (options.time_step != impl_->options.time_step) set_time(time(), step_count());
   impl_->options = options;
   impl_->wake_all();
-  impl_->edited = true;
+  impl_->edit_all();
 }
 
 double World::time() const { return impl_->time(); }
@@ -115,7 +115,8 @@ void World::continue_from(const World& other) {
   for (auto& [first_body, memory] : impl_->loaded_memory) renumber(first_body);
   impl_->contacts.clear();
   impl_->resting_contacts = 0;
-  impl_->edited = impl_->topology_edited = true;
+  impl_->topology_edited = true;
+  impl_->edit_all();
 }
 
 void World::Impl::forget_contacts() {
@@ -135,7 +136,7 @@ bool World::Impl::is_known(const TouchingPair& pair) const {
 void World::Impl::continue_asleep(const std::vector<BodyId>& ids) {
   for (const BodyId id : ids) asleep[index(id)] = true;
   any_waking = !ids.empty();  // wakes those whose neighbours do not sleep
-  edited = true;
+  edit_all();
 }
 
 // what was touching when the scene was saved
@@ -150,28 +151,45 @@ void World::Impl::continue_contact(TouchingPair pair) {
   pairs.push_back(pair);
 }
 
+// ---- what begins anew
+
+void World::Impl::edit_all() { edited = all_edited = true; }
+
+// the one that a movable body is in by the next step
+void World::Impl::edit_island_of(BodyId id) {
+  edited = true;
+  if (is_movable(index(id))) edited_bodies.push_back(id);
+}
+
+// this one, or where edits have not been compiled yet a copy in which they are
+const World::Impl& World::Impl::compiled(std::optional<Impl>* copy) const {
+  if (!edited) return *this;
+  copy->emplace(*this).recompile();
+  return **copy;
+}
+
 // what islands remember, as far as it outlives the next step; in their order
 std::vector<std::pair<BodyId, IslandMemory>> World::Impl::memories() const {
-  if (topology_edited) return loaded_memory;
   std::vector<std::pair<BodyId, IslandMemory>> memories;
-  for (std::size_t i = 0; i < island_parts.size(); ++i) {
-    const IslandMemory& now = island_parts[i];
-    const IslandMemory memory = edited ? now.after_edit() : now;
-    if (!memory.is_none()) memories.emplace_back(islands[i].first_body, memory);
-  }
+  for (std::size_t i = 0; i < island_parts.size(); ++i)
+    if (!island_parts[i].is_none()) memories.emplace_back(islands[i].first_body, island_parts[i]);
   return memories;
 }
 
-// whether something that could go on from the step before will not; without it the next step hangs
-// on nothing but what is saved
-bool World::Impl::starts_methods_anew() const {
-  if (!edited && !is_fresh) return false;
-  if (options.method == Method::kSequentialImpulses) return false;
-  for (const JointState& state : joint_states)
-    if (!state.broken) return true;
-  for (std::size_t i = 0; i < bodies.size(); ++i)
-    if (is_movable(i) && masses[i].can_turn() && !masses[i].is_isotropic()) return true;
-  return false;
+// those that the next step begins with
+std::vector<std::pair<BodyId, IslandMemory>> World::Impl::next_memories() const {
+  std::optional<Impl> copy;
+  return compiled(&copy).memories();
+}
+
+// whether something that could go on from the step before will not; without it the next step
+// depends on nothing but what is saved
+bool World::Impl::starts_methods_anew(std::size_t i) const {
+  const IslandParts& parts = island_parts[i];
+  if (!parts.is_fresh || options.method == Method::kSequentialImpulses) return false;
+  if (!parts.members.joints.empty()) return true;
+  const std::size_t body = static_cast<std::size_t>(parts.members.bodies.front());
+  return masses[body].can_turn() && !masses[body].is_isotropic();
 }
 
 void World::reset() {
@@ -188,7 +206,8 @@ void World::reset() {
   impl_->watch = Watch{};
   impl_->loaded_memory.clear();
   impl_->forget_contacts();
-  impl_->edited = impl_->topology_edited = true;
+  impl_->topology_edited = true;
+  impl_->edit_all();
 }
 
 // ---- asking

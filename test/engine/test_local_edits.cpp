@@ -1,0 +1,149 @@
+// An edit restarts the islands that it concerns, and leaves all others as they are, to the bit.
+
+#include <functional>
+
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Five double pendula far from each other, of bars on balls and of points on rods, and a tumbling
+/// box; with steps that go on from the steps before.
+World five_pendula() {
+  World world(options(0.01));
+  WorldOptions chosen = world.options();
+  chosen.method = Method::kAuto;
+  world.set_options(chosen);
+  for (int i = 0; i < 5; ++i) {
+    const std::string number = std::to_string(i);
+    const Vector3d hook(5.0 * i, 0.0, 0.0);
+    const Shape shape = i % 2 == 0 ? Shape(Point{}) : Shape(Box{{0.8, 0.1, 0.2}});
+    Body upper = make_body("upper_" + number, shape, 1.0, hook + Vector3d(0.5, 0.0, 0.0));
+    Body lower = make_body("lower_" + number, shape, 2.0, hook + Vector3d(1.5, 0.0, 0.0));
+    for (Body* body : {&upper, &lower}) body->no_collision = true;
+    const BodyId a = world.add_body(upper), b = world.add_body(lower);
+    if (i % 2 == 0) {
+      world.add_joint(make_joint("top_" + number, kWorldBody, hook, a, Vector3d::Zero()));
+      world.add_joint(make_joint("low_" + number, a, Vector3d::Zero(), b, Vector3d::Zero()));
+    } else {
+      world.add_joint(
+          make_joint("top_" + number, kWorldBody, hook, a, {-0.5, 0.0, 0.0}, JointKind::kBall));
+      world.add_joint(
+          make_joint("low_" + number, a, {0.5, 0.0, 0.0}, b, {-0.5, 0.0, 0.0}, JointKind::kBall));
+    }
+  }
+  Body box = make_body("box", Box{{0.2, 0.5, 0.9}}, 1.0, {0.0, 20.0, 0.0});
+  box.state.angular_velocity = {1.0, 2.0, 3.0};
+  world.add_body(box);
+  return world;
+}
+
+/// Bodies whose states differ in any bit after some more steps of a world and of one that was
+/// edited. All bodies of the first are there in the second.
+std::vector<std::string> changed_by(const std::function<void(World&)>& edit) {
+  World world = five_pendula();
+  for (int i = 0; i < 30; ++i) world.step();
+  World edited = world;
+  edit(edited);
+  for (int i = 0; i < 30; ++i) {
+    world.step();
+    edited.step();
+  }
+  std::vector<std::string> changed;
+  for (const BodyId id : world.body_ids()) {
+    const std::string& name = world.body(id).name;
+    const BodyState& a = world.state(id);
+    const BodyState& b = edited.state(edited.find_body(name));
+    if (a.position != b.position || a.orientation.coeffs() != b.orientation.coeffs() ||
+        a.linear_velocity != b.linear_velocity || a.angular_velocity != b.angular_velocity)
+      changed.push_back(name);
+  }
+  return changed;
+}
+
+using Names = std::vector<std::string>;
+
+TEST(LocalEdits, AMotorRestartsItsIslandAlone) {
+  Motor motor;
+  motor.bias = 0.1;
+  EXPECT_EQ(changed_by([&](World& w) { w.set_motor(w.find_joint("low_2"), motor); }),
+            (Names{"upper_2", "lower_2"}));
+  motor.max_force = 50.0;  // and its method is another one
+  EXPECT_EQ(changed_by([&](World& w) { w.set_motor(w.find_joint("top_4"), motor); }),
+            (Names{"upper_4", "lower_4"}));
+}
+
+TEST(LocalEdits, AStateThatIsSetRestartsItsIslandAlone) {
+  EXPECT_EQ(changed_by([](World& w) {
+              BodyState state = w.state(w.find_body("lower_1"));
+              state.angular_velocity.x() += 1e-3;
+              w.set_state(w.find_body("lower_1"), state);
+            }),
+            (Names{"upper_1", "lower_1"}));
+  EXPECT_EQ(changed_by([](World& w) {
+              BodyState state = w.state(w.find_body("box"));
+              state.angular_velocity.x() += 1e-3;
+              w.set_state(w.find_body("box"), state);
+            }),
+            (Names{"box"}));
+}
+
+TEST(LocalEdits, ABrokenJointPartsItsIslandAlone) {
+  EXPECT_EQ(changed_by([](World& w) { w.set_broken(w.find_joint("low_3"), true); }),
+            (Names{"upper_3", "lower_3"}));
+  EXPECT_EQ(changed_by([](World& w) {
+              w.set_broken(w.find_joint("top_1"), true);
+              w.set_broken(w.find_joint("top_1"), false);
+            }),
+            (Names{"upper_1", "lower_1"}));
+}
+
+TEST(LocalEdits, WhatIsAddedChangesNothingElse) {
+  EXPECT_EQ(changed_by([](World& w) {
+              const BodyId id = w.add_body(make_body("new", Point{}, 1.0, {0.0, -5.0, 0.0}));
+              w.add_joint(make_joint("rope", kWorldBody, {0.0, -5.0, 1.0}, id, Vector3d::Zero()));
+            }),
+            Names{});
+  EXPECT_EQ(changed_by([](World& w) {
+              const BodyId id = w.add_body(make_body("load", Point{}, 1.0, {11.5, 0.0, -5.0}));
+              w.add_joint(make_joint("rope", w.find_body("lower_2"), Vector3d::Zero(), id,
+                                     Vector3d::Zero()));
+            }),
+            (Names{"upper_2", "lower_2"}));
+}
+
+// Indices are others then, and all is compiled again.
+TEST(LocalEdits, WhatIsRemovedOrConcernsAllRestartsAll) {
+  EXPECT_FALSE(changed_by([](World& w) {
+                 WorldOptions options = w.options();
+                 options.tolerance *= 0.5;
+                 w.set_options(options);
+               }).empty());
+}
+
+// A world whose edit is pending has the hash that it has once it is compiled, and another one than
+// a world that goes on; a copy does the same.
+TEST(LocalEdits, HashesTellWhatBeginsAnew) {
+  World world = five_pendula();
+  for (int i = 0; i < 30; ++i) world.step();
+  World edited = world;
+  const Motor none = world.joint(world.find_joint("top_1")).motor;
+  edited.set_motor(edited.find_joint("low_2"), none);
+  EXPECT_NE(edited.state_hash(), world.state_hash());
+  World other = world;
+  other.set_motor(other.find_joint("low_4"), none);
+  EXPECT_NE(other.state_hash(), edited.state_hash());
+  World same = world;
+  same.set_motor(same.find_joint("low_2"), none);
+  EXPECT_EQ(same.state_hash(), edited.state_hash());
+  for (int i = 0; i < 20; ++i) {
+    same.step();
+    edited.step();
+    ASSERT_EQ(same.state_hash(), edited.state_hash()) << i;
+  }
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

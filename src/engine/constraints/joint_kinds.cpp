@@ -9,6 +9,8 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
+// as mathematics has them: d, axes of A, B and the world, and what is free
+// NOLINTBEGIN(readability-identifier-naming)
 constexpr VectorRef d{VectorKind::kSeparation, 0};
 constexpr VectorRef xA{VectorKind::kAxisA, 0}, yA{VectorKind::kAxisA, 1}, zA{VectorKind::kAxisA, 2};
 constexpr VectorRef xB{VectorKind::kAxisB, 0}, yB{VectorKind::kAxisB, 1}, zB{VectorKind::kAxisB, 2};
@@ -21,6 +23,8 @@ constexpr Coordinate along_z{CoordinateKind::kTranslation, 2};
 constexpr Coordinate angle{CoordinateKind::kAngle, 2};
 constexpr Coordinate angle_1{CoordinateKind::kFirstOfUniversal, 2};
 constexpr Coordinate angle_2{CoordinateKind::kSecondOfUniversal, 2};
+
+// NOLINTEND(readability-identifier-naming)
 
 constexpr bool is_axis(VectorRef u) {
   return u.kind == VectorKind::kAxisA || u.kind == VectorKind::kAxisB;
@@ -90,12 +94,12 @@ bool has_frames(JointKind kind) { return info(kind).has_frames; }
 bool has_two_axes(JointKind kind) { return info(kind).alignment == Alignment::kPerpendicularZ; }
 
 const std::array<JointKind, kJointKindCount>& joint_kinds() {
-  static const std::array<JointKind, kJointKindCount> all = [] {
+  static const std::array<JointKind, kJointKindCount> kAll = [] {
     std::array<JointKind, kJointKindCount> list{};
     for (std::size_t i = 0; i < list.size(); ++i) list[i] = static_cast<JointKind>(i);
     return list;
   }();
-  return all;
+  return kAll;
 }
 
 Eigen::Quaterniond frame_along(const Vector3d& axis) {

@@ -294,7 +294,7 @@ def test_bad_input_names_field_and_value():
     assert 'bob' in rejected('add_body', 'bob', mass=1.0)
     assert rejected('add_body', 'x', mass=1.0, no_collision=1) == \
         'no_collision: must be True or False, got 1'
-    assert rejected('add_joint', 'j', type='weld').startswith("type: there is no 'weld'")
+    assert rejected('add_joint', 'j', type='gear').startswith("type: there is no 'gear'")
     assert "'nobody'" in rejected('add_joint', 'j', body_b='nobody')
     assert rejected('add_joint', 'j', body_b='bob', motor=3) == 'motor: must be a dict, got 3'
     assert 'timeout' in rejected('set_motor', 'rod', timeout=-1.0)

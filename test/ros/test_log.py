@@ -111,9 +111,9 @@ constraints:
             self.assertEqual(len(log.lines("errors that are not being closed")), 1)
 
     def test_dropped_ticks(self):
-        command = node_command(scene="falling_balls", real_time_factor=1000.0, paused="true")
+        command = node_command(scene="platform", real_time_factor=1000.0, paused="true")
         with speaking(command) as log:
-            log.wait("INFO", "falling_balls", "paused")
+            log.wait("INFO", "platform", "paused")
             call("unpause_physics")
             log.wait("WARN", "dropped", "real_time_factor 1000")
             call("pause_physics")

@@ -14,6 +14,7 @@
 
 #include "constraint_sim/engine/world.h"
 #include "joint_type.h"
+#include "sanitized.h"
 
 namespace constraint_sim::engine {
 
@@ -22,14 +23,6 @@ inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 inline constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 inline constexpr double kGravity = 9.81;
-
-/// What long tests divide their numbers of cases or steps by: sanitizers look at memory and
-/// threads, for which a share of them does, and take ten times as long.
-#ifdef CONSTRAINT_SIM_SANITIZED
-inline constexpr int kSanitizedShare = 20;
-#else
-inline constexpr int kSanitizedShare = 1;
-#endif
 
 /// Uniform in [-1, 1), the same with every standard library.
 class Random {

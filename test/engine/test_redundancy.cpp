@@ -185,9 +185,11 @@ TEST(Choice, OfAStruckCableIsAsGoodAsSubsteps) {
 // 1e-6 of the energy, or a word of the body that is not resolved. That its only joint cannot be met
 // would be wrong, and impulses in place of it lose most of the energy.
 TEST(Unresolved, SpinIsReported) {
+  int cases = 0;
   for (const Vector3d& w : {Vector3d(0.0, 1e3, 1e6), Vector3d(1e6, 1e5, 0.0),
                             Vector3d(0.0, 1e6, 0.0), Vector3d(1e3, 1e6, 1e3)}) {
     for (const Method method : {kAuto, kEm}) {
+      if (cases++ % kSanitizedShare != 0) continue;
       World world = with(redundant::fast_box(w), method, 100);
       const double start = world.energy();
       bool is_reported = false;

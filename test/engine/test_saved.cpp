@@ -12,11 +12,8 @@
 namespace constraint_sim::engine {
 namespace {
 
-#ifdef CONSTRAINT_SIM_SANITIZED
-constexpr int kFutures = 5;  // [steps]
-#else
-constexpr int kFutures = 100;
-#endif
+constexpr int kFutures = kSanitizedShare > 1 ? 2 : 100;  // [steps]
+constexpr int kApart = kSanitizedShare > 1 ? 1 : 3;
 
 using Eigen::Vector3d;
 
@@ -128,9 +125,9 @@ TEST_P(HashedScene, WithEqualHashesHasEqualFutures) {
     worlds.push_back(load_scene(save_scene(world)));
     worlds.push_back(world);
     worlds.back().set_options(world.options());
-    run(world, 3);
-    run(worlds[2], 3);
-    run(worlds[3], 3);
+    run(world, kApart);
+    run(worlds[2], kApart);
+    run(worlds[3], kApart);
     worlds[0] = worlds[1] = world;
     worlds.push_back(load_scene(save_scene(worlds[2])));
     worlds.push_back(worlds[3]);

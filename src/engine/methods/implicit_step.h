@@ -149,6 +149,45 @@ class ImplicitStep {
     Eigen::Matrix3d C;       // 1 − ½ ŵ
   };
 
+  // ---- of a joint with the rows of its kind (implicit_joints.cpp)
+
+  /// Derivatives of its vectors by the displacement of one of its ends.
+  struct VectorSlopes {
+    using Slope = Eigen::Matrix<double, 3, 6>;
+    Slope arm = Slope::Zero(), d = Slope::Zero();
+    std::array<Slope, 3> axes{Slope::Zero(), Slope::Zero(), Slope::Zero()};
+
+    Slope of(VectorRef u, std::size_t end) const;
+  };
+  /// Those of J: of the force on B, and of the torques on A and B.
+  struct JacobianSlopes {
+    using Slope = VectorSlopes::Slope;
+    Slope force = Slope::Zero(), torque_A = Slope::Zero(), torque_B = Slope::Zero();
+
+    /// Adds those of Uᵀf, f the other vector of the row.
+    void add(VectorRef u, VectorRef other, const JointVectors& v, const VectorSlopes& slopes,
+             std::size_t end);
+    void add(double lambda, const JacobianSlopes& of_row) {
+      force += lambda * of_row.force;
+      torque_A += lambda * of_row.torque_A;
+      torque_B += lambda * of_row.torque_B;
+    }
+  };
+  /// Its vectors at the end of the step and where forces are taken; slopes of those at the end.
+  struct GeneralMotion {
+    JointVectors at_end, at_force;
+    std::array<VectorSlopes, 2> slopes;
+  };
+  /// Its rows, what they do, and the derivatives of both by the displacements of both ends.
+  struct GeneralForces {
+    Eigen::Vector3d force = Eigen::Vector3d::Zero();
+    std::array<Eigen::Vector3d, 2> torque{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+    std::array<JacobianSlopes, 2> slopes;
+    std::array<Jacobian, kMaxJointRows> J;
+    std::array<std::array<Eigen::Matrix<double, 1, 6>, 2>, kMaxJointRows> gradient;
+    RowVector value;
+  };
+
   void make_nodes(const EquationsOfMotion& equations);
   void set_rule(double h, ImplicitRule rule);
   void predict();
@@ -160,7 +199,10 @@ class ImplicitStep {
   void place_axes(const EquationsOfMotion& equations, const Link& link,
                   std::array<Eigen::Matrix3d, 2>* axes) const;
   void begin_general(const Link& link, Shape* shape) const;
+  void move_general(const Link& link, const Shape& shape, const Unknowns& unknowns,
+                    GeneralMotion* motion) const;
   void evaluate_general(const Link& link, Shape* shape, const Unknowns& unknowns);
+  void write_general(const Link& link, const Shape& shape, const GeneralForces& forces);
   void note_row(const Shape& shape, std::size_t k, double error) {
     double& worst = shape.is_left_out[k] ? worst_momentary_row_ : worst_row_;
     if (!(error <= worst) && !shape.is_redundant[k]) worst = error;  // a NaN stays

@@ -9,6 +9,7 @@
 #include <limits>
 
 #include "engine/mass_properties.h"
+#include "engine/methods/cross_matrix.h"
 #include "engine/methods/runge_kutta.h"
 
 namespace constraint_sim::engine {
@@ -31,12 +32,6 @@ constexpr double kMostAdded = 1e-3;
 constexpr double kMostAddedDriven = 0.5;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-Matrix3d cross_matrix(const Vector3d& a) {
-  Matrix3d m;
-  m << 0.0, -a.z(), a.y(), a.z(), 0.0, -a.x(), -a.y(), a.x(), 0.0;
-  return m;
-}
 
 }  // namespace
 

@@ -1,0 +1,255 @@
+// What EquationsOfMotion are compiled to: bodies, joints in their order, rows, and the entries that
+// these have in the matrix; and the rows of joints of general kinds where the bodies are.
+
+#include <algorithm>
+#include <iterator>
+#include <unordered_map>
+
+#include "engine/methods/equations_of_motion.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+// those that turn come first
+void EquationsOfMotion::find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
+                                    const std::vector<MassProperties>& masses) {
+  std::vector<int> turning, others;
+  const auto add = [&](std::size_t body, const Vector3d& anchor, bool has_axes) {
+    if (!masses[body].is_movable()) return;
+    const bool turns = (!anchor.isZero(0.0) || has_axes) && masses[body].can_turn();
+    (turns ? turning : others).push_back(static_cast<int>(body));
+  };
+  for (const int j : joints_) {
+    const Joint& joint = all_joints[at(j)];
+    add(ends[at(j)].first, joint.anchor_a, info(joint.kind).has_frames);
+    add(ends[at(j)].second, joint.anchor_b, info(joint.kind).alignment != Alignment::kFree);
+  }
+  const auto sort_out = [](std::vector<int>& list) {
+    std::sort(list.begin(), list.end());
+    list.erase(std::unique(list.begin(), list.end()), list.end());
+  };
+  sort_out(turning);
+  sort_out(others);
+  bodies_ = turning;
+  turning_ = turning.size();
+  std::set_difference(others.begin(), others.end(), turning.begin(), turning.end(),
+                      std::back_inserter(bodies_));
+}
+
+void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const Ends& ends,
+                                  const std::vector<MassProperties>& masses) {
+  std::unordered_map<std::size_t, std::size_t> place_of;  // of movable bodies
+  for (std::size_t i = 0; i < bodies_.size(); ++i) place_of[at(bodies_[i])] = i;
+  const auto turns_an_end = [&](int j) {
+    const auto turns_body = [&](std::size_t body) {
+      return masses[body].is_movable() && turns(place_of.at(body));
+    };
+    return turns_body(ends[at(j)].first) || turns_body(ends[at(j)].second);
+  };
+  // rods between centres, other rods, ball joints, general ones, springs
+  const auto kind = [&](int j) {
+    const auto* distance = if_distance(all_joints[at(j)]);
+    if (distance == nullptr) return info(all_joints[at(j)].kind).form == RowsForm::kGeneral ? 3 : 2;
+    if (distance->is_soft()) return 4;
+    return turns_an_end(j) ? 1 : 0;
+  };
+  std::stable_sort(joints_.begin(), joints_.end(), [&](int i, int j) { return kind(i) < kind(j); });
+  const auto count_below = [&](int most) {
+    return static_cast<std::size_t>(
+        std::count_if(joints_.begin(), joints_.end(), [&](int j) { return kind(j) < most; }));
+  };
+  first_armed_ = count_below(1);
+  first_ball_ = count_below(2);
+  first_general_ = count_below(3);
+  first_spring_ = count_below(4);
+
+  const auto point_of = [&](std::size_t body, const Vector3d& anchor, bool has_axes) {
+    if (masses[body].is_movable()) return place_of.at(body);
+    fixed_points_.push_back({static_cast<int>(body), anchor, has_axes, BodyState{}});
+    inverse_mass_.push_back(0.0);
+    return inverse_mass_.size() - 1;
+  };
+  for (const int j : joints_) {
+    const Joint& joint = all_joints[at(j)];
+    Link link{};
+    const bool has_axes = info(joint.kind).has_frames;
+    link.a = point_of(ends[at(j)].first, joint.anchor_a, has_axes);
+    link.b = point_of(ends[at(j)].second, joint.anchor_b, has_axes);
+    link.kind = joint.kind;
+    link.anchor_a = joint.anchor_a;
+    link.anchor_b = joint.anchor_b;
+    link.has_arms = turns(link.a) || turns(link.b);
+    if (const auto* distance = if_distance(joint)) {
+      link.stiffness = distance->stiffness;
+      link.damping = distance->damping;
+    }
+    if (has_axes) {
+      link.frame_a = joint.frame_a.toRotationMatrix();
+      link.frame_b = joint.frame_b->toRotationMatrix();
+      for (const std::size_t body : {ends[at(j)].first, ends[at(j)].second})
+        link.radius = std::max(link.radius, masses[body].radius_of_gyration());
+    }
+    links_.push_back(link);
+  }
+  if (is_chain_) turn_along_chain();
+  for (std::size_t l = 0; l < first_general_; ++l) add_rows(links_[l], is_rod(l) ? 1 : 3);
+  for (std::size_t l = first_general_; l < first_spring_; ++l) {
+    links_[l].first_row = rows_.size();
+    for (std::size_t k = 0; k < rows_of(l); ++k) {
+      const RowForm form = info(links_[l].kind).row[k];
+      general_rows_.push_back(
+          {rows_.size() + k, l, form, form.has_separation() ? 1.0 : links_[l].radius});
+    }
+    add_rows(links_[l], static_cast<int>(rows_of(l)));
+  }
+  vectors_.resize(first_spring_ - first_general_);
+  fixed_axes_.assign(fixed_points_.size(), Matrix3d::Identity());
+}
+
+void EquationsOfMotion::add_rows(const Link& link, int count) {
+  for (int k = 0; k < count; ++k) {
+    Row row{};
+    row.a = link.a;
+    row.b = link.b;
+    row.turn_a = row.turn_b = -1;
+    row.inverse_mass = inverse_mass_[link.a] + inverse_mass_[link.b];
+    const auto turn = [&](std::size_t point) {
+      turns_.push_back({point, rows_.size(), 0});
+      return static_cast<int>(turns_.size()) - 1;
+    };
+    if (turns(link.a)) row.turn_a = turn(link.a);
+    if (turns(link.b)) row.turn_b = turn(link.b);
+    rows_.push_back(row);
+    const bool is_of_ball = info(link.kind).form == RowsForm::kPoint;
+    direction_.emplace_back(is_of_ball ? Vector3d(Vector3d::Unit(k)) : Vector3d(Vector3d::Zero()));
+  }
+}
+
+// Entries of A, and what they come from. Redundant rows have none; their unknowns are the last.
+void EquationsOfMotion::couple_rows() {
+  struct End {
+    std::size_t row;
+    double sign;
+    int turn;
+  };
+  std::vector<std::vector<End>> ends_on(bodies_.size());
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const Row& row = rows_[i];
+    if (row.a < bodies_.size()) ends_on[row.a].push_back({i, -1.0, row.turn_a});
+    if (row.b < bodies_.size()) ends_on[row.b].push_back({i, 1.0, row.turn_b});
+  }
+  std::vector<int> number(rows_.size(), -1);  // of rows among those kept
+  kept_ = 0;
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (!is_redundant_[i]) number[i] = static_cast<int>(kept_++);
+  const auto is_kept = [&](const End& end) { return !is_redundant_[end.row]; };
+
+  std::vector<std::pair<int, int>> pattern;
+  std::vector<std::vector<End>> kept_on(bodies_.size());
+  for (std::size_t body = 0; body < bodies_.size(); ++body) {
+    auto& ends = kept_on[body];
+    std::copy_if(ends_on[body].begin(), ends_on[body].end(), std::back_inserter(ends), is_kept);
+    for (std::size_t m = 0; m < ends.size(); ++m)
+      for (std::size_t n = 0; n < m; ++n)
+        pattern.emplace_back(number[ends[m].row], number[ends[n].row]);
+  }
+  ldlt_.analyze(static_cast<int>(kept_), pattern);
+
+  const auto slot = [&](std::size_t i, std::size_t j) { return ldlt_.slot(number[i], number[j]); };
+  std::size_t last = kept_;
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    rows_[i].unknown = is_redundant_[i] ? last++ : at(ldlt_.place(number[i]));
+    if (!is_redundant_[i]) rows_[i].diagonal = slot(i, i);
+  }
+  for (Turn& turn : turns_) turn.unknown = rows_[turn.row].unknown;
+
+  pulls_.clear();
+  pulls_end_.clear();
+  for (const auto& ends : ends_on) {
+    for (const End& end : ends) pulls_.push_back({end.row, rows_[end.row].unknown, end.sign});
+    pulls_end_.push_back(pulls_.size());
+  }
+
+  const std::size_t first_general_row = rows_.size() - general_rows_.size();
+  const auto are_two_axes = [&](std::size_t i, std::size_t j) {
+    const auto is_general = [&](std::size_t row) { return row >= first_general_row; };
+    const auto has_no_force = [&](std::size_t row) {
+      return is_general(row) && !general_rows_[row - first_general_row].form.has_separation();
+    };
+    if (has_no_force(i) || has_no_force(j)) return true;
+    if (is_general(i) || is_general(j)) return false;
+    return i >= first_ball_ && j >= first_ball_ && direction_[i] != direction_[j];
+  };
+  linear_couplings_.clear();
+  angular_couplings_.clear();
+  for (std::size_t body = 0; body < bodies_.size(); ++body) {
+    const auto& ends = kept_on[body];
+    for (std::size_t m = 0; m < ends.size(); ++m) {
+      for (std::size_t n = 0; n < m; ++n) {
+        if (are_two_axes(ends[m].row, ends[n].row)) continue;
+        linear_couplings_.push_back({ends[m].row, ends[n].row,
+                                     ends[m].sign * ends[n].sign * inverse_mass_[body],
+                                     slot(ends[m].row, ends[n].row)});
+      }
+      if (!turns(body)) continue;
+      for (std::size_t n = 0; n <= m; ++n)
+        angular_couplings_.push_back(
+            {at(ends[m].turn), at(ends[n].turn), slot(ends[m].row, ends[n].row)});
+    }
+  }
+}
+
+// the rows of general joints: vectors, and with these their Jacobians
+void EquationsOfMotion::place_general() {
+  for (std::size_t l = first_general_; l < first_spring_; ++l) {
+    const Link& link = links_[l];
+    JointVectors& vectors = vectors_[l - first_general_];
+    vectors.r_A = arm_a_[l];
+    vectors.r_B = arm_b_[l];
+    vectors.d = d_[l];
+    const auto axes = [&](std::size_t point, const Matrix3d& frame) -> Matrix3d {
+      if (turns(point)) return orientation_[point] * frame;
+      return point < bodies_.size() ? frame : Matrix3d(fixed_axes(point) * frame);
+    };
+    if (!info(link.kind).has_frames) continue;
+    vectors.axes_A = axes(link.a, link.frame_a);
+    vectors.axes_B = axes(link.b, link.frame_b);
+  }
+  for (const GeneralRow& general : general_rows_) {
+    const Row& row = rows_[general.row];
+    const JointVectors& vectors = vectors_[general.link - first_general_];
+    const Jacobian J = jacobian(general.form, vectors);
+    direction_[general.row] = J.j3;
+    if (row.turn_a >= 0) turn_[at(row.turn_a)] = J.j2;
+    if (row.turn_b >= 0) turn_[at(row.turn_b)] = J.j4;
+    for (const int turn : {row.turn_a, row.turn_b})
+      if (turn >= 0)
+        turn_response_[at(turn)].noalias() =
+            inverse_inertia_[turns_[at(turn)].body] * turn_[at(turn)];
+  }
+}
+
+// how the vectors of the joint of a general row move
+JointMotion EquationsOfMotion::motion_of(const GeneralRow& row) const {
+  const Link& link = links_[row.link];
+  const auto spin = [&](std::size_t point) -> Vector3d {
+    if (turns(point)) return spin_[point];
+    if (point < bodies_.size()) return Vector3d::Zero();
+    return fixed_points_[point - bodies_.size()].start.angular_velocity;
+  };
+  JointMotion motion;
+  motion.d_dot = d_dot(row.link);
+  motion.d_bias = gamma_d(row.link);
+  motion.w_A = spin(link.a);
+  motion.w_B = spin(link.b);
+  return motion;
+}
+
+}  // namespace constraint_sim::engine

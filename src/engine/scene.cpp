@@ -202,9 +202,8 @@ void read_frames(const YamlElement& item, Joint* joint) {
       continue;
     }
     const Eigen::Vector3d direction = axis->numbers(3);
-    if (direction.isZero(0.0)) axis->fail("must not be (0, 0, 0)");
     if (is_a)
-      joint->frame_a = frame_along(direction);
+      item.attempt([&] { joint->frame_a = frame_along(direction); });
     else
       joint->axis_b = direction;
   }
@@ -448,10 +447,9 @@ World load_scene(const std::string& text, const std::string& source, const World
     bool broken = false;
     item.read("broken", &broken);
     const auto state = item.find("state");
-    const double most_misaligned = state ? kMostSavedAngle : kAligned;
+    const double most_misaligned = state || broken ? kAnyAngle : kAligned;
     auto& impl = Insides::of(world);
-    const JointId id = item.attempt(
-        [&] { return impl.add_joint(joint, broken, broken ? kAnyAngle : most_misaligned); });
+    const JointId id = item.attempt([&] { return impl.add_joint(joint, broken, most_misaligned); });
     if (state) {
       impl.continue_joint(impl.index(id), read_joint_state(*state, joint.kind));
       impl.self_stress[impl.index(id)] = read_self_stress(*state, joint.kind);

@@ -111,6 +111,11 @@ void check_share(const std::string& field, double value) {
     refuse(field, "must be between 0 and 1, got " + shortest(value));
 }
 
+void check_axis(const std::string& field, const Eigen::Vector3d& value) {
+  check_finite(field, value);
+  if (value.isZero(0.0)) refuse(field, "must not be (0, 0, 0)");
+}
+
 // a time that is no whole number of its own roundings could stand still in the tick after next
 bool is_rounding_within(double time, double time_step) {
   const double size = std::abs(time);
@@ -121,6 +126,10 @@ void check_next_tick(const std::string& field, double time, double time_step) {
   if (!has_next_tick(time, time_step))
     refuse(field, "a tick of " + shortest(time_step) + " s is lost beside a time of " +
                       shortest(time) + " s");
+}
+
+void make_unit(Eigen::Quaterniond* q) {
+  if (std::abs(q->squaredNorm() - 1.0) > 1e-15) q->normalize();
 }
 
 void check_name(const std::string& field, const std::string& name) {
@@ -234,8 +243,7 @@ void validate(const Joint& joint) {
   check_unit("frame_a", joint.frame_a);
   if (joint.frame_b) check_unit("frame_b", *joint.frame_b);
   if (joint.axis_b) {
-    check_finite("axis_b", *joint.axis_b);
-    if (joint.axis_b->isZero(0.0)) refuse("axis_b", "must not be (0, 0, 0)");
+    check_axis("axis_b", *joint.axis_b);
     if (joint.frame_b) refuse("axis_b", "give this or frame_b, not both");
   }
   if (has_two_axes(joint.kind) && !joint.axis_b && !joint.frame_b)

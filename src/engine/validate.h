@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cmath>
 #include <limits>
 #include <string>
@@ -28,6 +29,8 @@ void check_finite(const std::string& field, const Eigen::Vector3d& value);
 void check_positive(const std::string& field, double value);
 void check_not_negative(const std::string& field, double value);
 void check_share(const std::string& field, double value);  ///< in [0, 1]
+/// Finite, and not 0.
+void check_axis(const std::string& field, const Eigen::Vector3d& value);
 
 /// Whether two times beside this one can be told from each other that are a tick apart [s].
 bool is_rounding_within(double time, double time_step);
@@ -38,6 +41,10 @@ inline bool has_next_tick(double time, double time_step) {
   return std::abs(time) * kEpsilon <= time_step || is_rounding_within(time, time_step);
 }
 void check_next_tick(const std::string& field, double time, double time_step);
+
+/// Normalizes a quaternion; one that is of length 1 to round-off stays as it is, so that saving and
+/// loading keeps it.
+void make_unit(Eigen::Quaterniond* q);
 
 /// `[A-Za-z0-9_][A-Za-z0-9_./-]*`, at most 255 characters, and not `world`.
 void check_name(const std::string& field, const std::string& name);

@@ -35,7 +35,7 @@ double gain_of(double before, double gain, double allowed) {
 
 // ---- errors that are not closed
 
-// Looks at joints only while one is off by more than kUnclosedError.
+// Looks at joints only while one is off by more than kUnclosedError or kUnclosedAngle.
 void World::Impl::watch_joints() {
   watch.unclosed.clear();
   std::swap(watch.open, watch.open_before);
@@ -47,7 +47,8 @@ void World::Impl::watch_joints() {
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const JointState& state = joint_states[j];
     const double error = std::abs(state.error);
-    if (!(error > kUnclosedError) || state.broken || !is_rigid(joints[j])) continue;
+    const bool is_off = error > kUnclosedError || state.angle_error > kUnclosedAngle;
+    if (!is_off || state.broken || !is_rigid(joints[j])) continue;
     Watch::Open now{joint_ids[j], error, 0.0, state.closing ? state.closing_since : 0.0};
     while (before != watch.open_before.end() && before->id.value < now.id.value) ++before;
     const bool is_known = before != watch.open_before.end() && before->id == now.id;

@@ -25,7 +25,7 @@ class Watch {
   /// Steps after which energies are looked at.
   static constexpr int kWindow = 16;
 
-  /// A joint that is off by more than kUnclosedError.
+  /// A joint that is off by more than kUnclosedError or kUnclosedAngle.
   struct Open {
     JointId id;
     double error = 0.0;  ///< from which it has to fall [m]

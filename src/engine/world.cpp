@@ -549,7 +549,12 @@ void World::Impl::measure() {
     report.energy_drift = std::clamp(drift, -kMost, kMost);  // what moves least may divide by least
   }
   if (report.failed || report.stopped) return;
-  if (report.max_constraint_error > kUnclosedError || !watch.open.empty()) watch_joints();
+  const auto is_askew = [&](int j) {
+    return joint_states[static_cast<std::size_t>(j)].angle_error > kUnclosedAngle;
+  };
+  if (report.max_constraint_error > kUnclosedError || !watch.open.empty() ||
+      std::any_of(awake_joints.begin(), awake_joints.end(), is_askew))
+    watch_joints();
   if (!impulse_joints.empty()) watch_spin();
   watch_energy();
 }

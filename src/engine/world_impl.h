@@ -106,9 +106,8 @@ struct IslandParts : IslandMemory {
 
 /// Throws std::invalid_argument where the frames of a joint are not aligned as its kind has them.
 void check_alignment(const Joint& joint, const BodyState& a, const BodyState& b, double most);
-inline constexpr double kAligned = 1e-6;        // [rad] an orientation added or set
-inline constexpr double kAnyAngle = 4.0;        // [rad] of broken joints
-inline constexpr double kMostSavedAngle = 0.5;  // [rad] the same, saved while a method closed it
+inline constexpr double kAligned = 1e-6;  // [rad] an orientation added or set
+inline constexpr double kAnyAngle = 4.0;  // [rad] of broken joints, and of saved ones as they were
 
 /// Islands and what is compiled for them.
 struct IslandLists {

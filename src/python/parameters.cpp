@@ -237,15 +237,18 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
   joint.kind = *kind;
   if (engine::if_distance(joint) != nullptr) visit_distance(joint.distance, reader(&reading));
   if (engine::has_frames(joint.kind)) {
-    Eigen::Vector3d axis_a = Eigen::Vector3d::Zero(), axis_b = axis_a;
-    Eigen::Quaterniond frame_b(0.0, 0.0, 0.0, 0.0);
-    reading.read("axis_a", &axis_a);
-    reading.read("axis_b", &axis_b);
+    const auto is_given = [&](const char* key) { return static_cast<bool>(reading.find(key)); };
+    if (is_given("axis_a")) {
+      if (is_given("frame_a"))
+        throw std::invalid_argument("axis_a: give this or frame_a, not both");
+      Eigen::Vector3d axis = Eigen::Vector3d::Zero();
+      reading.read("axis_a", &axis);
+      joint.frame_a = engine::frame_along(axis);
+    }
     reading.read("frame_a", &joint.frame_a);
-    reading.read("frame_b", &frame_b);
-    if (!axis_a.isZero(0.0)) joint.frame_a = engine::frame_along(axis_a);
-    if (!axis_b.isZero(0.0)) joint.axis_b = axis_b;
-    if (!frame_b.coeffs().isZero(0.0)) joint.frame_b = frame_b;
+    if (is_given("axis_b")) reading.read("axis_b", &joint.axis_b.emplace(Eigen::Vector3d::Zero()));
+    if (is_given("frame_b"))
+      reading.read("frame_b", &joint.frame_b.emplace(Eigen::Quaterniond::Identity()));
   }
   if (const py::object motor = reading.find("motor")) {
     if (!py::isinstance<py::dict>(motor))

@@ -141,6 +141,34 @@ def test_bodies_joints_and_options_go_round():
     assert world.joint_names == []
 
 
+def test_joints_with_axes():
+    """A hinge turns about its axis alone; what has no direction, or says it twice, is refused."""
+    def arm():
+        world = engine.World(method='runge_kutta', time_step=0.01)
+        world.add_body('arm', shape=engine.Box((1.0, 0.1, 0.1)), mass=1.0, position=(0.5, 0.0, 0.0))
+        return world
+    hinge = {'type': 'hinge', 'body_b': 'arm', 'anchor_b': (-0.5, 0.0, 0.0)}
+    world = arm()
+    world.add_joint('hinge', axis_a=(0.0, 1e-200, 0.0), axis_b=(0.0, 3.0, 0.0), **hinge)
+    world.run(0.5)
+    assert world.joint_state('hinge')['error'] == pytest.approx(0.0, abs=1e-14)
+    assert world.positions[0, 1] == pytest.approx(0.0, abs=1e-14)
+    assert world.positions[0, 2] < -0.3
+    again = arm()
+    again.add_joint(**world.joint('hinge'))
+    again.run(0.5)
+    assert again.state_hash == world.state_hash
+    frame = (0.0, 0.0, 0.0, 1.0)
+    for wrong, why in (({'axis_a': (0.0, 0.0, 0.0)}, 'axis_a: must not be'),
+                       ({'axis_b': (0.0, 0.0, 0.0)}, 'axis_b: must not be'),
+                       ({'axis_a': (math.nan, 0.0, 1.0)}, 'axis_a: must be finite'),
+                       ({'axis_a': (0.0, 0.0, 1.0), 'frame_a': frame}, 'axis_a: give this or'),
+                       ({'axis_b': (0.0, 0.0, 1.0), 'frame_b': frame}, 'axis_b: give this or'),
+                       ({'frame_b': (0.0, 0.0, 0.0, 0.0)}, 'frame_b: must be a unit')):
+        with pytest.raises(ValueError, match=why):
+            arm().add_joint('hinge', **hinge, **wrong)
+
+
 def test_motors_wrenches_and_broken_joints():
     world = hanging()
     world.set_motor('rod', bias=0.2)

@@ -147,7 +147,8 @@ bool has_two_axes(JointKind kind);
 /// All kinds.
 const std::array<JointKind, kJointKindCount>& joint_kinds();
 
-/// A frame with its z axis along this vector of any length but 0, turned by the least angle.
+/// A frame with its z axis along this vector of any length but 0, turned by the least angle. Throws
+/// std::invalid_argument naming `axis_a` where it has no direction.
 Eigen::Quaterniond frame_along(const Eigen::Vector3d& axis);
 
 /// Throws std::invalid_argument naming the field and value that cannot be. Bodies are not looked

@@ -58,6 +58,9 @@ inline constexpr std::size_t kMostContacts = 300000;
 /// Above so much the error of a joint is told that does not fall by a tenth within 0.5 s,
 /// `closing_time` or 20 ticks, whichever is the longest [m].
 inline constexpr double kUnclosedError = 1e-3;
+/// The same of orientations, so that small bodies tell of it as well: rows have solutions that are
+/// not meant from 90 degrees on [rad].
+inline constexpr double kUnclosedAngle = 0.5;
 
 /// What a step did, how wrong it is, and what it cost.
 struct StepReport {
@@ -65,9 +68,10 @@ struct StepReport {
   double time = 0.0;       ///< simulated time after the step [s]
 
   // how wrong
-  double max_constraint_error = 0.0;      ///< largest |error| of the joints, springs left out [m]
-  std::optional<JointId> worst_joint;     ///< whose it is
-  std::uint32_t unclosed_joints = 0;      ///< off by more than kUnclosedError, and not being closed
+  double max_constraint_error = 0.0;   ///< largest |error| of the joints, springs left out [m]
+  std::optional<JointId> worst_joint;  ///< whose it is
+  std::uint32_t unclosed_joints = 0;   ///< off by more than kUnclosedError or kUnclosedAngle, and
+                                       ///< not being closed
   std::optional<JointId> unclosed_joint;  ///< whose error is the largest of these
   double max_penetration = 0.0;           ///< deepest contact that the step met [m]
   double energy = 0.0;  ///< kinetic + potential of gravity and springs [J]; 0 height is z = 0;

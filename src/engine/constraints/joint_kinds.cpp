@@ -3,6 +3,8 @@
 #include <cmath>
 #include <initializer_list>
 
+#include "engine/validate.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -103,7 +105,8 @@ const std::array<JointKind, kJointKindCount>& joint_kinds() {
 }
 
 Eigen::Quaterniond frame_along(const Vector3d& axis) {
-  const Vector3d n = axis.normalized();
+  check_axis("axis_a", axis);
+  const Vector3d n = axis.stableNormalized();
   if (n.z() < 0.0)  // by the opposite one, turned over by half a turn about x
     return frame_along(-n) * Eigen::Quaterniond(0.0, 1.0, 0.0, 0.0);
   return Eigen::Quaterniond(1.0 + n.z(), -n.y(), n.x(), 0.0).normalized();

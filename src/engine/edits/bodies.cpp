@@ -18,11 +18,6 @@ MassProperties mass_properties(const Body& body) {
   return mass;
 }
 
-// a quaternion that is already one to round-off stays as it is, so that saving and loading does
-void normalize(Eigen::Quaterniond& q) {
-  if (std::abs(q.squaredNorm() - 1.0) > 1e-15) q.normalize();
-}
-
 }  // namespace
 
 std::size_t World::Impl::index(BodyId id) const {
@@ -38,7 +33,7 @@ BodyId World::add_body(const Body& body) {
   const BodyId id{static_cast<std::uint32_t>(impl_->body_index.size())};
   impl_->body_index.push_back(static_cast<int>(impl_->bodies.size()));
   impl_->bodies.push_back(body);
-  normalize(impl_->bodies.back().state.orientation);
+  make_unit(&impl_->bodies.back().state.orientation);
   impl_->states.push_back(impl_->bodies.back().state);
   impl_->masses.push_back(mass_properties(body));
   impl_->body_ids.push_back(id);
@@ -118,12 +113,14 @@ void World::set_state(BodyId id, const BodyState& state) {
   body.state = state;
   validate(body);
   BodyState placed = state;
-  normalize(placed.orientation);
+  make_unit(&placed.orientation);
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     const Joint& joint = impl_->joints[j];
-    if ((joint.body_a == id || joint.body_b == id) && !impl_->joint_states[j].broken)
+    const JointState& now = impl_->joint_states[j];
+    if ((joint.body_a == id || joint.body_b == id) && !now.broken)  // as impulses have left it
       check_alignment(joint, joint.body_a == id ? placed : this->state(joint.body_a),
-                      joint.body_b == id ? placed : this->state(joint.body_b), kAligned);
+                      joint.body_b == id ? placed : this->state(joint.body_b),
+                      kAligned + now.angle_error);
   }
 
   if (impl_->is_movable(i))

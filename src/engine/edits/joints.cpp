@@ -120,18 +120,17 @@ void World::Impl::fill_in_frames(Joint& joint) const {
   }
   const BodyState& a = states[index(joint.body_a)];
   const BodyState& b = states[index(joint.body_b)];
-  joint.frame_a.normalize();
-  if (joint.frame_b) {
-    joint.frame_b->normalize();
-  } else {
+  make_unit(&joint.frame_a);
+  if (!joint.frame_b) {
     joint.frame_b =
         b.orientation.conjugate() * a.orientation * joint.frame_a * home(kind.alignment);
     if (joint.axis_b) {
       const Eigen::Quaterniond along =
-          frame_along(joint.frame_b->conjugate() * joint.axis_b->normalized());
+          frame_along(joint.frame_b->conjugate() * joint.axis_b->stableNormalized());
       joint.frame_b = *joint.frame_b * along;
     }
   }
+  make_unit(&*joint.frame_b);
   joint.axis_b.reset();
 }
 

@@ -4,12 +4,15 @@ import html
 import math
 import statistics
 
+import package_path  # noqa: F401
+from constraint_sim.sweep import figures, plots
+from constraint_sim.sweep.report_pages import (
+    CONTESTANT_HEADER, FRONT_TEXT, HEADER, JUDGED_BY, brief, comparison_lines, contestant_lines, count_lines,
+    exploded_of, grid_page, judgement, markdown_table, page, table)
+
 import cells
-import figures
-import plots
 import published
 
-AIM = 10.0  # times less run time than the best peer, at 1e-4 and 1e-6
 REFERENCE_COLUMNS = {
     'problem': 'the scene', 'source': 'where its motion is known from',
     'own_error': 'largest difference of a position, or of an orientation times the size of the scene, '
@@ -23,91 +26,6 @@ SCALING_COLUMNS = {
             'several steps in it [µs]',
     'bytes': 'resident memory that building the scene and its first ticks took',
     'instructions': 'of a tick, counted by valgrind; nan: not counted'}
-STYLE = """body{font:14px/1.5 sans-serif;max-width:1200px;margin:2em auto;padding:0 1em}
-table{border-collapse:collapse;margin:1em 0}td,th{padding:2px 8px;border:1px solid #ddd}
-td{text-align:right}td:first-child,th:first-child{text-align:left}.win{background:#dff2df}
-.loss{background:#fbd9d9}img{max-width:100%}.grid td{padding:1px 3px;font-size:9px;border:1px solid
-#fff}.grid th{font-size:10px;background:#fff;position:sticky;top:0}.grid td:first-child{font-size:11px}
-"""
-
-
-def brief(value):
-    """Three digits for people."""
-    if value is None or math.isnan(value):
-        return '–'
-    return f'{value:.3g}'
-
-
-def page(title, body):
-    return (f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{html.escape(title)}'
-            f'</title><style>{STYLE}</style><body><h1>{html.escape(title)}</h1>\n{body}</body></html>\n')
-
-
-def table(header, lines, classes=None):
-    """Of cells that are texts; `classes` gives a CSS class for each line."""
-    rows = ['<tr>' + ''.join(f'<th>{html.escape(cell)}</th>' for cell in header) + '</tr>']
-    for i, line in enumerate(lines):
-        kind = f' class="{classes[i]}"' if classes and classes[i] else ''
-        rows.append(f'<tr{kind}>' + ''.join(f'<td>{html.escape(cell)}</td>' for cell in line) + '</tr>')
-    return '<table>' + '\n'.join(rows) + '</table>\n'
-
-
-def markdown_table(header, lines):
-    return '\n'.join('| ' + ' | '.join(line) + ' |'
-                     for line in [header, ['---'] * len(header), *lines]) + '\n'
-
-
-def short(contestant):
-    return contestant.replace(f'{figures.OURS} ', '')
-
-
-def setting(found):
-    """`method at value`, of a pair of contestant and run."""
-    return f'{short(found[0])} at {found[1].value:.3g}' if found else '–'
-
-
-def comparison_lines(lines):
-    table_lines, classes = [], []
-    for problem, target, ours, peer, ratio in lines:
-        table_lines.append([problem, f'{target:g}', brief(ours and ours[1].time), setting(ours),
-                            brief(peer and peer[1].time), setting(peer), brief(ratio)])
-        classes.append('' if math.isnan(ratio) else 'win' if ratio >= AIM else
-                       'loss' if ratio < 1.0 else '')
-    return table_lines, classes
-
-
-HEADER = ['problem', 'error', 'ours [µs/s]', 'with', 'best peer [µs/s]', 'with', 'ratio']
-
-
-JUDGED_BY = ('Error: largest position error in metres or orientation error in radians, each 0.1 s; of scenes '
-             'without a reference the worst of joints [m], penetration [m] and energy.')
-
-
-def judgement(lines):
-    """Sentences on where the aim is met, where peers win, and what only one side reaches."""
-    aimed = [line for line in lines if line[1] in (1e-4, 1e-6) and not math.isnan(line[4])]
-    met = [line for line in aimed if line[4] >= AIM]
-    lost = [line for line in lines if line[4] < 1.0]
-    alone = [line for line in lines if line[2] and not line[3]]
-    behind = [line for line in lines if line[3] and not line[2]]
-    def name(line):
-        return f'{line[0]} to {line[1]:g}'
-    missed = [line for line in aimed if line[4] < AIM]
-    texts = [f'At 1e-4 and 1e-6 the best peer takes at least {AIM:g} times our run time in '
-             f'{len(met)} of {len(aimed)} cases that both reach'
-             + (f'; the median ratio is {statistics.median(line[4] for line in aimed):.3g}.'
-                if aimed else '.')]
-    if missed:
-        texts.append('Below that: ' + ', '.join(f'{name(line)} ({line[4]:.2g})'
-                                                for line in missed) + '.')
-    texts.append('A peer wins: ' + (', '.join(f'{name(line)} ({line[3][0]}, ratio {line[4]:.2g})'
-                                              for line in lost) or 'nowhere') + '.')
-    texts.append('Reached within the budget by us alone: ' + (', '.join(map(name, alone)) or 'nothing') + '.')
-    texts.append('Reached within the budget by a peer alone: ' + (', '.join(
-        f'{name(line)} ({line[3][0]})' for line in behind) or 'nothing') + '.')
-    return texts
-
-
 def published_lines(runs, problems, budget):
     """Each peer's time beside the earlier one, over the median of that, and why where far off, or
     where only one of the two comparisons has a time. What cannot be within the budget here says
@@ -147,51 +65,6 @@ def published_text(factor):
             'only one of the two reached the error, what is known of why stands beside it.')
 
 
-def grid_page(grid, problems, contestants):
-    ticks = {}
-    for name, found in grid.items():
-        ticks[name] = [cell[0] for cell in next(iter(found.values()))]
-    width = max(map(len, ticks.values()), default=0)
-    head = '<tr><th>case</th>' + ''.join(
-        f'<th colspan="{width}">{html.escape(name.replace("_", " "))}</th>' for name in contestants)
-    rows, group = [head + '</tr>'], None
-    for name in sorted(grid, key=lambda case: (problems[case].group, case)):
-        if problems[name].group != group:
-            group = problems[name].group
-            rows.append(f'<tr><td colspan="{1 + width * len(contestants)}"><b>{group}</b></td></tr>')
-        line = f'<tr><td>{name}</td>'
-        for contestant in contestants:
-            found = {tick: rest for tick, *rest in grid[name].get(contestant, [])}
-            for tick in ticks[name]:
-                kind, worst = found.get(tick, ('n/a', math.nan))
-                text = '' if math.isnan(worst) else '∞' if math.isinf(worst) else \
-                    '0' if worst == 0.0 else str(round(math.log10(worst)))
-                line += (f'<td class="{kind[:3]}" '
-                         f'title="tick {tick:.3g} s: {kind} {worst:.2g}">{text}</td>')
-        rows.append(line + '</tr>')
-    colours = ''.join(f'.{kind[:3]}{{background:{colour}}}'
-                      for kind, colour in figures.CLASSES.items()).replace('n/a', 'n\\/a')
-    legend = ' '.join(f'<span style="background:{colour};padding:2px 8px">{kind}</span>'
-                      for kind, colour in figures.CLASSES.items())
-    return page('Stability', f"""<style>{colours}</style>
-<p>{legend}</p>
-<p>A cell is one run of two seconds (longer where ticks are scaled); for each contestant from the longest tick on. The number is the
-decimal logarithm of the worst figure: position error over the size L of the scene (orientation in
-rad, whichever is larger), or where there is no reference of energy and constraint error. <i>exact</i>:
-position error ≤ 1e-6 L; <i>exploded</i>: not finite, position error (without a reference the way from
-the start) above 10 L or energy above 10 times its scale; <i>stretched</i>: constraint error above 1e-2 L; <i>drifting</i>: energy above 1 %; <i>too
-slow</i>: not done within the budget; <i>n/a</i>: cannot be expressed. Input that is invalid is
-exact where it is refused and exploded where it is accepted. Error-controlled engines take ticks as the times between which they
-choose their own steps. The mouse shows a cell's figures.</p>
-<table class="grid">{chr(10).join(rows)}</table>""")
-
-
-def count_lines(counts, contestants):
-    kinds = [kind for kind in figures.CLASSES if any(counts[name][kind] for name in contestants)]
-    return ['contestant', *kinds], [[name, *(str(counts[name][kind]) for kind in kinds)]
-                                    for name in contestants]
-
-
 def read_csv(path):
     if not path.exists():
         return []
@@ -219,18 +92,6 @@ HONESTY = [
     'for rods in a four-bar linkage they flew apart at the ticks that were tried, so its loops are of '
     'ball joints; springs, motors and, of others than DART, loops are not built in joint coordinates.',
 ]
-
-
-def exploded_of(grid, contestant):
-    """A sentence on the cells of a contestant that exploded: each case with its ticks."""
-    cases = {}
-    for case, found in sorted(grid.items()):
-        ticks = [f'{tick:.2g}' for tick, kind, _ in found.get(contestant, []) if kind == 'exploded']
-        if ticks:
-            cases[case] = ', '.join(ticks)
-    count = sum(ticks.count(',') + 1 for ticks in cases.values())
-    listed = '; '.join(f'{case} at {ticks} s' for case, ticks in cases.items())
-    return f'{short(contestant)}: {count} exploded' + (f' ({listed}).' if cases else '.')
 
 
 def many_lines(rows):
@@ -301,7 +162,7 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
     micro = read_csv(output / 'micro.csv')
     many = many_lines(rows['many'])
     slopes = slope_lines(sizes)
-    (output / 'grid.html').write_text(grid_page(grid, problems, in_grid))
+    (output / 'grid.html').write_text(grid_page(grid, problems, in_grid, 'two seconds (longer where ticks are scaled)'))
     with open(output / 'references.csv', 'w', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(REFERENCE_COLUMNS)
@@ -337,13 +198,6 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
     write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, beside, factor,
                    conditions)
     table_lines, classes = comparison_lines(lines)
-    full = []
-    for name in sorted(runs):
-        for contestant, found in sorted(runs[name].items()):
-            full.append([name, contestant, *(brief((best := figures.time_to(found, target))
-                                                   and best.time) for target in figures.TARGETS),
-                         brief(min((figures.judged(run.errors) for run in found
-                                    if run.outcome == 'ok'), default=math.nan))])
     body = ['<ul>', *(f'<li>{html.escape(text)}</li>' for text in conditions), '</ul>',
             '<h2>Run time to an error</h2>',
             *(f'<p>{html.escape(text)}</p>' for text in texts),
@@ -351,11 +205,11 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
             f'<p>{JUDGED_BY} Green: at least ten times less run time than the best peer. Red: the '
             'peer wins.</p>',
             table(HEADER, table_lines, classes),
-            '<h2>Diagrams</h2><p>Shaded and ringed: the Pareto front of all contestants.</p>',
+            f'<h2>Diagrams</h2><p>{FRONT_TEXT}</p>',
             *(f'<h3>{name}</h3><img src="{name}.svg" alt="error against run time of {name}">'
               for name in sorted(runs)),
             '<h2>All contestants</h2><p>Least run time [µs/s] to each error.</p>',
-            table(['problem', 'contestant', *(f'{t:g}' for t in figures.TARGETS), 'least error'], full),
+            table(CONTESTANT_HEADER, contestant_lines(runs)),
             f'<h2>Stability</h2><p>{html.escape(stability)} <a href="grid.html">The grid</a>.</p>',
             table(header, counted)]
     if many:

@@ -17,8 +17,10 @@ import subprocess
 import sys
 import time
 
+import package_path  # noqa: F401
+from constraint_sim.sweep import figures
+
 import cells
-import figures
 import pages
 import studies
 

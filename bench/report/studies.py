@@ -3,13 +3,13 @@ of bench/report/problems, `graded` and `extreme` those with and without a diagra
 contestants, which may be restricted to some scenes."""
 import collections
 import pathlib
-import sys
 
 import yaml
 
+import package_path  # noqa: F401
+from constraint_sim.sweep import expressions
+
 FOLDER = pathlib.Path(__file__).parent / 'studies'
-sys.path.insert(0, str(FOLDER.parents[2] / 'python'))
-from constraint_sim.sweep import expressions  # noqa: E402
 
 Study = collections.namedtuple('Study', 'scenes counts methods time_steps rounds time_limit')
 Method = collections.namedtuple('Method', 'name scenes')  # None: all of them

@@ -10,8 +10,9 @@ import tempfile
 import unittest
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / 'bench' / 'report'))
+import package_path  # noqa: E402, F401
+from constraint_sim.sweep import figures  # noqa: E402
 import cells  # noqa: E402
-import figures  # noqa: E402
 import pages  # noqa: E402
 import published  # noqa: E402
 import report  # noqa: E402

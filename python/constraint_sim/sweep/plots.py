@@ -8,7 +8,7 @@ import matplotlib
 matplotlib.use('Agg')
 import matplotlib.pyplot as plt  # noqa: E402
 
-import figures  # noqa: E402
+from . import figures  # noqa: E402
 
 plt.rcParams.update({'svg.fonttype': 'none', 'font.size': 8, 'axes.grid': True, 'grid.alpha': 0.3,
                      'svg.hashsalt': 'constraint_sim', 'axes.axisbelow': True})

@@ -8,7 +8,7 @@ import package_path  # noqa: F401
 from constraint_sim.sweep import figures, plots
 from constraint_sim.sweep.report_pages import (
     CONTESTANT_HEADER, FRONT_TEXT, HEADER, JUDGED_BY, brief, comparison_lines, contestant_lines, count_lines,
-    exploded_of, grid_page, judgement, markdown_table, page, table)
+    exploded_of, grid_body, judgement, markdown_table, page, table)
 
 import cells
 import published
@@ -162,7 +162,8 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
     micro = read_csv(output / 'micro.csv')
     many = many_lines(rows['many'])
     slopes = slope_lines(sizes)
-    (output / 'grid.html').write_text(grid_page(grid, problems, in_grid, 'two seconds (longer where ticks are scaled)'))
+    (output / 'grid.html').write_text(page('Stability', grid_body(
+        grid, problems, in_grid, 'two seconds (longer where ticks are scaled)')))
     with open(output / 'references.csv', 'w', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(REFERENCE_COLUMNS)

@@ -18,7 +18,7 @@ import sys
 import time
 
 import package_path  # noqa: F401
-from constraint_sim.sweep import figures
+from constraint_sim.sweep import figures, report_pages
 
 import cells
 import pages
@@ -74,16 +74,11 @@ def arguments():
 
 def machine():
     """What the figures were measured on."""
-    cpu = 'unknown processor'
-    for line in pathlib.Path('/proc/cpuinfo').read_text().splitlines():
-        if line.startswith('model name'):
-            cpu = line.split(':')[1].strip()
-            break
     compiler = subprocess.run(['c++', '--version'], text=True, stdout=subprocess.PIPE,
                               check=True).stdout.splitlines()[0]
     system = platform.freedesktop_os_release()['PRETTY_NAME'] \
         if hasattr(platform, 'freedesktop_os_release') else platform.platform()
-    return {'processor': f'{cpu}, {os.cpu_count()} threads', 'system': system,
+    return {'processor': report_pages.processor(), 'system': system,
             'compiler': compiler + ', CMake Release (-O3)'}
 
 

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from constraint_sim import engine
-from constraint_sim.sweep import (case_process, command, executors, expressions, progress, scene_template,
-                                  store, study, tables)
+from constraint_sim.sweep import (case_process, command, executors, expressions, figures, progress, report,
+                                  scene_template, store, study, tables)
 from constraint_sim.sweep.program import identity
 from support import ENVIRONMENT, RUNNER, SCENES, SOURCES
 
@@ -140,6 +140,12 @@ REFUSED = (
     ('[1, 2.5, 7]', '[1, 1]', 'has a value twice'),
     ('[1, 2, 3]', '[1, 2, 0]', 'must be a whole number >= 1, got 0'),
     ('linear: [1, 2, 3]', 'logarithmic: [0, 2, 3]', 'must be a finite number > 0, got 0'),
+    ('values: [1, 2.5, 7]', 'factors: [1, heavy]', "parameters.mass.factors: must be a number, got 'heavy'"),
+    ('values: [1, 2.5, 7]', 'factors: [2, 2]', 'parameters.mass.factors: has a value twice'),
+    ('bodies.bob.mass, values: [1, 2.5, 7]', 'bodies.bob.name, factors: [2]',
+     "bodies.bob.name: factors multiply numbers that the scene has, got 'bob'"),
+    ('bodies.bob.mass, values: [1, 2.5, 7]', 'bodies.bob.friction, factors: [2]',
+     "bodies.bob.friction: factors multiply numbers that the scene has, got ''"),
     ('linear: [1, 2, 3]', 'uniform: [0, 2]', 'needs `random:'),
     ('bodies.bob.position.0', 'bodies.bob.mass', 'sets bodies.bob.mass, as mass does'),
     ('duration: 0.5', 'duration: 0.505', 'duration: 0.505 s is not a whole number of ticks'),
@@ -148,6 +154,10 @@ REFUSED = (
     ('methods: [auto', 'methods: [magic', "there is no 'magic'"),
     ('methods: [auto', 'methods: [si', 'methods: a name is there twice'),
     ('iterations: 20', 'sweeps: 20', "unknown option 'sweeps'"),
+    ('iterations: 20', 'time_steps: [1/50, 0]', 'methods.si.time_steps: must be a finite number > 0, got 0'),
+    ('iterations: 20', 'tolerances: []', 'methods.si.tolerances: is empty'),
+    ('[auto, {name: si, method: sequential_impulses, iterations: 20}]', '[{name: ode, program: none}]',
+     'methods.ode.program: '),
     ('1/50', '1/0', 'time_steps: must be a finite number'),
     ('1/50', '0.3', 'duration: 0.5 s is not a whole number of ticks of 0.29999999999999999 s'),
     ('scene: scene.yaml', 'scene: missing.yaml', 'scenes.missing: cannot read'),
@@ -542,17 +552,189 @@ def test_parquet_where_pyarrow_is(tmp_path, monkeypatch):
     assert written == {'case': [0, 1], 'a': [1.5, None], 'b': ['x', 'y']}
 
 
+def test_methods_may_have_ticks_and_tolerances_of_their_own(tmp_path):
+    text = STUDY.replace('methods: [auto, {name: si, method: sequential_impulses, iterations: 20}]', """
+methods:
+  - {name: tight, method: auto, tolerances: [1e-3, 1e-6], time_steps: 0.1}
+  - {name: si, method: sequential_impulses}
+""").replace('[1, 2.5, 7]', '[1]').replace('linear: [1, 2, 3]', 'values: [1]')
+    rows = sweep(make(tmp_path, text), '--on', 'threads')
+    assert [(row['method'], row['time_step'], row['tolerance']) for row in rows] == [
+        ('tight', '0.1', '0.001'), ('tight', '0.1', '1e-06'), ('si', '0.01', ''), ('si', '0.02', '')]
+
+
+def test_factors_multiply_what_the_scene_has(tmp_path):
+    scene = """bodies:
+  - {name: a, mass: 2, inertia: [1, 2, 2.5]}
+  - {name: b, mass: 3}
+"""
+    text = """
+scene: scene.yaml
+duration: 0.1
+parameters: {heavier: {path: [bodies.*.mass, bodies.a.inertia], factors: [1, 1e3]}}
+"""
+    study_ = study.load(make(tmp_path, text, scene))
+    (_, one), (_, other) = study_.points()
+    texts = [study_.text_of(case) for values in (one, other) for case in study_.cases_at(0, 'scene', values)]
+    worlds = [engine.load_scene(text) for text in texts]
+    assert [world.body('b')['mass'] for world in worlds] == [3.0, 3000.0]
+    assert [world.body('a')['mass'] for world in worlds] == [2.0, 2000.0]
+    assert worlds[1].body('a')['inertia'] == (1000.0, 2000.0, 2500.0)
+
+
+def test_energy_is_held_against_the_reference(tmp_path):
+    """A ball falls 4.905 m in 1 s; a damped spring loses energy, which is no error."""
+    ball = 'bodies:\n  - {name: ball, mass: 1}\n'
+    reference = 'reference: {run: {method: runge_kutta, tolerance: 1e-11}}\noutputs: {every: 0.1}\n'
+    text = 'scene: scene.yaml\nduration: 1\nmethods: [auto]\n' + reference
+    row, = sweep(make(tmp_path / 'a', text, ball), '--on', 'threads')
+    assert float(row['distance']) == pytest.approx(4.905, rel=1e-12)  # rounding over 60 steps
+    assert float(row['scene_size']) == pytest.approx(4.905, rel=1e-12)
+    assert float(row['energy_error']) < 1e-13
+    damped = SCENE.replace('type: distance', 'type: distance\n    stiffness: 100\n    damping: 5')
+    row, = sweep(make(tmp_path / 'b', text, damped), '--on', 'threads')
+    # errors are of the order of the tolerance, 1e-8
+    assert float(row['energy_drift']) < -0.01 and float(row['energy_error']) < 1e-6
+
+
+# ---- a scene of one's own by --report
+
 def test_report_of_a_scene(tmp_path, capsys):
     scene = tmp_path / 'scene.yaml'
     scene.write_text(SCENE)
     assert command.main([str(scene), '--report', '--duration', '0.5', '--on', 'threads']) == 0
-    rows = read(scene.with_suffix('.results') / 'results.csv')
-    assert len(rows) == 7 * 7 and {row['outcome'] for row in rows} == {'ok'}
+    folder = scene.with_suffix('.results')
+    rows = read(folder / 'results.csv')
+    assert len(rows) == 3 * 12 + 5 * 8 and {row['outcome'] for row in rows} == {'ok'}
     by_method = {row['method']: float(row['position_error']) for row in rows if row['time_step'] == '0.001'}
     # second and first order of the tick, and a tolerance of 1e-8 m a second
-    assert by_method['auto'] < 1e-8 < by_method['energy_momentum_order_2'] < 1e-4
+    assert by_method['auto_by_tick'] < 1e-8 < by_method['energy_momentum_order_2'] < 1e-4
     assert by_method['energy_momentum_order_2'] < by_method['sequential_impulses_10'] < 1e-2
-    assert (scene.with_suffix('.results') / 'work_precision_scene.svg').exists()
+    by_tolerance = {row['tolerance']: float(row['position_error']) for row in rows if row['method'] == 'auto'}
+    assert by_tolerance['1e-10'] < 1e-9 < by_tolerance['0.001'] < 1e-2
+    # one body, no spring: the scene as it is
+    stability = read(folder / 'stability.csv')
+    assert len(stability) == 7 * 6 and [row['case'] for row in stability[:2]] == ['76', '77']
+    text = (folder / 'summary.md').read_text()
+    for method in {row['method'] for row in rows}:
+        least = min(max(float(row['position_error']), float(row['orientation_error'])) for row in rows
+                    if row['method'] == method)
+        line, = (line for line in text.splitlines() if line.startswith(f'| scene | constraint_sim {method} |'))
+        assert line.split(' | ')[-1] == f'{least:.3g} |'
+    assert '| constraint_sim runge_kutta_order_8 | 6 |' in text, 'exact at each tick'
+    assert 'A peer wins' not in text
+    page = (folder / 'index.html').read_text()
+    assert 'src="scene.svg"' in page and (folder / 'scene.svg').stat().st_size > 5000
+    assert page.count('<td class="') == 7 * 6 and 'A cell is one run of 0.5 s' in page
+    capsys.readouterr()
+    assert command.main([str(scene), '--report', '--duration', '0.5', '--scene', '76']) == 0
+    assert 'time_step: 0.5' in capsys.readouterr().out
+
+
+def test_report_makes_loads_heavier_and_springs_stiffer(tmp_path):
+    path = tmp_path / 'scene.yaml'
+    path.write_text("""bodies:
+  - {name: the.load, mass: 20, inertia: [1, 1, 1], position: [1, 0, 0]}
+  - {name: bob, mass: 1, position: [2, 0, 0]}
+  - {name: floor, type: static, mass: 1000}
+constraints:
+  - {name: rod, type: distance, body_b: the.load}
+  - {name: spring, type: distance, body_a: the.load, body_b: bob, stiffness: 300}
+""")
+    found = report.studies_of(path, 1.0, {})
+    plain, heavier, stiffer = found.grid
+    assert (found.diagram.first, plain.first, heavier.first) == (0, 76, 76 + 42) and not found.notes
+    worlds = {}
+    for each in (heavier, stiffer):
+        for scene, values in each.points():
+            case = next(each.cases_at(0, scene, values))
+            worlds[report.grid_case(each, case.values)] = engine.load_scene(each.text_of(case))
+    assert {case: (world.body('the.load')['mass'], world.body('the.load')['inertia'][0], world.body('bob')['mass'],
+                   world.joint('spring')['stiffness']) for case, world in worlds.items()} == {
+        'mass_of_the_load × 0.001': (0.02, 0.001, 1.0, 300.0),
+        'mass_of_the_load × 1000': (20e3, 1e3, 1.0, 300.0),
+        'mass_of_the_load × 1e+06': (20e6, 1e6, 1.0, 300.0),
+        'stiffness × 1000': (20.0, 1.0, 1.0, 3e5), 'stiffness × 1e+06': (20.0, 1.0, 1.0, 3e8)}
+    text = path.read_text()
+    path.write_text(text.replace('stiffness: 300', 'stiffness: *k').replace(
+        'body_b: the.load}', 'body_b: the.load, stiffness: &k 300}'))
+    found = report.studies_of(path, 1.0, {})
+    assert len(found.grid) == 2
+    assert found.notes == ['stiffness is not varied: constraints.rod.stiffness: constraints.rod.stiffness is a YAML '
+                           'alias, used in several places']
+
+
+def test_outcomes_of_a_report_are_those_of_the_report(tmp_path):
+    """What the engine says of itself is told apart from what was seen of a peer."""
+    path = make(tmp_path, 'scene: scene.yaml\nduration: 1\nmethods: [auto]\ntime_steps: [0.1]\n')
+    found = study.load(path)
+    found.methods.append(study.Method('other', {}, 'other x'))
+    row = {'method': 'auto', 'outcome': 'failed', 'time_step': 0.1, 'tolerance': None}
+    rows = report.report_rows(found, [row, {**row, 'method': 'other'}, {
+        **row, 'outcome': 'ok', 'run_time': 0.002, 'sim_time': 2.0, 'position_error': 0.5,
+        'max_constraint_error': 1e-3}], lambda row: 'p')
+    assert [row['contestant'] for row in rows] == ['constraint_sim auto', 'other x', 'constraint_sim auto']
+    grid = figures.verdicts(rows, {'p': report.Scene('', 0.01, False, False)})
+    assert [kind for _, kind, _ in grid['p']['constraint_sim auto']] == ['refused', 'exploded']  # 50 times its size
+    assert [kind for _, kind, _ in grid['p']['other x']] == ['exploded']
+    assert rows[2]['run_time'] == 1000.0, 'microseconds a second'
+
+
+def test_what_no_sweep_wrote_stays(tmp_path, capsys):
+    path = make(tmp_path / 'a')
+    folder = tmp_path / 'mine'
+    folder.mkdir()
+    (folder / 'index.html').write_text('mine')
+    for words in ([str(path)], [str(path.with_name('scene.yaml')), '--report']):
+        for output in (folder, folder / 'index.html'):
+            assert command.main([*words, '--on', 'threads', '--output', str(output)]) == 2
+            assert 'is there and no sweep wrote it' in capsys.readouterr().err
+    assert [file.name for file in folder.iterdir()] == ['index.html']
+    assert (folder / 'index.html').read_text() == 'mine'
+    assert command.main([str(path.with_name('scene.yaml')), '--report', '--duration', '0.25']) == 2
+    assert '--duration: must be a multiple of 0.1 s, got 0.25' in capsys.readouterr().err
+
+
+def other_engine(folder):
+    """This engine's `auto` by the name of another."""
+    program = folder / 'constraint_sim_report_other'
+    ours = report_programs() / 'constraint_sim_report_engine'
+    program.write_text(f"""#!/bin/sh
+if [ "$1" = list ]; then {ours} list | grep ^auto | sed 's/constraint_sim/other/'; else exec {ours} "$@"; fi
+""")
+    program.chmod(0o755)
+    return program
+
+
+def test_peers_stand_in_the_report_of_a_scene(tmp_path, capsys):
+    scene = tmp_path / 'scene.yaml'
+    scene.write_text(SCENE)
+    other_engine(tmp_path)
+    assert command.main([str(scene), '--report', '--duration', '0.2', '--on', 'threads', '--peers', str(tmp_path)]) == 0
+    text = (scene.with_suffix('.results') / 'summary.md').read_text()
+    assert 'A peer wins: ' in text and '| other auto | 5 |' in text, 'exact at each tick'
+    rows = read(scene.with_suffix('.results') / 'results.csv')
+    own, other = ([row['bob.px'] for row in rows if row['method'] == name] for name in ('auto_by_tick', 'other_auto'))
+    assert own == other and len(own) == 8
+
+
+def test_a_study_names_programs_of_its_own(tmp_path, capsys):
+    program = other_engine(tmp_path)
+    text = STUDY.replace('[auto, {name: si, method: sequential_impulses, iterations: 20}]', f"""
+  - auto
+  - {{name: one, program: {program.name}}}
+  - {{name: two, program: {program.name}, peer: other auto, time_steps: [0.05]}}""")
+    rows = sweep(make(tmp_path, text), '--on', 'threads')
+    assert len(rows) == 9 * (2 + 2 + 1)
+    for start in range(0, 45, 5):
+        (auto, _, one, _, two) = rows[start:start + 5]
+        assert [row['method'] for row in (auto, one, two)] == ['auto', 'one', 'two'] and two['time_step'] == '0.05'
+        assert auto['bob.px'] == one['bob.px']
+    path = make(tmp_path, text.replace('other auto', 'other magic'))
+    assert command.main([str(path)]) == 2
+    assert "methods.two: there is no peer 'other magic'; there are other auto" in capsys.readouterr().err
+    assert command.main([str(make(tmp_path, text)), '--cluster', 'tcp://127.0.0.1:1']) == 2
+    assert 'the programs of peers are on this machine' in capsys.readouterr().err
 
 
 def report_programs():

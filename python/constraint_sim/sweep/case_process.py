@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 
+from .child import REFERENCE_PATIENCE
+
 START_LIMIT = 60.0  # [s] until Python and numpy are loaded, on a busy machine
 GRACE = 5.0  # [s] beyond the limit of a run: the engine looks at its clock between steps only
 
@@ -85,10 +87,11 @@ class CaseProcess:
         except OSError:
             return None, 'crashed', self.stop()
         while True:
-            if not self.connection.poll(job['time_limit'] + GRACE):
+            limit = job['time_limit'] * (REFERENCE_PATIENCE if current == 'reference' else 1.0) + GRACE
+            if not self.connection.poll(limit):
                 self.process.kill()
                 self.stop()
-                return current, 'hung', f'no end within {job["time_limit"] + GRACE:g} s'
+                return current, 'hung', f'no end within {limit:g} s'
             message = self.receive()
             if message is None:
                 return current, 'crashed', self.stop()

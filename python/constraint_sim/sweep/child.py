@@ -9,6 +9,8 @@ from .. import engine
 from . import expressions, peers
 
 COMPONENTS = ('px', 'py', 'pz', 'qx', 'qy', 'qz', 'qw', 'vx', 'vy', 'vz', 'wx', 'wy', 'wz')
+CONSERVED = 1e-6  # change of the reference's energy over its scale, below which energy is conserved
+REFERENCE_PATIENCE = 10.0  # times the limit of a case: what the reference may take
 SUMS = ('substeps', 'rejected', 'iterations', 'rows', 'contacts', 'changes')
 
 
@@ -36,11 +38,18 @@ def differences(states, reference):
     return float(distance), float(np.nanmax(2.0 * np.arcsin(length)))
 
 
+def farthest(states):
+    """How far a body came from its start at most [m]."""
+    with np.errstate(all='ignore'):
+        return float(np.sqrt(((states[..., :3] - states[0, :, :3]) ** 2).sum(-1)).max(initial=0.0))
+
+
 class Reference:
     """What the cases of a group are held against, at every multiple of `interval`."""
 
     def __init__(self, job, begin):
         self.times, self.states, self.own_error = None, None, np.nan
+        self.size = self.energy_scale = self.energy_change = self.energy_final = np.nan
         reference = job['reference']
         if reference is None:
             return
@@ -48,14 +57,32 @@ class Reference:
             self.times, self.states = reference['times'], reference['states']
         elif 'runs' in reference:
             tight, looser = reference['runs']
+            limit = REFERENCE_PATIENCE * job['time_limit']
             begin('reference')
-            _, run, self.times, self.states = samples_of(tight['text'], tight, job['time_limit'])
+            world, run, self.times, self.states = samples_of(tight['text'], tight, limit)
             if run.failed or run.timed_out:
                 raise RuntimeError('the reference run ' + ('failed' if run.failed else 'was too slow'))
+            self.measure(world, run, tight['bodies'])
             begin('reference')
-            _, run, times, states = samples_of(looser['text'], looser, job['time_limit'])
+            _, run, times, states = samples_of(looser['text'], looser, limit)
             if not (run.failed or run.timed_out):
                 self.own_error = max(differences(*self.common(times, states)))
+
+    def measure(self, world, run, names):
+        """The size of the box in which bodies move [m], and the scale of the energy [J]: the largest kinetic
+        one; of what rests its weight over that size."""
+        bodies = [world.body(name) for name in names]
+        masses = np.array([body['mass'] if body['type'] == 'dynamic' else 0.0 for body in bodies])
+        moving = self.states[:, masses > 0.0, :]
+        if moving.size == 0:
+            return
+        self.size = float(np.linalg.norm(np.ptp(moving[..., :3].reshape(-1, 3), axis=0)))
+        kinetic = float((0.5 * masses[masses > 0.0] * (moving[..., 7:10] ** 2).sum(-1)).sum(-1).max())
+        weight = float(masses.sum() * np.linalg.norm(world.options['gravity']) * self.size)
+        scale = kinetic if kinetic > 1e-6 * weight else weight
+        if scale > 0.0:
+            self.energy_scale, self.energy_final = scale, run.energy_final
+            self.energy_change = abs(run.energy_final - run.energy_initial) / scale
 
     def common(self, times, states):
         """States of a run and of the reference where both have one."""
@@ -91,7 +118,10 @@ def run_peer(case, job, reference):
             (job['reference'] or {}).get('closed_form'), case, times, measured)
     result.update({'steps': round(times[-1] / case['peer']['tick']), 'sim_time': float(times[-1]),
                    'position_error': position, 'orientation_error': orientation,
-                   'reference_error': reference.own_error})
+                   'reference_error': reference.own_error, 'distance': farthest(measured),
+                   'scene_size': reference.size})
+    if reference.energy_change < CONSERVED:  # what they say is how far it is from that of the start
+        result['energy_error'] = figures['energy_drift']
     for name in case['states']:
         for component, number in zip(COMPONENTS, states[-1, names.index(name)]):
             result[f'{name}.{component}'] = float(number)
@@ -132,7 +162,9 @@ def run_case(case, job, reference, wants_all):
         'max_constraint_error': run.max_constraint_error, 'max_penetration': run.max_penetration,
         'accumulated_local_error': run.accumulated_local_error,
         'energy_initial': run.energy_initial, 'energy_final': run.energy_final,
-        'energy_drift': run.energy_drift, 'correction_work': run.correction_work,
+        'energy_drift': run.energy_drift, 'energy_error': np.nan if run.timed_out
+        else abs(run.energy_final - reference.energy_final) / reference.energy_scale,
+        'distance': farthest(states), 'scene_size': reference.size, 'correction_work': run.correction_work,
         'driven_work': run.driven_work, 'solver_residual': run.solver_residual, **{name: getattr(run, name) for name in SUMS},
         'torn_joints': run.torn_joints, 'unresolved_bodies': len(run.unresolved_bodies),
         'methods': '+'.join(sorted(run.methods)), 'warnings': '; '.join(warnings),

@@ -1,15 +1,15 @@
 """constraint_sim_sweep: runs the cases of a study and says what came of them."""
 import argparse
+import collections
 import os
 import pathlib
 import signal
 import sys
 
-from . import executors, pages, peers, study as studies, tables
+from . import executors, pages, peers, report, study as studies, tables
 from .program import identity
 from .progress import Progress
-from .report import report_study
-from .store import Store, StoreError
+from .store import RESULTS, Store, StoreError
 
 BAD_INPUT, CASES_FAILED, INTERRUPTED = 2, 3, 130
 
@@ -40,26 +40,33 @@ def arguments(words):
     return parser.parse_args(words)
 
 
-def print_scene(study, wanted):
+def print_scene(all_studies, wanted):
     first = 0
-    for scene, values in study.points():
-        for case in study.cases_at(first, scene, values):
-            if case.index == wanted:
-                print(study.text_of(case), end='')
-                return
-            first = case.index + 1
+    for study in all_studies:
+        for scene, values in study.points():
+            for case in study.cases_at(first, scene, values):
+                if case.index == wanted:
+                    print(study.text_of(case), end='')
+                    return
+                first = case.index + 1
     raise studies.StudyError(f'--scene: there is no case {wanted}; there are 0 to {first - 1}')
 
 
-def check(study):
-    """All jobs, and (case, key, bodies) of each case; every scene has been loaded."""
-    progress = Progress('checking', study.count())
-    jobs, entries = [], []
-    for job, cases in study.jobs(identity(), progress.step):
-        jobs.append(job)
-        entries += [(case, entry['key'], entry['bodies']) for case, entry in zip(cases, job['cases'])]
+Checked = collections.namedtuple('Checked', 'study jobs entries')  # entries: (case, key, bodies) of each case
+
+
+def check(all_studies):
+    """All jobs of each; every scene has been loaded."""
+    progress = Progress('checking', sum(study.count() for study in all_studies))
+    found = []
+    for study in all_studies:
+        jobs, entries = [], []
+        for job, cases in study.jobs(identity(), progress.step):
+            jobs.append(job)
+            entries += [(case, entry['key'], entry['bodies']) for case, entry in zip(cases, job['cases'])]
+        found.append(Checked(study, jobs, entries))
     progress.close()
-    return jobs, entries
+    return found
 
 
 def left_of(jobs, store):
@@ -73,12 +80,19 @@ def left_of(jobs, store):
     return left
 
 
-def run(study, jobs, store, options):
-    left = left_of(jobs, store)
-    if not left:
-        return
+def run_all(checked, store, options):
+    left = [(each.study, left_of(each.jobs, store)) for each in checked]
+    progress = Progress('cases', sum(len(job['cases']) for _, jobs in left for job in jobs))
+    try:
+        for study, jobs in left:
+            if jobs:
+                run(study, jobs, store, options, progress)
+    finally:
+        progress.close()
+
+
+def run(study, left, store, options, progress):
     wanted = {case['key'] for job in left for case in job['cases']}
-    progress = Progress('cases', len(wanted))
     found = executors.on_threads(left, study.filled, options.workers) if options.on == 'threads' and not options.cluster \
         else executors.on_cluster(left, study.filled, options.workers, options.cluster, study.memory)
     try:
@@ -88,7 +102,6 @@ def run(study, jobs, store, options):
             wanted -= set(results)
     finally:
         found.close()
-        progress.close()
 
 
 def sweep(options):
@@ -98,31 +111,45 @@ def sweep(options):
     found = peers.found_in(options.peers) if options.peers else {}
     if options.peers and not found:
         raise studies.StudyError(f'--peers: no program constraint_sim_report_* in {options.peers}')
-    if options.peers and options.cluster:
-        raise studies.StudyError('--peers: their programs are on this machine, not on those of --cluster')
-    study = report_study(path, options.duration, found) if options.report else studies.load(path, found)
+    reported = report.studies_of(path, options.duration, found) if options.report else None
+    all_studies = [reported.diagram, *reported.grid] if reported else [studies.load(path, found)]
+    if options.cluster and any(study.peer_of for study in all_studies):
+        raise studies.StudyError('--cluster: the programs of peers are on this machine, not on those of the cluster')
     if options.scene is not None:
-        print_scene(study, options.scene)
+        print_scene(all_studies, options.scene)
         return 0
-    jobs, entries = check(study)
+    checked = check(all_studies)
     if options.check:
-        print(f'{len(entries)} cases in {len(jobs)} groups, {study.rounds} rounds, program {identity()}')
+        cases, groups = (sum(map(len, each)) for each in zip(*((each.entries, each.jobs) for each in checked)))
+        print(f'{cases} cases in {groups} groups, '
+              f'{all_studies[0].rounds} rounds, program {identity()}')
         return 0
     folder = pathlib.Path(options.output or path.with_suffix('.results'))
+    refuse_what_others_wrote(folder)
     store = Store(folder, options.fresh)
     try:
-        run(study, jobs, store, options)
-        table = tables.rows(study, [entry[:2] for entry in entries], store.results)
-        written = tables.write(folder, 'results', table)
-        if study.keeps_samples:
-            tables.write(folder, 'samples', list(tables.sample_rows(entries, store)))
-        missing = len(entries) - len(table)
-        lines = pages.write(folder, study, table, missing, plots=not options.no_plots)
+        run_all(checked, store, options)
+        found = [tables.rows(each.study, [entry[:2] for entry in each.entries], store.results) for each in checked]
+        written = tables.write(folder, 'results', found[0])
+        if all_studies[0].keeps_samples:
+            tables.write(folder, 'samples', list(tables.sample_rows(checked[0].entries, store)))
+        missing = sum(len(each.entries) for each in checked) - sum(map(len, found))
+        if reported:
+            tables.write(folder, 'stability', [row for table in found[1:] for row in table])
+            lines = report.write(folder, reported, found, missing, identity(), plots=not options.no_plots)
+        else:
+            lines = pages.write(folder, all_studies[0], found[0], missing, plots=not options.no_plots)
     finally:
         store.close()
     print('\n'.join(lines))
     print(f'{written}, {folder}/index.html')
-    return CASES_FAILED if missing or any(row['outcome'] not in ('ok', 'unsupported') for row in table) else 0
+    is_bad = any(row['outcome'] not in ('ok', 'unsupported') for table in found for row in table)
+    return CASES_FAILED if missing or is_bad else 0
+
+
+def refuse_what_others_wrote(folder):
+    if folder.exists() and not (folder / RESULTS).exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise studies.StudyError(f'--output: {folder} is there and no sweep wrote it; name another folder')
 
 
 def main(words=None):

@@ -10,8 +10,9 @@ OUTCOMES = {'ok': '#1a7f37', 'too_slow': '#c8c8c8', 'failed': '#d7263d', 'refuse
             'hung': '#777777', 'crashed': '#6b1d5c'}
 MOST_LINES = 20
 UNITS = {'position_error': 'm', 'orientation_error': 'rad', 'max_constraint_error': 'm', 'max_penetration': 'm',
-         'accumulated_local_error': 'm', 'energy_initial': 'J', 'energy_final': 'J', 'energy_drift': '1',
-         'correction_work': 'J', 'driven_work': 'J', 'solver_residual': 'm/s', 'run_time': 's', 'time_step': 's'}
+         'distance': 'm', 'scene_size': 'm', 'accumulated_local_error': 'm', 'energy_initial': 'J', 'energy_final': 'J',
+         'energy_drift': '1', 'energy_error': '1', 'correction_work': 'J', 'driven_work': 'J',
+         'solver_residual': 'm/s', 'run_time': 's', 'time_step': 's'}
 
 
 def is_number(value):

@@ -20,11 +20,18 @@ def found_in(folder):
     for program in sorted(pathlib.Path(folder).glob('constraint_sim_report_*')):
         if not program.is_file() or not os.access(program, os.X_OK):
             continue
-        digest = hashlib.sha256(program.read_bytes()).hexdigest()[:16]
-        listing = subprocess.run([program, 'list'], check=True, text=True, stdout=subprocess.PIPE).stdout
-        for line in listing.splitlines():
-            name, _, _, engine = line.split('\t')[:4]
-            peers[f'{engine} {name}'] = Peer(str(program.resolve()), name, digest)
+        peers.update(of_program(program))
+    return peers
+
+
+def of_program(program):
+    """`ENGINE VARIANT` -> Peer, of one of them."""
+    program, peers = pathlib.Path(program).resolve(), {}
+    digest = hashlib.sha256(program.read_bytes()).hexdigest()[:16]
+    listing = subprocess.run([program, 'list'], check=True, text=True, stdout=subprocess.PIPE, timeout=GRACE).stdout
+    for line in listing.splitlines():
+        name, _, _, engine, *_ = line.split('\t')
+        peers[f'{engine} {name}'] = Peer(str(program), name, digest)
     return peers
 
 

@@ -19,7 +19,7 @@ SMALLEST = 1e-17  # where errors of zero are drawn
 
 
 def styles(contestants):
-    """Ours in reds and thick, each peer in shades of its own."""
+    """Ours in reds and thick, each peer in shades of its own; without peers a colour each."""
     found = {}
     engines = sorted({name.split()[0] for name in contestants})
     for engine in engines:
@@ -27,7 +27,8 @@ def styles(contestants):
         shades = plt.get_cmap(HUES.get(engine, 'cool'))
         for i, name in enumerate(own):
             shade = 0.9 - 0.5 * i / max(1, len(own) - 1)
-            found[name] = {'color': shades(shade), 'marker': MARKERS[i % len(MARKERS)],
+            colour = shades(shade) if len(engines) > 1 else plt.get_cmap('tab10')(i % 10)
+            found[name] = {'color': colour, 'marker': MARKERS[i % len(MARKERS)],
                            'linewidth': 1.8 if engine == 'constraint_sim' else 0.9,
                            'markersize': 4.0, 'zorder': 3 if engine == 'constraint_sim' else 2}
     return found

@@ -1,6 +1,8 @@
 """What the pages of the report and of a sweep's `--report` have in common."""
 import html
 import math
+import os
+import pathlib
 import statistics
 
 from . import figures
@@ -12,6 +14,14 @@ td{text-align:right}td:first-child,th:first-child{text-align:left}.win{backgroun
 .loss{background:#fbd9d9}img{max-width:100%}.grid td{padding:1px 3px;font-size:9px;border:1px solid
 #fff}.grid th{font-size:10px;background:#fff;position:sticky;top:0}.grid td:first-child{font-size:11px}
 """
+
+
+def processor():
+    """What run times were measured on."""
+    for line in pathlib.Path('/proc/cpuinfo').read_text().splitlines():
+        if line.startswith('model name'):
+            return f'{line.split(":")[1].strip()}, {os.cpu_count()} threads'
+    return f'unknown processor, {os.cpu_count()} threads'
 
 
 def brief(value):
@@ -107,7 +117,7 @@ def contestant_lines(runs):
     return lines
 
 
-def grid_page(grid, problems, contestants, length):
+def grid_body(grid, problems, contestants, length):
     """`length` of a run, in words."""
     ticks = {}
     for name, found in grid.items():
@@ -134,7 +144,7 @@ def grid_page(grid, problems, contestants, length):
                       for kind, colour in figures.CLASSES.items()).replace('n/a', 'n\\/a')
     legend = ' '.join(f'<span style="background:{colour};padding:2px 8px">{kind}</span>'
                       for kind, colour in figures.CLASSES.items())
-    return page('Stability', f"""<style>{colours}</style>
+    return f"""<style>{colours}</style>
 <p>{legend}</p>
 <p>A cell is one run of {length}; for each contestant from the longest tick on. The number is the
 decimal logarithm of the worst figure: position error over the size L of the scene (orientation in
@@ -144,7 +154,7 @@ the start) above 10 L or energy above 10 times its scale; <i>stretched</i>: cons
 slow</i>: not done within the budget; <i>n/a</i>: cannot be expressed. Input that is invalid is
 exact where it is refused and exploded where it is accepted. Error-controlled engines take ticks as the times between which they
 choose their own steps. The mouse shows a cell's figures.</p>
-<table class="grid">{chr(10).join(rows)}</table>""")
+<table class="grid">{chr(10).join(rows)}</table>"""
 
 
 def count_lines(counts, contestants):

@@ -109,6 +109,19 @@ class SceneTemplate:
         raise PathError(f'{path}: there is no {words[at]!r} in {so_far}; there are '
                         + (', '.join(named) or f'0 to {len(node.value) - 1}'))
 
+    def multiplied(self, path, places, factor):
+        """For `filled`: each place with its number, or list of numbers, times the factor."""
+        found = []
+        for place in places:
+            text = self.text[place[0]:place[1]]
+            try:
+                numbers = [float(number) for number in text.strip('[]').split(',')]
+            except ValueError:
+                raise PathError(f'{path}: factors multiply numbers that the scene has, got {text!r}') from None
+            scaled = tuple(factor * number for number in numbers)
+            found.append(([place], scaled if text.startswith('[') else scaled[0]))
+        return found
+
     def filled(self, values):
         """The text with these values, [(places of a path, value)]."""
         parts, position = [], 0

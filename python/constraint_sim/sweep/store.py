@@ -7,6 +7,7 @@ import pathlib
 
 import numpy as np
 
+RESULTS = 'results.jsonl'
 TIMING = ('run_time', 'run_time_spread', 'worker')  # columns that another run need not repeat
 
 
@@ -15,12 +16,12 @@ class StoreError(RuntimeError):
 
 
 class Store:
-    """`results.jsonl`, a line each case, appended; a line cut off by an interruption is dropped."""
+    """RESULTS, a line each case, appended; a line cut off by an interruption is dropped."""
 
     def __init__(self, folder, fresh=False):
         self.folder = pathlib.Path(folder)
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.path = self.folder / 'results.jsonl'
+        self.path = self.folder / RESULTS
         self.file = open(self.path, 'a+')
         try:
             fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -6,13 +6,14 @@ import itertools
 import json
 import math
 import pathlib
+import subprocess
 import zlib
 
 import numpy as np
 import yaml
 
 from .. import engine
-from . import expressions
+from . import expressions, peers
 from .child import COMPONENTS
 from .scene_template import PathError, SceneTemplate
 
@@ -20,13 +21,16 @@ from .scene_template import PathError, SceneTemplate
 INDEX = ('case', 'scene')
 CHOICES = ('method', 'time_step', 'tolerance')
 MEASURES = ('position_error', 'orientation_error', 'max_constraint_error', 'max_penetration',
-            'accumulated_local_error', 'energy_initial', 'energy_final', 'energy_drift', 'correction_work',
-            'driven_work', 'solver_residual', 'run_time', 'steps', 'substeps', 'rejected', 'iterations',
-            'rows', 'contacts', 'changes', 'torn_joints', 'unresolved_bodies')
+            'distance', 'scene_size', 'accumulated_local_error', 'energy_initial', 'energy_final', 'energy_drift',
+            'energy_error', 'correction_work', 'driven_work', 'solver_residual', 'run_time', 'steps', 'substeps',
+            'rejected', 'iterations', 'rows', 'contacts', 'changes', 'torn_joints', 'unresolved_bodies')
 MOST_CASES = 200_000  # whose table is kept in memory
 
-Method = collections.namedtuple('Method', 'name options peer', defaults=(None,))
-Parameter = collections.namedtuple('Parameter', 'name paths values draw is_logarithmic')
+# time_steps, tolerances: of the method's own; None: those of the study. peer: ENGINE VARIANT, of `program` or --peers
+Method = collections.namedtuple('Method', 'name options peer time_steps tolerances program',
+                                defaults=(None, None, None, None))
+Parameter = collections.namedtuple('Parameter', 'name paths values draw is_logarithmic is_factor',
+                                   defaults=(False,))
 Case = collections.namedtuple('Case', 'index scene values method time_step tolerance')
 
 
@@ -110,7 +114,7 @@ def spread(where, kind, value, scale):
 DRAWS = {'uniform': lambda random, a, b, n: random.uniform(a, b, n),
          'normal': lambda random, a, b, n: random.normal(a, b, n),
          'log_uniform': lambda random, a, b, n: np.exp(random.uniform(np.log(a), np.log(b), n))}
-KINDS = ('values', 'linear', 'logarithmic', *DRAWS)
+KINDS = ('values', 'factors', 'linear', 'logarithmic', *DRAWS)
 
 
 def parameter(name, value, draws):
@@ -123,12 +127,12 @@ def parameter(name, value, draws):
     if len(kinds) != 1:
         raise StudyError(f'{where}: must have one of ' + ', '.join(KINDS))
     kind, given = kinds[0], value[kinds[0]]
-    if kind == 'values':
-        values = [scene_value(f'{where}.values', element) for element in
-                  listed(f'{where}.values', given)]
+    if kind in ('values', 'factors'):
+        read = scene_value if kind == 'values' else number
+        values = [read(f'{where}.{kind}', element) for element in listed(f'{where}.{kind}', given)]
         if len(set(values)) < len(values):
-            raise StudyError(f'{where}.values: has a value twice')
-        return Parameter(name, paths, values, False, False)
+            raise StudyError(f'{where}.{kind}: has a value twice')
+        return Parameter(name, paths, values, False, False, kind == 'factors')
     if kind in ('linear', 'logarithmic'):
         values = spread(where, kind, given, math.log if kind == 'logarithmic' else float)
         return Parameter(name, paths, values, False, kind == 'logarithmic')
@@ -149,11 +153,14 @@ def method(value):
         return Method(value, {'method': value})
     if not isinstance(value, dict) or not isinstance(value.get('name'), str):
         raise StudyError(f'methods: must be names, or maps with a name and options, got {value!r}')
-    if 'peer' in value:
-        expect_keys(f'methods.{value["name"]}', value, ('name', 'peer'))
-        return Method(value['name'], {}, str(value['peer']))
-    options = {key: element for key, element in value.items() if key != 'name'}
-    return Method(value['name'], world_options(f'methods.{value["name"]}', options))
+    where = f'methods.{value["name"]}'
+    own = {key: [number(f'{where}.{key}', element, least) for element in listed(f'{where}.{key}', value[key])]
+           for key, least in (('time_steps', 0.0), ('tolerances', -math.inf)) if key in value}
+    if 'peer' in value or 'program' in value:
+        expect_keys(where, value, ('name', 'peer', 'program', 'time_steps'))
+        return Method(value['name'], {}, str(value.get('peer', '')), program=value.get('program'), **own)
+    options = {key: element for key, element in value.items() if key not in ('name', *own)}
+    return Method(value['name'], world_options(where, options), **own)
 
 
 def world_options(where, options):
@@ -173,9 +180,10 @@ STUDY_KEYS = ('scene', 'scenes', 'duration', 'parameters', 'random', 'methods', 
 class Study:
     """What a study file says. Throws StudyError for what cannot be."""
 
-    def __init__(self, text, folder, source='study', peers=None):
-        """`peers`: those of other engines that methods may name."""
-        self.source, self.folder, self.peers = source, pathlib.Path(folder), peers or {}
+    def __init__(self, text, folder, source='study', known_peers=None, first=0):
+        """`known_peers`: those of other engines that methods may name; `first`: the number of its first case."""
+        self.source, self.folder, self.peers, self.first = source, pathlib.Path(folder), known_peers or {}, first
+        self.peer_of = {}
         try:
             document = yaml.load(text, Loader=StrictLoader)
         except yaml.YAMLError as error:
@@ -199,10 +207,8 @@ class Study:
         names = [each.name for each in self.methods]
         if len(set(names)) < len(names):
             raise StudyError('methods: a name is there twice; give one a name of its own')
-        for each in self.methods:
-            if each.peer is not None and each.peer not in self.peers:
-                raise StudyError(f'methods.{each.name}: there is no peer {each.peer!r}; there are '
-                                 + (', '.join(self.peers) or 'none without --peers'))
+        self.methods = [each if each.peer is None else each._replace(peer=self.peer_named(each))
+                        for each in self.methods]
         self.time_steps = [number('time_steps', value, 0.0) for value in
                            listed('time_steps', document['time_steps'])] \
             if 'time_steps' in document else [None]
@@ -222,6 +228,23 @@ class Study:
         self.plots = document.get('plots')
         self.limits = document.get('limits')
         self.check_plots()
+
+    def peer_named(self, method):
+        """Of `program`, or --peers; the only one need not be named."""
+        known = self.peers
+        if method.program is not None:
+            path = self.folder / str(method.program)
+            try:
+                known = peers.of_program(path)
+            except (OSError, ValueError, subprocess.SubprocessError) as error:
+                raise StudyError(f'methods.{method.name}.program: {path} is no program of the report: '
+                                 f'{error}') from None
+        label = method.peer or (next(iter(known)) if len(known) == 1 else '')
+        if label not in known:
+            raise StudyError(f'methods.{method.name}: there is no peer {label!r}; there are '
+                             + (', '.join(known) or 'none without --peers'))
+        self.peer_of[method.name] = known[label]
+        return label
 
     def read_scenes(self, document):
         if ('scene' in document) == ('scenes' in document):
@@ -308,8 +331,13 @@ class Study:
     def count(self):
         drawn = [len(each.values) for each in self.parameters if each.draw]
         return (len(self.scenes) * math.prod(len(each.values) for each in self.parameters if not each.draw)
-                * (drawn[0] if drawn else 1) * len(self.methods) * len(self.time_steps)
-                * len(self.tolerances))
+                * (drawn[0] if drawn else 1)
+                * sum(len(steps) * len(tolerances) for _, steps, tolerances in self.settings()))
+
+    def settings(self):
+        """(method, its ticks, its tolerances)."""
+        return [(each, each.time_steps or self.time_steps, each.tolerances or self.tolerances)
+                for each in self.methods]
 
     def points(self):
         """(scene, values by parameter) in their order."""
@@ -324,17 +352,19 @@ class Study:
                     yield scene, {each.name: chosen[each.name] for each in self.parameters}
 
     def cases_at(self, first, scene, values):
-        for offset, (each, step, tolerance) in enumerate(
-                itertools.product(self.methods, self.time_steps, self.tolerances)):
-            yield Case(first + offset, scene, values, each, step, tolerance)
+        choices = itertools.chain.from_iterable(
+            itertools.product([each], steps, tolerances) for each, steps, tolerances in self.settings())
+        for offset, choice in enumerate(choices):
+            yield Case(first + offset, scene, values, *choice)
 
     def text_of(self, case, overrides=None):
         """The scene of a case, as the runner would be given it. Throws StudyError."""
         template = self.scenes[case.scene]
-        edits = {}
+        edits, factors = {}, set()
         for each in self.parameters:
             for path in each.paths:
                 self.set(edits, path, case.values[each.name], f'parameters.{each.name}')
+                factors |= {path} if each.is_factor else set()
         choices = dict(case.method.options)
         if case.time_step is not None:
             self.choose(choices, 'time_step', case.time_step, 'time_steps')
@@ -345,8 +375,11 @@ class Study:
             self.set(edits, f'world.{key}', value, 'methods, time_steps and tolerances',
                      replaces=overrides is not None)
         try:
-            return template.filled([(self.places(case.scene, path), value)
-                                    for path, value in edits.items()])
+            filled = []
+            for path, value in edits.items():
+                places = self.places(case.scene, path)
+                filled += template.multiplied(path, places, value) if path in factors else [(places, value)]
+            return template.filled(filled)
         except PathError as error:
             raise StudyError(f'{template.source}: {error}') from None
 
@@ -377,7 +410,7 @@ class Study:
         if count > MOST_CASES:
             raise StudyError(f'study: has {count} cases, more than {MOST_CASES}')
         self.check_overlaps()
-        index = 0
+        index = self.first
         for scene, values in self.points():
             cases = list(self.cases_at(index, scene, values))
             index += len(cases)
@@ -449,7 +482,7 @@ class Study:
             raise StudyError(f'{error}\n  with {self.described(case)}') from None
         entry = self.entry(text, world, self.described(case))
         if case.method.peer is not None:
-            entry['peer'] = {**self.peers[case.method.peer]._asdict(),
+            entry['peer'] = {**self.peer_of[case.method.name]._asdict(),
                              'tick': world.options['time_step'],
                              'sample': self.duration if self.every is None else self.every}
         return entry
@@ -493,8 +526,8 @@ class Study:
             return {'times': np.array(times), 'states': np.array(
                 [[value[time][name] for name in checked[0]['bodies']] for time in times])}
         plain = self.plain(case)
-        step = min(self.time_steps) if self.time_steps[0] is not None else \
-            engine.load_scene(self.text_of(plain)).options['time_step']
+        steps = [step for _, steps, _ in self.settings() for step in steps if step is not None]
+        step = min(steps) if steps else engine.load_scene(self.text_of(plain)).options['time_step']
         runs = []
         for is_looser in (False, True):  # by how much they differ is what the first is off by, at most
             # shorter ticks than any case: where one substep a tick is enough, a tolerance changes nothing
@@ -517,10 +550,10 @@ def expect_any(where, value):
     return value
 
 
-def load(path, peers=None):
+def load(path, known_peers=None):
     path = pathlib.Path(path)
     try:
         text = path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(f'cannot read {path}: {error}') from None
-    return Study(text, path.parent, str(path), peers)
+    return Study(text, path.parent, str(path), known_peers)

@@ -549,11 +549,10 @@ void World::Impl::measure() {
     report.energy_drift = std::clamp(drift, -kMost, kMost);  // what moves least may divide by least
   }
   if (report.failed || report.stopped) return;
-  const auto is_askew = [&](int j) {
-    return joint_states[static_cast<std::size_t>(j)].angle_error > kUnclosedAngle;
-  };
-  if (report.max_constraint_error > kUnclosedError || !watch.open.empty() ||
-      std::any_of(awake_joints.begin(), awake_joints.end(), is_askew))
+  bool any_askew = false;
+  for (const int j : awake_joints)
+    any_askew |= joint_states[static_cast<std::size_t>(j)].angle_error > kUnclosedAngle;
+  if (any_askew || report.max_constraint_error > kUnclosedError || !watch.open.empty())
     watch_joints();
   if (!impulse_joints.empty()) watch_spin();
   watch_energy();

@@ -631,6 +631,16 @@ def test_report_of_a_scene(tmp_path, capsys):
     assert 'time_step: 0.5' in capsys.readouterr().out
 
 
+def test_report_of_what_never_errs(tmp_path):
+    """Nothing moves, so there is nothing to draw, and no size."""
+    scene = tmp_path / 'scene.yaml'
+    scene.write_text('bodies:\n  - {name: rock, type: static}\n')
+    assert command.main([str(scene), '--report', '--duration', '0.1', '--on', 'threads']) == 0
+    folder = scene.with_suffix('.results')
+    assert not (folder / 'scene.svg').exists() and '.svg' not in (folder / 'index.html').read_text()
+    assert '| constraint_sim auto | 5 |' in (folder / 'summary.md').read_text()
+
+
 def test_report_makes_loads_heavier_and_springs_stiffer(tmp_path):
     path = tmp_path / 'scene.yaml'
     path.write_text("""bodies:
@@ -796,5 +806,10 @@ def test_studies_of_the_manual(tmp_path, capsys):
         for line in out.splitlines()[1:-1]:
             if 'stays below' in line or 'not below' in line:
                 assert line in manual, line
+    scene = SOURCES / 'docs/studies/hanging_chain.yaml'
+    assert command.main([str(scene), '--report', '--duration', '1', '--no-plots', '--on', 'threads', '--output',
+                         str(tmp_path / 'report')]) == 0
+    for line in capsys.readouterr().out.splitlines()[:-1]:
+        assert line in manual, line
     block = manual.split('```yaml\n')[1].split('```')[0]
     assert block == (SOURCES / 'docs/studies/how_heavy.yaml').read_text()

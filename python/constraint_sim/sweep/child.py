@@ -70,7 +70,7 @@ class Reference:
 
     def measure(self, world, run, names):
         """The size of the box in which bodies move [m], and the scale of the energy [J]: the largest kinetic
-        one; of what rests its weight over that size."""
+        one, and of what hardly moves 1 % of its weight over that size."""
         bodies = [world.body(name) for name in names]
         masses = np.array([body['mass'] if body['type'] == 'dynamic' else 0.0 for body in bodies])
         moving = self.states[:, masses > 0.0, :]
@@ -79,7 +79,7 @@ class Reference:
         self.size = float(np.linalg.norm(np.ptp(moving[..., :3].reshape(-1, 3), axis=0)))
         kinetic = float((0.5 * masses[masses > 0.0] * (moving[..., 7:10] ** 2).sum(-1)).sum(-1).max())
         weight = float(masses.sum() * np.linalg.norm(world.options['gravity']) * self.size)
-        scale = kinetic if kinetic > 1e-6 * weight else weight
+        scale = max(kinetic, 0.01 * weight)
         if scale > 0.0:
             self.energy_scale, self.energy_final = scale, run.energy_final
             self.energy_change = abs(run.energy_final - run.energy_initial) / scale

@@ -184,7 +184,8 @@ def write(folder, found, tables, missing, program, plots=True):
     facts = conditions(found, table, grid_table, program)
     lines = pages.summary(found.diagram, table, missing)
     name = f'{scene}.svg'
-    if plots and any(run.outcome == 'ok' for each in runs.values() for same in each.values() for run in same):
+    if plots and any(error > 0.0 for same in runs[scene].values() for run in same if run.outcome == 'ok'
+                     for error in run.errors.values()):
         from . import plots as drawings
         drawings.diagram(scene, runs[scene], drawings.styles(ordered(runs)), folder / name)
     else:

@@ -161,7 +161,8 @@ TEST(HostileScene, OfGreatLengthIsAnsweredWithinASecond) {
     EXPECT_NE(answer, "") << text.substr(0, 40);
     expect_short(answer, text);
   }
-  EXPECT_LT(peak_memory(), 5e8);  // twice what was measured
+  // twice what was measured; sanitizers keep books of their own
+  EXPECT_LT(peak_memory(), kSanitizedShare > 1 ? 2e9 : 5e8);
   EXPECT_EQ(answer_to(std::string(kMostSceneBytes + 1, ' ')),
             "s: must be at most 6291456 bytes, got 6291457");
 }

@@ -143,7 +143,7 @@ class Time(unittest.TestCase):
             self.assertAlmostEqual(self.pace(0.0005, 1.0), 1.0, delta=0.3)
 
     def test_what_cannot_be_kept_up_with_is_dropped_and_counted(self):
-        with running(node_command(scene="falling_balls", real_time_factor=1000.0)):
+        with running(node_command(scene="platform", real_time_factor=1000.0)):
             Listener(support.NODE + "/statistics", Statistics).wait(
                 lambda m: m.dropped_ticks > 0, "dropped ticks")
             # those done and those dropped are all that were due

@@ -148,8 +148,9 @@ class World {
   /// Every body and joint returns to what it was when added or loaded: state, motor, travel, torn
   /// or whole; timeouts count from now. None is added or removed, wrenches go, options stay, and
   /// time goes on; a motor's sinusoid is one of simulated time, as ever. set_time(0, 0) afterwards
-  /// makes the motion that of a new world, bit for bit. Refused where a joint with axes was added
-  /// after its bodies had turned, and would not be aligned.
+  /// makes the motion that of a new world, bit for bit. Where a joint with axes was added after its
+  /// bodies had turned, its orientation is closed; refused where it would be off by more than
+  /// 0.5 rad.
   void reset();
   /// Goes on from this simulated time [s] and step; timeouts and wrenches move along. A time to
   /// which adding a tick changes nothing is refused.

@@ -197,7 +197,7 @@ void World::reset() {
     const Joint& joint = impl_->joints[j];
     const JointStart& start = impl_->joint_starts[j];
     if (start.broken || start.state) continue;
-    check_alignment(joint, body(joint.body_a).state, body(joint.body_b).state, kAligned);
+    check_alignment(joint, body(joint.body_a).state, body(joint.body_b).state, kUnclosedAngle);
   }
   for (std::size_t i = 0; i < impl_->bodies.size(); ++i) {
     impl_->states[i] = impl_->bodies[i].state;

@@ -717,6 +717,24 @@ TEST(JointFrames, ThatAResetWouldTurnAreRefusedInWords) {
   EXPECT_EQ(world.state(id).orientation.z(), 0.0);
 }
 
+// A hinge that was added after its body had turned is open once this has turned back, and closes.
+TEST(JointFrames, AResetClosesWhatItLeavesOpen) {
+  for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
+    World world(smooth(method, 0.01));
+    const BodyId id = world.add_body(make_body("bar", Box{{1.0, 0.1, 0.2}}, 1.0, {0.5, 0.0, 0.0}));
+    BodyState turned = world.state(id);
+    turned.orientation = Eigen::AngleAxisd(0.4, Vector3d::UnitX());
+    world.set_state(id, turned);
+    const JointId hinge = world.add_joint(between(JointKind::kHinge, kWorldBody, Vector3d::Zero(),
+                                                  id, {-0.5, 0.0, 0.0}, Vector3d::UnitY()));
+    world.reset();
+    EXPECT_NEAR(world.joint_state(hinge).angle_error, 0.4, 1e-12);
+    for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().failed);
+    EXPECT_FALSE(world.joint_state(hinge).closing);
+    EXPECT_LE(world.joint_state(hinge).angle_error, 1e-12) << name(method);
+  }
+}
+
 // A point mass on a plane through the origin slides as on ice; nothing in it turns.
 TEST(PointOnPlane, SlidesWithoutTurning) {
   World world(smooth(Method::kRungeKutta, 0.01));

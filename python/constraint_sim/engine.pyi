@@ -53,6 +53,7 @@ class State(TypedDict):
 class JointState(TypedDict):
     error: float         # [m]
     error_rate: float    # [m/s]
+    angle_error: float   # of joints with axes [rad]
     force: float         # along the joint, mean over the step [N]; < 0 is tension
     bias: float          # asked of the motor [m/s]
     reached_rate: float  # [m/s]

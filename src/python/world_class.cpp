@@ -50,6 +50,7 @@ py::dict joint_state_dict(const engine::JointState& state) {
   py::dict dict;
   dict["error"] = state.error;
   dict["error_rate"] = state.error_rate;
+  dict["angle_error"] = state.angle_error;
   dict["force"] = state.force;
   dict["bias"] = state.bias;
   dict["reached_rate"] = state.reached_rate;
@@ -195,7 +196,8 @@ void define_joint_states(Class* world) {
         return joint_state_dict(self.read().joint_state(self.read().find_joint(name)));
       },
       py::arg("name"),
-      "State after the last step: error [m], error_rate [m/s], force [N] along the joint, < 0 is "
+      "State after the last step: error [m], error_rate [m/s], angle_error [rad], force [N] along "
+      "the joint, < 0 is "
       "tension, bias and reached_rate [m/s], travel of the motor [m], saturated, broken, closing.");
   world->def_property_readonly(
       "joint_names",

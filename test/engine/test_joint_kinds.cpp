@@ -6,6 +6,7 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint_kinds.h"
+#include "random_joints.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -30,15 +31,9 @@ struct Pose {
   BodyState a, b;
 };
 
-Joint random_joint(JointKind kind, Random* random) {
-  Joint joint;
-  joint.name = "joint";
-  joint.kind = kind;
-  joint.anchor_a = random->vector();
-  joint.anchor_b = random->vector();
-  joint.frame_a = random->orientation();
-  joint.frame_b = random->orientation();
-  return joint;
+Pose closed_pose(const Joint& joint, Random* random) {
+  const BodyState a = random->state();
+  return {a, attached(joint, a, random)};
 }
 
 BodyState moved(BodyState body, const Vector3d& v, const Vector3d& w, double t) {
@@ -138,43 +133,12 @@ TEST(JointRows, JacobianAtTheMeansIsTheDiscreteGradient) {
     end.b.position += step[2];
     end.b.orientation = turned(pose.b.orientation, step[3]);
     const JointVectors start(joint, pose.a, pose.b), stop(joint, end.a, end.b);
-    JointVectors mean;
-    mean.r_A = 0.5 * (start.r_A + stop.r_A);
-    mean.r_B = 0.5 * (start.r_B + stop.r_B);
-    mean.d = 0.5 * (start.d + stop.d);
-    mean.axes_A = 0.5 * (start.axes_A + stop.axes_A);
-    mean.axes_B = 0.5 * (start.axes_B + stop.axes_B);
-    const Jacobian J = jacobian(info(joint.kind).row[static_cast<std::size_t>(row)], mean);
+    const Jacobian J =
+        jacobian(info(joint.kind).row[static_cast<std::size_t>(row)], between(start, stop, 0.5));
     ASSERT_NEAR(J.times(step[0], step[1], step[2], step[3]),
                 value_at(joint, row, end) - value_at(joint, row, pose), 1e-13)
         << which;
   });
-}
-
-/// B where the joint asks for it to be, a random place along what is free.
-Pose closed_pose(const Joint& joint, Random* random) {
-  const JointKindInfo& kind = info(joint.kind);
-  Pose pose{random->state(), random->state()};
-  const Quaterniond frame_A = pose.a.orientation * joint.frame_a;
-  Quaterniond frame_B = frame_A * home(kind.alignment);
-  Vector3d off = Vector3d::Zero();
-  for (int k = 0; k < kind.coordinates; ++k) {
-    const Coordinate& free = kind.coordinate[static_cast<std::size_t>(k)];
-    const double amount = (*random)();
-    if (free.kind == CoordinateKind::kTranslation)
-      off += frame_A * (amount * Vector3d::Unit(free.axis));
-    if (free.kind == CoordinateKind::kAngle || free.kind == CoordinateKind::kFirstOfUniversal)
-      frame_B =
-          frame_A * Eigen::AngleAxisd(amount, Vector3d::UnitZ()) * frame_A.conjugate() * frame_B;
-    if (free.kind == CoordinateKind::kSecondOfUniversal)
-      frame_B = frame_B * Eigen::AngleAxisd(amount, Vector3d::UnitZ());
-  }
-  if (kind.alignment == Alignment::kFree) frame_B = random->orientation();
-  pose.b.orientation = frame_B * joint.frame_b->conjugate();
-  if (joint.kind == JointKind::kDistance) off = random->vector();
-  pose.b.position = pose.a.position + pose.a.orientation * joint.anchor_a + off -
-                    pose.b.orientation * joint.anchor_b;
-  return pose;
 }
 
 // Rows are zero where only what is free has moved, and independent there: what they hold and what
@@ -326,7 +290,7 @@ INSTANTIATE_TEST_SUITE_P(JointKinds, EachKind, testing::ValuesIn(joint_kinds()),
 
 // ---- closed forms
 
-Joint between(JointKind kind, BodyId a, const Vector3d& anchor_a, BodyId b,
+Joint join_at(JointKind kind, BodyId a, const Vector3d& anchor_a, BodyId b,
               const Vector3d& anchor_b, const Vector3d& axis_a) {
   Joint joint =
       make_joint(std::string(name(kind)) + std::to_string(a.value) + "_" + std::to_string(b.value),
@@ -350,7 +314,7 @@ TEST(Slider, FallsAlongItsAxisAsAParabola) {
     Body cart = make_body("cart", Box{{0.3, 0.2, 0.1}}, 2.0, {0.4, 0.3, 0.2});
     const BodyId id = world.add_body(cart);
     world.add_joint(
-        between(JointKind::kSlider, kWorldBody, {0.4, 0.0, 0.2}, id, {0.0, -0.3, 0.0}, along));
+        join_at(JointKind::kSlider, kWorldBody, {0.4, 0.0, 0.2}, id, {0.0, -0.3, 0.0}, along));
     for (int i = 0; i < 60; ++i) world.step();
     const double t = world.time();
     const Vector3d expected =
@@ -387,7 +351,7 @@ TEST(Hinge, SwingsAsAPhysicalPendulum) {
     bar.state.orientation = q;
     bar.state.position = q * Vector3d(l, 0.0, 0.0);
     const BodyId id = world.add_body(bar);
-    world.add_joint(between(JointKind::kHinge, kWorldBody, Vector3d::Zero(), id, {-l, 0.0, 0.0},
+    world.add_joint(join_at(JointKind::kHinge, kWorldBody, Vector3d::Zero(), id, {-l, 0.0, 0.0},
                             Vector3d::UnitY()));
     const int steps = static_cast<int>(std::lround(1.0 / tick));
     for (int i = 0; i < steps; ++i) world.step();
@@ -428,7 +392,7 @@ TEST(Weld, MakesOneBodyOfTwo) {
       half.no_collision = true;
       ids.push_back(world.add_body(half));
     }
-    world.add_joint(between(JointKind::kWeld, ids[0], {off, 0.0, 0.0}, ids[1], {-off, 0.0, 0.0},
+    world.add_joint(join_at(JointKind::kWeld, ids[0], {off, 0.0, 0.0}, ids[1], {-off, 0.0, 0.0},
                             {0.3, -0.2, 0.5}));
     world = run(world);
     for (std::size_t k = 0; k < 2; ++k) {
@@ -456,13 +420,13 @@ TEST(Universal, TurnsAShaftUnevenly) {
   second.state.orientation = Eigen::AngleAxisd(beta, Vector3d::UnitZ());
   const BodyId driven = world.add_body(second);
   // the cross stands on the first shaft with z, and on the second with that one's y
-  Joint cross = between(JointKind::kUniversal, driving, {0.2, 0.0, 0.0}, driven, {-0.2, 0.0, 0.0},
+  Joint cross = join_at(JointKind::kUniversal, driving, {0.2, 0.0, 0.0}, driven, {-0.2, 0.0, 0.0},
                         Vector3d::UnitZ());
   EXPECT_NE(refusal([&] { world.add_joint(cross); }).find("axis_b: "), std::string::npos);
   cross.axis_b = Vector3d::UnitY();
   world.add_joint(cross);
   // the second shaft turns about its line, in a bearing that leaves it free along it
-  world.add_joint(between(JointKind::kCylindrical, kWorldBody, second.state.position, driven,
+  world.add_joint(join_at(JointKind::kCylindrical, kWorldBody, second.state.position, driven,
                           Vector3d::Zero(), axis));
   for (int i = 0; i < 120; ++i) {
     ASSERT_LE(world.step().max_constraint_error, 1e-12);
@@ -511,12 +475,12 @@ World four_bar(Method method, double h) {
   const auto axis_in = [&](std::size_t k) -> Vector3d {
     return world.state(bars[k]).orientation.conjugate() * Vector3d::UnitY();
   };
-  world.add_joint(between(JointKind::kHinge, kWorldBody, pins[0], bars[0], in_body(0, pins[0]),
+  world.add_joint(join_at(JointKind::kHinge, kWorldBody, pins[0], bars[0], in_body(0, pins[0]),
                           Vector3d::UnitY()));
   for (std::size_t k = 0; k < 2; ++k)
-    world.add_joint(between(JointKind::kHinge, bars[k], in_body(k, pins[k + 1]), bars[k + 1],
+    world.add_joint(join_at(JointKind::kHinge, bars[k], in_body(k, pins[k + 1]), bars[k + 1],
                             in_body(k + 1, pins[k + 1]), axis_in(k)));
-  world.add_joint(between(JointKind::kHinge, kWorldBody, pins[3], bars[2], in_body(2, pins[3]),
+  world.add_joint(join_at(JointKind::kHinge, kWorldBody, pins[3], bars[2], in_body(2, pins[3]),
                           Vector3d::UnitY()));
   return world;
 }
@@ -537,7 +501,7 @@ TEST(Redundant, ADoorOnTwoHingesHasFiveRowsTooMany) {
     door.state.linear_velocity = {0.0, 1.0, 0.0};
     const BodyId id = world.add_body(door);
     for (const double z : {-0.8, 0.8}) {
-      Joint hinge = between(JointKind::kHinge, kWorldBody, {0.0, 0.0, z}, id, {-0.5, 0.0, z},
+      Joint hinge = join_at(JointKind::kHinge, kWorldBody, {0.0, 0.0, z}, id, {-0.5, 0.0, z},
                             Vector3d::UnitZ());
       hinge.name += z < 0.0 ? "_low" : "_high";
       world.add_joint(hinge);
@@ -551,7 +515,7 @@ TEST(Redundant, ADoorOnTwoHingesHasFiveRowsTooMany) {
 TEST(JointFrames, OffByMoreThanAMicroradianAreRefusedInWords) {
   World world(smooth(Method::kAuto, 0.01));
   const BodyId id = world.add_body(make_body("arm", Box{{1.0, 0.1, 0.1}}, 1.0, {0.5, 0.0, 0.0}));
-  Joint hinge = between(JointKind::kHinge, kWorldBody, Vector3d::Zero(), id, {-0.5, 0.0, 0.0},
+  Joint hinge = join_at(JointKind::kHinge, kWorldBody, Vector3d::Zero(), id, {-0.5, 0.0, 0.0},
                         Vector3d::UnitY());
   hinge.axis_b = Vector3d(0.0, 1.0, 0.1);
   EXPECT_EQ(refusal([&] { world.add_joint(hinge); }),
@@ -579,7 +543,7 @@ TEST(JointFrames, NeedBodiesThatHaveAxes) {
   const BodyId point = world.add_body(make_body("dust", Point{}, 1.0, Vector3d::Zero()));
   const BodyId box = world.add_body(make_body("box", Box{{0.1, 0.1, 0.1}}, 1.0, {0.0, 0.0, 1.0}));
   const auto add = [&](JointKind kind, BodyId a, BodyId b) {
-    Joint joint = between(kind, a, Vector3d::Zero(), b, Vector3d::Zero(), Vector3d::UnitX());
+    Joint joint = join_at(kind, a, Vector3d::Zero(), b, Vector3d::Zero(), Vector3d::UnitX());
     joint.name = "joint_" + std::to_string(world.joint_ids().size());
     world.add_joint(joint);
   };
@@ -600,7 +564,7 @@ TEST(JointFrames, AxesHaveAnyLength) {
     World world(smooth(Method::kAuto, 0.01));
     const BodyId id = world.add_body(make_body("arm", Box{{1, 1, 1}}, 1.0, Vector3d::Zero()));
     Joint hinge =
-        between(JointKind::kHinge, kWorldBody, Vector3d::Zero(), id, Vector3d::Zero(), size * axis);
+        join_at(JointKind::kHinge, kWorldBody, Vector3d::Zero(), id, Vector3d::Zero(), size * axis);
     hinge.axis_b = size * axis;
     const Joint& added = world.joint(world.add_joint(hinge));
     EXPECT_LE((*added.frame_b * Vector3d::UnitZ() - axis).norm(), 1e-15) << size;
@@ -618,7 +582,7 @@ TEST(JointFrames, AreSavedAndLoadedToTheBit) {
     Body body = make_body("box", Box{{1, 1, 1}}, 1.0, random.vector());
     body.state.orientation = random.orientation();
     const BodyId id = world.add_body(body);
-    Joint weld = between(JointKind::kWeld, kWorldBody, body.state.position, id, Vector3d::Zero(),
+    Joint weld = join_at(JointKind::kWeld, kWorldBody, body.state.position, id, Vector3d::Zero(),
                          Vector3d::UnitZ());
     weld.frame_a = random.orientation();  // and frame B as it follows from the rest
     world.add_joint(weld);
@@ -642,7 +606,7 @@ World forced_apart(JointKind kind, double size, double angle) {
   a.no_collision = b.no_collision = true;
   const BodyId id_a = world.add_body(a), id_b = world.add_body(b);
   const JointId joint =
-      world.add_joint(between(kind, id_a, size * Vector3d(0.2, 0.0, 0.0), id_b,
+      world.add_joint(join_at(kind, id_a, size * Vector3d(0.2, 0.0, 0.0), id_b,
                               size * Vector3d(-0.2, 0.0, 0.0), Vector3d::UnitZ()));
   Wrench twist;
   twist.body = id_b;
@@ -706,7 +670,7 @@ TEST(JointFrames, ThatAResetWouldTurnAreRefusedInWords) {
   const BodyId id = world.add_body(body);
   for (int i = 0; i < 50; ++i) world.step();
   const JointId weld =
-      world.add_joint(between(JointKind::kWeld, kWorldBody, world.state(id).position, id,
+      world.add_joint(join_at(JointKind::kWeld, kWorldBody, world.state(id).position, id,
                               Vector3d::Zero(), Vector3d::UnitZ()));
   world.step();
   const std::uint64_t hash = world.state_hash();
@@ -725,7 +689,7 @@ TEST(JointFrames, AResetClosesWhatItLeavesOpen) {
     BodyState turned = world.state(id);
     turned.orientation = Eigen::AngleAxisd(0.4, Vector3d::UnitX());
     world.set_state(id, turned);
-    const JointId hinge = world.add_joint(between(JointKind::kHinge, kWorldBody, Vector3d::Zero(),
+    const JointId hinge = world.add_joint(join_at(JointKind::kHinge, kWorldBody, Vector3d::Zero(),
                                                   id, {-0.5, 0.0, 0.0}, Vector3d::UnitY()));
     world.reset();
     EXPECT_NEAR(world.joint_state(hinge).angle_error, 0.4, 1e-12);
@@ -743,7 +707,7 @@ TEST(PointOnPlane, SlidesWithoutTurning) {
   body.state.linear_velocity = {0.0, 2.0, 0.0};
   const BodyId id = world.add_body(body);
   const Vector3d normal(std::sin(slope), 0.0, std::cos(slope));
-  world.add_joint(between(JointKind::kPointOnPlane, kWorldBody, Vector3d::Zero(), id,
+  world.add_joint(join_at(JointKind::kPointOnPlane, kWorldBody, Vector3d::Zero(), id,
                           Vector3d::Zero(), normal));
   for (int i = 0; i < 100; ++i) world.step();
   const double t = world.time(), s = 0.5 * kGravity * std::sin(slope) * t * t;

@@ -121,6 +121,8 @@ TEST(LocalEdits, WhatIsRemovedOrConcernsAllRestartsAll) {
                  options.tolerance *= 0.5;
                  w.set_options(options);
                }).empty());
+  const Names changed = changed_by([](World& w) { w.remove_joint(w.find_joint("low_4")); });
+  EXPECT_EQ(std::count(changed.begin(), changed.end(), "upper_1"), 1);
 }
 
 // A world whose edit is pending has the hash that it has once it is compiled, and another one than

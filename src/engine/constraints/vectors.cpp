@@ -18,6 +18,16 @@ JointVectors::JointVectors(const Joint& joint, const BodyState& a, const BodySta
       (b.orientation * joint.frame_b.value_or(Eigen::Quaterniond::Identity())).toRotationMatrix();
 }
 
+JointVectors between(const JointVectors& start, const JointVectors& end, double share) {
+  JointVectors vectors;
+  vectors.r_A = start.r_A + share * (end.r_A - start.r_A);
+  vectors.r_B = start.r_B + share * (end.r_B - start.r_B);
+  vectors.d = start.d + share * (end.d - start.d);
+  vectors.axes_A = start.axes_A + share * (end.axes_A - start.axes_A);
+  vectors.axes_B = start.axes_B + share * (end.axes_B - start.axes_B);
+  return vectors;
+}
+
 JointMotion::JointMotion(const JointVectors& vectors, const BodyState& a, const BodyState& b)
     : w_A(a.angular_velocity), w_B(b.angular_velocity) {
   const Vector3d around_A = w_A.cross(vectors.r_A), around_B = w_B.cross(vectors.r_B);

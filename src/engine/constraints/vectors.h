@@ -50,6 +50,9 @@ struct JointVectors {
   }
 };
 
+/// The vectors a share of the way from those of one pose to those of another; at ½ their means.
+JointVectors between(const JointVectors& start, const JointVectors& end, double share);
+
 /// How they move: ḋ = v_B + ω_B × r_B − v_A − ω_A × r_A, and of d what it accelerates by while no
 /// body does, ω_B × (ω_B × r_B) − ω_A × (ω_A × r_A).
 struct JointMotion {

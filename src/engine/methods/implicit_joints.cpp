@@ -58,14 +58,19 @@ void ImplicitStep::place_axes(const EquationsOfMotion& equations, const Link& li
   }
 }
 
+JointVectors ImplicitStep::start_of(const Shape& shape) {
+  JointVectors vectors;
+  vectors.r_A = shape.r0[0];
+  vectors.r_B = shape.r0[1];
+  vectors.d = shape.d0;
+  vectors.axes_A = shape.axes0[0];
+  vectors.axes_B = shape.axes0[1];
+  return vectors;
+}
+
 // what each row is scaled by: 1/√(J M⁻¹ Jᵀ), with the mean of the inertias
 void ImplicitStep::begin_general(const Link& link, Shape* shape) const {
-  JointVectors vectors;
-  vectors.r_A = shape->r0[0];
-  vectors.r_B = shape->r0[1];
-  vectors.d = shape->d0;
-  vectors.axes_A = shape->axes0[0];
-  vectors.axes_B = shape->axes0[1];
+  const JointVectors vectors = start_of(*shape);
   for (int k = 0; k < link.rows; ++k) {
     const Jacobian J = jacobian(info(link.joint).row[at(k)], vectors);
     double sum = 0.0;
@@ -85,7 +90,6 @@ void ImplicitStep::move_general(const Link& link, const Shape& shape, const Unkn
                                 GeneralMotion* motion) const {
   const bool has_frames = info(link.joint).has_frames;
   JointVectors& end_vectors = motion->at_end;
-  JointVectors& at_force = motion->at_force;
   Vector3d change = Vector3d::Zero();  // of d
   for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
@@ -115,12 +119,7 @@ void ImplicitStep::move_general(const Link& link, const Shape& shape, const Unkn
       axes.col(k) = advance(shape.axes0[e].col(k), &slopes.axes[at(k)]);
   }
   end_vectors.d = shape.d0 + change;
-  at_force.r_A = shape.r0[0] + share_ * (end_vectors.r_A - shape.r0[0]);
-  at_force.r_B = shape.r0[1] + share_ * (end_vectors.r_B - shape.r0[1]);
-  at_force.d = shape.d0 + share_ * change;
-  if (!has_frames) return;
-  at_force.axes_A = shape.axes0[0] + share_ * (end_vectors.axes_A - shape.axes0[0]);
-  at_force.axes_B = shape.axes0[1] + share_ * (end_vectors.axes_B - shape.axes0[1]);
+  motion->at_force = between(start_of(shape), end_vectors, share_);
 }
 
 // As evaluate_link(). Forces and torques are λ times the Jacobian at the vectors of the time at

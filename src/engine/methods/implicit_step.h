@@ -133,7 +133,9 @@ class ImplicitStep {
     RowVector offset;         // of a ball joint or a general one
     double scale = 1.0;       // of its equations
     RowVector row_scale;      // the same, of a general one by row
-    std::array<Eigen::Matrix3d, 2> axes0, axes1;  // of a general one: at the ends of the step
+    // of a general one: at the ends of the step
+    std::array<Eigen::Matrix3d, 2> axes0{Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity()};
+    std::array<Eigen::Matrix3d, 2> axes1 = axes0;
     std::array<double, 2> swing{};  // of a general one: Σ‖torque‖ at each end [N m]
     double before = 0.0;            // ‖d‖ of a spring a step ago [m]
     std::array<bool, kMaxJointRows> is_left_out{}, is_redundant{};  // rows that have no force
@@ -198,6 +200,7 @@ class ImplicitStep {
   void evaluate_rod(const Link& link, Shape* shape, const Unknowns& unknowns);
   void place_axes(const EquationsOfMotion& equations, const Link& link,
                   std::array<Eigen::Matrix3d, 2>* axes) const;
+  static JointVectors start_of(const Shape& shape);
   void begin_general(const Link& link, Shape* shape) const;
   void move_general(const Link& link, const Shape& shape, const Unknowns& unknowns,
                     GeneralMotion* motion) const;

@@ -136,12 +136,7 @@ JointVectors RegularizedRows::JointGeometry::vectors() const {
 // meet halfway.
 void RegularizedRows::linearize(const JointVectors& a, const JointVectors& b,
                                 const std::vector<Matrix3d>& inverse_inertia, Row* row) const {
-  JointVectors mean;
-  mean.r_A = 0.5 * (a.r_A + b.r_A);
-  mean.r_B = 0.5 * (a.r_B + b.r_B);
-  mean.d = 0.5 * (a.d + b.d);
-  mean.axes_A = 0.5 * (a.axes_A + b.axes_A);
-  mean.axes_B = 0.5 * (a.axes_B + b.axes_B);
+  JointVectors mean = between(a, b, 0.5);
   const bool is_along_world = row->form.v.kind == VectorKind::kWorldAxis;
   if (is_along_world && is_between_bodies(row->joint)) {
     mean.r_A += 0.5 * mean.d;

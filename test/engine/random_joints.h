@@ -1,0 +1,48 @@
+#pragma once
+
+// Joints of any kind between bodies at random places, and bodies where such a joint lets them be.
+
+#include "engine/constraints/joint_kinds.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+
+inline Joint random_joint(JointKind kind, Random* random) {
+  Joint joint;
+  joint.name = "joint";
+  joint.kind = kind;
+  joint.anchor_a = random->vector();
+  joint.anchor_b = random->vector();
+  joint.frame_a = random->orientation();
+  joint.frame_b = random->orientation();
+  return joint;
+}
+
+/// Body B, where the joint lets it be on body A: a random place along what is free, with a random
+/// velocity.
+inline BodyState attached(const Joint& joint, const BodyState& a, Random* random) {
+  using Eigen::Quaterniond;
+  using Eigen::Vector3d;
+  const JointKindInfo& kind = info(joint.kind);
+  const Quaterniond frame_A = a.orientation * joint.frame_a;
+  Quaterniond frame_B = frame_A * home(kind.alignment);
+  Vector3d off = Vector3d::Zero();
+  for (int k = 0; k < kind.coordinates; ++k) {
+    const Coordinate& free = kind.coordinate[static_cast<std::size_t>(k)];
+    const double amount = (*random)();
+    const Quaterniond turn(Eigen::AngleAxisd(amount, Vector3d::UnitZ()));
+    if (free.kind == CoordinateKind::kTranslation)
+      off += frame_A * (amount * Vector3d::Unit(free.axis));
+    if (free.kind == CoordinateKind::kAngle || free.kind == CoordinateKind::kFirstOfUniversal)
+      frame_B = frame_A * turn * frame_A.conjugate() * frame_B;
+    if (free.kind == CoordinateKind::kSecondOfUniversal) frame_B = frame_B * turn;
+  }
+  if (kind.alignment == Alignment::kFree) frame_B = random->orientation();
+  if (joint.kind == JointKind::kDistance) off = random->vector();
+  BodyState b = random->state();
+  b.orientation = frame_B * joint.frame_b->conjugate();
+  b.position = a.position + a.orientation * joint.anchor_a + off - b.orientation * joint.anchor_b;
+  return b;
+}
+
+}  // namespace constraint_sim::engine

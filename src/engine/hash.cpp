@@ -114,6 +114,25 @@ void add_settings(Fnv1a& hash, const Joint& joint) {
   }
 }
 
+// nothing of a coordinate that is free, in its first turn
+void add(Fnv1a& hash, const CoordinateLaw& law, const CoordinateState& state) {
+  if (law.is_none() && std::abs(state.position) <= 3.2) return;
+  for (const double number :
+       {law.lower, law.upper, law.limit_restitution, law.friction, law.damping, law.stiffness,
+        law.rest, law.zero, state.position, state.held})
+    hash.add(number);
+  hash.add(std::uint64_t{law.motor.has_value()});
+  if (!law.motor) return;
+  const CoordinateMotor& motor = *law.motor;
+  for (const double number :
+       {motor.bias, motor.amplitude, motor.frequency, motor.phase, motor.max_force, motor.timeout,
+        motor.position.value_or(0.0), motor.servo_stiffness, motor.servo_damping,
+        motor.force.value_or(0.0)})
+    hash.add(number);
+  hash.add(std::uint64_t{motor.position.has_value()});
+  hash.add(std::uint64_t{motor.force.has_value()});
+}
+
 void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::string& body_b,
          const JointState& state) {
   hash.add(joint.name);
@@ -128,6 +147,9 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
                              motor.max_force, motor.timeout, state.expires_at, state.travel})
     hash.add(value);
   add(hash, state.impulse);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i)
+    add(hash, joint.coordinates[i], state.coordinates[i]);
+  if (joint.break_torque > 0.0) hash.add(joint.break_torque);
   hash.add(joint.baumgarte.value_or(-1.0));
   hash.add(joint.break_force);
   hash.add(std::uint64_t{joint.collide_connected});

@@ -53,6 +53,8 @@ const char* text(Why why) {
       return "has limits";
     case Why::kForceLimit:
       return "has a motor with a force limit";
+    case Why::kFriction:
+      return "has a joint with friction";
     case Why::kStiff:
       return "stiff";
     case Why::kRefused:
@@ -121,6 +123,10 @@ void World::Impl::list_fresh_islands() {
     parts.is_fresh = true;
   }
   edited_bodies.clear();
+  for (const BodyId id : relinked_bodies)
+    if (body_index[id.value] >= 0)
+      island_parts[at(island_of[at(body_index[id.value])])].is_stale = true;
+  relinked_bodies.clear();
   if (all_edited) begin_all_anew();
   all_edited = false;
   fresh_islands.clear();
@@ -141,7 +147,7 @@ void World::Impl::classify_islands() {
     if (method_for(parts.nature) == Method::kSequentialImpulses) continue;
     if (parts.members.joints.empty())
       parts.turning_freely = parts.members.bodies;
-    else if (parts.linked < 0)
+    else if (parts.linked < 0 || parts.is_stale)
       link(&parts);
   }
 }
@@ -152,17 +158,37 @@ void World::Impl::find_fastest_springs() {
   fastest_spring.assign(bodies.size(), 0.0);
   std::vector<double> damping;
   for (std::size_t j = 0; j < joints.size(); ++j) {
-    const auto* distance = if_distance(joints[j]);
-    if (distance == nullptr || !distance->is_soft() || joint_states[j].broken) continue;
-    if (damping.empty()) damping.assign(bodies.size(), 0.0);
-    const auto add = [&](std::size_t body, const Vector3d& anchor) {
-      const double inverse_mass = masses[body].inverse_mass +
-                                  anchor.squaredNorm() * masses[body].inverse_inertia.maxCoeff();
-      fastest_spring[body] += 2.0 * inverse_mass * distance->stiffness;
-      damping[body] += 2.0 * inverse_mass * distance->damping;
+    if (joint_states[j].broken) continue;
+    const auto add = [&](std::size_t body, double inverse_mass, double stiffness, double c) {
+      if (damping.empty()) damping.assign(bodies.size(), 0.0);
+      fastest_spring[body] += 2.0 * inverse_mass * stiffness;
+      damping[body] += 2.0 * inverse_mass * c;
     };
-    add(joint_ends[j].first, joints[j].anchor_a);
-    add(joint_ends[j].second, joints[j].anchor_b);
+    const auto add_along = [&](std::size_t body, const Vector3d& anchor, double stiffness,
+                               double c) {
+      add(body,
+          masses[body].inverse_mass +
+              anchor.squaredNorm() * masses[body].inverse_inertia.maxCoeff(),
+          stiffness, c);
+    };
+    const auto [a, b] = joint_ends[j];
+    const Joint& joint = joints[j];
+    const auto* distance = if_distance(joint);
+    if (distance != nullptr && distance->is_soft()) {
+      add_along(a, joint.anchor_a, distance->stiffness, distance->damping);
+      add_along(b, joint.anchor_b, distance->stiffness, distance->damping);
+    }
+    for (int i = 0; i < coordinates(joint.kind); ++i) {
+      const SoftLaw law = soft_law(joint.coordinates[at(i)]);
+      if (law.K == 0.0 && law.C == 0.0) continue;
+      if (!is_angle(joint.kind, i)) {  // at an arm of A that goes as far as B's anchor
+        add_along(a, joint.anchor_a, law.K, law.C);
+        add_along(b, joint.anchor_b, law.K, law.C);
+        continue;
+      }
+      for (const std::size_t body : {a, b})
+        add(body, masses[body].inverse_inertia.maxCoeff(), law.K, law.C);
+    }
   }
   for (std::size_t i = 0; i < damping.size(); ++i)
     fastest_spring[i] = std::max(std::sqrt(fastest_spring[i]), damping[i]);
@@ -171,9 +197,15 @@ void World::Impl::find_fastest_springs() {
 Why World::Impl::nature_of(const IslandMembers& members) const {
   if (options.method == Method::kSequentialImpulses) return Why::kAskedFor;
   for (const int j : members.joints) {
-    const auto* distance = if_distance(joints[at(j)]);
+    const Joint& joint = joints[at(j)];
+    const auto* distance = if_distance(joint);
     if (distance != nullptr && distance->is_limited()) return Why::kLimit;
-    if (joints[at(j)].motor.max_force > 0.0) return Why::kForceLimit;
+    if (joint.motor.max_force > 0.0) return Why::kForceLimit;
+    if (any_coordinate(joint, [](const CoordinateLaw& law) { return law.is_limited(); }))
+      return Why::kLimit;
+    if (any_coordinate(joint, [](const CoordinateLaw& law) { return law.friction > 0.0; }))
+      return Why::kFriction;
+    if (any_coordinate(joint, is_one_sided)) return Why::kForceLimit;
   }
   if (options.method == Method::kAuto)
     for (const int body : members.bodies)
@@ -196,11 +228,20 @@ void World::Impl::link(IslandParts* parts) {
   parts->turning_freely.clear();
   for (std::size_t i = equations.turning(); i < held.size(); ++i)
     if (masses[at(held[i])].can_turn()) parts->turning_freely.push_back(held[i]);
-  parts->linked = static_cast<int>(linked.size());
-  linked.emplace_back(std::move(equations));
-  stiff.emplace_back();
-  inconsistent.emplace_back();
-  least_forces.emplace_back();
+  parts->is_stale = false;
+  if (parts->linked < 0) {
+    parts->linked = static_cast<int>(linked.size());
+    linked.emplace_back(std::move(equations));
+    stiff.emplace_back();
+    inconsistent.emplace_back();
+    least_forces.emplace_back();
+    return;
+  }
+  const std::size_t l = at(parts->linked);
+  linked[l] = LinkedMotion(std::move(equations));
+  stiff[l].reset();
+  inconsistent[l].reset();
+  least_forces[l].reset();
 }
 
 // ---- in every step
@@ -321,7 +362,7 @@ void World::Impl::integrate() {
     parts.projected_energy = parts.correction_work = 0.0;
     parts.changes = 0;
     parts.is_to_be_asked = parts.has_failed = false;
-    if (parts.linked >= 0) linked[at(parts.linked)].begin_step();
+    if (parts.linked >= 0) linked[at(parts.linked)].begin_step(joint_states);
   }
   split_step();
   for (std::size_t k = 0; k + 1 < span_ends.size(); ++k) {
@@ -345,7 +386,7 @@ void World::Impl::integrate() {
       if (island_parts[at(i)].has_failed && islands[at(i)].method != Method::kSequentialImpulses)
         refuse_island(at(i));
     for (const int j : changing_courses)
-      if (is_integrated(at(j))) finish_span(span, joint_states[at(j)]);
+      if (is_integrated(at(j))) finish_span(joints[at(j)], span, joint_states[at(j)]);
     had_loads = !loads.empty();
   }
   gather_from_islands();
@@ -399,8 +440,7 @@ void World::Impl::list_changing_courses() {
   changing_courses.clear();
   for (const int i : smooth) {
     for (const int index : island_parts[at(i)].members.joints) {
-      const Motor& motor = joints[at(index)].motor;
-      if (joint_states[at(index)].closing || motor.bias != 0.0 || motor.amplitude != 0.0)
+      if (joint_states[at(index)].closing || has_moving_motor(joints[at(index)]))
         changing_courses.push_back(index);
     }
   }
@@ -565,7 +605,8 @@ Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& spa
     progress.is_stiff = stages() * (progress.substeps + progress.rejected) > gradient_cost(i);
   memory.stiff_ticks = progress.is_stiff ? memory.stiff_ticks + 1 : 0;
   if (progress.done && memory.stiff_ticks < kStiffFor) return progress;
-  if (!progress.done) linked[at(parts.linked)].begin_step();  // forgets what it did in vain
+  if (!progress.done)
+    linked[at(parts.linked)].begin_step(joint_states);  // forgets what it did in vain
   parts.is_to_be_asked = true;
   if (progress.done || progress.is_stiff) {
     memory.is_stiff = true;
@@ -692,7 +733,7 @@ void World::Impl::read_smooth_joints(const JointStep& step) {
     for (std::size_t l = 0; l < equations.joints().size(); ++l) {
       const std::size_t j = at(equations.joints()[l]);
       const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;
-      const RowVector impulse = shared ? shared->impulse(l) : equations.impulse(l);
+      const RowVector impulse = shared ? shared->impulse(equations, l) : equations.impulse(l);
       read_smooth_joint(joints[j], state_a(j), state_b(j), step, impulse, zeta, joint_states[j]);
       note_if_torn(j);
     }

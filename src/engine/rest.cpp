@@ -135,6 +135,10 @@ bool World::Impl::is_driven(std::size_t island) const {
     const Motor& motor = joints[j].motor;
     if (motor.amplitude != 0.0 || joint_states[j].closing) return true;
     if (motor.bias != 0.0 && time() < joint_states[j].expires_at) return true;
+    if (any_coordinate(joints[j], [&](const CoordinateLaw& law) {
+          return law.motor && drives(*law.motor, time() < joint_states[j].expires_at);
+        }))
+      return true;
     for (const std::size_t end : {joint_ends[j].first, joint_ends[j].second})
       if (!is_movable(end) && is_moving_by_itself(end)) return true;
   }

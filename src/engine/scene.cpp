@@ -168,6 +168,10 @@ double present_distance(const World& world, const Joint& joint) {
       .norm();
 }
 
+const YamlElement::Words kLawKeys{"position",  "lower",         "upper",     "limit_restitution",
+                                  "friction",  "damping",       "stiffness", "rest",
+                                  "frequency", "damping_ratio", "zero"};
+
 /// The constraint's own keys beside those that all types have.
 YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type) {
   if (type == "distance")
@@ -179,8 +183,14 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
   const std::optional<JointKind> kind = joint_kind_named(type);
   if (!kind)
     fail_unknown(item.at("type"), type, "distance, rope, strut, spring" + names_of_further_kinds());
-  if (has_frames(*kind)) return {"axis_a", "axis_b", "frame_a", "frame_b"};
-  return {};
+  YamlElement::Words keys;
+  if (has_frames(*kind)) keys = {"axis_a", "axis_b", "frame_a", "frame_b"};
+  if (coordinates(*kind) > 0) {
+    keys.insert(keys.end(), kLawKeys.begin(), kLawKeys.end());
+    keys.push_back("coordinates");
+  }
+  if (has_frames(*kind) || *kind == JointKind::kBall) keys.push_back("break_torque");
+  return keys;
 }
 
 Eigen::Quaterniond read_frame(const YamlElement& item) {
@@ -229,17 +239,83 @@ DistanceJoint read_distance(const YamlElement& item, const std::string& type, co
   return distance;
 }
 
+const YamlElement::Words kMotorKeys{"bias",  "amplitude", "frequency",
+                                    "phase", "max_force", "timeout"};
+
+void read_bias(const YamlElement& item, Motor* motor) {
+  item.read("bias", &motor->bias);
+  item.read("amplitude", &motor->amplitude);
+  item.read("frequency", &motor->frequency);
+  item.read("phase", &motor->phase);
+  item.read("max_force", &motor->max_force);
+  item.read("timeout", &motor->timeout);
+}
+
 Motor read_motor(const YamlElement& item) {
-  item.expect_keys({"bias", "amplitude", "frequency", "phase", "max_force", "timeout"});
+  item.expect_keys(kMotorKeys);
   Motor motor;
-  item.read("bias", &motor.bias);
-  item.read("amplitude", &motor.amplitude);
-  item.read("frequency", &motor.frequency);
-  item.read("phase", &motor.phase);
-  item.read("max_force", &motor.max_force);
-  item.read("timeout", &motor.timeout);
+  read_bias(item, &motor);
   item.attempt([&] { validate(motor); });
   return motor;
+}
+
+CoordinateMotor read_coordinate_motor(const YamlElement& item) {
+  YamlElement::Words keys = kMotorKeys;
+  keys.insert(keys.end(), {"position", "servo_frequency", "servo_damping_ratio", "servo_stiffness",
+                           "servo_damping", "force"});
+  item.expect_keys(keys);
+  CoordinateMotor motor;
+  read_bias(item, &motor);
+  if (const auto position = item.find("position")) motor.position = position->number();
+  item.read("servo_frequency", &motor.servo_frequency);
+  item.read("servo_damping_ratio", &motor.servo_damping_ratio);
+  item.read("servo_stiffness", &motor.servo_stiffness);
+  item.read("servo_damping", &motor.servo_damping);
+  if (const auto force = item.find("force")) motor.force = force->number();
+  item.attempt([&] { validate(motor); });
+  return motor;
+}
+
+CoordinateLaw read_law(const YamlElement& item) {
+  CoordinateLaw law;
+  if (const auto motor = item.find("motor")) law.motor = read_coordinate_motor(*motor);
+  if (const auto lower = item.find("lower")) law.lower = lower->number();
+  if (const auto upper = item.find("upper")) law.upper = upper->number();
+  item.read("limit_restitution", &law.limit_restitution);
+  item.read("friction", &law.friction);
+  item.read("damping", &law.damping);
+  item.read("stiffness", &law.stiffness);
+  item.read("rest", &law.rest);
+  item.read("frequency", &law.frequency);
+  item.read("damping_ratio", &law.damping_ratio);
+  if (const auto position = item.find("position")) law.position = position->number();
+  item.read("zero", &law.zero);
+  if (law.position && item.find("zero"))
+    item.at("zero").fail("the position already says it; give one or the other");
+  item.attempt([&] { validate(law); });
+  return law;
+}
+
+/// Laws of the first coordinate, or of all in a list.
+void read_laws(const YamlElement& item, Joint* joint) {
+  const auto list = item.find("coordinates");
+  if (!list) {
+    joint->coordinates[0] = read_law(item);
+    return;
+  }
+  YamlElement::Words keys = kLawKeys;
+  keys.push_back("motor");
+  for (const std::string& key : keys)
+    if (const auto flat = item.find(key))
+      flat->fail("belongs into the list of coordinates beside it");
+  std::size_t i = 0;
+  for (const YamlElement& law : list->items()) {
+    if (i >= static_cast<std::size_t>(coordinates(joint->kind)))
+      law.fail("a " + std::string(name(joint->kind)) + " joint has only " +
+               std::to_string(coordinates(joint->kind)));
+    law.expect_keys(keys);
+    joint->coordinates[i++] = read_law(law);
+  }
 }
 
 Joint read_joint(const YamlElement& item, const World& world) {
@@ -259,16 +335,20 @@ Joint read_joint(const YamlElement& item, const World& world) {
   joint.kind = joint_kind_named(type).value_or(JointKind::kDistance);  // or a shorthand for it
   if (joint.kind == JointKind::kDistance) joint.distance = read_distance(item, type, world, joint);
   if (has_frames(joint.kind)) read_frames(item, &joint);
-  if (const auto motor = item.find("motor")) joint.motor = read_motor(*motor);
+  if (coordinates(joint.kind) > 0)
+    read_laws(item, &joint);
+  else if (const auto motor = item.find("motor"))
+    joint.motor = read_motor(*motor);
   if (const auto baumgarte = item.find("baumgarte")) joint.baumgarte = baumgarte->number();
   item.read("break_force", &joint.break_force);
+  item.read("break_torque", &joint.break_torque);
   item.read("collide_connected", &joint.collide_connected);
   return joint;
 }
 
 /// The numbers of a joint's rows, at least three.
 void read_rows(const YamlElement& item, const char* key, JointKind kind, RowVector* rows) {
-  const int size = std::max(info(kind).rows, 3);
+  const int size = std::max(info(kind).rows + info(kind).coordinates, 3);
   if (const auto numbers = item.find(key)) rows->head(size) = numbers->numbers(size);
   item.attempt([&] {
     for (int k = 0; k < size; ++k) check_finite(key, (*rows)[k]);
@@ -284,12 +364,23 @@ SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
 
 /// What a saved joint goes on from.
 JointState read_joint_state(const YamlElement& item, JointKind kind) {
-  item.expect_keys({"travel", "expires_at", "impulse", "self_stress", "self_stress_of",
-                    "closing_since", "closing_offset", "initial_error"});
+  item.expect_keys({"travel", "expires_at", "impulse", "self_stress", "self_stress_of", "positions",
+                    "held", "closing_since", "closing_offset", "initial_error"});
   JointState state;
   item.read("travel", &state.travel);
   if (const auto value = item.find("expires_at")) state.expires_at = value->number_or_infinity();
   read_rows(item, "impulse", kind, &state.impulse);
+  const int size = coordinates(kind);
+  const auto read_coordinates = [&](const char* key, double CoordinateState::*field) {
+    if (size == 0) return;
+    const Eigen::VectorXd numbers = item.at(key).numbers(size);
+    for (int i = 0; i < size; ++i) {
+      item.attempt([&] { check_finite(key, numbers[i]); });
+      state.coordinates[static_cast<std::size_t>(i)].*field = numbers[i];
+    }
+  };
+  read_coordinates("positions", &CoordinateState::position);
+  read_coordinates("held", &CoordinateState::held);
   if (const auto since = item.find("closing_since")) {
     state.closing = true;
     state.closing_since = since->number();

@@ -156,9 +156,65 @@ void write_motor(YAML::Emitter* out, const Motor& motor) {
   *out << YAML::EndMap;
 }
 
+/// Of a coordinate: by velocity, to a position or with a force.
+void write_motor_of_coordinate(YAML::Emitter* out, const CoordinateMotor& motor) {
+  *out << YAML::Key << "motor" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  if (motor.position) {
+    write(out, "position", *motor.position);
+    if (motor.is_servo()) {
+      write(out, "servo_stiffness", motor.servo_stiffness);
+      write(out, "servo_damping", motor.servo_damping);
+    }
+  } else if (motor.force) {
+    write(out, "force", *motor.force);
+  } else {
+    write(out, "bias", motor.bias);
+    write(out, "amplitude", motor.amplitude);
+    write(out, "frequency", motor.frequency);
+    write(out, "phase", motor.phase);
+  }
+  write(out, "max_force", motor.max_force);
+  write(out, "timeout", motor.timeout);
+  *out << YAML::EndMap;
+}
+
+/// What is not as it is left out.
+void write_law(YAML::Emitter* out, const CoordinateLaw& law) {
+  const CoordinateLaw none;
+  if (law.motor) write_motor_of_coordinate(out, *law.motor);
+  if (std::isfinite(law.lower)) write(out, "lower", law.lower);
+  if (std::isfinite(law.upper)) write(out, "upper", law.upper);
+  for (const auto& [key, field] :
+       {std::pair("limit_restitution", &CoordinateLaw::limit_restitution),
+        {"friction", &CoordinateLaw::friction},
+        {"damping", &CoordinateLaw::damping},
+        {"stiffness", &CoordinateLaw::stiffness},
+        {"rest", &CoordinateLaw::rest},
+        {"zero", &CoordinateLaw::zero}})
+    if (law.*field != none.*field) write(out, key, law.*field);
+}
+
+void write_laws(YAML::Emitter* out, const Joint& joint) {
+  const auto count = static_cast<std::size_t>(coordinates(joint.kind));
+  const auto is_none = [](const CoordinateLaw& law) { return law.is_none() && law.rest == 0.0; };
+  if (std::all_of(joint.coordinates.begin() + 1, joint.coordinates.end(), is_none)) {
+    if (count > 0) write_law(out, joint.coordinates[0]);
+    return;
+  }
+  *out << YAML::Key << "coordinates" << YAML::Value << YAML::BeginSeq;
+  for (std::size_t i = 0; i < count; ++i) {
+    *out << YAML::Flow << YAML::BeginMap;
+    write_law(out, joint.coordinates[i]);
+    *out << YAML::EndMap;
+  }
+  *out << YAML::EndSeq;
+}
+
 /// The numbers of a joint's rows, at least three.
 void write_rows(YAML::Emitter* out, const char* key, const Joint& joint, const RowVector& rows) {
-  write(out, key, Eigen::VectorXd(rows.head(std::max(info(joint.kind).rows, 3))));
+  write(out, key,
+        Eigen::VectorXd(
+            rows.head(std::max(info(joint.kind).rows + info(joint.kind).coordinates, 3))));
 }
 
 /// What a joint goes on from; nothing where adding it would find the same.
@@ -169,7 +225,16 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
   if (impl.is_as_added(id)) return;
   *out << YAML::Key << "state" << YAML::Value << YAML::Flow << YAML::BeginMap;
   write(out, "travel", state.travel);
-  if (joint.motor.timeout > 0.0) write(out, "expires_at", state.expires_at);
+  if (first_motor(joint).timeout > 0.0) write(out, "expires_at", state.expires_at);
+  if (const int count = coordinates(joint.kind)) {
+    Eigen::VectorXd positions(count), held(count);
+    for (int i = 0; i < count; ++i) {
+      positions[i] = state.coordinates[static_cast<std::size_t>(i)].position;
+      held[i] = state.coordinates[static_cast<std::size_t>(i)].held;
+    }
+    write(out, "positions", positions);
+    write(out, "held", held);
+  }
   write_rows(out, "impulse", joint, state.impulse);
   const SelfStress& self_stress = impl.self_stress[impl.index(id)];
   if (!self_stress.is_none()) {
@@ -202,8 +267,10 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   }
   if (const auto* distance = if_distance(joint)) write_distance(out, *distance);
   write_motor(out, joint.motor);
+  write_laws(out, joint);
   if (joint.baumgarte) write(out, "baumgarte", *joint.baumgarte);
   write(out, "break_force", joint.break_force);
+  if (joint.break_torque > 0.0) write(out, "break_torque", joint.break_torque);
   write(out, "collide_connected", joint.collide_connected);
   if (state.broken) write(out, "broken", true);
   write_state(out, world, joint, state);

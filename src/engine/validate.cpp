@@ -206,6 +206,65 @@ void validate(const Motor& motor) {
   check_not_negative("timeout", motor.timeout);
 }
 
+void validate(const CoordinateMotor& motor) {
+  validate(static_cast<const Motor&>(motor));
+  if (motor.position) check_finite("position", *motor.position);
+  check_not_negative("servo_frequency", motor.servo_frequency);
+  check_not_negative("servo_damping_ratio", motor.servo_damping_ratio);
+  if (motor.force) check_finite("force", *motor.force);
+  const auto only_one = [](const char* field, double value, const char* other) {
+    refuse(field, "a motor goes by velocity, to a position or with a force, got " +
+                      shortest(value) + " beside " + other);
+  };
+  if (motor.position && motor.force) only_one("force", *motor.force, "position");
+  if (motor.position && motor.is_moving())
+    only_one("position", *motor.position, "bias or amplitude");
+  if (motor.force && motor.is_moving()) only_one("force", *motor.force, "bias or amplitude");
+  check_not_negative("servo_stiffness", motor.servo_stiffness);
+  check_not_negative("servo_damping", motor.servo_damping);
+  for (const auto& [field, value] : {std::pair("servo_frequency", motor.servo_frequency),
+                                     {"servo_stiffness", motor.servo_stiffness},
+                                     {"servo_damping", motor.servo_damping}})
+    if (value > 0.0 && !motor.position) refuse(field, "needs a position, got " + shortest(value));
+  if (motor.servo_frequency > 0.0 && (motor.servo_stiffness > 0.0 || motor.servo_damping > 0.0))
+    refuse("servo_frequency", "a servo has this, or servo_stiffness and servo_damping, got " +
+                                  shortest(motor.servo_frequency) + " beside these");
+  if (motor.servo_damping > 0.0 && motor.servo_stiffness == 0.0)
+    refuse("servo_damping", "needs servo_stiffness > 0, got " + shortest(motor.servo_damping));
+}
+
+void validate(const CoordinateLaw& law) {
+  if (law.motor) {
+    try {
+      validate(*law.motor);
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument(std::string("motor.") + error.what());
+    }
+  }
+  const auto check_limit = [](const char* field, double value, double none) {
+    if (value != none) check_finite(field, value);
+  };
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  check_limit("lower", law.lower, -kInfinity);
+  check_limit("upper", law.upper, kInfinity);
+  if (!(law.lower < law.upper))
+    refuse("upper", "must be above lower " + shortest(law.lower) + ", got " + shortest(law.upper));
+  check_share("limit_restitution", law.limit_restitution);
+  check_not_negative("friction", law.friction);
+  check_not_negative("damping", law.damping);
+  check_not_negative("stiffness", law.stiffness);
+  check_finite("rest", law.rest);
+  check_not_negative("frequency", law.frequency);
+  check_not_negative("damping_ratio", law.damping_ratio);
+  if (law.damping_ratio > 0.0 && law.frequency == 0.0)
+    refuse("damping_ratio", "needs a frequency > 0, got " + shortest(law.damping_ratio));
+  if (law.frequency > 0.0 && (law.stiffness > 0.0 || law.damping > 0.0))
+    refuse("frequency", "a spring has frequency and damping_ratio, or stiffness and damping, got " +
+                            shortest(law.frequency) + " beside these");
+  if (law.position) check_finite("position", *law.position);
+  check_finite("zero", law.zero);
+}
+
 namespace {
 
 void validate_distance(const DistanceJoint& joint) {
@@ -233,6 +292,29 @@ void validate_distance(const DistanceJoint& joint) {
                shortest(*joint.length));
 }
 
+// of distance joints; others have theirs on their coordinates
+void validate_motor(const Joint& joint) {
+  const Motor& m = joint.motor;
+  validate(m);
+  if (joint.kind == JointKind::kDistance) return;
+  if (m.is_moving() || m.max_force != 0.0)
+    refuse("motor", "a " + std::string(name(joint.kind)) + " joint has none, got bias " +
+                        shortest(m.bias) + ", amplitude " + shortest(m.amplitude) + ", max_force " +
+                        shortest(m.max_force));
+}
+
+void validate_coordinates(const Joint& joint) {
+  for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
+    const CoordinateLaw& law = joint.coordinates[i];
+    if (static_cast<int>(i) < coordinates(joint.kind))
+      validate(law);
+    else if (!law.is_none())
+      refuse("coordinates", "a " + std::string(name(joint.kind)) + " joint has " +
+                                std::to_string(coordinates(joint.kind)) +
+                                " with laws, got one for number " + std::to_string(i));
+  }
+}
+
 }  // namespace
 
 void validate(const Joint& joint) {
@@ -249,15 +331,13 @@ void validate(const Joint& joint) {
   if (has_two_axes(joint.kind) && !joint.axis_b && !joint.frame_b)
     refuse("axis_b", "a " + std::string(name(joint.kind)) +
                          " joint needs it: which axis of body B stands at a right angle to axis_a");
-  validate(joint.motor);
-  const Motor& m = joint.motor;
-  if (joint.kind != JointKind::kDistance &&
-      (m.bias != 0.0 || m.amplitude != 0.0 || m.max_force != 0.0))
-    refuse("motor", "a " + std::string(name(joint.kind)) + " joint has none, got bias " +
-                        shortest(m.bias) + ", amplitude " + shortest(m.amplitude) + ", max_force " +
-                        shortest(m.max_force));
+  validate_motor(joint);
+  validate_coordinates(joint);
   if (joint.baumgarte) check_share("baumgarte", *joint.baumgarte);
   check_not_negative("break_force", joint.break_force);
+  check_not_negative("break_torque", joint.break_torque);
+  if (joint.kind == JointKind::kDistance && joint.break_torque > 0.0)
+    refuse("break_torque", "a distance joint has no torque, got " + shortest(joint.break_torque));
 }
 
 void validate(const WorldOptions& options) {

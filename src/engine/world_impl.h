@@ -37,6 +37,7 @@ struct TouchingPair {
 /// What reset() returns a joint to, beside what never changes.
 struct JointStart {
   Motor motor;  ///< also after continue_from() with the phase of the scene, right from time 0
+  std::array<CoordinateLaw, kMaxCoordinates> coordinates;  ///< the same
   bool broken = false;
   std::optional<JointState> state;  ///< of a joint that goes on as saved
   double time = 0.0;                ///< when it had that state [s]
@@ -99,7 +100,8 @@ struct IslandParts : IslandMemory {
   bool is_to_be_asked = false;                           ///< what it is, again in the next step
   bool has_failed = false;
 
-  bool is_fresh = true;  ///< no step since an edit that concerns it
+  bool is_fresh = true;   ///< no step since an edit that concerns it
+  bool is_stale = false;  ///< the laws of its joints are others than those compiled
   WatchedEnergy energy;
   bool gives_way = false;  ///< has a spring with a force limit, whose energy is not ½ k C²
 };
@@ -151,6 +153,7 @@ struct World::Impl : IslandLists {
   bool topology_edited = true;             // also who is joined to whom
   bool all_edited = true;                  // all islands begin anew
   std::vector<BodyId> edited_bodies;       // whose islands begin anew
+  std::vector<BodyId> relinked_bodies;     // whose islands are compiled anew
   std::vector<Broadphase::Pair> unpaired;  // joined bodies that may overlap, sorted
   std::vector<std::pair<std::size_t, std::size_t>> joint_ends;  // the two bodies of each joint
   std::vector<std::pair<BodyId, IslandMemory>>
@@ -236,6 +239,9 @@ struct World::Impl : IslandLists {
   void fill_in(Joint& joint) const;
   void fill_in_frames(Joint& joint) const;
   double inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const;
+  double inverse_mass_along(const Joint& joint, int coordinate) const;
+  void set_zeros(Joint& joint) const;
+  void fill_in_laws(Joint& joint) const;
   void start_joint(std::size_t j);
   void continue_joint(std::size_t j, const JointState& saved);
   void continue_correction(std::size_t i, const Twist& correction);
@@ -253,6 +259,7 @@ struct World::Impl : IslandLists {
   std::uint64_t hash() const;
   void edit_all();
   void edit_island_of(BodyId id);
+  void edit_laws(const Joint& joint);
   void erase_joint(std::size_t j);
   void erase_wrenches(BodyId id);
 

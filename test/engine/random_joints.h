@@ -28,14 +28,16 @@ inline BodyState attached(const Joint& joint, const BodyState& a, Random* random
   Quaterniond frame_B = frame_A * home(kind.alignment);
   Vector3d off = Vector3d::Zero();
   for (int k = 0; k < kind.coordinates; ++k) {
-    const Coordinate& free = kind.coordinate[static_cast<std::size_t>(k)];
+    const ScalarForm& free = kind.coordinate[static_cast<std::size_t>(k)];
     const double amount = (*random)();
     const Quaterniond turn(Eigen::AngleAxisd(amount, Vector3d::UnitZ()));
-    if (free.kind == CoordinateKind::kTranslation)
-      off += frame_A * (amount * Vector3d::Unit(free.axis));
-    if (free.kind == CoordinateKind::kAngle || free.kind == CoordinateKind::kFirstOfUniversal)
+    const bool is_second = joint.kind == JointKind::kUniversal && k == 1;  // about z_B
+    if (!free.is_angle)
+      off += frame_A * (amount * Vector3d::Unit(free.product.u.axis));
+    else if (is_second)
+      frame_B = frame_B * turn;
+    else
       frame_B = frame_A * turn * frame_A.conjugate() * frame_B;
-    if (free.kind == CoordinateKind::kSecondOfUniversal) frame_B = frame_B * turn;
   }
   if (kind.alignment == Alignment::kFree) frame_B = random->orientation();
   if (joint.kind == JointKind::kDistance) off = random->vector();

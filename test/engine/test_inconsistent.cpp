@@ -62,7 +62,7 @@ class Island {
     std::vector<JointCourse> courses;
     for (std::size_t j = 0; j < joints.size(); ++j)
       courses.emplace_back(joints[j], step, joint_states[j]);
-    equations_->clear();
+    equations_->begin_step(joint_states);
     const SmoothSpan span{t, h, gravity_, loads, courses, false, false};
     const Progress progress = motion_->advance(span, equations_.get(), &states);
     for (std::size_t i = 0; i < states.size(); ++i)
@@ -70,7 +70,7 @@ class Island {
     for (std::size_t l = 0; l < joints.size(); ++l) {
       const auto j = static_cast<std::size_t>(equations_->joints()[l]);
       const double zeta = courses[j].is_driven() ? courses[j].zeta(t + h) : 0.0;
-      finish_span(step, joint_states[j]);
+      finish_span(joints[j], step, joint_states[j]);
       read_smooth_joint(joints[j], states[ends_[j].first], states[ends_[j].second], step,
                         equations_->impulse(l), zeta, joint_states[j]);
     }

@@ -159,6 +159,7 @@ class OneIsland {
       JointState state;
       begin_joint(joints.back(), states[ends.back().first], states[ends.back().second], 0.0, state);
       courses_.emplace_back(joints.back(), JointStep{0.0, 0.01, 0.1, 0.5}, state);
+      joint_states_.push_back(state);
     }
     std::vector<int> all(joints.size());
     std::iota(all.begin(), all.end(), 0);
@@ -166,7 +167,7 @@ class OneIsland {
   }
 
   bool step(double h) {
-    motion_->begin_step();
+    motion_->begin_step(joint_states_);
     const SmoothSpan span{t_, h, gravity_, loads_, courses_, false, false};
     t_ += h;
     return motion_->advance(span, {8, 1e-10}, &states).done;
@@ -182,6 +183,7 @@ class OneIsland {
   Vector3d gravity_;
   std::vector<Load> loads_;
   std::vector<JointCourse> courses_;
+  std::vector<JointState> joint_states_;
   double t_ = 0.0;
   std::unique_ptr<LinkedMotion> motion_;
 };
@@ -258,11 +260,19 @@ struct Columns {
   }
 };
 
+RowVector impulse_of(const LeastNormForces& told, const EquationsOfMotion& equations,
+                     std::size_t l) {
+  return told.impulse(equations, l);
+}
+RowVector impulse_of(const EquationsOfMotion& told, const EquationsOfMotion&, std::size_t l) {
+  return told.impulse(l);
+}
+
 template <class Told>
 Vector by_row(const OneIsland& island, const Told& told) {
   std::vector<Real> rows;
   for (std::size_t l = 0; l < island.equations().joints().size(); ++l) {
-    const RowVector impulse = told.impulse(l);
+    const RowVector impulse = impulse_of(told, island.equations(), l);
     rows.push_back(impulse.x());
     if (!island.equations().is_ball(l)) continue;
     rows.push_back(impulse.y());

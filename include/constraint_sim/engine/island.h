@@ -14,6 +14,7 @@ enum class Why {
   kContact,     ///< one of its bodies touches another
   kLimit,       ///< a joint with limits: rope, strut
   kForceLimit,  ///< a motor with a force limit
+  kFriction,    ///< friction in a joint
   kStiff,       ///< joints or springs move its bodies faster than substeps are worth
   kConflict,    ///< joints contradict each other: met by least squares
   kRefused,     ///< nothing else could carry it

@@ -51,17 +51,70 @@ struct DistanceJoint {
   bool is_soft() const { return frequency > 0.0 || stiffness > 0.0 || damping > 0.0; }
 };
 
-/// The bias ζ of a joint: its rate is driven to ζ(t) = bias + amplitude·sin(2π·frequency·t +
-/// phase), t simulated time. Positive lengthens; with ζ = 0 the joint holds the value it has
-/// reached.
+/// The bias ζ of a joint: the rate of its length, or of another coordinate, is driven to
+/// ζ(t) = bias + amplitude·sin(2π·frequency·t + phase), t simulated time. Positive lengthens, or
+/// turns positively about the axis; with ζ = 0 the joint holds the value it has reached.
 struct Motor {
-  double bias = 0.0;       ///< [m/s]
-  double amplitude = 0.0;  ///< [m/s]
+  double bias = 0.0;       ///< [m/s or rad/s]
+  double amplitude = 0.0;  ///< [m/s or rad/s]
   double frequency = 0.0;  ///< [Hz] ≥ 0
   double phase = 0.0;      ///< [rad]
-  double max_force = 0.0;  ///< [N] ≥ 0; 0: no limit
+  double max_force = 0.0;  ///< [N or N m] ≥ 0; 0: no limit
   double timeout = 0.0;    ///< [s] of simulated time until bias returns to 0; 0: never
+
+  bool is_moving() const { return bias != 0.0 || amplitude != 0.0; }
 };
+
+/// That of a translation or an angle, which can also go to a position, exactly within the world's
+/// closing time or as a servo by a spring about it, or act with a constant force.
+struct CoordinateMotor : Motor {
+  std::optional<double> position;  ///< [m or rad]
+  /// Of a servo, by frequency [Hz] and damping ratio [1], turned into the next two when added, by
+  /// the effective mass with the joint's own rows held; both 0: exactly.
+  double servo_frequency = 0.0;
+  double servo_damping_ratio = 1.0;
+  double servo_stiffness = 0.0;  ///< [N/m or N m/rad] ≥ 0
+  double servo_damping = 0.0;    ///< [N s/m or N m s/rad] ≥ 0
+  std::optional<double> force;   ///< [N or N m]
+
+  bool is_servo() const { return position && (servo_frequency > 0.0 || servo_stiffness > 0.0); }
+  /// Whether the motor holds the coordinate with any force that this takes.
+  bool is_rigid() const { return !force && !is_servo(); }
+};
+
+/// What acts on a free coordinate q of a joint: a translation [m] or an angle [rad], of kinds other
+/// than kDistance.
+struct CoordinateLaw {
+  std::optional<CoordinateMotor> motor;  ///< left out: free
+  /// Limits of q; beyond them it is pushed back, and thrown back with this share of its speed.
+  double lower = -std::numeric_limits<double>::infinity();
+  double upper = std::numeric_limits<double>::infinity();
+  double limit_restitution = 0.0;  ///< [0, 1]
+  double friction = 0.0;           ///< Coulomb's, the most it holds with [N or N m] ≥ 0
+  double damping = 0.0;            ///< viscous [N s/m or N m s/rad] ≥ 0
+  double stiffness = 0.0;          ///< of a spring about `rest` [N/m or N m/rad] ≥ 0
+  double rest = 0.0;               ///< [m or rad]
+  /// The spring by frequency [Hz] and damping ratio [1] instead, turned into stiffness and damping
+  /// when added, by the effective mass with the joint's own rows held.
+  double frequency = 0.0;
+  double damping_ratio = 0.0;
+  /// What q reads as the bodies lie when the joint is added; left out: 0 of an angle, where the
+  /// anchors are of a translation.
+  std::optional<double> position;
+
+  double zero = 0.0;  ///< what q reads where axes and anchors say 0; set by `position`
+
+  bool is_limited() const {
+    return lower > -std::numeric_limits<double>::infinity() ||
+           upper < std::numeric_limits<double>::infinity();
+  }
+  bool is_none() const {
+    return !motor && !is_limited() && friction == 0.0 && damping == 0.0 && stiffness == 0.0 &&
+           frequency == 0.0 && damping_ratio == 0.0 && !position && zero == 0.0;
+  }
+};
+
+inline constexpr std::size_t kMaxCoordinates = 3;
 
 /// A constraint between two bodies, or a body and the world.
 struct Joint {
@@ -77,16 +130,29 @@ struct Joint {
   std::optional<Eigen::Quaterniond> frame_b;
   /// z axis of the frame on B in body B's frame, any length but 0, instead of `frame_b`.
   std::optional<Eigen::Vector3d> axis_b;
-  DistanceJoint distance;           ///< of kind kDistance
-  Motor motor;                      ///< of kind kDistance
+  DistanceJoint distance;  ///< of kind kDistance
+  Motor motor;             ///< of kind kDistance
+  /// Of other kinds, as many as coordinates() tells.
+  std::array<CoordinateLaw, kMaxCoordinates> coordinates;
   std::optional<double> baumgarte;  ///< share of the error removed each step, [0, 1]; the world's
   double break_force = 0.0;         ///< [N] beyond which the joint breaks for good; 0: never
+  double break_torque = 0.0;        ///< [N m], the same; not of kind kDistance
   bool collide_connected = false;   ///< whether the two bodies may touch
 };
 
 inline constexpr int kMaxJointRows = 6;
-/// A number for each row of a joint, in the order of the table of kinds; the others are zero.
+/// A number for each row of a joint, in the order of the table of kinds, then for each coordinate;
+/// the others are zero.
 using RowVector = Eigen::Matrix<double, kMaxJointRows, 1>;
+
+/// A free coordinate now.
+struct CoordinateState {
+  double position = 0.0;  ///< q, whole turns counted [m or rad]
+  double velocity = 0.0;  ///< [m/s or rad/s]
+  double effort = 0.0;    ///< of what acts along it, mean over the step [N or N m]
+  double bias = 0.0;      ///< asked for by its motor, mean over the step [m/s or rad/s]
+  double held = 0.0;      ///< where the motor holds it [m or rad]
+};
 
 /// What a joint does now; brought up to date by each step.
 struct JointState {
@@ -96,13 +162,16 @@ struct JointState {
   double error_rate = 0.0;   ///< rate of `error`, motion asked for by the motor taken out [m/s]
   double angle_error = 0.0;  ///< by which frame B has to turn to where frame A asks for it [rad]
   double radius = 0.0;       ///< of gyration, the larger of the two dynamic bodies' [m]
-  /// Mean over the step [N]: along d, > 0 pushes apart, < 0 is tension; of other kinds its length.
+  /// Mean over the step: along d [N], > 0 pushes apart, < 0 is tension; of kinds with coordinates
+  /// the effort along the first [N or N m]; of others the length of the force [N].
   double force = 0.0;
   double bias = 0.0;          ///< ζ asked for, mean over the step [m/s]
   double reached_rate = 0.0;  ///< rate of the distance that was reached [m/s]
   bool saturated = false;     ///< the motor is at its force limit, or at the end of its travel
   bool broken = false;        ///< torn by more than `break_force`; no longer acts
   bool closing = false;       ///< an edit left an error above 1e-6 m that is not yet closed
+
+  std::array<CoordinateState, kMaxCoordinates> coordinates;  ///< of kinds other than kDistance
 
   double travel =
       0.0;  ///< ∫ζ dt since the joint was added: what the motor has added to the length [m]
@@ -141,6 +210,11 @@ inline DistanceJoint* if_distance(Joint& joint) {
 /// Whether joints of this kind have frames with axes.
 bool has_frames(JointKind kind);
 
+/// How many free coordinates with laws it has; 0 of a distance joint, whose length has its own.
+int coordinates(JointKind kind);
+/// Whether this one is an angle [rad]; else a translation [m].
+bool is_angle(JointKind kind, int coordinate);
+
 /// Whether the z axes of both frames are at right angles, so that both have to be given.
 bool has_two_axes(JointKind kind);
 
@@ -155,5 +229,7 @@ Eigen::Quaterniond frame_along(const Eigen::Vector3d& axis);
 /// up.
 void validate(const Joint& joint);
 void validate(const Motor& motor);
+void validate(const CoordinateMotor& motor);
+void validate(const CoordinateLaw& law);
 
 }  // namespace constraint_sim::engine

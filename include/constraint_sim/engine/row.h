@@ -40,6 +40,9 @@ struct Row {
   double impulse = 0.0;             ///< p [N s]; before solving: the guess to start from
   double correction_impulse = 0.0;  ///< of the correction [N s]; before solving: zero
 
+  int component = -1;   ///< where the joint keeps its impulse for the next step; -1: nowhere
+  int coordinate = -1;  ///< of the joint, that it acts along; -1: none
+
   /// Of friction, which always is this row and the next one: the row of the normal, and μ. The two
   /// impulses together are no longer than μ times that of the normal. -1: not friction.
   int normal_row = -1;

@@ -106,8 +106,18 @@ class World {
     Eigen::Vector3d p_a, p_b;
   };
   Anchors anchors(JointId id) const;
+  /// What a joint does to body B, mean over the last step: force [N], and torque about anchor B
+  /// [N m], in the joint's frame on B; of kinds without axes in that of body B. On A it does the
+  /// opposite at the same point. With redundant joints, that of least norm of many.
+  struct JointWrench {
+    Eigen::Vector3d force = Eigen::Vector3d::Zero(), torque = Eigen::Vector3d::Zero();
+  };
+  JointWrench joint_wrench(JointId id) const;
   /// Replaces the motor; its timeout counts from now.
   void set_motor(JointId id, const Motor& motor);
+  /// The same of one of the coordinates() of a joint of another kind than kDistance, numbered from
+  /// 0; without a motor it is free.
+  void set_motor(JointId id, int coordinate, const std::optional<CoordinateMotor>& motor);
   /// Marks the joint as torn, or whole again.
   void set_broken(JointId id, bool broken);
 

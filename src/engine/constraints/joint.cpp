@@ -6,6 +6,7 @@
 #include "engine/constraints/course.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/law.h"
 #include "engine/constraints/target.h"
 
 namespace constraint_sim::engine {
@@ -30,6 +31,21 @@ Motor drive(const DistanceJoint& distance, const JointStep& step, Motor motor, J
     motor.bias = travel / step.h;
   }
   state.bias = travel / step.h;
+  return motor;
+}
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+// Sets the mean bias of a coordinate, and returns its motor as it acts throughout the step.
+Motor drive(const CoordinateLaw& law, const JointStep& step, double expires_at,
+            CoordinateState* state) {
+  Motor motor = *law.motor;
+  if (motor.timeout > 0.0) motor.bias *= std::clamp((expires_at - step.t) / step.h, 0.0, 1.0);
+  if (law.motor->position) {
+    motor = Motor{};
+    state->held = *law.motor->position;
+  }
+  state->bias = motor.is_moving() ? motor_travel(motor, step.t, step.h) / step.h : 0.0;
   return motor;
 }
 
@@ -76,18 +92,43 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
 }
 
 // of every kind but kDistance
-int prepare_table_rows(const Joint& joint, const JointVectors& vectors, const JointStep& step,
-                       const JointState& state, Row* rows) {
+int prepare_table_rows(const Joint& joint, const JointVectors& vectors, const JointMotion& motion,
+                       const JointStep& step, JointState& state, Row* rows) {
   const JointKindInfo& kind = info(joint.kind);
+  const double beta = joint.baumgarte.value_or(step.beta);
   for (int k = 0; k < kind.rows; ++k) {
-    const RowForm form = kind.row[static_cast<std::size_t>(k)];
+    const RowForm form = kind.row[at(k)];
     const Closing closing(state, step, k);
     rows[k].J = jacobian(form, vectors);
     rows[k].C = value(form, vectors) - closing.offset;
-    aim_rigid(rows[k], joint.baumgarte.value_or(step.beta), step.h);
+    rows[k].component = k;
+    aim_rigid(rows[k], beta, step.h);
     rows[k].correction += closing.rate;
   }
-  return kind.rows;
+  int count = kind.rows;
+  state.saturated = false;
+  for (int i = 0; i < kind.coordinates; ++i) {
+    const CoordinateLaw& law = joint.coordinates[at(i)];
+    CoordinateState& coordinate = state.coordinates[at(i)];
+    coordinate.bias = 0.0;
+    if (law.is_none()) continue;
+    const ScalarForm& form = kind.coordinate[at(i)];
+    CoordinateStep asked{step.h, beta, 0.0, coordinate.held};
+    const Closing closing(state, step, kind.rows + i);
+    if (law.motor && law.motor->is_rigid()) {
+      drive(law, step, state.expires_at, &coordinate);
+      coordinate.bias += closing.rate;
+      asked.bias = coordinate.bias;
+      asked.target = coordinate.held + closing.offset;
+    }
+    const CoordinateMotion moves{reading(form, value(form, vectors), law.zero, coordinate.position),
+                                 rate(form, vectors, motion), jacobian(form, vectors)};
+    const int written = write_law_rows(law, moves, asked, kind.rows + i, rows + count);
+    for (int k = count; k < count + written; ++k) rows[k].coordinate = i;
+    count += written;
+  }
+  state.bias = state.coordinates[0].bias;
+  return count;
 }
 
 // error, error_rate and reached_rate from where the bodies are and how they move; zeta is the bias
@@ -114,35 +155,69 @@ struct NormAndRate {
   }
 };
 
+// What a coordinate is off by, of what its motor and its limits ask, and the rate of that.
+double coordinate_error(const CoordinateLaw& law, const CoordinateState& state) {
+  if (law.motor && law.motor->is_rigid()) return state.position - state.held;
+  return beyond_limits(law, state.position);
+}
+
+// Where coordinates are and how fast they move, after a step of h; and what they are off by, where
+// that is more than the rows are.
+void measure_coordinates(const Joint& joint, const JointVectors& vectors, const JointMotion& motion,
+                         double h, JointState& state) {
+  const JointKindInfo& kind = info(joint.kind);
+  for (int i = 0; i < kind.coordinates; ++i) {
+    const ScalarForm& form = kind.coordinate[at(i)];
+    const CoordinateLaw& law = joint.coordinates[at(i)];
+    CoordinateState& coordinate = state.coordinates[at(i)];
+    const double before = coordinate.velocity;
+    coordinate.velocity = rate(form, vectors, motion);
+    const double reference = is_held(law) && h > 0.0
+                                 ? coordinate.held
+                                 : coordinate.position + 0.5 * h * (before + coordinate.velocity);
+    coordinate.position = reading(form, value(form, vectors), law.zero, reference);
+    if (law.is_none()) continue;
+    const double metres = form.is_angle ? state.radius : 1.0;
+    const double off = metres * coordinate_error(law, coordinate);
+    if (std::abs(off) <= state.error) continue;
+    state.error = std::abs(off);
+    state.error_rate = metres * std::copysign(1.0, off) * (coordinate.velocity - coordinate.bias);
+  }
+  if (kind.coordinates > 0) state.reached_rate = state.coordinates[0].velocity;
+}
+
 // the same of every other kind
-void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState& b,
+void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState& b, double h,
                         JointState& state) {
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, a, b);
   const JointMotion motion(vectors, a, b);
   NormAndRate separation, angle;
   for (int k = 0; k < kind.rows; ++k) {
-    const RowForm form = kind.row[static_cast<std::size_t>(k)];
+    const RowForm form = kind.row[at(k)];
     NormAndRate& part = k < kind.separation_rows ? separation : angle;
-    const int at = k < kind.separation_rows ? k : k - kind.separation_rows;
-    part.values[at] = value(form, vectors);
-    part.rates[at] = rate(form, vectors, motion);
+    const int i = k < kind.separation_rows ? k : k - kind.separation_rows;
+    part.values[i] = value(form, vectors);
+    part.rates[i] = rate(form, vectors, motion);
   }
   state.error = separation.norm();
   state.error_rate = state.reached_rate = separation.rate();
-  if (kind.alignment == Alignment::kFree) return;
-  state.angle_error = misalignment(kind.alignment, vectors).norm();
-  if (state.radius * state.angle_error <= state.error) return;
-  state.error = state.radius * state.angle_error;
-  state.error_rate = state.radius * angle.rate();
+  if (kind.alignment != Alignment::kFree) {
+    state.angle_error = misalignment(kind.alignment, vectors).norm();
+    if (state.radius * state.angle_error > state.error) {
+      state.error = state.radius * state.angle_error;
+      state.error_rate = state.radius * angle.rate();
+    }
+  }
+  if (kind.coordinates > 0) measure_coordinates(joint, vectors, motion, h, state);
 }
 
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
-                   JointState& state) {
+                   double h, JointState& state) {
   if (joint.kind == JointKind::kDistance)
     measure_distance(joint, a, b, zeta, state);
   else
-    measure_table_rows(joint, a, b, state);
+    measure_table_rows(joint, a, b, h, state);
 }
 
 // errors of all rows
@@ -155,8 +230,12 @@ RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
   }
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, a, b);
-  for (int k = 0; k < kind.rows; ++k)
-    errors[k] = value(kind.row[static_cast<std::size_t>(k)], vectors);
+  for (int k = 0; k < kind.rows; ++k) errors[k] = value(kind.row[at(k)], vectors);
+  for (int i = 0; i < kind.coordinates; ++i) {
+    const CoordinateState& coordinate = state.coordinates[at(i)];
+    if (is_held(joint.coordinates[at(i)]))
+      errors[kind.rows + i] = coordinate.position - coordinate.held;
+  }
   return errors;
 }
 
@@ -185,16 +264,52 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
   }
 }
 
-// of every kind but kDistance
-void settle_table_rows(const Joint& joint, const JointStep& step, const Row* rows, int count,
-                       JointState& state) {
-  Eigen::Vector3d impulse = Eigen::Vector3d::Zero();
-  for (int k = 0; k < count; ++k) {
-    state.impulse[k] = rows[k].impulse;
-    if (k < info(joint.kind).separation_rows)
-      impulse[k] = rows[k].impulse + rows[k].correction_impulse;
+// of the force of a joint that is no distance joint, by what each row and coordinate has done
+void note_force(const Joint& joint, const RowVector& impulse, double h, JointState& state) {
+  const JointKindInfo& kind = info(joint.kind);
+  for (int i = 0; i < kind.coordinates; ++i)
+    state.coordinates[at(i)].effort = impulse[kind.rows + i] / h;
+  Eigen::Vector3d separation = impulse.head<3>();
+  for (int k = kind.separation_rows; k < 3; ++k) separation[k] = 0.0;
+  state.force = kind.coordinates > 0 ? state.coordinates[0].effort : separation.norm() / h;
+}
+
+// whether a joint of such a kind is torn by what its rows and coordinates have done
+bool is_torn(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& impulse,
+             double h) {
+  if (joint.break_force == 0.0 && joint.break_torque == 0.0) return false;
+  const World::JointWrench wrench = wrench_of(joint, a, b, impulse, h);
+  return (joint.break_force > 0.0 && wrench.force.norm() > joint.break_force) ||
+         (joint.break_torque > 0.0 && wrench.torque.norm() > joint.break_torque);
+}
+
+// Of every kind but kDistance: what each row and coordinate has done. A motor at its force limit
+// gives way, and holds from then on what it has reached.
+RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, const JointStep& step,
+                            const Row* rows, int count, JointState& state) {
+  const JointKindInfo& kind = info(joint.kind);
+  RowVector done = RowVector::Zero();
+  state.impulse.setZero();
+  for (int i = 0; i < kind.coordinates; ++i)
+    if (joint.coordinates[at(i)].motor)
+      state.coordinates[at(i)].held += state.coordinates[at(i)].bias * step.h;
+  for (const Row* row = rows; row != rows + count; ++row) {
+    const double impulse = row->impulse + row->correction_impulse;
+    const int component = row->coordinate < 0 ? row->component : kind.rows + row->coordinate;
+    done[component] += impulse;
+    if (row->component < 0) continue;
+    state.impulse[row->component] = row->impulse;
+    if (row->coordinate < 0) continue;
+    const double most = joint.coordinates[at(row->coordinate)].motor->max_force * step.h;
+    if (most == 0.0 || std::abs(impulse) < most) continue;
+    state.saturated = true;
+    CoordinateState& coordinate = state.coordinates[at(row->coordinate)];
+    const ScalarForm& form = kind.coordinate[at(row->coordinate)];
+    coordinate.held =
+        reading(form, value(form, vectors), joint.coordinates[at(row->coordinate)].zero,
+                coordinate.position + 0.5 * step.h * (coordinate.velocity + coordinate.bias));
   }
-  state.force = impulse.norm() / step.h;
+  return done;
 }
 
 bool is_closed(const JointState& state, const JointStep& step) {
@@ -204,10 +319,12 @@ bool is_closed(const JointState& state, const JointStep& step) {
 
 // what is left to do once it is known what the rows have done
 void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
-            double zeta, JointState& state) {
-  measure_joint(joint, a, b, zeta, state);
+            double zeta, const RowVector& impulse, JointState& state) {
+  measure_joint(joint, a, b, zeta, step.h, state);
   if (state.closing) state.closing = !is_closed(state, step);
-  if (joint.break_force > 0.0 && std::abs(state.force) > joint.break_force) {
+  const bool is_distance = joint.kind == JointKind::kDistance;
+  if (is_distance ? joint.break_force > 0.0 && std::abs(state.force) > joint.break_force
+                  : is_torn(joint, a, b, impulse, step.h)) {
     state.broken = true;
     state.impulse.setZero();
   }
@@ -219,15 +336,21 @@ void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                    const JointStep& step, JointState& state, std::vector<Row>* rows) {
   const std::size_t first = rows->size();
   const bool is_distance = joint.kind == JointKind::kDistance;
+  const JointKindInfo& kind = info(joint.kind);
   rows->resize(first +
-               static_cast<std::size_t>(is_distance ? kMaxDistanceRows : info(joint.kind).rows));
+               at(is_distance ? kMaxDistanceRows : kind.rows + kMaxLawRows * kind.coordinates));
   Row* const written = rows->data() + first;
-  const int count =
-      is_distance
-          ? prepare_rows(joint.distance, joint, AnchorPair(joint, a, b), step, state, written)
-          : prepare_table_rows(joint, JointVectors(joint, a, b), step, state, written);
-  for (int k = 0; k < count; ++k)
-    written[k].impulse = std::clamp(state.impulse[k], written[k].lower, written[k].upper);
+  int count = 0;
+  if (is_distance) {
+    count = prepare_rows(joint.distance, joint, AnchorPair(joint, a, b), step, state, written);
+    for (int k = 0; k < count; ++k) written[k].component = k;
+  } else {
+    const JointVectors vectors(joint, a, b);
+    count = prepare_table_rows(joint, vectors, JointMotion(vectors, a, b), step, state, written);
+  }
+  for (Row* row = written; row != written + count; ++row)
+    if (row->component >= 0)
+      row->impulse = std::clamp(state.impulse[row->component], row->lower, row->upper);
   rows->resize(first + static_cast<std::size_t>(count));
 }
 
@@ -239,22 +362,53 @@ void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
   }
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, a, b);
-  for (int k = 0; k < kind.rows; ++k)
-    J[k] = jacobian(kind.row[static_cast<std::size_t>(k)], vectors);
+  for (int k = 0; k < kind.rows; ++k) J[k] = jacobian(kind.row[at(k)], vectors);
 }
 
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
                 const Row* rows, int count, JointState& state) {
-  if (joint.kind == JointKind::kDistance)
+  if (joint.kind == JointKind::kDistance) {
     settle(joint.distance, joint, AnchorPair(joint, a, b), step, rows, count, state);
-  else
-    settle_table_rows(joint, step, rows, count, state);
-  finish(joint, a, b, step, state.bias, state);
+    return finish(joint, a, b, step, state.bias, state.impulse, state);
+  }
+  const RowVector impulse =
+      settle_table_rows(joint, JointVectors(joint, a, b), step, rows, count, state);
+  note_force(joint, impulse, step.h, state);
+  finish(joint, a, b, step, state.bias, impulse, state);
+}
+
+double reading(const ScalarForm& form, double value, double zero, double reference) {
+  return form.is_angle ? unwound(value + zero, reference) : value + zero;
+}
+
+void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& b,
+                       JointState& state) {
+  const JointKindInfo& kind = info(joint.kind);
+  const JointVectors vectors(joint, a, b);
+  for (int i = 0; i < kind.coordinates; ++i) {
+    CoordinateState& coordinate = state.coordinates[at(i)];
+    const CoordinateLaw& law = joint.coordinates[at(i)];
+    coordinate.position = coordinate.held = value(kind.coordinate[at(i)], vectors) + law.zero;
+    if (law.motor && law.motor->is_rigid())
+      coordinate.held = law.motor->position.value_or(coordinate.position);
+  }
+}
+
+World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyState& b,
+                             const RowVector& impulse, double h) {
+  const JointVectors vectors(joint, a, b);
+  const JointKindInfo& kind = info(joint.kind);
+  Jacobian sum;
+  for (int k = 0; k < kind.rows + kind.coordinates; ++k)
+    sum = combined(1.0, sum, impulse[k] / h, jacobian(kind.function[at(k)], vectors));
+  const Eigen::Matrix3d to_joint = kind.has_frames ? Eigen::Matrix3d(vectors.axes_B.transpose())
+                                                   : b.orientation.toRotationMatrix().transpose();
+  return {to_joint * sum.j3, to_joint * (sum.j4 - vectors.r_B.cross(sum.j3))};
 }
 
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
                  JointState& state) {
-  measure_joint(joint, a, b, state.bias, state);
+  measure_joint(joint, a, b, state.bias, 0.0, state);
   state.initial_error = state.error;
   state.closing_since = t;
   state.closing_offset = row_errors(joint, a, b, state);
@@ -262,9 +416,13 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
 }
 
 double elastic_energy(const Joint& joint, const JointState& state) {
-  const auto* distance = if_distance(joint);
-  if (distance == nullptr || state.broken) return 0.0;
-  return 0.5 * distance->stiffness * state.error * state.error;
+  if (state.broken) return 0.0;
+  if (const auto* distance = if_distance(joint))
+    return 0.5 * distance->stiffness * state.error * state.error;
+  double energy = 0.0;
+  for (std::size_t i = 0; i < at(info(joint.kind).coordinates); ++i)
+    energy += elastic_energy(joint.coordinates[i], state.coordinates[i].position);
+  return energy;
 }
 
 bool is_rigid(const Joint& joint) {
@@ -274,8 +432,11 @@ bool is_rigid(const Joint& joint) {
 
 bool is_always_rigid(const Joint& joint) {
   const auto* distance = if_distance(joint);
-  return (distance == nullptr || !(distance->is_soft() || distance->is_limited())) &&
-         joint.motor.max_force == 0.0;
+  if (distance == nullptr)
+    return !any_coordinate(joint, [](const CoordinateLaw& law) {
+      return is_one_sided(law) || !soft_law(law).is_none();
+    });
+  return !(distance->is_soft() || distance->is_limited()) && joint.motor.max_force == 0.0;
 }
 
 // ---- for methods that take time and its derivatives
@@ -285,6 +446,18 @@ JointCourse::JointCourse(const Joint& joint, const JointStep& span, JointState& 
   if (const auto* distance = if_distance(joint)) {
     motor_ = drive(*distance, span, joint.motor, state);
     length_ = distance->length.value_or(0.0) + state.travel;
+    is_driven_ = motor_.is_moving();
+  }
+  const JointKindInfo& kind = info(joint.kind);
+  rows_ = kind.rows;
+  for (std::size_t i = 0; i < at(kind.coordinates); ++i) {
+    CoordinateState& coordinate = state.coordinates[i];
+    coordinate.bias = 0.0;
+    if (!is_held(joint.coordinates[i])) continue;
+    held_[i].motor = drive(joint.coordinates[i], span, state.expires_at, &coordinate);
+    held_[i].value = coordinate.held - joint.coordinates[i].zero;
+    is_driven_ = is_driven_ || held_[i].motor.is_moving();
+    state.bias = state.coordinates[0].bias;
   }
   if (state.closing) {
     closing_since_ = state.closing_since;
@@ -304,6 +477,19 @@ Course JointCourse::length(double t) const {
   return length;
 }
 
+Course JointCourse::target(int function, double t) const {
+  const Course share = share_to_close(t);
+  const double offset = closing_offset_[function];
+  Course target{offset * share.value, offset * share.rate, offset * share.acceleration};
+  if (function < rows_) return target;
+  const Held& held = held_[at(function - rows_)];
+  const Course moved = motor_course(held.motor, start_, t - start_);
+  target.value += held.value + moved.value;
+  target.rate += moved.rate;
+  target.acceleration += moved.acceleration;
+  return target;
+}
+
 Course JointCourse::share_to_close(double t) const {
   return is_closing() ? closing_course(t - closing_since_, closing_time_) : Course{};
 }
@@ -320,24 +506,30 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   Eigen::Vector3d separation = Eigen::Vector3d::Zero(), angle = separation;
   for (int k = 0; k < kind.rows; ++k)
     (k < kind.separation_rows ? separation[k] : angle[k - kind.separation_rows]) = off[k];
+  for (int i = 0; i < kind.coordinates; ++i) {
+    const double metres = kind.coordinate[at(i)].is_angle ? state.radius : 1.0;
+    if (metres * std::abs(off[kind.rows + i]) > kFits) return false;
+  }
   return separation.norm() <= kFits && state.radius * angle.norm() <= kFits;
 }
 
-void finish_span(const JointStep& span, JointState& state) { state.travel += state.bias * span.h; }
+void finish_span(const Joint& joint, const JointStep& span, JointState& state) {
+  if (joint.kind == JointKind::kDistance) {
+    state.travel += state.bias * span.h;
+    return;
+  }
+  for (CoordinateState& coordinate : state.coordinates) coordinate.held += coordinate.bias * span.h;
+}
 
 void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                        const JointStep& step, const RowVector& impulse, double zeta,
                        JointState& state) {
   state.impulse = impulse;
-  const bool is_distance = joint.kind == JointKind::kDistance;
-  double force = impulse[0];
-  if (!is_distance) {
-    Eigen::Vector3d separation = impulse.head<3>();
-    for (int k = info(joint.kind).separation_rows; k < 3; ++k) separation[k] = 0.0;
-    force = separation.norm();
-  }
-  state.force = force / step.h;
-  finish(joint, a, b, step, zeta, state);
+  if (joint.kind == JointKind::kDistance)
+    state.force = impulse[0] / step.h;
+  else
+    note_force(joint, impulse, step.h, state);
+  finish(joint, a, b, step, zeta, impulse, state);
 }
 
 }  // namespace constraint_sim::engine

@@ -4,8 +4,10 @@
 
 #include "constraint_sim/engine/joint.h"
 #include "constraint_sim/engine/row.h"
+#include "constraint_sim/engine/world.h"
 #include "engine/constraints/anchor_pair.h"
 #include "engine/constraints/course.h"
+#include "engine/constraints/law.h"
 
 namespace constraint_sim::engine {
 
@@ -36,6 +38,15 @@ void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, cons
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
                  JointState& state);
 
+/// Sets where the coordinates of a joint just added are: there, whatever they read then.
+void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& b,
+                       JointState& state);
+
+/// What a joint of another kind than kDistance does. `impulse`: of its rows and coordinates in a
+/// step of h [s].
+World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyState& b,
+                             const RowVector& impulse, double h);
+
 /// Elastic energy [J]; 0 unless a spring.
 double elastic_energy(const Joint& joint, const JointState& state);
 
@@ -55,7 +66,7 @@ class JointCourse {
   /// Sets bias (the mean of the span) and saturated of `state`.
   JointCourse(const Joint& joint, const JointStep& span, JointState& state);
 
-  bool is_driven() const { return motor_.bias != 0.0 || motor_.amplitude != 0.0; }
+  bool is_driven() const { return is_driven_; }
   bool is_closing() const { return closing_time_ > 0.0; }
   bool is_constant() const { return !is_driven() && !is_closing(); }
   /// Of a distance joint, at the simulated time t [s].
@@ -63,11 +74,22 @@ class JointCourse {
   /// Each row of another kind is to be off by this share of offset().
   Course share_to_close(double t) const;
   const RowVector& offset() const { return closing_offset_; }
+  /// Of another kind: what a row is to be off by, or what the form of a coordinate is to be.
+  Course target(int function, double t) const;
   /// The bias alone [m/s].
   double zeta(double t) const { return motor_course(motor_, start_, t - start_).rate; }
 
  private:
-  Motor motor_;
+  /// Of a coordinate that a motor holds.
+  struct Held {
+    Motor motor;
+    double value = 0.0;  // at the start
+  };
+
+  Motor motor_;  // of a distance joint
+  std::array<Held, kMaxCoordinates> held_;
+  int rows_ = 0;  // of its kind
+  bool is_driven_ = false;
   double start_ = 0.0;   // [s]
   double length_ = 0.0;  // then [m]
   double closing_since_ = 0.0, closing_time_ = 0.0;
@@ -79,12 +101,15 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
           const JointState& state);
 
 /// Adds what the motor moved in a span.
-void finish_span(const JointStep& span, JointState& state);
+void finish_span(const Joint& joint, const JointStep& span, JointState& state);
 
-/// Takes over what a step has done, at the positions after it. `impulse`: of each row, of a
-/// distance joint along d [N s]; `zeta`: the bias asked for now [m/s].
+/// Takes over what a step has done, at the positions after it. `impulse`: of each row and
+/// coordinate, of a distance joint along d [N s]; `zeta`: the bias asked for now [m/s].
 void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                        const JointStep& step, const RowVector& impulse, double zeta,
                        JointState& state);
+
+/// Where a coordinate reads, by what its form says there: the angle nearest to `reference`.
+double reading(const ScalarForm& form, double value, double zero, double reference);
 
 }  // namespace constraint_sim::engine

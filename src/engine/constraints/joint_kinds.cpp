@@ -18,13 +18,12 @@ constexpr VectorRef xA{VectorKind::kAxisA, 0}, yA{VectorKind::kAxisA, 1}, zA{Vec
 constexpr VectorRef xB{VectorKind::kAxisB, 0}, yB{VectorKind::kAxisB, 1}, zB{VectorKind::kAxisB, 2};
 constexpr VectorRef xW{VectorKind::kWorldAxis, 0}, yW{VectorKind::kWorldAxis, 1},
     zW{VectorKind::kWorldAxis, 2};
-constexpr Coordinate length{CoordinateKind::kLength, 0};
-constexpr Coordinate along_x{CoordinateKind::kTranslation, 0};
-constexpr Coordinate along_y{CoordinateKind::kTranslation, 1};
-constexpr Coordinate along_z{CoordinateKind::kTranslation, 2};
-constexpr Coordinate angle{CoordinateKind::kAngle, 2};
-constexpr Coordinate angle_1{CoordinateKind::kFirstOfUniversal, 2};
-constexpr Coordinate angle_2{CoordinateKind::kSecondOfUniversal, 2};
+constexpr ScalarForm along_x{RowForm{xA, d}}, along_y{RowForm{yA, d}}, along_z{RowForm{zA, d}};
+// of B about z_A; of the cross of a universal joint about z_A, and of B about z_B
+constexpr ScalarForm angle{
+    AngleForm{{{{{xA, xB}, 0.5}, {{yA, yB}, 0.5}}}, {{{{yA, xB}, 0.5}, {{xA, yB}, -0.5}}}}};
+constexpr ScalarForm angle_1{AngleForm{{{{{xA, zB}, 1.0}, {}}}, {{{{yA, zB}, 1.0}, {}}}}};
+constexpr ScalarForm angle_2{AngleForm{{{{{xB, zA}, 1.0}, {}}}, {{{{yB, zA}, -1.0}, {}}}}};
 
 // NOLINTEND(readability-identifier-naming)
 
@@ -33,7 +32,7 @@ constexpr bool is_axis(VectorRef u) {
 }
 
 constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> rows,
-                             Alignment alignment, std::initializer_list<Coordinate> coordinates) {
+                             Alignment alignment, std::initializer_list<ScalarForm> coordinates) {
   JointKindInfo made;
   made.name = name;
   made.alignment = alignment;
@@ -44,8 +43,12 @@ constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> ro
   }
   if (made.row[0].is_square()) made.form = RowsForm::kDistance;
   if (made.rows == 3 && made.separation_rows == 3 && !made.has_frames) made.form = RowsForm::kPoint;
-  for (const Coordinate& coordinate : coordinates)
+  for (const ScalarForm& coordinate : coordinates)
     made.coordinate[static_cast<std::size_t>(made.coordinates++)] = coordinate;
+  for (int k = 0; k < made.rows + made.coordinates; ++k)
+    made.function[static_cast<std::size_t>(k)] =
+        k < made.rows ? ScalarForm(made.row[static_cast<std::size_t>(k)])
+                      : made.coordinate[static_cast<std::size_t>(k - made.rows)];
   return made;
 }
 
@@ -53,7 +56,7 @@ constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> ro
 // misalignment() says which one is meant.
 // clang-format off
 constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
-    kind("distance", {{d, d}}, Alignment::kFree, {length}),
+    kind("distance", {{d, d}}, Alignment::kFree, {}),
     kind("ball", {{d, xW}, {d, yW}, {d, zW}}, Alignment::kFree, {}),
     kind("hinge", {{d, xW}, {d, yW}, {d, zW}, {zA, xB}, {zA, yB}}, Alignment::kParallelZ, {angle}),
     kind("slider", {{xA, d}, {yA, d}, {xA, yB}, {yA, zB}, {zA, xB}}, Alignment::kSame, {along_z}),
@@ -92,6 +95,12 @@ std::string names_of_further_kinds() {
 }
 
 bool has_frames(JointKind kind) { return info(kind).has_frames; }
+
+int coordinates(JointKind kind) { return info(kind).coordinates; }
+
+bool is_angle(JointKind kind, int coordinate) {
+  return info(kind).coordinate[static_cast<std::size_t>(coordinate)].is_angle;
+}
 
 bool has_two_axes(JointKind kind) { return info(kind).alignment == Alignment::kPerpendicularZ; }
 

@@ -2,26 +2,11 @@
 
 #include <array>
 
-#include "engine/constraints/rows.h"
+#include "engine/constraints/forms.h"
 
 namespace constraint_sim::engine {
 
 // The table of joint kinds. Whoever compiles, solves, draws, saves or tests a joint asks the table.
-
-/// What is free to change in a joint, about or along an axis of frame A.
-enum class CoordinateKind : std::uint8_t {
-  kNone,
-  kLength,             ///< ‖d‖ [m]
-  kTranslation,        ///< a·d [m], a an axis of frame A
-  kAngle,              ///< of B about z_A [rad]
-  kFirstOfUniversal,   ///< of the cross about z_A [rad]
-  kSecondOfUniversal,  ///< of B about z_B [rad]
-};
-
-struct Coordinate {
-  CoordinateKind kind = CoordinateKind::kNone;
-  std::uint8_t axis = 2;  ///< of a translation
-};
 
 /// What has to be so between the orientations of both frames.
 enum class Alignment : std::uint8_t {
@@ -45,12 +30,14 @@ struct JointKindInfo {
   int separation_rows = 0;  ///< so many of them have d
   RowsForm form = RowsForm::kGeneral;
   Alignment alignment = Alignment::kFree;
-  bool has_frames = false;  ///< whether any row has an axis of A or B
-  int coordinates = 0;
-  std::array<Coordinate, 3> coordinate{};
+  bool has_frames = false;                               ///< whether any row has an axis of A or B
+  int coordinates = 0;                                   ///< that are free and can have laws
+  std::array<ScalarForm, kMaxCoordinates> coordinate{};  ///< those
+  std::array<ScalarForm, kMaxJointRows> function{};      ///< rows first, then coordinates
 };
 
-/// Of kDistance: one row ½(d·d − ℓ²), or what its settings make of it.
+/// Of kDistance: one row ½(d·d − ℓ²), or what its settings make of it; its length has laws of its
+/// own.
 const JointKindInfo& info(JointKind kind);
 
 /// Frame B where it has to be, as seen from frame A: the identity, but of kPerpendicularZ.

@@ -2,6 +2,7 @@
 #include <iomanip>
 #include <limits>
 #include <sstream>
+#include <utility>
 
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint.h"
@@ -16,6 +17,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kCoincident = 1e-9;  // of the anchors' coordinates: nearer than this is one point
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPi = 3.14159265358979323846;
 
 }  // namespace
@@ -43,7 +45,7 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken, double most_misa
   const JointId id{static_cast<std::uint32_t>(joint_index.size())};
   joint_index.push_back(static_cast<int>(joints.size()));
   joints.push_back(filled);
-  joint_starts.push_back({filled.motor, broken, {}, 0.0});
+  joint_starts.push_back({filled.motor, filled.coordinates, broken, {}, 0.0});
   joint_states.emplace_back();
   self_stress.emplace_back();
   start_joint(joints.size() - 1);
@@ -83,7 +85,12 @@ void World::Impl::check_ends(const Joint& joint) const {
 // the length as it is, the ball joint that a length of zero asks for, and a spring's constants
 void World::Impl::fill_in(Joint& joint) const {
   auto* distance = if_distance(joint);
-  if (distance == nullptr) return fill_in_frames(joint);
+  if (distance == nullptr) {
+    fill_in_frames(joint);
+    set_zeros(joint);
+    fill_in_laws(joint);
+    return;
+  }
   joint.frame_a.setIdentity();
   joint.frame_b.reset();
   const std::size_t a = index(joint.body_a);
@@ -146,6 +153,73 @@ void check_alignment(const Joint& joint, const BodyState& a, const BodyState& b,
                         " degrees off, and joints are not closed in orientation yet");
 }
 
+// from what the coordinates are to read now
+void World::Impl::set_zeros(Joint& joint) const {
+  const JointKindInfo& kind = info(joint.kind);
+  const JointVectors vectors(joint, states[index(joint.body_a)], states[index(joint.body_b)]);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(kind.coordinates); ++i) {
+    CoordinateLaw& law = joint.coordinates[i];
+    if (law.position) law.zero = *law.position - value(kind.coordinate[i], vectors);
+    law.position.reset();
+  }
+}
+
+// springs by frequency, servos and their constants
+void World::Impl::fill_in_laws(Joint& joint) const {
+  for (int i = 0; i < coordinates(joint.kind); ++i) {
+    CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
+    const bool is_servo = law.motor && law.motor->servo_frequency > 0.0;
+    if (law.frequency == 0.0 && !is_servo) continue;
+    const double inverse_mass = inverse_mass_along(joint, i);
+    if (!(inverse_mass > 0.0))
+      refuse(law.frequency > 0.0 ? "frequency" : "servo_frequency",
+             "nothing can move along this coordinate of " + quoted(std::as_const(joint.name)));
+    const auto set = [&](double frequency, double ratio, double* stiffness, double* damping) {
+      const double omega = 2.0 * kPi * frequency;
+      *stiffness = omega * omega / inverse_mass;
+      *damping = 2.0 * ratio * omega / inverse_mass;
+    };
+    if (is_servo) {
+      CoordinateMotor& motor = *law.motor;
+      set(motor.servo_frequency, motor.servo_damping_ratio, &motor.servo_stiffness,
+          &motor.servo_damping);
+      motor.servo_frequency = 0.0;
+      motor.servo_damping_ratio = 1.0;
+    }
+    if (law.frequency == 0.0) continue;
+    set(law.frequency, law.damping_ratio, &law.stiffness, &law.damping);
+    law.frequency = law.damping_ratio = 0.0;
+  }
+  validate(joint);  // what followed from the rest may be too large
+}
+
+// The same along a coordinate, with the joint's own rows held: g W gᵀ with
+// W = M⁻¹ − M⁻¹Gᵀ(G M⁻¹ Gᵀ)⁻¹G M⁻¹.
+double World::Impl::inverse_mass_along(const Joint& joint, int coordinate) const {
+  const std::size_t a = index(joint.body_a), b = index(joint.body_b);
+  const JointKindInfo& kind = info(joint.kind);
+  const JointVectors vectors(joint, states[a], states[b]);
+  using Row = Eigen::Matrix<double, 1, 12>;
+  Eigen::Matrix<double, Eigen::Dynamic, 12> G(kind.rows + 1, 12);  // times the root of M⁻¹
+  for (int k = 0; k <= kind.rows; ++k) {
+    const int function = k < kind.rows ? k : kind.rows + coordinate;
+    const Jacobian J = jacobian(kind.function[static_cast<std::size_t>(function)], vectors);
+    const auto turned = [&](std::size_t i, const Vector3d& j) -> Vector3d {
+      return (states[i].orientation.conjugate() * j)
+          .cwiseProduct(masses[i].inverse_inertia.cwiseSqrt());
+    };
+    Row row;
+    row << std::sqrt(masses[a].inverse_mass) * J.j1.transpose(), turned(a, J.j2).transpose(),
+        std::sqrt(masses[b].inverse_mass) * J.j3.transpose(), turned(b, J.j4).transpose();
+    G.row(k) = row;
+  }
+  const Eigen::MatrixXd held = G.topRows(kind.rows).transpose();
+  const Eigen::VectorXd g = G.bottomRows(1).transpose();
+  const Eigen::VectorXd part = held.completeOrthogonalDecomposition().solve(g);
+  const double left = (g - held * part).squaredNorm();
+  return left > 1e-20 * g.squaredNorm() ? left : 0.0;
+}
+
 // J M⁻¹ Jᵀ of one row between two bodies
 double World::Impl::inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const {
   const auto turning = [&](std::size_t i, const Vector3d& j) {
@@ -161,9 +235,10 @@ void World::Impl::start_joint(std::size_t j) {
   JointState& state = joint_states[j] = JointState{};
   state.broken = joint_starts[j].broken;
   self_stress[j] = SelfStress{};
-  state.expires_at = end_of(joints[j].motor);
+  state.expires_at = end_of(first_motor(joints[j]));
   const std::size_t a = index(joints[j].body_a), b = index(joints[j].body_b);
   state.radius = std::max(masses[a].radius_of_gyration(), masses[b].radius_of_gyration());
+  begin_coordinates(joints[j], states[a], states[b], state);
   begin_joint(joints[j], states[a], states[b], time(), state);
   if (!joint_starts[j].state) return;
   state = *joint_starts[j].state;
@@ -176,6 +251,7 @@ void World::Impl::start_joint(std::size_t j) {
 void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   JointState& state = joint_states[j];
   state.travel = saved.travel;
+  state.coordinates = saved.coordinates;
   state.expires_at = saved.expires_at;
   state.impulse = saved.impulse;
   begin_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)], time(),
@@ -200,13 +276,19 @@ bool World::Impl::is_as_added(JointId id) const {
   JointState added;
   added.broken = state.broken;
   added.radius = state.radius;
-  begin_joint(joint, states[index(joint.body_a)], states[index(joint.body_b)], time(), added);
+  const BodyState &a = states[index(joint.body_a)], &b = states[index(joint.body_b)];
+  begin_coordinates(joint, a, b, added);
+  begin_joint(joint, a, b, time(), added);
+  for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
+    const CoordinateState &now = state.coordinates[i], &then = added.coordinates[i];
+    if (now.position != then.position || now.held != then.held) return false;
+  }
   if (added.angle_error > 0.5 * kAligned) return false;
   const bool closes_alike = !added.closing || (state.closing_since == added.closing_since &&
                                                state.closing_offset == added.closing_offset &&
                                                state.initial_error == added.initial_error);
   return state.travel == 0.0 && state.impulse.isZero(0.0) &&
-         state.expires_at == end_of(joint.motor) && state.closing == added.closing &&
+         state.expires_at == end_of(first_motor(joint)) && state.closing == added.closing &&
          closes_alike && self_stress[j].is_none();
 }
 
@@ -257,7 +339,24 @@ World::Anchors World::anchors(JointId id) const {
   return {pair.p_A, pair.p_A + pair.d};
 }
 
+World::JointWrench World::joint_wrench(JointId id) const {
+  const Joint& joint = this->joint(id);
+  const JointState& state = joint_state(id);
+  const BodyState &a = this->state(joint.body_a), &b = this->state(joint.body_b);
+  if (joint.kind == JointKind::kDistance)
+    return {b.orientation.conjugate() * (state.force * direction(AnchorPair(joint, a, b))),
+            Vector3d::Zero()};
+  const double h = options().time_step;
+  RowVector impulse = state.impulse;
+  const JointKindInfo& kind = info(joint.kind);
+  for (int i = 0; i < kind.coordinates; ++i)
+    impulse[kind.rows + i] = h * state.coordinates[static_cast<std::size_t>(i)].effort;
+  return wrench_of(joint, a, b, impulse, h);
+}
+
 void World::set_motor(JointId id, const Motor& motor) {
+  if (coordinates(joint(id).kind) > 0)
+    return set_motor(id, 0, CoordinateMotor{motor, {}, 0.0, 1.0, 0.0, 0.0, {}});
   const std::size_t j = impl_->index(id);
   Joint joint = impl_->joints[j];
   joint.motor = motor;
@@ -268,6 +367,39 @@ void World::set_motor(JointId id, const Motor& motor) {
   impl_->joint_states[j].expires_at = impl_->end_of(motor);
   impl_->edit_island_of(joint.body_a);
   impl_->edit_island_of(joint.body_b);
+}
+
+void World::set_motor(JointId id, int coordinate, const std::optional<CoordinateMotor>& motor) {
+  const std::size_t j = impl_->index(id);
+  Joint joint = impl_->joints[j];
+  if (coordinate < 0 || coordinate >= coordinates(joint.kind))
+    refuse("motor", "a " + std::string(name(joint.kind)) + " joint has no coordinate " +
+                        std::to_string(coordinate) + " to drive");
+  const auto i = static_cast<std::size_t>(coordinate);
+  const bool was_held = joint.coordinates[i].motor && joint.coordinates[i].motor->is_rigid() &&
+                        !joint.coordinates[i].motor->position;
+  joint.coordinates[i].motor = motor;
+  validate(joint);
+  impl_->fill_in_laws(joint);
+
+  impl_->wake_ends(joint);
+  impl_->joints[j] = joint;
+  JointState& state = impl_->joint_states[j];
+  if (coordinate == 0) state.expires_at = motor ? impl_->end_of(*motor) : kInfinity;
+  if (!was_held) state.coordinates[i].held = state.coordinates[i].position;
+  if (motor && motor->position && motor->is_rigid()) {
+    state.coordinates[i].held = *motor->position;
+    begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), time(), state);
+  }
+  impl_->edit_laws(joint);
+}
+
+// also what is compiled of them
+void World::Impl::edit_laws(const Joint& joint) {
+  for (const BodyId id : {joint.body_a, joint.body_b}) {
+    edit_island_of(id);
+    if (is_movable(index(id))) relinked_bodies.push_back(id);
+  }
 }
 
 void World::set_broken(JointId id, bool broken) {

@@ -67,7 +67,7 @@ void World::set_time(double time, std::uint64_t step_count) {
   const double now = this->time();
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     JointState& state = impl_->joint_states[j];
-    state.expires_at = time + state.time_left(impl_->joints[j].motor, now);
+    state.expires_at = time + state.time_left(first_motor(impl_->joints[j]), now);
     state.closing_since = time + (state.closing_since - now);
   }
   for (Wrench& wrench : impl_->wrenches) {
@@ -97,9 +97,14 @@ void World::continue_from(const World& other) {
     renumber(joint.body_a);
     renumber(joint.body_b);
     // a sinusoid goes on as it would have from the time of this world
-    Motor& motor = joint.motor;
-    if (motor.frequency > 0.0 && elapsed != 0.0)
-      motor.phase = std::remainder(motor.phase - 2.0 * kPi * motor.frequency * elapsed, 2.0 * kPi);
+    const auto shift = [&](Motor* motor) {
+      if (motor->frequency > 0.0 && elapsed != 0.0)
+        motor->phase =
+            std::remainder(motor->phase - 2.0 * kPi * motor->frequency * elapsed, 2.0 * kPi);
+    };
+    shift(&joint.motor);
+    for (CoordinateLaw& law : joint.coordinates)
+      if (law.motor) shift(&*law.motor);
   }
   for (Wrench& wrench : impl_->wrenches) renumber(wrench.body);
   for (JointId& id : impl_->joint_ids) id.value += new_joints;
@@ -206,6 +211,7 @@ void World::reset() {
   impl_->any_corrections = false;
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     impl_->joints[j].motor = impl_->joint_starts[j].motor;
+    impl_->joints[j].coordinates = impl_->joint_starts[j].coordinates;
     impl_->start_joint(j);
   }
   impl_->wrenches.clear();

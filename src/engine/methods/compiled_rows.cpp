@@ -96,6 +96,7 @@ void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const En
       for (const std::size_t body : {ends[at(j)].first, ends[at(j)].second})
         link.radius = std::max(link.radius, masses[body].radius_of_gyration());
     }
+    add_coordinates(joint, &link);
     links_.push_back(link);
   }
   if (is_chain_) turn_along_chain();
@@ -103,14 +104,30 @@ void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const En
   for (std::size_t l = first_general_; l < first_spring_; ++l) {
     links_[l].first_row = rows_.size();
     for (std::size_t k = 0; k < rows_of(l); ++k) {
-      const RowForm form = info(links_[l].kind).row[k];
+      const ScalarForm of_row = form(l, k);
       general_rows_.push_back(
-          {rows_.size() + k, l, form, form.has_separation() ? 1.0 : links_[l].radius});
+          {rows_.size() + k, l, of_row, of_row.has_separation() ? 1.0 : links_[l].radius});
     }
     add_rows(links_[l], static_cast<int>(rows_of(l)));
   }
   vectors_.resize(first_spring_ - first_general_);
   fixed_axes_.assign(fixed_points_.size(), Matrix3d::Identity());
+}
+
+// what acts along the coordinates of the joint that is compiled to the next link
+void EquationsOfMotion::add_coordinates(const Joint& joint, Link* link) {
+  const JointKindInfo& kind = info(joint.kind);
+  link->rows = kind.rows;
+  link->first_soft = softs_.size();
+  for (int i = 0; i < kind.coordinates; ++i) {
+    const CoordinateLaw& law = joint.coordinates[at(i)];
+    const SoftLaw soft = soft_law(law);
+    if (is_held(law))
+      link->function[at(link->rows++)] = static_cast<std::uint8_t>(kind.rows + i);
+    else if (!soft.is_none())
+      softs_.push_back({links_.size(), kind.rows + i, kind.coordinate[at(i)], soft, law.zero});
+  }
+  link->softs = softs_.size() - link->first_soft;
 }
 
 void EquationsOfMotion::add_rows(const Link& link, int count) {
@@ -236,17 +253,17 @@ void EquationsOfMotion::place_general() {
   }
 }
 
-// how the vectors of the joint of a general row move
-JointMotion EquationsOfMotion::motion_of(const GeneralRow& row) const {
-  const Link& link = links_[row.link];
+// how the vectors of a general joint move
+JointMotion EquationsOfMotion::motion_of(std::size_t l) const {
+  const Link& link = links_[l];
   const auto spin = [&](std::size_t point) -> Vector3d {
     if (turns(point)) return spin_[point];
     if (point < bodies_.size()) return Vector3d::Zero();
     return fixed_points_[point - bodies_.size()].start.angular_velocity;
   };
   JointMotion motion;
-  motion.d_dot = d_dot(row.link);
-  motion.d_bias = gamma_d(row.link);
+  motion.d_dot = d_dot(l);
+  motion.d_bias = gamma_d(l);
   motion.w_A = spin(link.a);
   motion.w_B = spin(link.b);
   return motion;

@@ -91,12 +91,12 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
   length_.resize(links_.size());
   is_changing_.assign(links_.size(), false);
   courses_.reserve(links_.size());
-  for (auto* list :
-       {&value_, &rate_, &rate_target_, &acceleration_target_, &solution_, &residual_, &stress_})
+  for (auto* list : {&value_, &rate_, &value_target_, &rate_target_, &acceleration_target_,
+                     &solution_, &residual_, &stress_})
     list->assign(rows_.size(), 0.0);
   turn_.assign(turns_.size(), Vector3d::Zero());
   turn_response_ = turn_;
-  impulses_.assign(rows_.size() + links_.size() - first_spring_, 0.0);
+  impulses_.assign(soft_force(softs_.size()), 0.0);
   squares_.assign(bodies_.size(), 0.0);
   stage_forces_.assign(impulses_.size() * kMostStages, 0.0);
 }
@@ -172,7 +172,15 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
     if (is_changing_[l]) courses_.emplace_back(l, course);
     length_[l] = is_by_offset(l) ? Course{} : course.length(t);
     fixed_scale_ = std::max(fixed_scale_, length_[l].value);
-    if (is_general(l)) fixed_scale_ = std::max(fixed_scale_, links_[l].radius);
+    if (is_general(l)) {
+      fixed_scale_ = std::max(fixed_scale_, links_[l].radius);
+      for (std::size_t k = 0; k < rows_of(l); ++k) {
+        double& target = value_target_[first_row(l) + k];
+        target = course.target(links_[l].function[k], t).value;
+        if (links_[l].function[k] >= info(links_[l].kind).rows)
+          fixed_scale_ = std::max(fixed_scale_, std::abs(target) / row_length(first_row(l) + k));
+      }
+    }
     if (turns(links_[l].a)) fixed_scale_ = std::max(fixed_scale_, links_[l].anchor_a.norm());
     if (turns(links_[l].b)) fixed_scale_ = std::max(fixed_scale_, links_[l].anchor_b.norm());
   }
@@ -228,13 +236,18 @@ bool EquationsOfMotion::meet(double t, double* y) {
   }
 }
 
-void EquationsOfMotion::clear() {
+void EquationsOfMotion::begin_step(const std::vector<JointState>& states) {
+  for (SoftCoordinate& soft : softs_) {
+    const auto i = at(soft.function - info(links_[soft.link].kind).rows);
+    const CoordinateState& state = states[at(joints_[soft.link])].coordinates[i];
+    soft.position = state.position;
+  }
   std::fill(impulses_.begin(), impulses_.end(), 0.0);
   dependent_rows_ = 0;
   momentary_error_ = 0.0;
 }
 
-RowVector EquationsOfMotion::impulse(std::size_t l) const {
+RowVector EquationsOfMotion::row_impulse(std::size_t l) const {
   RowVector impulse = RowVector::Zero();
   if (!is_by_offset(l)) {
     impulse[0] = impulses_[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_];
@@ -246,15 +259,39 @@ RowVector EquationsOfMotion::impulse(std::size_t l) const {
   return impulse;
 }
 
+RowVector EquationsOfMotion::by_function(std::size_t l, const RowVector& of_rows) const {
+  if (!is_general(l)) return of_rows;
+  RowVector sorted = RowVector::Zero();
+  const Link& link = links_[l];
+  for (int k = 0; k < link.rows; ++k) sorted[link.function[at(k)]] = of_rows[k];
+  for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
+    sorted[softs_[s].function] += impulses_[soft_force(s)];
+  return sorted;
+}
+
+RowVector EquationsOfMotion::impulse(std::size_t l) const { return by_function(l, row_impulse(l)); }
+
 // ---- for methods that step in their own way
 
 RowVector EquationsOfMotion::offset(std::size_t of) const {
+  if (is_general(of)) {
+    RowVector targets = RowVector::Zero();
+    for (std::size_t k = 0; k < rows_of(of); ++k)
+      targets[static_cast<Eigen::Index>(k)] = value_target_[first_row(of) + k];
+    return targets;
+  }
   for (const auto& [l, course] : courses_)
     if (l == of) return length_[l].value * course.offset();
   return RowVector::Zero();
 }
 
 RowVector EquationsOfMotion::offset_rate(std::size_t of) const {
+  if (is_general(of)) {
+    RowVector rates = RowVector::Zero();
+    for (std::size_t k = 0; k < rows_of(of); ++k)
+      rates[static_cast<Eigen::Index>(k)] = rate_target_[first_row(of) + k];
+    return rates;
+  }
   for (const auto& [l, course] : courses_)
     if (l == of) return length_[l].rate * course.offset();
   return RowVector::Zero();
@@ -322,6 +359,13 @@ double EquationsOfMotion::frequency() {
       if (turns(point)) squares_[point] += force * anchor.norm() / inertia_[point].minCoeff();
     }
   }
+  for (std::size_t s = 0; s < softs_.size(); ++s) {
+    const Link& link = links_[softs_[s].link];
+    const Jacobian J = jacobian(softs_[s].form, vectors_[softs_[s].link - first_general_]);
+    const double force = std::abs(forces[soft_force(s)]);
+    for (const auto& [point, torque] : {std::pair(link.a, J.j2), {link.b, J.j4}})
+      if (turns(point)) squares_[point] += force * torque.norm() / inertia_[point].minCoeff();
+  }
   for (const GeneralRow& general : general_rows_) {
     const Row& row = rows_[general.row];
     const double force = std::abs(forces[row.unknown]);
@@ -361,7 +405,13 @@ void EquationsOfMotion::ask(double t) {
       continue;
     }
     const Course share = length_[l] = course.share_to_close(t);
-    for (std::size_t k = 0; k < rows_of(l); ++k) {
+    for (std::size_t k = 0; is_general(l) && k < rows_of(l); ++k) {
+      const Course target = course.target(links_[l].function[k], t);
+      value_target_[first_row(l) + k] = target.value;
+      rate_target_[first_row(l) + k] = target.rate;
+      acceleration_target_[first_row(l) + k] = target.acceleration;
+    }
+    for (std::size_t k = 0; is_ball(l) && k < rows_of(l); ++k) {
       const double offset = course.offset()[static_cast<Eigen::Index>(k)];
       rate_target_[first_row(l) + k] = offset * share.rate;
       acceleration_target_[first_row(l) + k] = offset * share.acceleration;
@@ -504,6 +554,33 @@ void EquationsOfMotion::pull_springs(double* forces) {
   }
 }
 
+// the same of what acts along coordinates
+void EquationsOfMotion::pull_softs(double* forces) {
+  if (first_spring_ == links_.size())
+    std::copy(load_acceleration_.begin(), load_acceleration_.end(), acceleration_.begin());
+  for (std::size_t s = 0; s < softs_.size(); ++s) {
+    const SoftCoordinate& soft = softs_[s];
+    const Link& link = links_[soft.link];
+    const JointVectors& vectors = vectors_[soft.link - first_general_];
+    const double q = reading(soft.form, value(soft.form, vectors), soft.zero, soft.position);
+    const double force = forces[soft_force(s)] =
+        soft.law.force(q, rate(soft.form, vectors, motion_of(soft.link)));
+    const Jacobian J = jacobian(soft.form, vectors);
+    acceleration_[link.a] += inverse_mass_[link.a] * force * J.j1;
+    acceleration_[link.b] += inverse_mass_[link.b] * force * J.j3;
+    if (turns(link.a)) torque_[link.a] += force * J.j2;
+    if (turns(link.b)) torque_[link.b] += force * J.j4;
+  }
+}
+
+// where coordinates read, that angles go on from
+void EquationsOfMotion::note_positions() {
+  for (SoftCoordinate& soft : softs_) {
+    const JointVectors& vectors = vectors_[soft.link - first_general_];
+    soft.position = reading(soft.form, value(soft.form, vectors), soft.zero, soft.position);
+  }
+}
+
 // C̈_target − γ − G a_free
 void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) const {
   for (std::size_t l = 0; l < first_armed_; ++l) {
@@ -525,7 +602,7 @@ void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) co
   }
   for (const GeneralRow& row : general_rows_) {
     const Row& of = rows_[row.row];
-    b[of.unknown] = -gamma(row.form, vectors_[row.link - first_general_], motion_of(row)) -
+    b[of.unknown] = -gamma(row.form, vectors_[row.link - first_general_], motion_of(row.link)) -
                     direction_[row.row].dot(free[of.b] - free[of.a]);
   }
   for (std::size_t p = 0; p < turns_.size(); ++p)
@@ -540,6 +617,10 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
   const Vector3d* free = load_acceleration_.data();  // what bodies do without the rows
   if (first_spring_ < links_.size()) {
     pull_springs(lambda);
+    free = acceleration_.data();
+  }
+  if (!softs_.empty()) {
+    pull_softs(lambda);
     free = acceleration_.data();
   }
   for (std::size_t i = 0; i < turning_; ++i)
@@ -592,10 +673,9 @@ double EquationsOfMotion::find_values() {
   }
   for (std::size_t l = first_ball_; l < first_general_; ++l)
     Vector(value_.data() + first_row(l)) = d_[l];
-  for (const GeneralRow& row : general_rows_)
-    value_[row.row] = value(row.form, vectors_[row.link - first_general_]);
+  for (const GeneralRow& row : general_rows_) value_[row.row] = value_of(row);
   for (const auto& [l, course] : courses_)
-    for (std::size_t k = 0; is_by_offset(l) && k < rows_of(l); ++k)
+    for (std::size_t k = 0; is_ball(l) && k < rows_of(l); ++k)
       value_[first_row(l) + k] -= length_[l].value * course.offset()[static_cast<Eigen::Index>(k)];
   const std::size_t first_general_row = rows_.size() - general_rows_.size();
   for (std::size_t i = first_ball_; i < first_general_row; ++i) consider(i, std::abs(value_[i]));
@@ -604,13 +684,19 @@ double EquationsOfMotion::find_values() {
   return worst;
 }
 
+// C of a row; of an angle the whole turns do not count
+double EquationsOfMotion::value_of(const GeneralRow& row) const {
+  const double off = value(row.form, vectors_[row.link - first_general_]) - value_target_[row.row];
+  return row.form.is_angle ? unwound(off, 0.0) : off;
+}
+
 // Ċ of all rows
 void EquationsOfMotion::find_rates() {
   for (std::size_t l = 0; l < first_ball_; ++l) rate_[l] = direction_[l].dot(d_dot(l));
   for (std::size_t l = first_ball_; l < first_general_; ++l)
     Vector(rate_.data() + first_row(l)) = d_dot(l);
   for (const GeneralRow& row : general_rows_)
-    rate_[row.row] = rate(row.form, vectors_[row.link - first_general_], motion_of(row));
+    rate_[row.row] = rate(row.form, vectors_[row.link - first_general_], motion_of(row.link));
 }
 
 // largest speed of a point that a joint holds [m/s]
@@ -706,6 +792,7 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
     note_left_out();
   }
   if (left_out_ > 0) factor(kLeastPivotOfForces);
+  if (!softs_.empty()) note_positions();
   accelerate(0, y, dydt);
   return true;
 }

@@ -80,8 +80,20 @@ class EquationsOfMotion {
     double stiffness = 0.0, damping = 0.0;
     JointKind kind = JointKind::kDistance;
     std::size_t first_row = 0;  ///< of general ones
+    /// Its rigid rows, among the rows and coordinates of its kind.
+    int rows = 1;
+    std::array<std::uint8_t, kMaxJointRows> function{0, 1, 2, 3, 4, 5};
+    std::size_t first_soft = 0, softs = 0;  ///< of general ones, in soft_coordinates()
     Eigen::Matrix3d frame_a, frame_b;
     double radius = 0.0;  ///< [m] that turns the angles of its rows into lengths
+  };
+  /// A coordinate that springs, dampers or forces act along, and no motor holds.
+  struct SoftCoordinate {
+    std::size_t link;
+    int function;  ///< among the rows and coordinates of its kind
+    ScalarForm form;
+    SoftLaw law;
+    double zero = 0.0, position = 0.0;  ///< as CoordinateState has them; of angles near enough
   };
   /// As joints().
   const std::vector<Link>& links() const { return links_; }
@@ -92,9 +104,14 @@ class EquationsOfMotion {
   /// Of a rod, or the first of another joint.
   std::size_t row_of(std::size_t l) const { return is_rod(l) ? l : first_row(l); }
   /// Rows of a rigid joint.
-  std::size_t rows_of(std::size_t l) const {
-    return static_cast<std::size_t>(info(links_[l].kind).rows);
+  std::size_t rows_of(std::size_t l) const { return static_cast<std::size_t>(links_[l].rows); }
+  /// Of one of these.
+  const ScalarForm& form(std::size_t l, std::size_t k) const {
+    return info(links_[l].kind).function[links_[l].function[k]];
   }
+  const std::vector<SoftCoordinate>& soft_coordinates() const { return softs_; }
+  /// Where one reads; angles are taken for those nearest to it from then on.
+  void set_position(std::size_t soft, double position) { softs_[soft].position = position; }
   std::size_t points() const { return inverse_mass_.size(); }
   double inverse_mass(std::size_t point) const { return inverse_mass_[point]; }
   const Eigen::Vector3d& inertia(std::size_t turning) const { return inertia_[turning]; }
@@ -109,7 +126,8 @@ class EquationsOfMotion {
   const Eigen::Vector3d& position(std::size_t fixed_point) const { return position_[fixed_point]; }
   const Eigen::Vector3d& velocity(std::size_t fixed_point) const { return velocity_[fixed_point]; }
   const Course& length(std::size_t l) const { return length_[l]; }
-  /// What the rows of a joint that is no rod and no spring are to be off by.
+  /// What the rows of a joint that is no rod and no spring are to be off by, or where a coordinate
+  /// is to be.
   RowVector offset(std::size_t l) const;
   RowVector offset_rate(std::size_t l) const;
   /// Axes of a fixed point that a general joint holds on to, and how it turns [rad/s].
@@ -125,7 +143,11 @@ class EquationsOfMotion {
   /// Whether the redundant rows are met there; makes those that are not ordinary rows again.
   bool redundant_rows_are_met(double t, const std::vector<Eigen::Vector3d>& positions,
                               const std::vector<Eigen::Quaterniond>& orientations);
+  /// Of its rigid rows.
   void add_impulse(std::size_t l, const RowVector& impulse);
+  void add_soft_impulse(std::size_t soft, double impulse) {
+    impulses_[soft_force(soft)] += impulse;
+  }
   /// What add_impulse() adds after the first can be taken back by the second.
   void keep_impulses() { kept_impulses_ = impulses_; }
   void restore_impulses() { impulses_ = kept_impulses_; }
@@ -172,12 +194,17 @@ class EquationsOfMotion {
     for (std::size_t i = 0; i < impulses_.size(); ++i) add(stage_forces_[i]);
   }
 
-  // ---- what the joints did since clear()
+  // ---- what the joints did since begin_step()
 
-  void clear();
+  /// Clears it, and takes coordinates from the states of all joints.
+  void begin_step(const std::vector<JointState>& states);
   /// As read_smooth_joint() wants it, of joints()[l].
   RowVector impulse(std::size_t l) const;
-  /// What momentary rows were off by since clear(): rate times substep, summed up [m].
+  /// Of its rigid rows alone.
+  RowVector row_impulse(std::size_t l) const;
+  /// The same in the order of its rows and coordinates.
+  RowVector by_function(std::size_t l, const RowVector& of_rows) const;
+  /// What momentary rows were off by since begin_step(): rate times substep, summed up [m].
   double momentary_error() const { return momentary_error_; }
   /// Most rows at once that depended on others, redundant rows included.
   int dependent_rows() const { return dependent_rows_ + static_cast<int>(redundant_rows()); }
@@ -237,7 +264,7 @@ class EquationsOfMotion {
   /// A row of a general joint.
   struct GeneralRow {
     std::size_t row, link;
-    RowForm form;
+    ScalarForm form;
     double metres;  // of a unit of the row
   };
   /// A place of an immovable body that a joint holds on to.
@@ -261,6 +288,7 @@ class EquationsOfMotion {
   void mirror_chain();
   void add_links(const std::vector<Joint>& all_joints, const Ends& ends,
                  const std::vector<MassProperties>& masses);
+  void add_coordinates(const Joint& joint, Link* link);
   void add_rows(const Link& link, int count);
   void couple_rows();
   std::size_t first_row(std::size_t l) const {
@@ -282,6 +310,12 @@ class EquationsOfMotion {
   void set_velocities(const double* y);
   void accelerate(std::size_t stage, const double* y, double* dydt);
   void pull_springs(double* forces);
+  void pull_softs(double* forces);
+  void note_positions();
+  double value_of(const GeneralRow& row) const;
+  std::size_t soft_force(std::size_t soft) const {
+    return rows_.size() + links_.size() - first_spring_ + soft;
+  }
   void find_right_hand_side(const Eigen::Vector3d* free, double* b) const;
   void weigh_by_length(double* lambda) const;
 
@@ -334,7 +368,7 @@ class EquationsOfMotion {
   bool choose_again(double t, const double* y);
   void verify_left_out(double least);
   void note_left_out();
-  JointMotion motion_of(const GeneralRow& row) const;
+  JointMotion motion_of(std::size_t link) const;
   double row_length(std::size_t row) const {
     if (row < first_ball_) return length_[row].value;
     const std::size_t first = rows_.size() - general_rows_.size();
@@ -356,6 +390,7 @@ class EquationsOfMotion {
   std::size_t first_armed_ = 0, first_ball_ = 0, first_general_ = 0, first_spring_ = 0;  // links_
   std::vector<Row> rows_;  // of rods one each, of ball joints three, then of general ones
   std::vector<GeneralRow> general_rows_;
+  std::vector<SoftCoordinate> softs_;
   std::vector<Turn> turns_;
   std::vector<Pull> pulls_;  // on one body after the other
   std::vector<std::size_t> pulls_end_;
@@ -392,6 +427,7 @@ class EquationsOfMotion {
   std::vector<Eigen::Matrix3d> fixed_axes_;                // of fixed points, where they have axes
   std::vector<Eigen::Vector3d> direction_;                 // of rows: d of rods, an axis of balls
   std::vector<double> value_, rate_;                       // of rows
+  std::vector<double> value_target_;                       // of rows of general joints
   std::vector<double> rate_target_, acceleration_target_;  // of rows
   std::vector<Eigen::Vector3d> turn_, turn_response_;      // of turns: J_ang, I⁻¹ J_angᵀ
 
@@ -410,15 +446,16 @@ class EquationsOfMotion {
   int choose_after_ = 0;               // such restarts
   double time_ = 0.0;                  // of the last project() [s]
   double substep_ = 0.0;               // the last one [s]
-  double momentary_error_ = 0.0;       // since clear() [m]
+  double momentary_error_ = 0.0;       // since begin_step() [m]
   bool is_inconsistent_ = false;
 
   bool factors_are_there_ = false;
   int left_out_ = 0;  // rows without a force in the factors that are there, redundant ones apart
   int dependent_rows_ = 0;
   std::vector<double> solution_, residual_, stress_;  // by unknown
-  std::vector<double> stage_forces_;                  // by unknown, then of springs; stage by stage
-  std::vector<double> impulses_;                      // the same, summed up
+  // by unknown, then of springs and soft coordinates; stage by stage
+  std::vector<double> stage_forces_;
+  std::vector<double> impulses_;  // the same, summed up
   std::vector<double> kept_impulses_;
   std::vector<double> pose_;     // a state, for find_dependent()
   std::vector<double> squares_;  // ω² of bodies, for frequency()

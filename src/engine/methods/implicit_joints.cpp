@@ -72,7 +72,7 @@ JointVectors ImplicitStep::start_of(const Shape& shape) {
 void ImplicitStep::begin_general(const Link& link, Shape* shape) const {
   const JointVectors vectors = start_of(*shape);
   for (int k = 0; k < link.rows; ++k) {
-    const Jacobian J = jacobian(info(link.joint).row[at(k)], vectors);
+    const Jacobian J = jacobian(info(link.joint).function[link.function[at(k)]], vectors);
     double sum = 0.0;
     for (std::size_t e = 0; e < 2; ++e) {
       const End& end = link.ends[e];
@@ -122,35 +122,128 @@ void ImplicitStep::move_general(const Link& link, const Shape& shape, const Unkn
   motion->at_force = between(start_of(shape), end_vectors, share_);
 }
 
+// The laws of soft rows, divided by what they have of q₁ and what inertia has of it:
+//   midpoint: λ = −K (½(q₀ + q₁) − R) − (C/h)(q₁ − q₀) + F
+//   BDF2:     λ = −K (q₁ − R) − (C/2h)(3 q₁ − 4 q₀ + q₋) + F
+void ImplicitStep::begin_softs(const Link& link, const Shape& shape,
+                               const EquationsOfMotion& equations) {
+  const JointVectors vectors = start_of(shape);
+  for (int k = link.rigid_rows; k < link.rows; ++k) {
+    const std::size_t s = link.first_soft + at(k - link.rigid_rows);
+    const EquationsOfMotion::SoftCoordinate& from = equations.soft_coordinates()[s];
+    const SoftLaw& law = from.law;
+    SoftRow& soft = softs_[s];
+    const double before = soft.start;
+    soft.start = soft.end = reading(from.form, value(from.form, vectors), from.zero, from.position);
+    const double rate = law.C / h_;
+    double of_q1 = 0.5 * law.K + rate, rest = (rate - 0.5 * law.K) * soft.start;
+    if (rule_ == ImplicitRule::kBdf2) {
+      of_q1 = law.K + 1.5 * rate;
+      rest = rate * (2.0 * soft.start - 0.5 * before);
+    }
+    const double scale = of_q1 + shape.row_scale[k] * shape.row_scale[k] / s_;
+    soft.given = 1.0 / scale;
+    soft.taken = of_q1 / scale;
+    soft.target = (law.K * law.R + rest + law.F) / scale;
+  }
+}
+
+// A row or coordinate in the step, and the slopes of what it does with λ, before share_.
+void ImplicitStep::evaluate_form(const ScalarForm& form, const Link& link,
+                                 const JointVectors& start, const GeneralMotion& motion,
+                                 double lambda, FormInStep* there) const {
+  const auto add_slopes = [&](const RowForm& row, double weight, std::size_t f,
+                              JacobianSlopes* slopes) {
+    JacobianSlopes slope;
+    slope.add(row.u, row.v, motion.at_force, motion.slopes[f], f);
+    slope.add(row.v, row.u, motion.at_force, motion.slopes[f], f);
+    slopes->add(weight, slope);
+  };
+  const auto gradient_of = [&](const RowForm& row, std::size_t f) {
+    const VectorSlopes& slopes = motion.slopes[f];
+    return (motion.at_end[row.v].transpose() * slopes.of(row.u, f) +
+            motion.at_end[row.u].transpose() * slopes.of(row.v, f))
+        .eval();
+  };
+  if (!form.is_angle) {
+    there->J = jacobian(form.product, motion.at_force);
+    there->value = value(form.product, motion.at_end);
+    for (std::size_t f = 0; f < 2; ++f) {
+      if (link.ends[f].dofs == 0) continue;
+      add_slopes(form.product, lambda, f, &there->slopes[f]);
+      there->gradient[f] = gradient_of(form.product, f);
+    }
+    return;
+  }
+  // Ḡ = κ (c̄ ∇̄s − s̄ ∇̄c); where forces are taken at the end, all of it is there
+  const CosineAndSine<double> end = values(form.angle, motion.at_end);
+  const CosineAndSine<double> first = share_ == 0.5 ? values(form.angle, start) : end;
+  const CosineAndSine<Jacobian> J = jacobians(form.angle, motion.at_force);
+  const AngleStep step(first, end);
+  const double c = first.c + share_ * (end.c - first.c), s = first.s + share_ * (end.s - first.s);
+  const Jacobian direction = combined(c, J.s, -s, J.c);
+  there->J = combined(step.kappa, direction, 0.0, direction);
+  const AngleStep whole(values(form.angle, start), end);
+  there->value = whole.change;
+  // of a step that begins where it ends: κ = 1/(c² + s²)
+  const double kappa_c = share_ == 0.5 ? step.kappa_c : -2.0 * end.c * step.kappa * step.kappa;
+  const double kappa_s = share_ == 0.5 ? step.kappa_s : -2.0 * end.s * step.kappa * step.kappa;
+  for (std::size_t f = 0; f < 2; ++f) {
+    if (link.ends[f].dofs == 0) continue;
+    Eigen::Matrix<double, 1, 6> of_c = Eigen::Matrix<double, 1, 6>::Zero(), of_s = of_c;
+    for (const AngleForm::Term& term : form.angle.c)
+      if (term.weight != 0.0) of_c += term.weight * gradient_of(term.form, f);
+    for (const AngleForm::Term& term : form.angle.s)
+      if (term.weight != 0.0) of_s += term.weight * gradient_of(term.form, f);
+    there->gradient[f] = whole.change_c * of_c + whole.change_s * of_s;
+    JacobianSlopes& slopes = there->slopes[f];
+    slopes.add(direction, (lambda / share_) * (kappa_c * of_c + kappa_s * of_s));
+    for (const AngleForm::Term& term : form.angle.s)
+      if (term.weight != 0.0)
+        add_slopes(term.form, lambda * step.kappa * c * term.weight, f, &slopes);
+    for (const AngleForm::Term& term : form.angle.c)
+      if (term.weight != 0.0)
+        add_slopes(term.form, -lambda * step.kappa * s * term.weight, f, &slopes);
+    slopes.add(J.s, lambda * step.kappa * of_c);
+    slopes.add(J.c, -lambda * step.kappa * of_s);
+  }
+}
+
 // As evaluate_link(). Forces and torques are λ times the Jacobian at the vectors of the time at
 // which forces are taken: for the midpoint rule at their means, the discrete gradient.
 void ImplicitStep::evaluate_general(const Link& link, Shape* shape, const Unknowns& unknowns) {
   GeneralMotion motion;
   move_general(link, *shape, unknowns, &motion);
+  const JointVectors start = start_of(*shape);
   GeneralForces forces;
   shape->swing = {};
   for (int k = 0; k < link.rows; ++k) {
-    const RowForm row = info(link.joint).row[at(k)];
-    forces.J[at(k)] = jacobian(row, motion.at_force);
-    forces.value[k] = value(row, motion.at_end) - shape->offset[k];
-    note_row(*shape, at(k), std::abs(forces.value[k]) * (row.has_separation() ? 1.0 : link.radius));
+    const ScalarForm& form = info(link.joint).function[link.function[at(k)]];
     const double lambda = shape->is_left_out[at(k)] ? 0.0 : unknowns[at(link.unknown + k)];
-    const Jacobian& J = forces.J[at(k)];
+    FormInStep there;
+    evaluate_form(form, link, start, motion, lambda, &there);
+    forces.J[at(k)] = there.J;
+    forces.gradient[at(k)] = there.gradient;
+    for (std::size_t f = 0; f < 2; ++f) forces.slopes[f].add(1.0, there.slopes[f]);
+    if (k < link.rigid_rows) {
+      const double start_value = form.is_angle ? value(form, start) : 0.0;
+      const double off = start_value + there.value - shape->offset[k];
+      forces.value[k] = form.is_angle ? unwound(off, 0.0) : off;
+      note_row(*shape, at(k),
+               std::abs(forces.value[k]) * (form.has_separation() ? 1.0 : link.radius));
+    } else {
+      const std::size_t s = link.first_soft + at(k - link.rigid_rows);
+      SoftRow& soft = softs_[s];
+      soft.end = form.is_angle ? soft.start + there.value
+                               : soft.start + there.value - value(form.product, start);
+      forces.value[k] = soft.given * lambda + soft.taken * soft.end - soft.target;
+    }
+    const Jacobian& J = there.J;
     forces.force += lambda * J.j3;
     forces.torque[0] += lambda * J.j2;
     forces.torque[1] += lambda * J.j4;
     shape->swing[0] += (lambda * J.j2).norm();
     shape->swing[1] += (lambda * J.j4).norm();
-    for (std::size_t f = 0; f < 2; ++f) {
-      if (link.ends[f].dofs == 0) continue;
-      const VectorSlopes& slopes = motion.slopes[f];
-      JacobianSlopes slope;
-      slope.add(row.u, row.v, motion.at_force, slopes, f);
-      slope.add(row.v, row.u, motion.at_force, slopes, f);
-      forces.slopes[f].add(lambda, slope);
-      forces.gradient[at(k)][f] = motion.at_end[row.v].transpose() * slopes.of(row.u, f) +
-                                  motion.at_end[row.u].transpose() * slopes.of(row.v, f);
-    }
   }
   shape->force = forces.force;
   shape->d = motion.at_force.d;
@@ -198,15 +291,22 @@ void ImplicitStep::write_general(const Link& link, const Shape& shape,
     for (int i = 0; i < row.dofs; ++i) {
       for (int k = 0; k < link.rows; ++k) {
         const double scale = shape.is_left_out[at(k)] ? 0.0 : shape.row_scale[k];
+        const double taken = k < link.rigid_rows
+                                 ? scale
+                                 : scale * softs_[link.first_soft + at(k - link.rigid_rows)].taken;
         values[slots_[slot++]] += left[i] * columns[at(k)][i] * scale;
         values[slots_[slot++]] +=
-            scale * forces.gradient[at(k)][e][i] * right_[at(row.unknown + i)];
+            taken * forces.gradient[at(k)][e][i] * right_[at(row.unknown + i)];
       }
     }
   }
   for (int k = 0; k < link.rows; ++k) {
     const bool is_in = !shape.is_left_out[at(k)];
-    values[slots_[slot++]] += is_in ? 0.0 : 1.0;
+    double diagonal = is_in ? 0.0 : 1.0;
+    if (k >= link.rigid_rows)
+      diagonal = left_[at(link.unknown + k)] * right_[at(link.unknown + k)] *
+                 softs_[link.first_soft + at(k - link.rigid_rows)].given;
+    values[slots_[slot++]] += diagonal;
     residual_[at(link.unknown + k)] = is_in ? forces.value[k] : 0.0;
   }
 }

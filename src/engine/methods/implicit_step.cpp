@@ -45,7 +45,13 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
                 : equations.is_ball(l)    ? Kind::kBall
                 : equations.is_general(l) ? Kind::kGeneral
                                           : Kind::kSpring;
-    link.rows = static_cast<int>(equations.rows_of(l));
+    link.rigid_rows = static_cast<int>(equations.rows_of(l));
+    link.rows = link.rigid_rows + static_cast<int>(from.softs);
+    link.function = from.function;
+    link.first_soft = from.first_soft;
+    for (std::size_t s = 0; s < from.softs; ++s)
+      link.function[at(link.rigid_rows) + s] =
+          static_cast<std::uint8_t>(equations.soft_coordinates()[from.first_soft + s].function);
     link.joint = from.kind;
     link.frames = {from.frame_a, from.frame_b};
     link.radius = from.radius;
@@ -77,6 +83,9 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
   spin_.assign(turning_, Vector3d::Zero());
   turn_.resize(turning_);
   shapes_.resize(links_.size());
+  softs_.resize(equations.soft_coordinates().size());
+  for (const EquationsOfMotion::SoftCoordinate& soft : equations.soft_coordinates())
+    has_dampers_ = has_dampers_ || soft.law.C > 0.0;
   left_.assign(lu_.size(), 1.0);
   right_ = left_;
   residual_ = left_;
@@ -343,6 +352,7 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
     if (link.kind == Kind::kGeneral) place_axes(*equations, link, &shape.axes1);
     if (link.kind == Kind::kBall || link.kind == Kind::kGeneral) {
       shape.offset = equations->offset(l);
+      if (link.rows > link.rigid_rows) begin_softs(link, shape, *equations);
       continue;
     }
     const double length = equations->length(l).value;
@@ -403,7 +413,7 @@ bool ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
   for (std::size_t l = 0; l < links_.size(); ++l) {
     if (links_[l].kind == Kind::kSpring) continue;
     const std::size_t row = equations->row_of(l);
-    for (std::size_t k = 0; k < at(links_[l].rows); ++k) {
+    for (std::size_t k = 0; k < at(links_[l].rigid_rows); ++k) {
       shapes_[l].is_left_out[k] = is_dependent_[row + k] != 0;
       shapes_[l].is_redundant[k] = is_dependent_[row + k] == EquationsOfMotion::kRedundant;
     }
@@ -667,9 +677,14 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
         equations->add_impulse(l, impulse);
         break;
       case Kind::kGeneral:
-        for (int k = 0; k < link.rows; ++k)
+        for (int k = 0; k < link.rigid_rows; ++k)
           if (!shape.is_left_out[at(k)]) impulse[k] = h_ * unknowns[at(link.unknown + k)];
         equations->add_impulse(l, impulse);
+        for (int k = link.rigid_rows; k < link.rows; ++k) {
+          const std::size_t s = link.first_soft + at(k - link.rigid_rows);
+          equations->add_soft_impulse(s, h_ * unknowns[at(link.unknown + k)]);
+          equations->set_position(s, softs_[s].end);
+        }
         for (std::size_t e = 0; e < 2; ++e)
           if (link.ends[e].dofs == 6)
             squares_[link.ends[e].point] +=

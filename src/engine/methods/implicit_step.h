@@ -95,6 +95,7 @@ class ImplicitStep {
     if (!with_step_before) return;
     for (const auto* list : {&dx_before_, &v_before_, &w_before_, &L_before_}) add(*list);
     for (const Shape& shape : shapes_) add(shape.before);
+    for (const SoftRow& soft : softs_) add(soft.start);
   }
   /// What is largest of those that turn and are swung with an ω of no more than this [rad/s]: spin
   /// [rad/s], and spin times radius of gyration [m/s].
@@ -121,8 +122,16 @@ class ImplicitStep {
     std::size_t slot = 0;  // first of its slots
     bool is_between_points = false;
     JointKind joint = JointKind::kDistance;
-    std::array<Eigen::Matrix3d, 2> frames;  // of a general one, in its bodies
-    double radius = 0.0;                    // of a general one [m]
+    std::array<Eigen::Matrix3d, 2> frames;               // of a general one, in its bodies
+    double radius = 0.0;                                 // of a general one [m]
+    std::array<std::uint8_t, kMaxJointRows> function{};  // of its rows, soft ones last
+    int rigid_rows = 1;
+    std::size_t first_soft = 0;  // as EquationsOfMotion::soft_coordinates()
+  };
+  /// The law of a soft row in a step: given λ + taken q₁ = target.
+  struct SoftRow {
+    double given = 0.0, taken = 1.0, target = 0.0;
+    double start = 0.0, end = 0.0;  // q at both ends of the step
   };
   /// What it is in a step.
   struct Shape {
@@ -174,11 +183,26 @@ class ImplicitStep {
       torque_A += lambda * of_row.torque_A;
       torque_B += lambda * of_row.torque_B;
     }
+    /// Of a factor of J with this gradient.
+    void add(const Jacobian& J, const Eigen::Matrix<double, 1, 6>& gradient) {
+      force += J.j3 * gradient;
+      torque_A += J.j2 * gradient;
+      torque_B += J.j4 * gradient;
+    }
   };
   /// Its vectors at the end of the step and where forces are taken; slopes of those at the end.
   struct GeneralMotion {
     JointVectors at_end, at_force;
     std::array<VectorSlopes, 2> slopes;
+  };
+  /// A row in a step: J where forces are taken, with the slopes of λJ; at the end of the step the
+  /// value, of an angle its change over the step, and its gradient.
+  struct FormInStep {
+    Jacobian J;
+    double value = 0.0;
+    std::array<JacobianSlopes, 2> slopes;
+    std::array<Eigen::Matrix<double, 1, 6>, 2> gradient{Eigen::Matrix<double, 1, 6>::Zero(),
+                                                        Eigen::Matrix<double, 1, 6>::Zero()};
   };
   /// Its rows, what they do, and the derivatives of both by the displacements of both ends.
   struct GeneralForces {
@@ -204,7 +228,10 @@ class ImplicitStep {
   void begin_general(const Link& link, Shape* shape) const;
   void move_general(const Link& link, const Shape& shape, const Unknowns& unknowns,
                     GeneralMotion* motion) const;
+  void begin_softs(const Link& link, const Shape& shape, const EquationsOfMotion& equations);
   void evaluate_general(const Link& link, Shape* shape, const Unknowns& unknowns);
+  void evaluate_form(const ScalarForm& form, const Link& link, const JointVectors& start,
+                     const GeneralMotion& motion, double lambda, FormInStep* at) const;
   void write_general(const Link& link, const Shape& shape, const GeneralForces& forces);
   void note_row(const Shape& shape, std::size_t k, double error) {
     double& worst = shape.is_left_out[k] ? worst_momentary_row_ : worst_row_;
@@ -237,6 +264,7 @@ class ImplicitStep {
   std::vector<Eigen::Vector3d> shift_;           // Δx of points that are fixed but move
   std::vector<Turning> turn_;
   std::vector<Shape> shapes_;
+  std::vector<SoftRow> softs_;
   std::vector<double> left_, right_;  // scales of equations and unknowns
   std::vector<double> residual_;
   double worst_row_ = 0.0, worst_momentary_row_ = 0.0, scale_ = 1.0, frequency_ = 0.0;

@@ -67,6 +67,14 @@ double InconsistentMotion::rate_asked_for(std::size_t i) const {
   return offset.normalized().dot(components(target_.rate, i)) * d.normalized()[row.axis];
 }
 
+// of a row of a general joint [m]; of an angle the whole turns do not count
+double InconsistentMotion::general_error(std::size_t i, const Rows& geometry) const {
+  const RegularizedRows::Row& row = rows_.rows()[i];
+  const double there = value(row.form, geometry[row.joint].vectors());
+  if (!row.form.is_angle) return row.metres * there - target_.length[i];
+  return row.metres * unwound(there - target_.length[i] / row.metres, 0.0);
+}
+
 // C of rigid rows [m], 0 of springs; returns Σ C²/a
 double InconsistentMotion::errors(const Rows& geometry, Numbers* values) const {
   double sum = 0.0;
@@ -76,9 +84,7 @@ double InconsistentMotion::errors(const Rows& geometry, Numbers* values) const {
     (*values)[i] = row.axis < 0 ? d.norm() - target_.length[i] : d[row.axis] * share_off(i, d);
     if (row.axis >= 0 && !rows_.is_between_bodies(row.joint))
       (*values)[i] = d[row.axis] - target_.length[i];
-    if (row.is_general)
-      (*values)[i] =
-          row.metres * value(row.form, geometry[row.joint].vectors()) - target_.length[i];
+    if (row.is_general) (*values)[i] = general_error(i, geometry);
     if (row.is_spring) (*values)[i] = 0.0;
     sum += (*values)[i] * (*values)[i] / weights_[i];
   }
@@ -219,13 +225,23 @@ double InconsistentMotion::kinetic_energy(const BodyVectors& velocity) const {
   return 0.5 * momentum_product(velocity, velocity);
 }
 
-// at end_
+// How long a spring is, or where the coordinate of one reads [m].
+double InconsistentMotion::extent(std::size_t i, const Rows& geometry) const {
+  const RegularizedRows::Row& row = rows_.rows()[i];
+  if (row.soft < 0) return geometry[row.joint].d.norm();
+  const EquationsOfMotion::SoftCoordinate& soft =
+      equations_->soft_coordinates()[static_cast<std::size_t>(row.soft)];
+  const double there = value(soft.form, geometry[row.joint].vectors());
+  return row.metres * reading(soft.form, there, soft.zero, soft.position);
+}
+
+// at end_; that of constant forces counts from where the coordinate is zero
 double InconsistentMotion::spring_energy() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < stiffness_.size(); ++i) {
     if (!rows_.rows()[i].is_spring) continue;
-    const double stretch = at_end_[rows_.rows()[i].joint].d.norm() - target_.length[i];
-    sum += 0.5 * stiffness_[i] * stretch * stretch;
+    const double stretch = extent(i, at_end_) - target_.length[i];
+    sum += 0.5 * stiffness_[i] * stretch * stretch - force_[i] * stretch;
   }
   return sum;
 }
@@ -248,8 +264,7 @@ double InconsistentMotion::damped_energy(double h) const {
   double sum = 0.0;
   for (std::size_t i = 0; i < damping_.size(); ++i) {
     if (damping_[i] == 0.0) continue;
-    const std::size_t l = rows_.rows()[i].joint;
-    const double rate = (at_end_[l].d.norm() - at_start_[l].d.norm()) / h - target_.rate[i];
+    const double rate = (extent(i, at_end_) - extent(i, at_start_)) / h - target_.rate[i];
     sum += h * damping_[i] * rate * rate;
   }
   return sum;

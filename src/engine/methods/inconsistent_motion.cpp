@@ -30,6 +30,8 @@ constexpr double kMidpointFound = 1e-14;  // of the scene
 // Energy that the impulses of a midpoint step may add before they are left out, as a share.
 constexpr double kMostAdded = 1e-3;
 constexpr double kMostAddedDriven = 0.5;
+// What a constant force is taken to give way by, as a share of the mass that it moves.
+constexpr double kLeastGiven = 1e-9;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
@@ -50,8 +52,14 @@ InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
     radius_.push_back(equations.radius_of_gyration(i));
   }
   for (const RegularizedRows::Row& row : rows_.rows()) {
-    stiffness_.push_back(equations.links()[row.joint].stiffness);
-    damping_.push_back(equations.links()[row.joint].damping);
+    const EquationsOfMotion::Link& joint = equations.links()[row.joint];
+    SoftLaw law{joint.stiffness, 0.0, joint.damping, 0.0};
+    if (row.soft >= 0) law = equations.soft_coordinates()[at(row.soft)].law;
+    stiffness_.push_back(law.K / (row.metres * row.metres));
+    damping_.push_back(law.C / (row.metres * row.metres));
+    force_.push_back(law.F / row.metres);
+    const double inverse_mass = equations.inverse_mass(joint.a) + equations.inverse_mass(joint.b);
+    least_given_.push_back(row.soft >= 0 ? kLeastGiven / inverse_mass : 0.0);
   }
   for (Configuration* c : {&start_, &end_, &met_}) {
     c->position.assign(points_, Vector3d::Zero());
@@ -113,6 +121,12 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
       target_.length[i + k] = metres * offset[static_cast<Eigen::Index>(k)];
       target_.rate[i + k] = metres * rate[static_cast<Eigen::Index>(k)];
     }
+    const EquationsOfMotion::Link& link = equations->links()[l];
+    for (std::size_t s = 0; s < link.softs; ++s) {
+      const std::size_t k = i + equations->rows_of(l) + s;
+      target_.length[k] =
+          rows_.rows()[k].metres * equations->soft_coordinates()[link.first_soft + s].law.R;
+    }
   }
   scale_ = largest(target_.length);
   for (const Vector3d& x : configuration->position)
@@ -148,6 +162,10 @@ Progress InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* 
     ask(span.t + (k + 1) * h, equations, &end_);
     step(h, energy, &progress);
     ++progress.substeps;
+    for (std::size_t i = 0; i < rows_.rows().size(); ++i)
+      if (rows_.rows()[i].soft >= 0)
+        equations->set_position(at(rows_.rows()[i].soft),
+                                extent(i, at_end_) / rows_.rows()[i].metres);
   }
   progress.projected = std::max(progress.projected, 0.0);
   find_whether_met();
@@ -156,7 +174,11 @@ Progress InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* 
   if (!progress.done) return progress;
   for (std::size_t i = 0; i < impulses_.size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
-    equations->add_impulse(row.joint, row.metres * impulses_[i] * RowVector::Unit(row.index));
+    const double impulse = row.metres * impulses_[i];
+    if (row.soft >= 0)
+      equations->add_soft_impulse(at(row.soft), impulse);
+    else
+      equations->add_impulse(row.joint, impulse * RowVector::Unit(row.index));
   }
   store(states);
   return progress;
@@ -251,7 +273,8 @@ double InconsistentMotion::most_added(double h) const {
 bool InconsistentMotion::midpoint(double h, Progress* progress) {
   std::fill(q_.begin(), q_.end(), 0.0);
   for (std::size_t i = 0; i < q_.size(); ++i)
-    compliance_[i] = 1.0 / (0.25 * h * h * stiffness_[i] + 0.5 * h * damping_[i]);
+    compliance_[i] =
+        1.0 / std::max(0.25 * h * h * stiffness_[i] + 0.5 * h * damping_[i], least_given_[i]);
   drift(h);
   int found = 0;  // how often in a row
   double before = std::numeric_limits<double>::infinity();
@@ -302,18 +325,17 @@ double InconsistentMotion::find_missing(double h) {
   }
   for (std::size_t i = 0; i < q_.size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
-    const Vector3d& d = at_end_[row.joint].d;
     if (!row.is_spring) {
       b_[i] = rows_.apply(row, change_);
       consider(b_[i]);
       continue;
     }
     // the law, −k (s₀ + ½Δs) − c Δs/h with s the stretch, over what it has of Δs
-    const double start = at_start_[row.joint].d.norm();
+    const double start = extent(i, at_start_), end = extent(i, at_end_);
     const double length = target_.length[i] - 0.5 * h * target_.rate[i];
-    const double stretch = 0.5 * (start + d.norm()) - length;
-    const double rate = (d.norm() - start) / h - target_.rate[i];
-    const double force = -stiffness_[i] * stretch - damping_[i] * rate;
+    const double stretch = 0.5 * (start + end) - length;
+    const double rate = (end - start) / h - target_.rate[i];
+    const double force = force_[i] - stiffness_[i] * stretch - damping_[i] * rate;
     b_[i] = compliance_[i] * (0.5 * h * h * force - q_[i]);
     consider(b_[i] * weights_[i] / (weights_[i] + compliance_[i]));
   }
@@ -379,10 +401,11 @@ void InconsistentMotion::explicit_step(double h, Progress* progress) {
     q_[i] = h * drive_before_[i] - moved;
     if (!row.is_spring) continue;
     const double given = h * (h * stiffness_[i] + damping_[i]);
-    const double stretch = at_start_[row.joint].d.norm() - target_.length[i];
+    const double stretch = extent(i, at_start_) - target_.length[i];
     const double ahead = rows_.apply(row, target_.fixed) - target_.rate[i];
-    compliance_[i] = 1.0 / given;
-    q_[i] = -compliance_[i] * h * (h * stiffness_[i] * stretch + h * damping_[i] * ahead) - moved;
+    compliance_[i] = 1.0 / std::max(given, least_given_[i]);
+    q_[i] = compliance_[i] * h * h * (force_[i] - stiffness_[i] * stretch - damping_[i] * ahead) -
+            moved;
   }
   rows_.factor(kLeastShare, weights_, &compliance_);
   rows_.solve(&q_);

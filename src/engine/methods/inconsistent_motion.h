@@ -82,6 +82,7 @@ class InconsistentMotion {
   void find_correction(double share);
   double displace(Configuration* configuration) const;
   double errors(const Rows& geometry, Numbers* values) const;
+  double general_error(std::size_t row, const Rows& geometry) const;
   static double largest(const Numbers& list);
   Vector3d components(const Numbers& list, std::size_t row) const;
   double share_off(std::size_t row, const Vector3d& d) const;
@@ -96,6 +97,7 @@ class InconsistentMotion {
 
   double kinetic_energy(const BodyVectors& velocity) const;
   double spring_energy() const;
+  double extent(std::size_t row, const Rows& geometry) const;
   double work_of_drives() const;
   double work_of_loads() const;
   double damped_energy(double h) const;
@@ -107,8 +109,9 @@ class InconsistentMotion {
   bool is_free_;  // no point is fixed
   std::vector<double> mass_;
   std::vector<Vector3d> inertia_;
-  std::vector<double> radius_;               // of gyration
-  std::vector<double> stiffness_, damping_;  // by row
+  std::vector<double> radius_;                       // of gyration
+  std::vector<double> stiffness_, damping_, force_;  // of springs, by row
+  std::vector<double> least_given_;  // of these, where they have neither of the first two [kg]
   RegularizedRows rows_;
 
   Configuration start_, end_, met_;

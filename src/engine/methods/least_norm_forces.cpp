@@ -81,14 +81,14 @@ void LeastNormForces::share(const EquationsOfMotion& equations,
   if (!has_same_sum()) shares_ = impulses_;
 }
 
-RowVector LeastNormForces::impulse(std::size_t l) const {
+RowVector LeastNormForces::impulse(const EquationsOfMotion& equations, std::size_t l) const {
   RowVector impulse = RowVector::Zero();
   if (l >= links_.size()) {
     impulse[0] = shares_[rows_.size() + l - links_.size()];
     return impulse;
   }
   for (int k = 0; k < links_[l].rows; ++k) impulse[k] = shares_[links_[l].first_row + at(k)];
-  return impulse;
+  return equations.by_function(l, impulse);
 }
 
 // of a general joint
@@ -136,7 +136,7 @@ void LeastNormForces::place(const EquationsOfMotion& equations,
     for (int k = 0; k < link.rows; ++k) {
       std::array<Vector3d, 2> push, turn;  // for an impulse of 1
       if (equations.is_general(l)) {
-        const Jacobian J = jacobian(info(from.kind).row[at(k)], vectors);
+        const Jacobian J = jacobian(equations.form(l, at(k)), vectors);
         push = {J.j1, J.j3};
         turn = {J.j2, J.j4};
       } else {
@@ -192,7 +192,7 @@ void LeastNormForces::factor() {
 void LeastNormForces::load(const EquationsOfMotion& equations) {
   std::size_t i = 0;
   for (std::size_t l = 0; l < equations.links().size(); ++l) {
-    const RowVector impulse = equations.impulse(l);
+    const RowVector impulse = equations.row_impulse(l);
     for (int k = 0; k < (l < links_.size() ? links_[l].rows : 1); ++k) impulses_[i++] = impulse[k];
   }
   shares_ = impulses_;

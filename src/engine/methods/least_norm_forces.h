@@ -24,7 +24,7 @@ class LeastNormForces {
   /// no others of the same sum are found, as at mass ratios above 1e10.
   void share(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
   /// As EquationsOfMotion::impulse(), of joints()[l].
-  RowVector impulse(std::size_t l) const;
+  RowVector impulse(const EquationsOfMotion& equations, std::size_t l) const;
 
  private:
   /// One rigid joint; slots_ has the lower triangle of its bodies' unknowns.

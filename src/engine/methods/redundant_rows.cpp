@@ -197,10 +197,11 @@ void EquationsOfMotion::set_redundant(const std::vector<char>& redundant) {
 
 // What a joint was open by when it began to be closed [m].
 double EquationsOfMotion::offset_of(std::size_t l, const JointCourse& course) const {
-  RowVector offset = course.offset();
-  if (is_general(l))
-    for (std::size_t k = 0; k < rows_of(l); ++k)
-      offset[static_cast<Eigen::Index>(k)] /= row_length(first_row(l) + k);
+  if (!is_general(l)) return course.offset().norm();
+  RowVector offset = RowVector::Zero();
+  for (std::size_t k = 0; k < rows_of(l); ++k)
+    offset[static_cast<Eigen::Index>(k)] =
+        course.offset()[links_[l].function[k]] / row_length(first_row(l) + k);
   return offset.norm();
 }
 

@@ -27,7 +27,8 @@ RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     first_row_.push_back(rows_.size());
     const bool is_ball = equations.is_ball(l);
-    for (int k = 0; k < static_cast<int>(equations.rows_of(l)); ++k) {
+    const int rigid_rows = static_cast<int>(equations.rows_of(l));
+    for (int k = 0; k < rigid_rows + static_cast<int>(joints_[l].softs); ++k) {
       for (std::size_t e = 0; e < 2; ++e) {
         const std::size_t point = end_of(joints_[l], e);
         if (point < bodies_) ends_on[point].emplace_back(rows_.size(), e);
@@ -39,7 +40,11 @@ RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
       row.is_general = equations.is_general(l);
       row.is_spring = !is_ball && !row.is_general && !equations.is_rod(l);
       if (row.is_general) {
-        row.form = info(joints_[l].kind).row[static_cast<std::size_t>(k)];
+        row.is_spring = k >= rigid_rows;
+        if (row.is_spring) row.soft = static_cast<int>(joints_[l].first_soft) + k - rigid_rows;
+        row.form = row.is_spring
+                       ? equations.soft_coordinates()[static_cast<std::size_t>(row.soft)].form
+                       : equations.form(l, static_cast<std::size_t>(k));
         if (!row.form.has_separation()) row.metres = joints_[l].radius;
       }
       row.angular.fill(Vector3d::Zero());
@@ -136,13 +141,15 @@ JointVectors RegularizedRows::JointGeometry::vectors() const {
 // meet halfway.
 void RegularizedRows::linearize(const JointVectors& a, const JointVectors& b,
                                 const std::vector<Matrix3d>& inverse_inertia, Row* row) const {
-  JointVectors mean = between(a, b, 0.5);
-  const bool is_along_world = row->form.v.kind == VectorKind::kWorldAxis;
-  if (is_along_world && is_between_bodies(row->joint)) {
-    mean.r_A += 0.5 * mean.d;
-    mean.r_B -= 0.5 * mean.d;
+  JointVectors start = a, end = b;
+  const bool is_along_world =
+      !row->form.is_angle && row->form.product.v.kind == VectorKind::kWorldAxis;
+  for (JointVectors* vectors : {&start, &end}) {
+    if (!is_along_world || !is_between_bodies(row->joint)) break;
+    vectors->r_A += 0.5 * vectors->d;
+    vectors->r_B -= 0.5 * vectors->d;
   }
-  const Jacobian J = jacobian(row->form, mean);
+  const Jacobian J = discrete_gradient(row->form, start, end);
   row->direction = row->metres * J.j3;
   row->angular = {row->metres * J.j2, row->metres * J.j4};
   for (std::size_t e = 0; e < 2; ++e) {

@@ -37,7 +37,8 @@ class RegularizedRows {
     int axis = -1;          ///< of a ball joint; -1: along the vector between the anchors
     bool is_spring = false;
     bool is_general = false;  ///< as `form` has it, times `metres`
-    RowForm form;
+    ScalarForm form;
+    int soft = -1;  ///< of a spring along a coordinate: as EquationsOfMotion::soft_coordinates()
     double metres = 1.0;  ///< of a unit of the row
     SparseLdlt::Slot diagonal = 0;
     Eigen::Vector3d direction = Eigen::Vector3d::UnitX();

@@ -44,7 +44,7 @@ class LinkedMotion {
 
   const EquationsOfMotion& equations() const { return equations_; }
   EquationsOfMotion& equations() { return equations_; }
-  void begin_step() { equations_.clear(); }
+  void begin_step(const std::vector<JointState>& joints) { equations_.begin_step(joints); }
   /// Carries the bodies through the span. Leaves them as they are where it cannot.
   Progress advance(const SmoothSpan& span, const Accuracy& accuracy,
                    std::vector<BodyState>* states);

@@ -1,0 +1,127 @@
+#include "engine/constraints/forms.h"
+
+#include <cmath>
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+// x/sin x and its derivative
+struct Stretch {
+  double value, slope;
+
+  explicit Stretch(double x) {
+    const double square = x * x;
+    if (square < 1e-6) {
+      value = 1.0 + square * (1.0 / 6.0 + square * 7.0 / 360.0);
+      slope = x * (1.0 / 3.0 + square * 7.0 / 90.0);
+      return;
+    }
+    const double sine = std::sin(x);
+    value = x / sine;
+    slope = (sine - x * std::cos(x)) / (sine * sine);
+  }
+};
+
+template <class Evaluate>
+auto sum(const std::array<AngleForm::Term, 2>& terms, Evaluate evaluate) {
+  return evaluate(terms[0].form) * terms[0].weight + evaluate(terms[1].form) * terms[1].weight;
+}
+
+Jacobian sum_of_jacobians(const std::array<AngleForm::Term, 2>& terms,
+                          const JointVectors& vectors) {
+  return combined(terms[0].weight, jacobian(terms[0].form, vectors), terms[1].weight,
+                  jacobian(terms[1].form, vectors));
+}
+
+}  // namespace
+
+Jacobian combined(double weight_a, const Jacobian& a, double weight_b, const Jacobian& b) {
+  Jacobian J;
+  J.j1 = weight_a * a.j1 + weight_b * b.j1;
+  J.j2 = weight_a * a.j2 + weight_b * b.j2;
+  J.j3 = weight_a * a.j3 + weight_b * b.j3;
+  J.j4 = weight_a * a.j4 + weight_b * b.j4;
+  return J;
+}
+
+CosineAndSine<double> values(const AngleForm& form, const JointVectors& vectors) {
+  const auto evaluate = [&](RowForm row) { return value(row, vectors); };
+  return {sum(form.c, evaluate), sum(form.s, evaluate)};
+}
+
+CosineAndSine<Jacobian> jacobians(const AngleForm& form, const JointVectors& vectors) {
+  return {sum_of_jacobians(form.c, vectors), sum_of_jacobians(form.s, vectors)};
+}
+
+double value(const ScalarForm& form, const JointVectors& vectors) {
+  if (!form.is_angle) return value(form.product, vectors);
+  const CosineAndSine<double> at = values(form.angle, vectors);
+  return std::atan2(at.s, at.c);
+}
+
+Jacobian jacobian(const ScalarForm& form, const JointVectors& vectors) {
+  if (!form.is_angle) return jacobian(form.product, vectors);
+  const CosineAndSine<double> at = values(form.angle, vectors);
+  const CosineAndSine<Jacobian> J = jacobians(form.angle, vectors);
+  const double square = at.c * at.c + at.s * at.s;
+  return combined(at.c / square, J.s, -at.s / square, J.c);
+}
+
+double rate(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion) {
+  if (!form.is_angle) return rate(form.product, vectors, motion);
+  const CosineAndSine<double> at = values(form.angle, vectors);
+  const auto evaluate = [&](RowForm row) { return rate(row, vectors, motion); };
+  return (at.c * sum(form.angle.s, evaluate) - at.s * sum(form.angle.c, evaluate)) /
+         (at.c * at.c + at.s * at.s);
+}
+
+// (c γ_s − s γ_c − 2 φ̇ (c ċ + s ṡ))/(c² + s²)
+double gamma(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion) {
+  if (!form.is_angle) return gamma(form.product, vectors, motion);
+  const CosineAndSine<double> at = values(form.angle, vectors);
+  const auto rate_of = [&](RowForm row) { return rate(row, vectors, motion); };
+  const auto gamma_of = [&](RowForm row) { return gamma(row, vectors, motion); };
+  const double c_dot = sum(form.angle.c, rate_of), s_dot = sum(form.angle.s, rate_of);
+  const double square = at.c * at.c + at.s * at.s;
+  const double phi_dot = (at.c * s_dot - at.s * c_dot) / square;
+  return (at.c * sum(form.angle.s, gamma_of) - at.s * sum(form.angle.c, gamma_of) -
+          2.0 * phi_dot * (at.c * c_dot + at.s * s_dot)) /
+         square;
+}
+
+Jacobian discrete_gradient(const ScalarForm& form, const JointVectors& start,
+                           const JointVectors& end) {
+  const JointVectors mean = between(start, end, 0.5);
+  if (!form.is_angle) return jacobian(form.product, mean);
+  const CosineAndSine<double> at_start = values(form.angle, start),
+                              at_end = values(form.angle, end);
+  const CosineAndSine<Jacobian> J = jacobians(form.angle, mean);
+  const double half = 0.5 * AngleStep(at_start, at_end).kappa;
+  return combined(half * (at_start.c + at_end.c), J.s, -half * (at_start.s + at_end.s), J.c);
+}
+
+double unwound(double angle, double reference) {
+  return angle + 2.0 * kPi * std::round((reference - angle) / (2.0 * kPi));
+}
+
+// With σ = s₁c₀ − c₁s₀, χ = c₀c₁ + s₀s₁, P = √(σ² + χ²): Δφ = atan2(σ, χ), κ = k(Δφ)/P.
+AngleStep::AngleStep(CosineAndSine<double> start, CosineAndSine<double> end) {
+  const double sigma = end.s * start.c - end.c * start.s;
+  const double chi = start.c * end.c + start.s * end.s;
+  const double square = sigma * sigma + chi * chi;
+  const double P = std::sqrt(square);
+  change = std::atan2(sigma, chi);
+  const Stretch k(change);
+  kappa = k.value / P;
+  const auto slopes = [&](double d_sigma, double d_chi, double* of_change, double* of_kappa) {
+    *of_change = (chi * d_sigma - sigma * d_chi) / square;
+    const double of_P = (sigma * d_sigma + chi * d_chi) / P;
+    *of_kappa = k.slope * *of_change / P - kappa * of_P / P;
+  };
+  slopes(-start.s, start.c, &change_c, &kappa_c);
+  slopes(start.c, start.s, &change_s, &kappa_s);
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,81 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+#include "engine/constraints/rows.h"
+
+namespace constraint_sim::engine {
+
+// What is free in a joint, as functions of its vectors: a translation z_A·d is a product like any
+// row; an angle is φ = atan2(s, c) with c and s weighted sums of products.
+
+/// The twist φ of a joint's frame on B about an axis. With c = ½(x_A·x_B + y_A·y_B) and
+/// s = ½(y_A·x_B − x_A·y_B) it is regular up to a swing of half a turn.
+struct AngleForm {
+  struct Term {
+    RowForm form;
+    double weight = 0.0;
+  };
+  std::array<Term, 2> c, s;
+};
+
+/// A scalar function of the vectors of a joint: a row of its kind, or a free coordinate.
+struct ScalarForm {
+  bool is_angle = false;
+  RowForm product;  ///< unless an angle
+  AngleForm angle;
+
+  constexpr ScalarForm() = default;
+  // NOLINTNEXTLINE(google-explicit-constructor): a row is one
+  constexpr ScalarForm(RowForm form) : product(form) {}
+  constexpr explicit ScalarForm(AngleForm form) : is_angle(true), angle(form) {}
+
+  /// Whether it is in metres.
+  constexpr bool has_separation() const { return !is_angle && product.has_separation(); }
+};
+
+/// c and s, or their Jacobians, rates or γ.
+template <class Number>
+struct CosineAndSine {
+  Number c{}, s{};
+};
+
+CosineAndSine<double> values(const AngleForm& form, const JointVectors& vectors);
+CosineAndSine<Jacobian> jacobians(const AngleForm& form, const JointVectors& vectors);
+
+/// u·v, or φ in (−π, π].
+double value(const ScalarForm& form, const JointVectors& vectors);
+
+/// Of (v_A, ω_A, v_B, ω_B); of an angle (c ∇s − s ∇c)/(c² + s²).
+Jacobian jacobian(const ScalarForm& form, const JointVectors& vectors);
+
+double rate(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion);
+
+/// γ = q̈ − J V̇.
+double gamma(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion);
+
+/// `angle` with the whole turns that bring it nearest to `reference` [rad].
+double unwound(double angle, double reference);
+
+/// Weights of two Jacobians.
+Jacobian combined(double weight_a, const Jacobian& a, double weight_b, const Jacobian& b);
+
+/// The Jacobian G of a step with G·step = q₁ − q₀.
+Jacobian discrete_gradient(const ScalarForm& form, const JointVectors& start,
+                           const JointVectors& end);
+
+/// The change of an angle over a step from (c₀, s₀) to (c₁, s₁), less than half a turn, and the
+/// factor κ that makes κ (c̄ ∇̄s − s̄ ∇̄c) with means and discrete gradients the discrete gradient of
+/// the angle: κ = k(Δφ)/P with k(x) = x/sin x, P = ‖(c₀, s₀)‖‖(c₁, s₁)‖.
+struct AngleStep {
+  double change = 0.0;                    ///< Δφ [rad]
+  double kappa = 0.0;                     ///< κ
+  double kappa_c = 0.0;                   ///< ∂κ/∂c₁
+  double kappa_s = 0.0;                   ///< ∂κ/∂s₁
+  double change_c = 0.0, change_s = 0.0;  ///< ∂Δφ/∂c₁, ∂Δφ/∂s₁
+
+  AngleStep(CosineAndSine<double> start, CosineAndSine<double> end);
+};
+
+}  // namespace constraint_sim::engine

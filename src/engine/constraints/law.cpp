@@ -1,0 +1,118 @@
+#include "engine/constraints/law.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/constraints/target.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+Row row_at(const CoordinateMotion& motion, double C) {
+  Row row;
+  row.J = motion.J;
+  row.C = C;
+  return row;
+}
+
+// p = h (F − K (q + h q̇) − C q̇) by implicit Euler, or a constant impulse
+Row soft_row(const SoftLaw& law, const CoordinateMotion& motion, double h) {
+  Row row = row_at(motion, motion.q - law.R);
+  if (law.K == 0.0 && law.C == 0.0) {
+    row.lower = row.upper = row.impulse = h * law.F;
+    return row;
+  }
+  aim_soft(row, law.K, law.C, h);
+  row.target += row.softness * h * law.F;
+  return row;
+}
+
+Row limit_row(const CoordinateLaw& law, const CoordinateMotion& motion,
+              const CoordinateStep& step) {
+  const bool is_upper = law.upper - motion.q < motion.q - law.lower;
+  Row row = row_at(motion, motion.q - (is_upper ? law.upper : law.lower));
+  (is_upper ? row.upper : row.lower) = 0.0;
+  const double approach = is_upper ? motion.rate : -motion.rate;
+  const double gap = is_upper ? -row.C : row.C;
+  if (law.limit_restitution > 0.0 && approach > 0.0 && gap < step.h * approach) {
+    row.target = -law.limit_restitution * motion.rate;  // in this step, or it would arrive slowly
+    return row;
+  }
+  aim_limit(row, step.beta, step.h);
+  return row;
+}
+
+}  // namespace
+
+SoftLaw soft_law(const CoordinateLaw& law) {
+  if (is_held(law)) return {};
+  SoftLaw soft{law.stiffness, law.rest, law.damping, 0.0};
+  if (!law.motor || law.motor->max_force > 0.0) return soft;
+  if (law.motor->is_servo()) {
+    const double K = law.stiffness + law.motor->servo_stiffness;
+    if (K > 0.0)
+      soft.R = (law.stiffness * law.rest + law.motor->servo_stiffness * *law.motor->position) / K;
+    soft.K = K;
+    soft.C += law.motor->servo_damping;
+  }
+  soft.F = law.motor->force.value_or(0.0);
+  return soft;
+}
+
+Motor first_motor(const Joint& joint) {
+  if (joint.kind == JointKind::kDistance) return joint.motor;
+  return joint.coordinates[0].motor.value_or(CoordinateMotor{});
+}
+
+bool has_moving_motor(const Joint& joint) {
+  return joint.motor.is_moving() || any_coordinate(joint, [](const CoordinateLaw& law) {
+           return law.motor && law.motor->is_moving();
+         });
+}
+
+double elastic_energy(const CoordinateLaw& law, double q) {
+  double energy = 0.5 * law.stiffness * (q - law.rest) * (q - law.rest);
+  if (law.motor && law.motor->is_servo())
+    energy +=
+        0.5 * law.motor->servo_stiffness * (q - *law.motor->position) * (q - *law.motor->position);
+  return energy;
+}
+
+int write_law_rows(const CoordinateLaw& law, const CoordinateMotion& motion,
+                   const CoordinateStep& step, int component, Row* rows) {
+  int count = 0;
+  if (law.motor) {
+    const CoordinateMotor& motor = *law.motor;
+    const double most = motor.max_force > 0.0 ? motor.max_force : kInfinity;
+    if (motor.is_rigid()) {
+      Row& row = rows[count++] = row_at(motion, motion.q - step.target);
+      row.target = row.drive = step.bias;
+      aim_rigid(row, step.beta, step.h);
+      row.component = component;
+      if (motor.max_force > 0.0) limit_force(row, motor.max_force, step.h);
+    } else if (motor.max_force > 0.0) {  // a spring or force of its own, up to its limit
+      SoftLaw own;
+      own.F = std::clamp(motor.force.value_or(0.0), -most, most);
+      if (motor.is_servo())
+        own = {law.motor->servo_stiffness, *motor.position, law.motor->servo_damping, own.F};
+      Row& row = rows[count++] = soft_row(own, motion, step.h);
+      limit_force(row, motor.max_force, step.h);
+    }
+  }
+  const SoftLaw soft = soft_law(law);
+  if (!soft.is_none()) rows[count++] = soft_row(soft, motion, step.h);
+  if (law.is_limited()) rows[count++] = limit_row(law, motion, step);
+  if (law.friction > 0.0) {
+    Row& row = rows[count++] = row_at(motion, 0.0);
+    limit_force(row, law.friction, step.h);
+  }
+  return count;
+}
+
+double beyond_limits(const CoordinateLaw& law, double q) {
+  return std::max(q - law.upper, 0.0) + std::min(q - law.lower, 0.0);
+}
+
+}  // namespace constraint_sim::engine

@@ -69,11 +69,12 @@ LEFT_OUT = {
                  'methods/equations_of_motion.cpp place_arms',
                  'methods/equations_of_motion.cpp rotation_matrix',
                  'methods/equations_of_motion.cpp write_quaternion_rate'],
-    'wrenches': ['world.cpp apply_wrenches'],
+    'wrenches': ['world.cpp find_acting_wrenches', 'methods/sequential_impulses.cpp apply_wrenches'],
     'runge_kutta': ['methods/integrate.h', 'methods/embedded_pairs.h', 'methods/chain_of_rods.cpp',
                     'methods/chain_of_bodies.cpp'],
     'energy_momentum': ['methods/energy_momentum.cpp', 'methods/implicit_step.', 'linear/saddle_lu.'],
-    'sequential_impulses': ['methods/sequential_impulses.cpp', 'methods/impulse_positions.cpp'],
+    'sequential_impulses': ['methods/sequential_impulses.cpp', 'methods/row_solver.cpp',
+                            'methods/impulse_positions.cpp'],
     'islands': [],
 }
 

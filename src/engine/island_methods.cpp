@@ -351,7 +351,7 @@ void World::Impl::list_by_method() {
 
 void World::Impl::integrate() {
   if (smooth.empty()) return;
-  const StageTimer timer(*this, Stage::kIntegration);
+  const StageTimer timer(clock, Stage::kIntegration, &report.stage_times);
   enter();
   if (smooth_changed) list_changing_courses();
   for (const int i : smooth) {

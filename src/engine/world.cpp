@@ -22,6 +22,17 @@ struct StepFailed {
   Failure why;
 };
 
+void add(const ImpulseReport& impulses, StepReport* report) {
+  report->rows += impulses.rows;
+  report->contacts = impulses.contacts;
+  report->max_penetration = impulses.max_penetration;
+  report->iterations += impulses.iterations;
+  report->solver_residual = impulses.solver_residual;
+  report->driven_work = impulses.driven_work;
+  report->correction_work = impulses.correction_work;
+  for (std::size_t i = 0; i < kStageCount; ++i) report->stage_times[i] += impulses.stage_times[i];
+}
+
 }  // namespace
 
 // a whole physics engine in six steps, as the tutorial has it
@@ -32,12 +43,10 @@ const StepReport& World::step() {
     world.find_pairs();                                       // 1. broadphase: fast and approximate
     world.find_contacts();                                    // 2. narrowphase: accurate but slow
     if (world.any_corrections) world.take_out_corrections();  // what closed errors a step ago
-    world.choose_methods();     //    smooth islands part here from the tutorial:
-    world.integrate();          //    all the way in one, to a tolerance; the others go on with
-    world.prepare_rows();       // 3. what joints and contacts ask of the velocities
-    world.update_velocities();  // 4. by gravity, and by the impulses of the step before
-    world.solve_rows();         // 5. to what the rows allow
-    world.update_positions();   // 6. with the final velocities
+    world.choose_methods();       //    smooth islands part here from the tutorial:
+    world.integrate();            //    all the way in one, to a tolerance; the others go on with
+    world.advance_by_impulses();  // 3. to 6. rows, velocities, solve, positions
+    world.advance_kinematic_bodies();
     world.finish_step();
   } catch (const StepFailed& failed) {
     world.keep_state_before(failed.why);
@@ -88,7 +97,6 @@ void World::Impl::remember() {
   is_remembered = true;
   had_corrections = any_corrections;
   if (had_corrections) corrections_before = corrections;
-  self_stress_is_new = false;
 }
 
 void World::Impl::go_back() {
@@ -105,8 +113,6 @@ void World::Impl::go_back() {
   else if (any_corrections)
     for (Twist& correction : corrections) correction.setZero();
   any_corrections = had_corrections;
-  if (self_stress_is_new) std::swap(self_stress, self_stress_before);
-  self_stress_is_new = false;
 }
 
 // what follows from bodies, joints and options: once after an edit
@@ -162,7 +168,7 @@ void World::Impl::recompile() {
 
 // a loop is closed by a joint between bodies that others connect already; immovable ones are one
 void World::Impl::find_loops() {
-  has_loop.assign(islands.size(), false);
+  std::vector<bool> has_loop(islands.size(), false);
   std::vector<std::size_t> towards(bodies.size());
   std::iota(towards.begin(), towards.end(), std::size_t{0});
   const auto root = [&](std::size_t body) {
@@ -178,11 +184,16 @@ void World::Impl::find_loops() {
     else
       towards[std::max(root(a), root(b))] = std::min(root(a), root(b));
   }
+  is_in_loop.assign(joints.size(), false);
+  for (std::size_t i = 0; i < islands.size(); ++i)
+    if (has_loop[i])
+      for (const int j : island_parts[i].members.joints)
+        is_in_loop[static_cast<std::size_t>(j)] = true;
 }
 
 void World::Impl::find_pairs() {
   if (moving_shapes.empty()) return;
-  const StageTimer timer(*this, Stage::kBroadphase);
+  const StageTimer timer(clock, Stage::kBroadphase, &report.stage_times);
   proxies.clear();
   for (const int body : moving_shapes) proxies.push_back(proxy(body));
   report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
@@ -212,7 +223,7 @@ void World::Impl::collide_pairs() {
   contacts_are_new = true;
   touching.clear();
   if (moving_shapes.empty()) return;
-  const StageTimer timer(*this, Stage::kNarrowphase);
+  const StageTimer timer(clock, Stage::kNarrowphase, &report.stage_times);
   std::size_t points = 0;
   auto before = touching_before.begin();  // both lists are sorted, so one pass matches them
   for (const Broadphase::Pair& ends : broadphase.pairs()) {
@@ -256,90 +267,8 @@ void World::Impl::take_out_corrections() {
   any_corrections = false;
 }
 
-void World::Impl::prepare_rows() {
-  rows.clear();
-  joint_rows.clear();
-  contact_rows.clear();
-  if (impulse_bodies.empty()) return;
-  const StageTimer timer(*this, Stage::kRows);
-  loop_rows.clear();
-  const JointStep step = joint_step();
-  for (const int index : impulse_joints) {
-    const auto j = static_cast<std::size_t>(index);
-    joint_rows.push_back(rows.size());
-    if (!options.warm_starting) joint_states[j].impulse.setZero();
-    const auto [a, b] = joint_ends[j];
-    prepare_joint(joints[j], states[a], states[b], step, joint_states[j], &rows);
-    for (std::size_t k = joint_rows.back(); k < rows.size(); ++k) {
-      rows[k].body_a = static_cast<int>(a);
-      rows[k].body_b = static_cast<int>(b);
-    }
-    if (!has_loop[static_cast<std::size_t>(island_of[is_movable(a) ? a : b])] ||
-        !is_always_rigid(joints[j]))
-      continue;
-    for (std::size_t k = joint_rows.back(); k < rows.size(); ++k)
-      loop_rows.push_back({k, j, static_cast<int>(k - joint_rows.back()), 0.0});
-  }
-  joint_rows.push_back(rows.size());
-
-  for (const TouchingPair& pair : touching)
-    for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k)
-      prepare_contact(pair, k);
-  report.rows += static_cast<std::uint32_t>(rows.size());
-  report.contacts = static_cast<std::uint32_t>(contact_rows.size());
-}
-
-void World::Impl::prepare_contact(const TouchingPair& pair, std::size_t point) {
-  const auto a = static_cast<std::size_t>(pair.a);
-  const auto b = static_cast<std::size_t>(pair.b);
-  const ContactSurface surface(bodies[a], bodies[b]);
-  const ContactStep step{options.time_step, options.baumgarte, options.gravity.norm()};
-  std::array<Row, kMaxContactRows> written;
-  const int count =
-      write_contact_rows(states[a], states[b], pair.manifold.normal, pair.manifold.points[point],
-                         surface, step, pair.impulses[point], written.data());
-  contact_rows.push_back(rows.size());
-  report.max_penetration = std::max(report.max_penetration, pair.manifold.points[point].depth);
-  for (std::size_t k = 0; k < static_cast<std::size_t>(count); ++k) {
-    written[k].body_a = pair.a;
-    written[k].body_b = pair.b;
-    if (k > 0) written[k].normal_row = static_cast<int>(contact_rows.back());
-    rows.push_back(written[k]);
-  }
-}
-
-void World::Impl::update_velocities() {
-  if (impulse_bodies.empty()) return;
-  const StageTimer timer(*this, Stage::kVelocities);
-  solver.begin(impulse_bodies, states);
-  if (!wrenches.empty()) apply_wrenches();
-  solver.update_velocities(impulse_bodies, states, masses, options.gravity, options.time_step,
-                           rows);
-  if (!loop_rows.empty() && options.warm_starting) lose_self_stress();
-}
-
-// What redundant joints keep of an impact, or of an edit, falls to a share of 1/e in so long,
-// though by no more than a tenth in a step: what is not yet known well is given back by the sweeps.
-void World::Impl::lose_self_stress() {
-  constexpr double kTime = 0.1;  // [s]
-  const double part = std::min(0.1, options.time_step / kTime);
-  for (LoopRow& loop : loop_rows) {
-    const SelfStress& known = self_stress[loop.joint];
-    loop.share =
-        known.share[loop.component] + rows[loop.row].impulse - known.impulse[loop.component];
-  }
-  solver.lose_self_stress(rows, &loop_rows, part, 1 + options.iterations / 10);
-  self_stress_before = self_stress;
-  self_stress_is_new = true;
-  for (const LoopRow& loop : loop_rows) {
-    self_stress[loop.joint].share[loop.component] = loop.share;
-    self_stress[loop.joint].impulse[loop.component] = rows[loop.row].impulse;
-  }
-}
-
-// of those that act in this step on bodies that impulses move: how long, and on which
-template <class Apply>
-void World::Impl::for_each_wrench(Apply apply) const {
+// those that act in this step on bodies that impulses carry: how long
+void World::Impl::find_acting_wrenches() {
   for (const Wrench& wrench : wrenches) {
     const bool acts_throughout = wrench.start <= step_start && wrench.end >= step_end;
     const double duration =
@@ -348,40 +277,32 @@ void World::Impl::for_each_wrench(Apply apply) const {
     if (duration <= 0.0) continue;  // not yet
     const std::size_t i = index(wrench.body);
     if (islands[static_cast<std::size_t>(island_of[i])].method == Method::kSequentialImpulses)
-      apply(wrench, duration, i);
+      acting_wrenches.push_back({i, duration, wrench.force, wrench.torque});
   }
 }
 
-void World::Impl::apply_wrenches() {
-  for_each_wrench([this](const Wrench& wrench, double duration, std::size_t i) {
-    states[i].linear_velocity += duration * masses[i].inverse_mass * wrench.force;
-    states[i].angular_velocity +=
-        apply_inertia(masses[i].inverse_inertia, states[i].orientation, duration * wrench.torque);
-  });
-}
-
-void World::Impl::solve_rows() {
-  if (rows.empty()) return;
-  const StageTimer timer(*this, Stage::kSolve);
-  const SequentialImpulses::Outcome outcome =
-      solver.solve(impulse_bodies, rows, options.iterations, stop);
-  report.iterations += static_cast<std::uint32_t>(options.iterations);
-  report.solver_residual = outcome.residual;
-  report.driven_work = outcome.driven_work;
-}
-
-void World::Impl::update_positions() {
-  if (impulse_bodies.empty() && kinematic.empty()) return;
-  const StageTimer timer(*this, Stage::kPositions);
-  advance_kinematic(kinematic, options.time_step, states);
+void World::Impl::advance_by_impulses() {
   if (impulse_bodies.empty()) return;
-  for_each_wrench([this](const Wrench& wrench, double duration, std::size_t i) {
-    const Twist v = solver.final_velocity(i);
-    report.driven_work +=
-        duration * (wrench.force.dot(v.head<3>()) + wrench.torque.dot(v.tail<3>()));
-  });
-  report.correction_work =
-      solver.update_positions(impulse_bodies, masses, options.gravity, options.time_step, states);
+  acting_wrenches.clear();
+  if (!wrenches.empty()) find_acting_wrenches();
+  add(sequential_impulses.advance(*this, impulse_step(), this), &report);
+}
+
+void World::Impl::finish_impulses() {
+  if (impulse_bodies.empty()) return;
+  report.correction_work += sequential_impulses.finish(*this, impulse_step(), this);
+  for (const int j : impulse_joints) note_if_torn(static_cast<std::size_t>(j));
+}
+
+ImpulseStep World::Impl::impulse_step() const {
+  return {joint_step(), impulse_bodies,  impulse_joints, joint_ends,
+          is_in_loop,   acting_wrenches, stop,           clock};
+}
+
+void World::Impl::advance_kinematic_bodies() {
+  if (kinematic.empty()) return;
+  const StageTimer timer(clock, Stage::kPositions, &report.stage_times);
+  advance_kinematic(kinematic, options.time_step, states);
 }
 
 void World::Impl::finish_step() {
@@ -393,17 +314,16 @@ void World::Impl::finish_step() {
   }
   const Failure failure = failure_of_motion();
   if (failure != Failure::kNone) fail(failure);
-  const JointStep step = joint_step();
-  read_joints(step);
-  if (!impulse_bodies.empty() && solver.is_to_finish()) finish_corrections();
-  if (!linked.empty()) read_smooth_joints(step);
-  read_contacts();
+  finish_impulses();
+  if (!linked.empty()) read_smooth_joints(joint_step());
+  tell_contacts();
   if (!tells_finite_numbers()) fail(Failure::kNotFinite);
   ++step_count;
   drop_spent_wrenches();
   fall_asleep();
   for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
   fresh_islands.clear();
+  if (!impulse_bodies.empty()) sequential_impulses.keep_self_stress(&self_stress);
   report.step = step_count;
   report.time = step_end;
 }
@@ -464,48 +384,12 @@ bool World::Impl::tells_finite_numbers() const {
   return std::isfinite(sum);
 }
 
-void World::Impl::read_joints(const JointStep& step) {
-  for (std::size_t k = 0; k < impulse_joints.size(); ++k) {
-    const auto j = static_cast<std::size_t>(impulse_joints[k]);
-    const int count = static_cast<int>(joint_rows[k + 1] - joint_rows[k]);
-    read_joint(joints[j], state_a(j), state_b(j), step, rows.data() + joint_rows[k], count,
-               joint_states[j]);
-    note_if_torn(j);
-  }
-}
-
-void World::Impl::finish_corrections() {
-  for (std::size_t k = 0; k < impulse_joints.size(); ++k) {
-    const auto j = static_cast<std::size_t>(impulse_joints[k]);
-    std::array<Jacobian, kMaxJointRows> J;
-    joint_jacobians(joints[j], state_a(j), state_b(j), J.data());
-    for (std::size_t r = joint_rows[k]; r < joint_rows[k + 1]; ++r)
-      solver.finish_row(r, rows[r], J[r - joint_rows[k]], joint_states[j].error);
-  }
-  report.correction_work +=
-      solver.take_out_corrections(impulse_bodies, masses, states, &corrections);
-  any_corrections = true;
-}
-
 void World::Impl::note_if_torn(std::size_t j) {
   if (!joint_states[j].broken) return;
   topology_edited = true;
   edit_island_of(joints[j].body_a);
   edit_island_of(joints[j].body_b);
   ++report.torn_joints;
-}
-
-void World::Impl::read_contacts() {
-  std::size_t i = 0;
-  for (TouchingPair& pair : touching) {
-    for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k, ++i) {
-      const std::size_t first = contact_rows[i];
-      const std::size_t end = i + 1 < contact_rows.size() ? contact_rows[i + 1] : rows.size();
-      pair.impulses[k].setZero();
-      for (std::size_t r = first; r < end; ++r) pair.impulses[k] += rows[r].impulse * rows[r].J.j1;
-    }
-  }
-  tell_contacts();
 }
 
 void World::Impl::tell_contacts() {

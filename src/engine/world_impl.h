@@ -17,31 +17,13 @@
 #include "engine/methods/least_norm_forces.h"
 #include "engine/methods/runge_kutta.h"
 #include "engine/methods/sequential_impulses.h"
+#include "engine/model.h"
+#include "engine/stage_timer.h"
+#include "engine/state.h"
 #include "engine/watch.h"
 #include "engine/workers.h"
 
 namespace constraint_sim::engine {
-
-/// Two bodies in contact, with the impulses that held their points apart in the last step.
-struct TouchingPair {
-  int a = 0, b = 0;
-  BodyId id_a, id_b;  ///< survive the removal of other bodies, which moves the indices
-  Manifold manifold;
-  std::array<Eigen::Vector3d, 8> impulses{};  ///< of each point on A, world [N s]
-
-  Broadphase::Pair ends() const { return {a, b}; }
-  /// What held the same point before; zero for a new one.
-  Eigen::Vector3d impulse_of(std::uint32_t feature) const;
-};
-
-/// What reset() returns a joint to, beside what never changes.
-struct JointStart {
-  Motor motor;  ///< also after continue_from() with the phase of the scene, right from time 0
-  std::array<CoordinateLaw, kMaxCoordinates> coordinates;  ///< the same
-  bool broken = false;
-  std::optional<JointState> state;  ///< of a joint that goes on as saved
-  double time = 0.0;                ///< when it had that state [s]
-};
 
 /// What decides which method an island has, beside its bodies and joints. An edit clears it.
 struct IslandMemory {
@@ -72,14 +54,6 @@ struct IslandMemory {
     for (std::uint64_t* until : {&stiff_until, &refused_until, &touched_until, &inconsistent_until})
       *until = *until > from ? *until - from + to : 0;
   }
-};
-
-/// What of a joint's impulse balances itself, and the impulse that it was found for [N s].
-struct SelfStress {
-  RowVector share = RowVector::Zero();
-  RowVector impulse = RowVector::Zero();
-
-  bool is_none() const { return share.isZero(0.0) && impulse.isZero(0.0); }
 };
 
 /// Of gravity, with 0 at the height 0, and of springs where potential [J].
@@ -121,33 +95,8 @@ struct IslandLists {
   std::vector<std::optional<LeastNormForces>> least_forces;     // the same, with redundant rows
 };
 
-/// What stands behind a World. Lists of one kind run in parallel: entry i of each is the same body,
-/// or the same joint. Body 0 is the world.
-struct World::Impl : IslandLists {
-  // ---- what was added
-  WorldOptions options;
-  std::vector<Body> bodies;
-  std::vector<BodyState> states;
-  std::vector<MassProperties> masses;
-  std::vector<BodyId> body_ids;
-  std::vector<Twist> corrections;  // Baumgarte's share of the velocities, of the last step
-  std::vector<bool> asleep;        // all bodies of an island are, or none
-  std::vector<Joint> joints;
-  std::vector<JointStart> joint_starts;
-  std::vector<JointState> joint_states;
-  std::vector<SelfStress> self_stress;
-  std::vector<JointId> joint_ids;
-  std::vector<int> body_index;   // by id; -1 once removed
-  std::vector<int> joint_index;  // by id; -1 once removed
-  std::unordered_map<std::string, BodyId> body_by_name;
-  std::unordered_map<std::string, JointId> joint_by_name;
-  std::vector<Wrench> wrenches;
-
-  // ---- time: that of the last change of the tick, and steps
-  double base_time = 0.0;
-  std::uint64_t base_step = 0;
-  std::uint64_t step_count = 0;
-
+/// What stands behind a World.
+struct World::Impl : Model, State, IslandLists {
   // ---- follows from the above; made anew by the first step after an edit
   bool edited = true;                      // anything
   bool topology_edited = true;             // also who is joined to whom
@@ -158,7 +107,7 @@ struct World::Impl : IslandLists {
   std::vector<std::pair<std::size_t, std::size_t>> joint_ends;  // the two bodies of each joint
   std::vector<std::pair<BodyId, IslandMemory>>
       loaded_memory;                    // by first body, until there are islands
-  std::vector<bool> has_loop;           // islands whose joints close one
+  std::vector<bool> is_in_loop;         // joints of an island whose joints close one
   std::vector<int> island_of;           // of bodies; -1 of immovable ones
   std::vector<FreeRotation> rotations;  // of bodies
   std::vector<double> fastest_spring;   // of bodies [1/s]
@@ -171,11 +120,10 @@ struct World::Impl : IslandLists {
   bool any_waking = false;  // somebody was woken, and the lists do not know yet
   bool awake_changed = true;
   std::vector<int> awake_islands;
-  std::vector<int> awake_bodies;      // dynamic ones, and kinematic ones that move
-  std::vector<int> awake_joints;      // broken ones as well
-  std::vector<int> kinematic;         // bodies that move
-  std::vector<int> moving_shapes;     // bodies that may touch something; empty where none can
-  std::vector<TouchingPair> resting;  // contacts of sleepers, sorted by bodies
+  std::vector<int> awake_bodies;   // dynamic ones, and kinematic ones that move
+  std::vector<int> awake_joints;   // broken ones as well
+  std::vector<int> kinematic;      // bodies that move
+  std::vector<int> moving_shapes;  // bodies that may touch something; empty where none can
   StepReport resting_report;
   Energy resting_energy;
   int most_attempts = 0;             // substeps of an island in one span
@@ -205,21 +153,13 @@ struct World::Impl : IslandLists {
   Workers workers;
   Broadphase broadphase;
   std::vector<Proxy> proxies;
-  std::vector<TouchingPair> touching;         // sorted by bodies
   std::vector<TouchingPair> touching_before;  // in the step before
-  std::vector<Row> rows;
-  std::vector<std::size_t>
-      joint_rows;  // first row of each of impulse_joints, and one past the last
-  std::vector<std::size_t> contact_rows;  // row of the normal of each contact point
-  std::vector<LoopRow> loop_rows;
-  SequentialImpulses solver;
-  bool is_remembered = false;  // the state before the step is in the next two
-  bool any_corrections = false;
+  std::vector<ActingWrench> acting_wrenches;  // on bodies that impulses carry
+  SequentialImpulses sequential_impulses;
+  bool is_remembered = false;    // the state before the step is in the next two
   bool had_corrections = false;  // in the step before
   std::vector<BodyState> states_before;
   std::vector<Twist> corrections_before;
-  std::vector<SelfStress> self_stress_before;
-  bool self_stress_is_new = false;  // that of the step before is in self_stress_before
   std::vector<JointState> joint_states_before;
   std::vector<IslandMemory> memory_before;
   bool contacts_are_new = false;  // those of the step before are in touching_before
@@ -232,8 +172,6 @@ struct World::Impl : IslandLists {
   StopFlag stop = nullptr;
 
   // ---- editing (edits/)
-  std::size_t index(BodyId id) const;
-  std::size_t index(JointId id) const;
   void check_ends(const Joint& joint) const;
   JointId add_joint(const Joint& joint, bool broken, double most_misaligned);
   void fill_in(Joint& joint) const;
@@ -326,22 +264,15 @@ struct World::Impl : IslandLists {
   void refuse_island(std::size_t i);
   void tell_of_islands();
   std::uint32_t find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const;
-  void prepare_rows();
-  void lose_self_stress();
-  void prepare_contact(const TouchingPair& pair, std::size_t point);
-  void update_velocities();
-  void apply_wrenches();
-  template <class Apply>
-  void for_each_wrench(Apply apply) const;
-  void solve_rows();
-  void update_positions();
+  void advance_by_impulses();
+  void finish_impulses();
+  ImpulseStep impulse_step() const;
+  void find_acting_wrenches();
+  void advance_kinematic_bodies();
   void finish_step();
-  void read_joints(const JointStep& step);
-  void finish_corrections();
   void read_smooth_joints(const JointStep& step);
   const LeastNormForces* share_forces(const IslandParts& parts, const Island& island);
   void note_if_torn(std::size_t j);
-  void read_contacts();
   void tell_contacts();
   void add_contacts(const TouchingPair& pair);
   void drop_spent_wrenches();
@@ -360,36 +291,15 @@ struct World::Impl : IslandLists {
   Failure failure_of_motion();
   bool tells_finite_numbers() const;
 
-  class StageTimer;
-
   // ---- asking
   double time() const;
   JointStep joint_step() const;
   JointStep span_from(double t, double h) const;
   double time_of(std::uint64_t step) const;
-  bool is_movable(std::size_t body) const { return masses[body].is_movable(); }
   const BodyState& state_a(std::size_t j) const;
   const BodyState& state_b(std::size_t j) const;
   Energy energy() const;
   Energy energy(const std::vector<int>& of_bodies, const std::vector<int>& of_joints) const;
-};
-
-/// Times one stage, from construction to destruction, where there is a clock.
-class World::Impl::StageTimer {
- public:
-  StageTimer(Impl& world, Stage stage)
-      : world_(world), stage_(stage), start_(world.clock ? world.clock() : 0.0) {}
-  ~StageTimer() {
-    if (world_.clock)
-      world_.report.stage_times[static_cast<std::size_t>(stage_)] = world_.clock() - start_;
-  }
-  StageTimer(const StageTimer&) = delete;
-  StageTimer& operator=(const StageTimer&) = delete;
-
- private:
-  Impl& world_;
-  Stage stage_;
-  double start_;
 };
 
 /// The way in for what saves and loads.

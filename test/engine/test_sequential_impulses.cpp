@@ -1,7 +1,7 @@
 // The method: its order, what it conserves, and what it leaves alone.
 
 #include "engine/constraints/contact.h"
-#include "engine/methods/sequential_impulses.h"
+#include "engine/methods/row_solver.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -284,7 +284,7 @@ TEST(Friction, NeverLeavesTheDisk) {
         rows.push_back(written[k]);
       }
     }
-    SequentialImpulses solver;
+    RowSolver solver;
     solver.begin({1, 2}, bodies);
     solver.update_velocities({1, 2}, bodies, masses, Vector3d::Zero(), 0.01, rows);
     solver.solve({1, 2}, rows, 5);

@@ -20,7 +20,7 @@ MassProperties mass_properties(const Body& body) {
 
 }  // namespace
 
-std::size_t World::Impl::index(BodyId id) const {
+std::size_t Model::index(BodyId id) const {
   const bool known = id.value < body_index.size() && body_index[id.value] >= 0;
   if (!known) refuse("body", "there is none with id " + std::to_string(id.value));
   return static_cast<std::size_t>(body_index[id.value]);

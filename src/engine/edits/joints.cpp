@@ -22,7 +22,7 @@ constexpr double kPi = 3.14159265358979323846;
 
 }  // namespace
 
-std::size_t World::Impl::index(JointId id) const {
+std::size_t Model::index(JointId id) const {
   const bool known = id.value < joint_index.size() && joint_index[id.value] >= 0;
   if (!known) refuse("constraint", "there is none with id " + std::to_string(id.value));
   return static_cast<std::size_t>(joint_index[id.value]);

@@ -1,10 +1,10 @@
-// The last stage of SequentialImpulses: positions, and the end of what closed errors.
+// The last stage of RowSolver: positions, and the end of what closed errors.
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
-#include "engine/methods/sequential_impulses.h"
+#include "engine/methods/row_solver.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -87,8 +87,8 @@ Vector3d spin(const MassProperties& mass, const BodyState& body, const Vector3d&
 
 }  // namespace
 
-double SequentialImpulses::update_positions(const std::vector<int>& moved, const Masses& masses,
-                                            const Vector3d& gravity, double h, Bodies& bodies) {
+double RowSolver::update_positions(const std::vector<int>& moved, const Masses& masses,
+                                   const Vector3d& gravity, double h, Bodies& bodies) {
   double work = 0.0;
   spring_work_ = 0.0;
   for (const int index : moved) {
@@ -122,7 +122,7 @@ double SequentialImpulses::update_positions(const std::vector<int>& moved, const
 
 // ---- corrections leave no velocity behind
 
-void SequentialImpulses::finish_row(std::size_t i, const Row& row, const Jacobian& J, double C) {
+void RowSolver::finish_row(std::size_t i, const Row& row, const Jacobian& J, double C) {
   const double b = row.correction_impulse;
   if (b != 0.0) {
     effects_[at(row.body_a)] += b * twist(row.J.j1 - J.j1, row.J.j2 - J.j2);
@@ -138,9 +138,8 @@ void SequentialImpulses::finish_row(std::size_t i, const Row& row, const Jacobia
 
 // Gives back what a step along straight lines loses, as far as the component lost it; and takes out
 // what the curved course of springs' ends has added.
-double SequentialImpulses::take_out_corrections(const std::vector<int>& moved, const Masses& masses,
-                                                const Bodies& bodies,
-                                                std::vector<Twist>* corrections) {
+double RowSolver::take_out_corrections(const std::vector<int>& moved, const Masses& masses,
+                                       const Bodies& bodies, std::vector<Twist>* corrections) {
   for (const int body : moved) {
     Component& part = components_[at(body)];
     part.linear = part.quadratic = part.damping = 0.0;
@@ -178,8 +177,8 @@ double SequentialImpulses::take_out_corrections(const std::vector<int>& moved, c
 }
 
 // each component as one rigid body, by its motion and what is about to change it
-void SequentialImpulses::gather_rigid(const std::vector<int>& moved, const Masses& masses,
-                                      const Bodies& bodies) {
+void RowSolver::gather_rigid(const std::vector<int>& moved, const Masses& masses,
+                             const Bodies& bodies) {
   rigid_.resize(components_.size());
   for (const int body : moved) rigid_[at(body)] = Rigid{};
   for (const int index : moved) {
@@ -216,8 +215,8 @@ void SequentialImpulses::gather_rigid(const std::vector<int>& moved, const Masse
 // Scales the changes of velocity, and damps where energy was gained. What that takes from the
 // momenta of bodies that rows connect with each other alone, they get back by moving together.
 // Returns the work of the angular momentum that the corrections left to them.
-double SequentialImpulses::limit_changes(const std::vector<int>& moved, const Masses& masses,
-                                         const Bodies& bodies) {
+double RowSolver::limit_changes(const std::vector<int>& moved, const Masses& masses,
+                                const Bodies& bodies) {
   gather_rigid(moved, masses, bodies);
   for (const int body : moved) {
     Component& part = components_[at(body)];

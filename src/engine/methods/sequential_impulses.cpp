@@ -1,403 +1,194 @@
 #include "engine/methods/sequential_impulses.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
+
+#include "engine/constraints/contact.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Matrix3d;
-using Eigen::Quaterniond;
-using Eigen::Vector3d;
-
-// What losing self-stress may change of the velocities that impulses make, as a share; and of those
-// that it would make were it none.
-constexpr double kDisturbance = 1e-2, kRoundOff = 1e-9;
-
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-// the impulse, so far and in all, that makes J V = target − softness·p
-double wanted_impulse(const Row& row, double impulse, double target, double J_V,
-                      double effective_mass) {
-  return impulse + (target - row.softness * impulse - J_V) * effective_mass;
+void apply_wrenches(const std::vector<ActingWrench>& wrenches,
+                    const std::vector<MassProperties>& masses, std::vector<BodyState>* states) {
+  for (const ActingWrench& wrench : wrenches) {
+    BodyState& state = (*states)[wrench.body];
+    const MassProperties& mass = masses[wrench.body];
+    state.linear_velocity += wrench.duration * mass.inverse_mass * wrench.force;
+    state.angular_velocity +=
+        apply_inertia(mass.inverse_inertia, state.orientation, wrench.duration * wrench.torque);
+  }
 }
 
-// What J w is driven to. A row that acts one way only asks for no more than v leaves open.
-double correction_target(const Row& row, double J_V) {
-  if (row.lower == 0.0) return std::min(row.target + row.correction - J_V, row.correction);
-  if (row.upper == 0.0) return std::max(row.target + row.correction - J_V, row.correction);
-  return row.correction;
+// Adds what wrenches do on bodies that have the velocities of the solver [J].
+void add_work(const std::vector<ActingWrench>& wrenches, const RowSolver& solver, double* work) {
+  for (const ActingWrench& wrench : wrenches) {
+    const Twist v = solver.final_velocity(wrench.body);
+    *work += wrench.duration * (wrench.force.dot(v.head<3>()) + wrench.torque.dot(v.tail<3>()));
+  }
 }
 
 }  // namespace
 
-void SequentialImpulses::begin(const std::vector<int>& moved, const Bodies& bodies) {
-  before_.resize(bodies.size());
-  for (const int i : moved)
-    before_[at(i)] = twist(bodies[at(i)].linear_velocity, bodies[at(i)].angular_velocity);
+ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep& step,
+                                          State* state) {
+  ImpulseReport report;
+  StageTimes* const times = &report.stage_times;
+  {  // 3. what joints and contacts ask of the velocities
+    const StageTimer timer(step.clock, Stage::kRows, times);
+    report.max_penetration = prepare_rows(model, step, state);
+    report.rows = static_cast<std::uint32_t>(rows_.size());
+    report.contacts = static_cast<std::uint32_t>(contact_rows_.size());
+  }
+  {  // 4. by gravity, and by the impulses of the step before
+    const StageTimer timer(step.clock, Stage::kVelocities, times);
+    update_velocities(model, step, state);
+  }
+  if (!rows_.empty()) {  // 5. to what the rows allow
+    const StageTimer timer(step.clock, Stage::kSolve, times);
+    const int sweeps = model.options.iterations;
+    const RowSolver::Outcome solved = solver_.solve(step.bodies, rows_, sweeps, step.stop);
+    report.iterations = static_cast<std::uint32_t>(sweeps);
+    report.solver_residual = solved.residual;
+    report.driven_work = solved.driven_work;
+  }
+  {  // 6. with the final velocities
+    const StageTimer timer(step.clock, Stage::kPositions, times);
+    add_work(step.wrenches, solver_, &report.driven_work);
+    report.correction_work = solver_.update_positions(
+        step.bodies, model.masses, model.options.gravity, step.span.h, state->states);
+  }
+  return report;
 }
 
-void SequentialImpulses::update_velocities(const std::vector<int>& moved, const Bodies& bodies,
-                                           const Masses& masses, const Vector3d& gravity, double h,
-                                           std::vector<Row>& rows) {
-  h_ = h;
-  prepare_bodies(moved, bodies, masses, rows);
-  for (const int i : moved) velocities_[at(i)].head<3>() += h * gravity;
-  if (rows.empty()) return;
-  connect(rows);
-  respond(rows);
-  warm_start(moved, rows);
-}
+// ---- 3. rows
 
-void SequentialImpulses::prepare_bodies(const std::vector<int>& moved, const Bodies& bodies,
-                                        const Masses& masses, const std::vector<Row>& rows) {
-  velocities_.resize(bodies.size());
-  corrections_.resize(bodies.size());
-  if (rows.empty()) {
-    for (const int i : moved) {
-      velocities_[at(i)] = twist(bodies[at(i)].linear_velocity, bodies[at(i)].angular_velocity);
-      corrections_[at(i)].setZero();
-    }
-    any_corrections_ = is_to_finish_ = false;
-    return;
-  }
-  inertias_.resize(bodies.size());
-  effects_.resize(bodies.size());
-  parents_.resize(bodies.size());
-  components_.resize(bodies.size());
-  const auto prepare = [&](int index, bool is_moved) {
-    const std::size_t i = at(index);
-    velocities_[i] = twist(bodies[i].linear_velocity, bodies[i].angular_velocity);
-    corrections_[i].setZero();
-    effects_[i].setZero();
-    parents_[i] = index;
-    components_[i] = Component{};
-    Inertia& inertia = inertias_[i];
-    inertia.is_moved = is_moved;
-    inertia.inverse_mass = is_moved ? masses[i].inverse_mass : 0.0;
-    inertia.can_turn = is_moved && masses[i].can_turn();
-    if (!inertia.can_turn) return;
-    inertia.R = bodies[i].orientation.toRotationMatrix();
-    inertia.principal = masses[i].inertia;
-    inertia.inverse_W = inertia.R * masses[i].inverse_inertia.asDiagonal() * inertia.R.transpose();
-  };
-  for (const Row& row : rows)  // those that move by themselves, or not at all
-    for (const int body : {row.body_a, row.body_b})
-      if (!masses[at(body)].is_movable()) {
-        prepare(body, false);
-        before_[at(body)] = velocities_[at(body)];
-      }
-  for (const int i : moved) prepare(i, true);
-}
-
-// which bodies rows connect
-void SequentialImpulses::connect(const std::vector<Row>& rows) {
-  for (const Row& row : rows) {
-    if (!inertias_[at(row.body_a)].is_moved || !inertias_[at(row.body_b)].is_moved) continue;
-    const int a = component_of(row.body_a);
-    const int b = component_of(row.body_b);
-    parents_[at(std::max(a, b))] = std::min(a, b);
-  }
-}
-
-int SequentialImpulses::component_of(int body) {
-  while (parents_[at(body)] != body) {
-    parents_[at(body)] = parents_[at(parents_[at(body)])];
-    body = parents_[at(body)];
-  }
-  return body;
-}
-
-// M⁻¹ Jᵀ and the constraint mass of each row at the positions before the step
-void SequentialImpulses::respond(const std::vector<Row>& rows) {
-  responses_.resize(rows.size());
-  any_corrections_ = is_to_finish_ = false;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Row& row = rows[i];
-    const Inertia& a = inertias_[at(row.body_a)];
-    const Inertia& b = inertias_[at(row.body_b)];
-    Response& r = responses_[i];
-    r.J_A = twist(row.J.j1, row.J.j2);
-    r.J_B = twist(row.J.j3, row.J.j4);
-    const auto apply_inverse_mass = [](const Inertia& inertia, const Twist& J) {
-      Twist result = Twist::Zero();
-      result.head<3>() = inertia.inverse_mass * J.head<3>();
-      if (inertia.can_turn) result.tail<3>() = inertia.inverse_W * J.tail<3>();
-      return result;
-    };
-    r.response_a = apply_inverse_mass(a, r.J_A);
-    r.response_b = apply_inverse_mass(b, r.J_B);
-    r.K = r.J_A.dot(r.response_a) + r.J_B.dot(r.response_b);
-    const double constraint_mass = r.K + row.softness;
-    r.effective_mass = constraint_mass > 0.0 ? 1.0 / constraint_mass : 0.0;
-    r.component = component_of(a.is_moved ? row.body_a : row.body_b);
-    if (!a.is_moved || !b.is_moved) components_[at(r.component)].is_attached = true;
-    if (row.correction == 0.0) continue;
-    components_[at(r.component)].corrects = any_corrections_ = is_to_finish_ = true;
-  }
-  for (Response& r : responses_)
-    r.corrects = any_corrections_ && components_[at(r.component)].corrects;
-}
-
-[[gnu::always_inline]] inline double SequentialImpulses::velocity_along(
-    const Row& row, const Response& r, const std::vector<Twist>& velocities) {
-  const Twist* const v = velocities.data();
-  return r.J_A.dot(v[row.body_a]) + r.J_B.dot(v[row.body_b]);
-}
-
-[[gnu::always_inline]] inline void SequentialImpulses::push(const Row& row, const Response& r,
-                                                            double impulse,
-                                                            std::vector<Twist>* velocities) {
-  Twist* const v = velocities->data();
-  v[row.body_a] += impulse * r.response_a;
-  v[row.body_b] += impulse * r.response_b;
-}
-
-// The impulses of the step before, where starting from zero would not be nearer: the sweeps lower
-// ½ pᵀ A p + pᵀ (J v − target), which is zero for p = 0. Where the guess is above that, it is
-// scaled to its minimum.
-void SequentialImpulses::warm_start(const std::vector<int>& moved, std::vector<Row>& rows) {
-  bool any = false;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (rows[i].impulse == 0.0) continue;
-    push(rows[i], responses_[i], rows[i].impulse, &effects_);
-    any = true;
-  }
-  if (!any) return;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Row& row = rows[i];
-    if (row.impulse == 0.0) continue;
-    const Response& r = responses_[i];
-    Component& part = components_[at(r.component)];
-    part.linear += row.impulse * (velocity_along(row, r, velocities_) - row.target);
-    part.quadratic += row.impulse * (velocity_along(row, r, effects_) + row.softness * row.impulse);
-  }
-  bool any_scaled = false;
-  for (const int body : moved) {
-    Component& part = components_[at(body)];
-    if (parents_[at(body)] != body || part.linear + 0.5 * part.quadratic <= 0.0) continue;
-    part.scale = std::max(0.0, -part.linear / part.quadratic);
-    any_scaled = true;
-  }
-  for (const int body : moved) {
-    velocities_[at(body)] += components_[at(component_of(body))].scale * effects_[at(body)];
-    effects_[at(body)].setZero();
-  }
-  if (!any_scaled) return;
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    rows[i].impulse *= components_[at(responses_[i].component)].scale;
-}
-
-// Damped Jacobi sweeps on A n = 0, with K times the number of rows on a body for the diagonal,
-// which bounds A. They leave the part of n that does nothing.
-void SequentialImpulses::lose_self_stress(std::vector<Row>& rows, std::vector<LoopRow>* loop_rows,
-                                          double part, int sweeps) {
-  loop_rows_of_.assign(before_.size(), 0);
-  for (const LoopRow& loop : *loop_rows) {
-    ++loop_rows_of_[at(rows[loop.row].body_a)];
-    ++loop_rows_of_[at(rows[loop.row].body_b)];
-  }
-  const auto count = [&](int body) {
-    return inertias_[at(body)].is_moved ? loop_rows_of_[at(body)] : 0;
-  };
-  std::vector<Component>& parts = components_;
-  for (int sweep = 0; sweep < sweeps; ++sweep) {
-    for (const LoopRow& loop : *loop_rows) {
-      push(rows[loop.row], responses_[loop.row], loop.share, &effects_);
-      parts[at(responses_[loop.row].component)].linear = 0.0;
-      parts[at(responses_[loop.row].component)].free = 0.0;
-    }
-    for (LoopRow& loop : *loop_rows) {
-      const Row& row = rows[loop.row];
-      const Response& r = responses_[loop.row];
-      const int most = std::max(count(row.body_a), count(row.body_b));
-      const double effect = velocity_along(row, r, effects_);
-      parts[at(r.component)].linear += loop.share * effect;
-      parts[at(r.component)].free += most * r.K * loop.share * loop.share;
-      loop.share -= effect * r.effective_mass / most;
-    }
-    for (const LoopRow& loop : *loop_rows) {
-      effects_[at(rows[loop.row].body_a)].setZero();
-      effects_[at(rows[loop.row].body_b)].setZero();
+// Returns the depth of the deepest contact [m].
+double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& step, State* state) {
+  rows_.clear();
+  joint_rows_.clear();
+  contact_rows_.clear();
+  loop_rows_.clear();
+  for (const int index : step.joints) {
+    const std::size_t j = at(index);
+    const std::size_t first = rows_.size();
+    joint_rows_.push_back(first);
+    if (!model.options.warm_starting) state->joint_states[j].impulse.setZero();
+    const auto [a, b] = step.joint_ends[j];
+    prepare_joint(model.joints[j], state->states[a], state->states[b], step.span,
+                  state->joint_states[j], &rows_);
+    const bool is_in_loop =
+        model.options.warm_starting && step.is_in_loop[j] && is_always_rigid(model.joints[j]);
+    for (std::size_t k = first; k < rows_.size(); ++k) {
+      rows_[k].body_a = static_cast<int>(a);
+      rows_[k].body_b = static_cast<int>(b);
+      if (is_in_loop) loop_rows_.push_back({k, j, static_cast<int>(k - first), 0.0, 0.0});
     }
   }
-  for (LoopRow& loop : *loop_rows) {
-    Row& row = rows[loop.row];
-    const Component& known = parts[at(responses_[loop.row].component)];
-    const double most = kDisturbance * std::sqrt(std::max(known.quadratic, 0.0)) +
-                        kRoundOff * std::sqrt(known.free);
-    const double effect = std::sqrt(std::max(known.linear, 0.0));
-    const double change = -loop.share * (part * effect > most ? most / effect : part);
-    push(row, responses_[loop.row], change, &velocities_);
-    row.impulse += change;
-    loop.share += change;
-  }
-}
+  joint_rows_.push_back(rows_.size());
 
-SequentialImpulses::Outcome SequentialImpulses::solve(const std::vector<int>& moved,
-                                                      std::vector<Row>& rows, int iterations,
-                                                      StopFlag stop) {
-  Row* const end = rows.data() + rows.size();
-  for (int sweep = 0; sweep < iterations && !is_set(stop); ++sweep) {
-    const Response* response = responses_.data();
-    for (Row* row = rows.data(); row != end; ++row, ++response) {
-      if (row->normal_row < 0) {
-        solve_row(*row, *response);
-        continue;
-      }
-      solve_friction(rows[at(row->normal_row)].impulse, row, response);
-      ++row;
-      ++response;
+  double deepest = 0.0;
+  for (const TouchingPair& pair : state->touching) {
+    for (std::size_t k = 0; k < at(pair.manifold.count); ++k) {
+      deepest = std::max(deepest, pair.manifold.points[k].depth);
+      prepare_contact(model, *state, pair, k);
     }
   }
-  Outcome outcome = account(moved, rows);
-  if (limit_energy(moved, rows)) outcome = account(moved, rows);
-  return outcome;
+  return deepest;
 }
 
-[[gnu::always_inline]] inline double SequentialImpulses::wanted_correction(const Row& row,
-                                                                           const Response& r,
-                                                                           double J_V) const {
-  const double J_W = velocity_along(row, r, corrections_);
-  const double lower = row.lower == 0.0 ? 0.0 : row.lower - row.impulse;
-  const double upper = row.upper == 0.0 ? 0.0 : row.upper - row.impulse;
-  return std::clamp(wanted_impulse(row, row.correction_impulse, correction_target(row, J_V), J_W,
-                                   r.effective_mass),
-                    lower, upper);
-}
-
-[[gnu::always_inline]] inline void SequentialImpulses::correct(Row& row, const Response& r,
-                                                               double J_V) {
-  const double b = wanted_correction(row, r, J_V);
-  if (b == row.correction_impulse) return;
-  push(row, r, b - row.correction_impulse, &corrections_);
-  row.correction_impulse = b;
-}
-
-void SequentialImpulses::solve_row(Row& row, const Response& r) {
-  const double J_V = velocity_along(row, r, velocities_);
-  const double p = std::clamp(wanted_impulse(row, row.impulse, row.target, J_V, r.effective_mass),
-                              row.lower, row.upper);
-  const double change = p - row.impulse;
-  if (change != 0.0) push(row, r, change, &velocities_);
-  row.impulse = p;
-  if (r.corrects) correct(row, r, J_V + change * r.K);
-}
-
-// Both tangents by one mass, or sliding would not be braked straight against its direction; then
-// back onto Coulomb's disk.
-void SequentialImpulses::solve_friction(double normal_impulse, Row* row, const Response* response) {
-  const double limit = row->friction * normal_impulse;
-  const double mass = std::min(response[0].effective_mass, response[1].effective_mass);
-  const double p_1 = wanted_impulse(row[0], row[0].impulse, row[0].target,
-                                    velocity_along(row[0], response[0], velocities_), mass);
-  const double p_2 = wanted_impulse(row[1], row[1].impulse, row[1].target,
-                                    velocity_along(row[1], response[1], velocities_), mass);
-  const double length = std::sqrt(p_1 * p_1 + p_2 * p_2);
-  const double share = length > limit ? limit / length : 1.0;
-  push(row[0], response[0], share * p_1 - row[0].impulse, &velocities_);
-  push(row[1], response[1], share * p_2 - row[1].impulse, &velocities_);
-  row[0].impulse = share * p_1;
-  row[1].impulse = share * p_2;
-}
-
-// ---- energy
-
-double largest_scale(double quadratic, double linear, double most) {
-  const double root = std::sqrt(linear * linear + 4.0 * quadratic * most);
-  const double s =
-      linear > 0.0 ? 2.0 * most / (linear + root) : (root - linear) / (2.0 * quadratic);
-  return std::clamp(s, 0.0, 1.0);
-}
-
-// ½ vᵀ M v
-double SequentialImpulses::kinetic_energy(int body, const Twist& v) const {
-  const Inertia& inertia = inertias_[at(body)];
-  double twice = v.head<3>().squaredNorm() / inertia.inverse_mass;
-  if (inertia.can_turn) {
-    const Vector3d w = inertia.R.transpose() * v.tail<3>();
-    twice += w.dot(inertia.principal.cwiseProduct(w));
+void SequentialImpulses::prepare_contact(const Model& model, const State& state,
+                                         const TouchingPair& pair, std::size_t point) {
+  const WorldOptions& options = model.options;
+  const ContactSurface surface(model.bodies[at(pair.a)], model.bodies[at(pair.b)]);
+  const ContactStep step{options.time_step, options.baumgarte, options.gravity.norm()};
+  std::array<Row, kMaxContactRows> written;
+  const int count = write_contact_rows(state.states[at(pair.a)], state.states[at(pair.b)],
+                                       pair.manifold.normal, pair.manifold.points[point], surface,
+                                       step, pair.impulses[point], written.data());
+  contact_rows_.push_back(rows_.size());
+  for (std::size_t k = 0; k < at(count); ++k) {
+    written[k].body_a = pair.a;
+    written[k].body_b = pair.b;
+    if (k > 0) written[k].normal_row = static_cast<int>(contact_rows_.back());
+    rows_.push_back(written[k]);
   }
-  return 0.5 * twice;
 }
 
-// what another sweep would change, and the work of the impulses
-SequentialImpulses::Outcome SequentialImpulses::account(const std::vector<int>& moved,
-                                                        const std::vector<Row>& rows) {
-  Outcome outcome;
-  for (const int body : moved) components_[at(body)].work = components_[at(body)].absorbed = 0.0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Row& row = rows[i];
-    const Response& r = responses_[i];
-    const double J_V = velocity_along(row, r, velocities_);
-    if (row.normal_row < 0) {
-      const double p = wanted_impulse(row, row.impulse, row.target, J_V, r.effective_mass);
-      double change = std::abs(std::clamp(p, row.lower, row.upper) - row.impulse);
-      if (r.corrects)
-        change =
-            std::max(change, std::abs(wanted_correction(row, r, J_V) - row.correction_impulse));
-      outcome.residual = std::max(outcome.residual, change * (r.K + row.softness));
+// ---- 4. velocities
+
+void SequentialImpulses::update_velocities(const Model& model, const ImpulseStep& step,
+                                           State* state) {
+  solver_.begin(step.bodies, state->states);
+  if (!step.wrenches.empty()) apply_wrenches(step.wrenches, model.masses, &state->states);
+  solver_.update_velocities(step.bodies, state->states, model.masses, model.options.gravity,
+                            step.span.h, rows_);
+  if (!loop_rows_.empty()) lose_self_stress(model.options, state->self_stress);
+}
+
+// What redundant joints keep of an impact, or of an edit, falls to a share of 1/e in so long,
+// though by no more than a tenth in a step: what is not yet known well is given back by the sweeps.
+void SequentialImpulses::lose_self_stress(const WorldOptions& options,
+                                          const std::vector<SelfStress>& known) {
+  constexpr double kTime = 0.1;  // [s]
+  const double part = std::min(0.1, options.time_step / kTime);
+  for (LoopRow& loop : loop_rows_) {
+    const SelfStress& of_joint = known[loop.joint];
+    loop.share =
+        of_joint.share[loop.component] + rows_[loop.row].impulse - of_joint.impulse[loop.component];
+  }
+  solver_.lose_self_stress(rows_, &loop_rows_, part, 1 + options.iterations / 10);
+  for (LoopRow& loop : loop_rows_) loop.impulse = rows_[loop.row].impulse;
+}
+
+// ---- after the step
+
+double SequentialImpulses::finish(const Model& model, const ImpulseStep& step, State* state) {
+  for (std::size_t k = 0; k < step.joints.size(); ++k) {
+    const std::size_t j = at(step.joints[k]);
+    const auto [a, b] = step.joint_ends[j];
+    const int count = static_cast<int>(joint_rows_[k + 1] - joint_rows_[k]);
+    read_joint(model.joints[j], state->states[a], state->states[b], step.span,
+               rows_.data() + joint_rows_[k], count, state->joint_states[j]);
+  }
+  read_contacts(&state->touching);
+  return solver_.is_to_finish() ? finish_corrections(model, step, state) : 0.0;
+}
+
+double SequentialImpulses::finish_corrections(const Model& model, const ImpulseStep& step,
+                                              State* state) {
+  for (std::size_t k = 0; k < step.joints.size(); ++k) {
+    const std::size_t j = at(step.joints[k]);
+    const auto [a, b] = step.joint_ends[j];
+    std::array<Jacobian, kMaxJointRows> J;
+    joint_jacobians(model.joints[j], state->states[a], state->states[b], J.data());
+    for (std::size_t r = joint_rows_[k]; r < joint_rows_[k + 1]; ++r)
+      solver_.finish_row(r, rows_[r], J[r - joint_rows_[k]], state->joint_states[j].error);
+  }
+  state->any_corrections = true;
+  return solver_.take_out_corrections(step.bodies, model.masses, state->states,
+                                      &state->corrections);
+}
+
+void SequentialImpulses::read_contacts(std::vector<TouchingPair>* touching) const {
+  std::size_t i = 0;
+  for (TouchingPair& pair : *touching) {
+    for (std::size_t k = 0; k < at(pair.manifold.count); ++k, ++i) {
+      const std::size_t first = contact_rows_[i];
+      const std::size_t end = i + 1 < contact_rows_.size() ? contact_rows_[i + 1] : rows_.size();
+      pair.impulses[k].setZero();
+      for (std::size_t r = first; r < end; ++r)
+        pair.impulses[k] += rows_[r].impulse * rows_[r].J.j1;
     }
-    const double rate = J_V - row.drive;
-    components_[at(r.component)].work += row.impulse * rate;
-    if (row.stiffness > 0.0) {
-      components_[at(r.component)].work += row.stiffness * h_ * rate * (row.C + 0.5 * h_ * rate);
-      responses_[i].rate = rate;
-      responses_[i].correction_rate = velocity_along(row, r, corrections_);
-      components_[at(r.component)].has_springs = is_to_finish_ = true;
-    }
-    outcome.driven_work += row.impulse * row.drive;
-    if (!inertias_[at(row.body_a)].is_moved)
-      outcome.driven_work -= row.impulse * r.J_A.dot(velocities_[at(row.body_a)]);
-    if (!inertias_[at(row.body_b)].is_moved)
-      outcome.driven_work -= row.impulse * r.J_B.dot(velocities_[at(row.body_b)]);
   }
-  for (const int body : moved)
-    components_[at(component_of(body))].absorbed +=
-        kinetic_energy(body, velocities_[at(body)] - before_[at(body)]);
-  return outcome;
 }
 
-// Scales the impulses of components that would gain energy, and returns whether there were any.
-// With D = M⁻¹ Jᵀ p and a = Δv − D the gain at a scale s is −½|a|² + s pᵀ(J v₀ − ζ) + ½ s² |D|²,
-// which is not positive at s = 0.
-bool SequentialImpulses::limit_energy(const std::vector<int>& moved, std::vector<Row>& rows) {
-  bool any = false;
-  for (const int body : moved) {
-    Component& part = components_[at(body)];
-    part.linear = part.quadratic = part.free = 0.0;
-    part.scale = 1.0;
-    part.gains = parents_[at(body)] == body && !part.has_springs && part.work > part.absorbed;
-    any = any || part.gains;
+void SequentialImpulses::keep_self_stress(std::vector<SelfStress>* self_stress) const {
+  for (const LoopRow& loop : loop_rows_) {
+    (*self_stress)[loop.joint].share[loop.component] = loop.share;
+    (*self_stress)[loop.joint].impulse[loop.component] = loop.impulse;
   }
-  if (!any) return false;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const Row& row = rows[i];
-    Component& part = components_[at(responses_[i].component)];
-    if (!part.gains) continue;
-    push(row, responses_[i], row.impulse, &effects_);
-    part.linear += row.impulse * (velocity_along(row, responses_[i], before_) - row.drive);
-  }
-  for (const int body : moved) {
-    Component& part = components_[at(component_of(body))];
-    if (!part.gains) continue;
-    part.quadratic += kinetic_energy(body, effects_[at(body)]);
-    part.free +=
-        kinetic_energy(body, velocities_[at(body)] - before_[at(body)] - effects_[at(body)]);
-  }
-  for (const int body : moved) {
-    Component& part = components_[at(body)];
-    if (!part.gains || part.quadratic <= 0.0) continue;
-    part.scale = largest_scale(part.quadratic, part.linear, part.free);
-  }
-  for (const int body : moved) {
-    const Component& part = components_[at(component_of(body))];
-    if (part.gains) velocities_[at(body)] -= (1.0 - part.scale) * effects_[at(body)];
-    effects_[at(body)].setZero();
-  }
-  for (std::size_t i = 0; i < rows.size(); ++i)
-    rows[i].impulse *= components_[at(responses_[i].component)].scale;
-  return true;
 }
 
 }  // namespace constraint_sim::engine

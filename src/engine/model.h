@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstddef>
+#include <limits>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/id.h"
+#include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/world.h"
+#include "engine/mass_properties.h"
+
+namespace constraint_sim::engine {
+
+/// What reset() returns a joint to, beside what never changes.
+struct JointStart {
+  Motor motor;  ///< also after continue_from() with the phase of the scene, right from time 0
+  bool broken = false;
+  std::optional<JointState> state;  ///< of a joint that goes on as saved
+  double time = 0.0;                ///< when it had that state [s]
+};
+
+/// What was added to a world. Lists of one kind run in parallel: entry i of each is the same body,
+/// or the same joint. Body 0 is the world. Only edits change a model.
+struct Model {
+  WorldOptions options;
+  std::vector<Body> bodies;
+  std::vector<MassProperties> masses;
+  std::vector<BodyId> body_ids;
+  std::vector<Joint> joints;
+  std::vector<JointStart> joint_starts;
+  std::vector<JointId> joint_ids;
+  std::vector<int> body_index;   ///< by id; -1 once removed
+  std::vector<int> joint_index;  ///< by id; -1 once removed
+  std::unordered_map<std::string, BodyId> body_by_name;
+  std::unordered_map<std::string, JointId> joint_by_name;
+
+  bool is_movable(std::size_t body) const { return masses[body].is_movable(); }
+  /// The index of a body or joint; throws std::invalid_argument where there is none of this id.
+  std::size_t index(BodyId id) const;
+  std::size_t index(JointId id) const;
+};
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/contact.h"
+#include "constraint_sim/engine/id.h"
+#include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/wrench.h"
+#include "engine/methods/row_solver.h"
+
+namespace constraint_sim::engine {
+
+/// Two bodies in contact, with the impulses that held their points apart in the last step.
+struct TouchingPair {
+  int a = 0, b = 0;
+  BodyId id_a, id_b;  ///< survive the removal of other bodies, which moves the indices
+  Manifold manifold;
+  std::array<Eigen::Vector3d, 8> impulses{};  ///< of each point on A, world [N s]
+
+  std::pair<int, int> ends() const { return {a, b}; }
+  /// What held the same point before; zero for a new one.
+  Eigen::Vector3d impulse_of(std::uint32_t feature) const;
+};
+
+/// What of a joint's impulse balances itself, and the impulse that it was found for [N s].
+struct SelfStress {
+  RowVector share = RowVector::Zero();
+  RowVector impulse = RowVector::Zero();
+
+  bool is_none() const { return share.isZero(0.0) && impulse.isZero(0.0); }
+};
+
+/// What moves in a world, in the order of the lists of Model.
+struct State {
+  std::vector<BodyState> states;
+  std::vector<Twist> corrections;  ///< Baumgarte's share of the velocities, of the last step
+  bool any_corrections = false;
+  std::vector<bool> asleep;  ///< all bodies of an island are, or none
+  std::vector<JointState> joint_states;
+  std::vector<SelfStress> self_stress;
+  std::vector<Wrench> wrenches;
+  std::vector<TouchingPair> touching;  ///< sorted by bodies
+  std::vector<TouchingPair> resting;   ///< contacts of sleepers, sorted by bodies
+
+  // time: that of the last change of the tick, and steps
+  double base_time = 0.0;
+  std::uint64_t base_step = 0;
+  std::uint64_t step_count = 0;
+};
+
+}  // namespace constraint_sim::engine

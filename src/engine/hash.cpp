@@ -198,15 +198,12 @@ void add_methods(Fnv1a& hash, const Impl& world) {
       add(body);
       rotation.add_memory(add);
     }
-    if (parts.linked < 0) continue;
-    const auto linked = static_cast<std::size_t>(parts.linked);
+    if (parts.motion < 0) continue;
     hash.add(std::uint64_t{i});
     for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
       add(word);
     add(world.had_loads);
-    world.linked[linked].add_memory(add);
-    const std::optional<EnergyMomentum>& stiff = world.stiff[linked];
-    if (stiff && stiff->has_memory()) stiff->add_memory(add);
+    world.motions[static_cast<std::size_t>(parts.motion)].add_memory(add);
   }
 }
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "engine/world_impl.h"
 
@@ -12,23 +11,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-// What h ω one substep is stable up to, with some room.
-constexpr double kStable8 = 5.0, kStable5 = 0.9;
-// A jerk is over after a tick or two; what goes on for longer makes an island stiff.
-constexpr int kStiffFor = 4;  // [spans]
-// An island is no longer stiff when h ω stays below this share of the limit for so long.
-constexpr double kCalmShare = 0.5;
-constexpr std::uint64_t kCalmFor = 50;  // [steps]
-// How long an island that could not be integrated is left to the other method [steps].
-constexpr std::uint64_t kRefusedFor = 100;
-// How long constraints that were inconsistent have to be consistent [steps].
-constexpr std::uint64_t kInconsistentFor = 3;
-// Where gradients are given up at once: substeps would cost less than this share of them.
-constexpr double kMuchCheaper = 4.0;
-// What a tick by gradients usually takes, and what one of Newton's iterations costs beside an
-// evaluation of the equations of motion: of points on a tree of rods, and of all others.
-constexpr double kUsualIterations = 15.0;
-constexpr double kPointIteration = 6.0, kIteration = 20.0;
 // What substeps may lose when they take over within a tick, as a share of the kinetic energy.
 constexpr double kMostProjected = 1e-9;
 // Substeps of an island in one span; of all bodies together; and what each has at least, so that a
@@ -41,210 +23,7 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
-const char* text(Why why) {
-  switch (why) {
-    case Why::kSmooth:
-      return "smooth";
-    case Why::kAskedFor:
-      return "asked for";
-    case Why::kContact:
-      return "in contact";
-    case Why::kLimit:
-      return "has limits";
-    case Why::kForceLimit:
-      return "has a motor with a force limit";
-    case Why::kFriction:
-      return "has a joint with friction";
-    case Why::kStiff:
-      return "stiff";
-    case Why::kRefused:
-      return "could not be integrated to the tolerance";
-    case Why::kConflict:
-      return "its joints cannot all be met";
-    case Why::kAtRest:
-      return "at rest";
-  }
-  return "";
-}
-
-// ---- once after an edit
-
-// Islands of the same bodies and joints as before keep what is compiled for them.
-void World::Impl::make_islands() {
-  topology_edited = false;
-  std::vector<bool> movable, acting;
-  for (std::size_t i = 0; i < bodies.size(); ++i) movable.push_back(is_movable(i));
-  for (const JointState& state : joint_states) acting.push_back(!state.broken);
-
-  IslandLists before;
-  std::swap(before, static_cast<IslandLists&>(*this));
-  if (all_edited) rotations.clear();
-  rotations.resize(bodies.size());
-  const std::vector<int> island_before = std::move(island_of);
-  island_of.assign(bodies.size(), -1);
-  for (IslandMembers& members : find_islands(movable, acting, joint_ends)) {
-    const auto first = at(members.bodies.front());
-    const int old = !all_edited && first < island_before.size() ? island_before[first] : -1;
-    for (const int body : members.bodies) island_of[at(body)] = static_cast<int>(islands.size());
-    if (old >= 0 && before.island_parts[at(old)].members == members) {
-      keep_island(at(old), &before);
-      continue;
-    }
-    Island& island = islands.emplace_back();
-    island.first_body = body_ids[first];
-    island.bodies = static_cast<std::uint32_t>(members.bodies.size());
-    island.joints = static_cast<std::uint32_t>(members.joints.size());
-    IslandParts& parts = island_parts.emplace_back();
-    parts.members = std::move(members);
-    for (const auto& [first_body, memory] : loaded_memory)
-      if (first_body == island.first_body) static_cast<IslandMemory&>(parts) = memory;
-  }
-  loaded_memory.clear();
-}
-
-void World::Impl::keep_island(std::size_t old, IslandLists* before) {
-  islands.push_back(before->islands[old]);
-  IslandParts& parts = island_parts.emplace_back(std::move(before->island_parts[old]));
-  if (parts.linked < 0) return;
-  const std::size_t l = at(parts.linked);
-  parts.linked = static_cast<int>(linked.size());
-  linked.push_back(std::move(before->linked[l]));
-  stiff.push_back(std::move(before->stiff[l]));
-  inconsistent.push_back(std::move(before->inconsistent[l]));
-  least_forces.push_back(std::move(before->least_forces[l]));
-}
-
-// those that have been edited, once it is known which bodies they have
-void World::Impl::list_fresh_islands() {
-  for (const BodyId id : edited_bodies) {
-    if (body_index[id.value] < 0) continue;
-    IslandParts& parts = island_parts[at(island_of[at(body_index[id.value])])];
-    if (!parts.is_fresh) static_cast<IslandMemory&>(parts) = parts.after_edit();
-    parts.is_fresh = true;
-  }
-  edited_bodies.clear();
-  for (const BodyId id : relinked_bodies)
-    if (body_index[id.value] >= 0)
-      island_parts[at(island_of[at(body_index[id.value])])].is_stale = true;
-  relinked_bodies.clear();
-  if (all_edited) begin_all_anew();
-  all_edited = false;
-  fresh_islands.clear();
-  for (std::size_t i = 0; i < island_parts.size(); ++i)
-    if (island_parts[i].is_fresh) fresh_islands.push_back(static_cast<int>(i));
-}
-
-void World::Impl::begin_all_anew() {
-  fresh_islands.resize(island_parts.size());
-  std::iota(fresh_islands.begin(), fresh_islands.end(), 0);
-  for (IslandParts& parts : island_parts) parts.is_fresh = true;
-}
-
-void World::Impl::classify_islands() {
-  find_fastest_springs();
-  for (IslandParts& parts : island_parts) {
-    parts.nature = nature_of(parts.members);
-    if (method_for(parts.nature) == Method::kSequentialImpulses) continue;
-    if (parts.members.joints.empty())
-      parts.turning_freely = parts.members.bodies;
-    else if (parts.linked < 0 || parts.is_stale)
-      link(&parts);
-  }
-}
-
-// of each body, what its springs and dampers move it with: ω² ≤ 2 Σk (1/m + r²/I_min), and the same
-// of c [1/s]
-void World::Impl::find_fastest_springs() {
-  fastest_spring.assign(bodies.size(), 0.0);
-  std::vector<double> damping;
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    if (joint_states[j].broken) continue;
-    const auto add = [&](std::size_t body, double inverse_mass, double stiffness, double c) {
-      if (damping.empty()) damping.assign(bodies.size(), 0.0);
-      fastest_spring[body] += 2.0 * inverse_mass * stiffness;
-      damping[body] += 2.0 * inverse_mass * c;
-    };
-    const auto add_along = [&](std::size_t body, const Vector3d& anchor, double stiffness,
-                               double c) {
-      add(body,
-          masses[body].inverse_mass +
-              anchor.squaredNorm() * masses[body].inverse_inertia.maxCoeff(),
-          stiffness, c);
-    };
-    const auto [a, b] = joint_ends[j];
-    const Joint& joint = joints[j];
-    const auto* distance = if_distance(joint);
-    if (distance != nullptr && distance->is_soft()) {
-      add_along(a, joint.anchor_a, distance->stiffness, distance->damping);
-      add_along(b, joint.anchor_b, distance->stiffness, distance->damping);
-    }
-    for (int i = 0; i < coordinates(joint.kind); ++i) {
-      const SoftLaw law = soft_law(joint.coordinates[at(i)]);
-      if (law.K == 0.0 && law.C == 0.0) continue;
-      if (!is_angle(joint.kind, i)) {  // at an arm of A that goes as far as B's anchor
-        add_along(a, joint.anchor_a, law.K, law.C);
-        add_along(b, joint.anchor_b, law.K, law.C);
-        continue;
-      }
-      for (const std::size_t body : {a, b})
-        add(body, masses[body].inverse_inertia.maxCoeff(), law.K, law.C);
-    }
-  }
-  for (std::size_t i = 0; i < damping.size(); ++i)
-    fastest_spring[i] = std::max(std::sqrt(fastest_spring[i]), damping[i]);
-}
-
-Why World::Impl::nature_of(const IslandMembers& members) const {
-  if (options.method == Method::kSequentialImpulses) return Why::kAskedFor;
-  for (const int j : members.joints) {
-    const Joint& joint = joints[at(j)];
-    const auto* distance = if_distance(joint);
-    if (distance != nullptr && distance->is_limited()) return Why::kLimit;
-    if (joint.motor.max_force > 0.0) return Why::kForceLimit;
-    if (any_coordinate(joint, [](const CoordinateLaw& law) { return law.is_limited(); }))
-      return Why::kLimit;
-    if (any_coordinate(joint, [](const CoordinateLaw& law) { return law.friction > 0.0; }))
-      return Why::kFriction;
-    if (any_coordinate(joint, is_one_sided)) return Why::kForceLimit;
-  }
-  if (options.method == Method::kAuto)
-    for (const int body : members.bodies)
-      if (options.time_step * fastest_spring[at(body)] > options.stiffness_limit)
-        return Why::kStiff;
-  const bool is_asked = options.method == Method::kEnergyMomentum && !members.joints.empty();
-  return is_asked ? Why::kAskedFor : Why::kSmooth;
-}
-
-Method World::Impl::method_for(Why why) const {
-  if (why == Why::kAskedFor) return options.method;
-  if (why == Why::kSmooth) return Method::kRungeKutta;
-  const bool is_stiff = why == Why::kStiff || why == Why::kConflict;
-  return is_stiff ? Method::kEnergyMomentum : Method::kSequentialImpulses;
-}
-
-void World::Impl::link(IslandParts* parts) {
-  EquationsOfMotion equations(parts->members.joints, joints, joint_ends, masses);
-  const std::vector<int>& held = equations.bodies();
-  parts->turning_freely.clear();
-  for (std::size_t i = equations.turning(); i < held.size(); ++i)
-    if (masses[at(held[i])].can_turn()) parts->turning_freely.push_back(held[i]);
-  parts->is_stale = false;
-  if (parts->linked < 0) {
-    parts->linked = static_cast<int>(linked.size());
-    linked.emplace_back(std::move(equations));
-    stiff.emplace_back();
-    inconsistent.emplace_back();
-    least_forces.emplace_back();
-    return;
-  }
-  const std::size_t l = at(parts->linked);
-  linked[l] = LinkedMotion(std::move(equations));
-  stiff[l].reset();
-  inconsistent[l].reset();
-  least_forces[l].reset();
-}
-
-// ---- in every step
+// ---- methods chosen
 
 void World::Impl::choose_methods() {
   entering.clear();
@@ -269,28 +48,17 @@ void World::Impl::sort_islands() {
     Island& island = islands[i];
     IslandParts& parts = island_parts[i];
     const bool has_woken = island.why == Why::kAtRest;
-    island.why = parts.nature;
-    if (touched[i] && method_for(island.why) != Method::kSequentialImpulses)
-      island.why = Why::kContact;
-    if (step_count < parts.refused_until) {
-      island.why = Why::kRefused;
-      any_refused = true;
-    }
-    if (touched[i]) parts.touched_until = step_count + kRefusedFor;
-    if (method_for(island.why) == Method::kSequentialImpulses) {
-      parts.inconsistent_until = 0;
-    } else if (step_count < parts.inconsistent_until) {
-      island.why = Why::kConflict;
-      any_stiff = true;
-    } else if (parts.is_stiff && island.why == Why::kSmooth) {
-      island.why = Why::kStiff;
-      any_stiff = true;
-    }
+    const MethodChoice choice = choose(parts.nature, touched[i], parts, step_count, options);
+    remember_choice(choice, touched[i], step_count, &parts);
+    any_refused = any_refused || choice.why == Why::kRefused;
+    any_stiff = any_stiff || choice.why == Why::kConflict ||
+                (choice.why == Why::kStiff && parts.nature != Why::kStiff);
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.dependent_rows = 0;
     island.unresolved_bodies = 0;
     const Method before = island.method;
-    island.method = method_for(island.why);
+    island.method = choice.method;
+    island.why = choice.why;
     if (island.method == before && !parts.is_fresh && !has_woken) continue;
     changed = true;
     if (!parts.is_fresh && island.method != before) ++report.changes;
@@ -299,9 +67,8 @@ void World::Impl::sort_islands() {
     const bool begins_anew = parts.is_fresh || has_woken;
     if (begins_anew) {
       begin_anew(parts);
-    } else if (parts.linked >= 0) {
-      linked[at(parts.linked)].forget();
-      if (stiff[at(parts.linked)]) stiff[at(parts.linked)]->forget();
+    } else if (parts.motion >= 0) {
+      motions[at(parts.motion)].forget();
     }
     if ((begins_anew || before == Method::kSequentialImpulses) &&
         island.method != Method::kSequentialImpulses)
@@ -313,10 +80,7 @@ void World::Impl::sort_islands() {
 // with nothing of the steps before, so that a world that was saved and loaded does the same
 void World::Impl::begin_anew(const IslandParts& parts) {
   for (const int body : parts.turning_freely) rotations[at(body)] = FreeRotation{};
-  if (parts.linked < 0) return;
-  linked[at(parts.linked)].begin_anew();
-  if (stiff[at(parts.linked)]) stiff[at(parts.linked)]->begin_anew();
-  inconsistent[at(parts.linked)].reset();
+  if (parts.motion >= 0) motions[at(parts.motion)].begin_anew();
 }
 
 // whether a joint belongs to an island that is integrated
@@ -335,8 +99,8 @@ void World::Impl::list_by_method() {
     ++islands_by_method[static_cast<std::size_t>(islands[at(i)].method)];
     if (islands[at(i)].method == Method::kSequentialImpulses) continue;
     smooth.push_back(i);
-    const int l = island_parts[at(i)].linked;
-    if (l >= 0) integrated_rows += static_cast<std::uint32_t>(linked[at(l)].equations().rows());
+    const int m = island_parts[at(i)].motion;
+    if (m >= 0) integrated_rows += static_cast<std::uint32_t>(motions[at(m)].equations().rows());
   }
   impulse_bodies.clear();
   impulse_joints.clear();
@@ -362,7 +126,7 @@ void World::Impl::integrate() {
     parts.projected_energy = parts.correction_work = 0.0;
     parts.changes = 0;
     parts.is_to_be_asked = parts.has_failed = false;
-    if (parts.linked >= 0) linked[at(parts.linked)].begin_step(joint_states);
+    if (parts.motion >= 0) motions[at(parts.motion)].begin_step(joint_states);
   }
   split_step();
   for (std::size_t k = 0; k + 1 < span_ends.size(); ++k) {
@@ -477,18 +241,17 @@ void World::Impl::find_loads(double from, double to) {
 
 bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   const IslandParts& parts = island_parts[i];
-  const Accuracy accuracy{options.order, options.tolerance, kInfinity,
-                          kInfinity,     most_attempts,     stop};
+  const Accuracy accuracy = accuracy_within(kInfinity);
   for (const int body : parts.turning_freely) {
     Vector3d torque = Vector3d::Zero();
     for (const Load& load : loads)
       if (load.body == body) torque += load.torque;
     if (!FreeRotation::turns(torque, states[at(body)])) continue;
-    if (!note(i, rotations[at(body)].advance(span.h, torque, masses[at(body)], accuracy,
+    if (!note(i, rotations[at(body)].advance(span.h, torque, masses[at(body)], accuracy, span.stop,
                                              &states[at(body)])))
       return false;
   }
-  if (parts.linked >= 0) return integrate_joints(i, span);
+  if (parts.motion >= 0) return integrate_joints(i, span);
 
   const int body = parts.members.bodies.front();
   Vector3d acceleration = options.gravity;
@@ -519,73 +282,46 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
   IslandParts& parts = island_parts[i];
   Island& island = islands[i];
   bool is_met = island.why != Why::kConflict;
-  const auto by_substeps = [&](double most_frequency, double most_projected) {
-    const Progress progress = integrate_by_substeps(i, span, most_frequency, most_projected);
-    is_met = !progress.is_inconsistent;
-    return note(i, progress);
-  };
-  const auto by_gradients = [&](int most_halvings) {
-    const Progress progress = integrate_by_gradients(i, span, most_halvings);
+  const auto by = [&](Integration way, const Accuracy& accuracy) {
+    const Progress progress = advance_joints(i, way, span, accuracy);
     is_met = !progress.is_inconsistent;
     return note(i, progress);
   };
   if (is_met && island.method == Method::kRungeKutta) {
     const bool chooses = options.method == Method::kAuto;
-    const double limit = chooses ? stiffness_limit() / options.time_step : kInfinity;
-    if (by_substeps(limit, kInfinity)) return true;
+    const double limit = chooses ? stiffness_limit(options) / options.time_step : kInfinity;
+    if (by(Integration::kSubsteps, accuracy_within(limit))) return true;
     const Why why = chooses && parts.is_stiff ? Why::kStiff : Why::kRefused;
     if (is_met) carry_on_with(i, Method::kEnergyMomentum, why);
   }
-  if (is_met) {
-    if (by_gradients(EnergyMomentum::kMostHalvings)) return true;
-    // a jerk: what no step of ordinary length gets across, substeps may; they begin with velocities
-    // that fit the joints, and what energy that takes is bounded, or else all that can be had
-    const Why why = island.why;
-    for (const double most_projected : {kMostProjected, kInfinity}) {
-      if (!is_met) break;
-      carry_on_with(i, Method::kRungeKutta, why);
-      if (by_substeps(kInfinity, most_projected)) return true;
-      if (!is_met || most_projected == kInfinity) break;
-      carry_on_with(i, Method::kEnergyMomentum, why);
-      if (by_gradients(2 * EnergyMomentum::kMostHalvings)) return true;
-    }
+  // a jerk: what no step of ordinary length gets across, substeps may; they begin with velocities
+  // that fit the joints, and what energy that takes is bounded, or else all that can be had
+  const Accuracy ordinary = accuracy_within(kInfinity);
+  Accuracy bounded = ordinary, longer = ordinary;
+  bounded.most_projected = kMostProjected;
+  longer.most_halvings *= 2;
+  const Why why = island.why;
+  for (const auto& [way, accuracy] :
+       {std::pair{Integration::kGradients, ordinary}, std::pair{Integration::kSubsteps, bounded},
+        std::pair{Integration::kGradients, longer}, std::pair{Integration::kSubsteps, ordinary}}) {
+    if (!is_met) break;
+    const Method method =
+        way == Integration::kSubsteps ? Method::kRungeKutta : Method::kEnergyMomentum;
+    if (method != island.method) carry_on_with(i, method, why);
+    if (by(way, accuracy)) return true;
   }
   // soon after a contact it is errors left by impulses that cannot be met, which these close again
   if (is_met || step_count < parts.touched_until) return false;
   if (island.why != Why::kConflict) carry_on_with(i, Method::kEnergyMomentum, Why::kConflict);
-  return note(i, integrate_inconsistent(i, span));
+  return by(Integration::kInconsistent, ordinary);
 }
 
-// What h ω joints may swing bodies with before an island counts as stiff, or is not allowed to be
-// integrated by substeps.
-double World::Impl::stiffness_limit() const {
-  if (options.tolerance > 0.0) return options.stiffness_limit;
-  return std::min(options.stiffness_limit, options.order == 5 ? kStable5 : kStable8);
-}
-
-// The same, in rad/s, before substeps cost more than gradients. Costs are counted in evaluations of
-// the equations of motion.
-double World::Impl::most_frequency(std::size_t i) const {
-  double limit = stiffness_limit();
-  if (options.tolerance > 0.0)
-    limit =
-        std::max(limit, (options.order == 5 ? kStable5 : kStable8) * gradient_cost(i) / stages());
-  return limit / options.time_step;
-}
-
-double World::Impl::stages() const {
-  return static_cast<double>(options.order == 5 ? DormandPrince5::kStages
-                                                : DormandPrince8::kStages);
-}
-
-// of a tick, as the last one was, or as such a tick usually is
-double World::Impl::gradient_cost(std::size_t i) const {
-  const IslandParts& parts = island_parts[i];
-  const EquationsOfMotion& equations = linked[at(parts.linked)].equations();
-  const bool is_simple = equations.turning() == 0 && equations.rows() <= equations.bodies().size();
-  const double iterations =
-      parts.gradient_iterations > 0 ? parts.gradient_iterations : kUsualIterations;
-  return iterations * (is_simple ? kPointIteration : kIteration);
+Accuracy World::Impl::accuracy_within(double most_frequency) const {
+  ImplicitMode mode = options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
+  if (options.dissipation) mode = ImplicitMode::kDissipate;
+  Accuracy accuracy{options.order, options.tolerance, mode, most_frequency};
+  accuracy.most_attempts = most_attempts;
+  return accuracy;
 }
 
 // of one island in one span: the more bodies there are, the fewer
@@ -594,69 +330,40 @@ void World::Impl::share_attempts() {
   most_attempts = static_cast<int>(std::clamp<std::size_t>(share, kLeastAttempts, kMostAttempts));
 }
 
-Progress World::Impl::integrate_by_substeps(std::size_t i, const SmoothSpan& span,
-                                            double most_frequency, double most_projected) {
+// A span in one way, and what the island learns from it.
+Progress World::Impl::advance_joints(std::size_t i, Integration way, const SmoothSpan& span,
+                                     const Accuracy& accuracy) {
   IslandParts& parts = island_parts[i];
-  IslandMemory& memory = parts;
-  const Accuracy accuracy{options.order,  options.tolerance, most_frequency,
-                          most_projected, most_attempts,     stop};
-  Progress progress = linked[at(parts.linked)].advance(span, accuracy, &states);
-  if (progress.is_stiff && progress.done && options.tolerance > 0.0)
-    progress.is_stiff = stages() * (progress.substeps + progress.rejected) > gradient_cost(i);
-  memory.stiff_ticks = progress.is_stiff ? memory.stiff_ticks + 1 : 0;
-  if (progress.done && memory.stiff_ticks < kStiffFor) return progress;
-  if (!progress.done)
-    linked[at(parts.linked)].begin_step(joint_states);  // forgets what it did in vain
-  parts.is_to_be_asked = true;
-  if (progress.done || progress.is_stiff) {
-    memory.is_stiff = true;
-    memory.stiff_until = step_count + kCalmFor;
+  IslandMotion& motion = motions[at(parts.motion)];
+  Progress progress = motion.advance(way, span, accuracy, &states);
+  const bool is_simple = motion.is_simple();
+  switch (way) {
+    case Integration::kSubsteps:
+      if (!learn_from_substeps(gradient_cost(is_simple, parts), step_count, options, &progress,
+                               &parts))
+        break;
+      if (!progress.done) motion.begin_step(joint_states);  // forgets what it did in vain
+      parts.is_to_be_asked = true;
+      break;
+    case Integration::kGradients: {
+      const EnergyMomentum& method = motion.gradients();
+      const int spans = method.was_first() ? 2 : 1;
+      learn_from_gradients(progress.iterations / spans, method.frequency(), is_simple, step_count,
+                           options, &parts);
+      break;
+    }
+    case Integration::kInconsistent:
+      if (!motion.can_be_met()) learn_from_inconsistency(step_count, &parts);
+      break;
   }
   return progress;
 }
-
-Progress World::Impl::integrate_by_gradients(std::size_t i, const SmoothSpan& span,
-                                             int most_halvings) {
-  IslandParts& parts = island_parts[i];
-  IslandMemory& memory = parts;
-  LinkedMotion& motion = linked[at(parts.linked)];
-  std::optional<EnergyMomentum>& of_island = stiff[at(parts.linked)];
-  if (!of_island) of_island.emplace(motion.equations());
-  EnergyMomentum& method = *of_island;
-  ImplicitMode mode = options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
-  if (options.dissipation) mode = ImplicitMode::kDissipate;
-  const Progress progress =
-      method.advance(span, mode, options.tolerance, most_halvings, &motion.equations(), &states);
-  memory.gradient_iterations = static_cast<std::uint32_t>(
-      std::max(method.was_first() ? progress.iterations / 2 : progress.iterations, 1));
-  if (method.frequency() > kCalmShare * most_frequency(i))
-    memory.stiff_until = std::max(memory.stiff_until, step_count + kCalmFor);
-  else if (method.frequency() * kMuchCheaper < most_frequency(i))
-    memory.stiff_until = 0;
-  memory.is_stiff = memory.is_stiff && step_count < memory.stiff_until;
-  return progress;
-}
-
-// An island with inconsistent constraints stays with this method until they can be met, and a
-// little longer, so that what comes and goes does not change the method in every step.
-Progress World::Impl::integrate_inconsistent(std::size_t i, const SmoothSpan& span) {
-  IslandParts& parts = island_parts[i];
-  EquationsOfMotion& equations = linked[at(parts.linked)].equations();
-  std::optional<InconsistentMotion>& method = inconsistent[at(parts.linked)];
-  if (!method) method.emplace(equations);
-  linked[at(parts.linked)].forget();
-  if (stiff[at(parts.linked)]) stiff[at(parts.linked)]->forget();
-  const Progress progress = method->advance(span, &equations, &states);
-  if (!method->can_be_met()) parts.inconsistent_until = step_count + kInconsistentFor;
-  return progress;
-}
-
 // within a step
 void World::Impl::carry_on_with(std::size_t i, Method method, Why why) {
   ++island_parts[i].changes;
   islands[i].method = method;
   islands[i].why = why;
-  linked[at(island_parts[i].linked)].forget();
+  motions[at(island_parts[i].motion)].forget();
   island_parts[i].is_to_be_asked = true;
 }
 
@@ -668,7 +375,7 @@ void World::Impl::refuse_island(std::size_t i) {
   islands[i].method = Method::kSequentialImpulses;
   islands[i].why = Why::kRefused;
   island_parts[i].projected_energy = island_parts[i].correction_work = 0.0;
-  island_parts[i].refused_until = step_count + kRefusedFor;
+  learn_from_refusal(step_count, &island_parts[i]);
   any_refused = true;
   ++island_parts[i].changes;
   island_parts[i].energy.has_changed = true;
@@ -680,10 +387,10 @@ void World::Impl::tell_of_islands() {
   report.rows = integrated_rows;
   for (const int index : smooth) {
     Island& island = islands[at(index)];
-    const int l = island_parts[at(index)].linked;
-    if (l >= 0)
+    const int m = island_parts[at(index)].motion;
+    if (m >= 0)
       island.dependent_rows =
-          static_cast<std::uint32_t>(linked[at(l)].equations().dependent_rows());
+          static_cast<std::uint32_t>(motions[at(m)].equations().dependent_rows());
     if (island.method == Method::kEnergyMomentum && island.why != Why::kConflict)
       island.unresolved_bodies = find_unresolved(at(index), nullptr);
     report.unresolved_bodies += island.unresolved_bodies;
@@ -698,26 +405,16 @@ void World::Impl::tell_of_islands() {
 // how many there are in an island, and if asked for which bodies
 std::uint32_t World::Impl::find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const {
   if (islands[i].method == Method::kSequentialImpulses) return find_spinning(i, bodies);
-  const EnergyMomentum& method = *stiff[at(island_parts[i].linked)];
-  const std::vector<int>& held = linked[at(island_parts[i].linked)].equations().bodies();
+  const IslandMotion& motion = motions[at(island_parts[i].motion)];
+  const std::vector<int>& held = motion.equations().bodies();
   std::uint32_t count = 0;
   for (std::size_t k = 0; k < held.size(); ++k) {
-    if (options.time_step * method.frequency_of(k) <= EnergyMomentum::kResolved) continue;
+    if (options.time_step * motion.gradients().frequency_of(k) <= EnergyMomentum::kResolved)
+      continue;
     ++count;
     if (bodies != nullptr) bodies->push_back(at(held[k]));
   }
   return count;
-}
-
-// What an island's joints share where some of its rows are redundant, else none. Joints that cannot
-// all be met have shares already.
-const LeastNormForces* World::Impl::share_forces(const IslandParts& parts, const Island& island) {
-  const EquationsOfMotion& equations = linked[at(parts.linked)].equations();
-  if (equations.redundant_rows() == 0 || island.why == Why::kConflict) return nullptr;
-  std::optional<LeastNormForces>& forces = least_forces[at(parts.linked)];
-  if (!forces) forces.emplace(equations);
-  forces->share(equations, states);
-  return &*forces;
 }
 
 void World::Impl::read_smooth_joints(const JointStep& step) {
@@ -727,9 +424,12 @@ void World::Impl::read_smooth_joints(const JointStep& step) {
       joint_states[j].bias = (joint_states[j].travel - joint_states_before[j].travel) / step.h;
   }
   for (const int i : smooth) {
-    if (island_parts[at(i)].linked < 0) continue;
-    const EquationsOfMotion& equations = linked[at(island_parts[at(i)].linked)].equations();
-    const LeastNormForces* const shared = share_forces(island_parts[at(i)], islands[at(i)]);
+    if (island_parts[at(i)].motion < 0) continue;
+    IslandMotion& motion = motions[at(island_parts[at(i)].motion)];
+    const EquationsOfMotion& equations = motion.equations();
+    // joints that cannot all be met have shares already
+    const bool shares = equations.redundant_rows() > 0 && islands[at(i)].why != Why::kConflict;
+    const LeastNormForces* const shared = shares ? &motion.share_forces(states) : nullptr;
     for (std::size_t l = 0; l < equations.joints().size(); ++l) {
       const std::size_t j = at(equations.joints()[l]);
       const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <limits>
 #include <optional>
@@ -19,6 +20,7 @@ namespace constraint_sim::engine {
 /// What reset() returns a joint to, beside what never changes.
 struct JointStart {
   Motor motor;  ///< also after continue_from() with the phase of the scene, right from time 0
+  std::array<CoordinateLaw, kMaxCoordinates> coordinates;  ///< the same
   bool broken = false;
   std::optional<JointState> state;  ///< of a joint that goes on as saved
   double time = 0.0;                ///< when it had that state [s]

@@ -105,7 +105,7 @@ void World::Impl::begin_watch() {
   for (std::size_t i = 0; i < islands.size(); ++i) {
     IslandParts& parts = island_parts[i];
     parts.energy = WatchedEnergy{};
-    parts.energy.was_by_impulses = method_for(parts.nature) == Method::kSequentialImpulses;
+    parts.energy.was_by_impulses = method_for(parts.nature, options) == Method::kSequentialImpulses;
     parts.energy.was_driven = is_driven(i);
     parts.gives_way = false;
     for (const int index : parts.members.joints) {

@@ -115,82 +115,6 @@ void World::Impl::go_back() {
   any_corrections = had_corrections;
 }
 
-// what follows from bodies, joints and options: once after an edit
-void World::Impl::recompile() {
-  edited = false;
-
-  joint_ends.clear();
-  unpaired.clear();
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    const std::size_t a = index(joints[j].body_a);
-    const std::size_t b = index(joints[j].body_b);
-    joint_ends.emplace_back(a, b);
-    if (joint_states[j].broken) joint_states[j].force = joint_states[j].bias = 0.0;
-    if (!joints[j].collide_connected && !joint_states[j].broken)
-      unpaired.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
-  }
-  std::sort(unpaired.begin(), unpaired.end());
-
-  const auto is_gone = [this](const TouchingPair& pair) { return !is_known(pair); };
-  for (std::vector<TouchingPair>* pairs : {&touching, &resting}) {
-    pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_gone), pairs->end());
-    for (TouchingPair& pair : *pairs) {
-      pair.a = body_index[pair.id_a.value];
-      pair.b = body_index[pair.id_b.value];
-    }
-  }
-
-  smooth_changed = true;
-  changing_courses.clear();  // until the islands are sorted
-  span_ends.clear();
-
-  if (all_edited)
-    for (IslandParts& parts : island_parts) static_cast<IslandMemory&>(parts) = parts.after_edit();
-  if (topology_edited) {
-    make_islands();
-    find_loops();
-  }
-  list_fresh_islands();
-  classify_islands();
-  const double quiet = std::ceil(options.sleep_after / options.time_step);
-  quiet_steps = quiet < 1e18 ? static_cast<std::uint64_t>(quiet) : 0;
-  spread_waking();
-
-  const Energy now = energy();
-  largest_kinetic_energy = now.kinetic;
-  reference_energy = now.kinetic + now.potential;
-  begin_watch();
-
-  states_before.resize(states.size());
-  joint_states_before.resize(joint_states.size());
-  memory_before.resize(island_parts.size());
-}
-
-// a loop is closed by a joint between bodies that others connect already; immovable ones are one
-void World::Impl::find_loops() {
-  std::vector<bool> has_loop(islands.size(), false);
-  std::vector<std::size_t> towards(bodies.size());
-  std::iota(towards.begin(), towards.end(), std::size_t{0});
-  const auto root = [&](std::size_t body) {
-    if (!is_movable(body)) return std::size_t{0};
-    while (towards[body] != body) body = towards[body] = towards[towards[body]];
-    return body;
-  };
-  for (std::size_t j = 0; j < joints.size(); ++j) {
-    if (joint_states[j].broken || !is_always_rigid(joints[j])) continue;
-    const auto [a, b] = joint_ends[j];
-    if (root(a) == root(b))
-      has_loop[static_cast<std::size_t>(island_of[is_movable(a) ? a : b])] = true;
-    else
-      towards[std::max(root(a), root(b))] = std::min(root(a), root(b));
-  }
-  is_in_loop.assign(joints.size(), false);
-  for (std::size_t i = 0; i < islands.size(); ++i)
-    if (has_loop[i])
-      for (const int j : island_parts[i].members.joints)
-        is_in_loop[static_cast<std::size_t>(j)] = true;
-}
-
 void World::Impl::find_pairs() {
   if (moving_shapes.empty()) return;
   const StageTimer timer(clock, Stage::kBroadphase, &report.stage_times);
@@ -315,7 +239,7 @@ void World::Impl::finish_step() {
   const Failure failure = failure_of_motion();
   if (failure != Failure::kNone) fail(failure);
   finish_impulses();
-  if (!linked.empty()) read_smooth_joints(joint_step());
+  if (!motions.empty()) read_smooth_joints(joint_step());
   tell_contacts();
   if (!tells_finite_numbers()) fail(Failure::kNotFinite);
   ++step_count;
@@ -330,9 +254,7 @@ void World::Impl::finish_step() {
 
 void World::Impl::keep_state_before(Failure why) {
   go_back();
-  for (LinkedMotion& motion : linked) motion.forget();
-  for (std::optional<EnergyMomentum>& motion : stiff)
-    if (motion) motion->forget();
+  for (IslandMotion& motion : motions) motion.forget();
   begin_all_anew();
   contacts.resize(resting_contacts);
   report.failed = true;

@@ -12,9 +12,8 @@
 #include "engine/broadphase.h"
 #include "engine/constraints/joint.h"
 #include "engine/islands.h"
-#include "engine/methods/energy_momentum.h"
-#include "engine/methods/inconsistent_motion.h"
-#include "engine/methods/least_norm_forces.h"
+#include "engine/method_choice.h"
+#include "engine/methods/island_motion.h"
 #include "engine/methods/runge_kutta.h"
 #include "engine/methods/sequential_impulses.h"
 #include "engine/model.h"
@@ -25,37 +24,6 @@
 
 namespace constraint_sim::engine {
 
-/// What decides which method an island has, beside its bodies and joints. An edit clears it.
-struct IslandMemory {
-  std::uint64_t quiet_for = 0;            ///< steps in a row that moved nothing to speak of
-  bool is_stiff = false;                  ///< as measured when it was last carried
-  int stiff_ticks = 0;                    ///< how often in a row substeps found it so
-  std::uint64_t stiff_until = 0;          ///< step before which it is not asked again
-  std::uint64_t refused_until = 0;        ///< step
-  std::uint64_t touched_until = 0;        ///< step until which its last contact counts as near
-  std::uint64_t inconsistent_until = 0;   ///< step
-  std::uint32_t gradient_iterations = 0;  ///< Newton's, of the last tick by gradients; 0: none yet
-
-  /// What an edit leaves of it.
-  IslandMemory after_edit() const {
-    IslandMemory left;
-    left.quiet_for = quiet_for;
-    left.touched_until = touched_until;
-    return left;
-  }
-  bool is_none() const {
-    return !is_stiff &&
-           (quiet_for | stiff_until | refused_until | touched_until | inconsistent_until |
-            gradient_iterations) == 0 &&
-           stiff_ticks == 0;
-  }
-  /// The steps are counted from another one.
-  void move(std::uint64_t from, std::uint64_t to) {
-    for (std::uint64_t* until : {&stiff_until, &refused_until, &touched_until, &inconsistent_until})
-      *until = *until > from ? *until - from + to : 0;
-  }
-};
-
 /// Of gravity, with 0 at the height 0, and of springs where potential [J].
 struct Energy {
   double kinetic = 0.0, potential = 0.0;
@@ -65,7 +33,7 @@ struct Energy {
 struct IslandParts : IslandMemory {
   IslandMembers members;
   Why nature = Why::kSmooth;        ///< of its joints and options; contacts come and go
-  int linked = -1;                  ///< into Impl::linked; -1: no joints, or never integrated
+  int motion = -1;                  ///< into motions; -1: no joints, or never integrated
   std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
 
   // of this step; each island writes its own, for several may be carried at once
@@ -88,11 +56,8 @@ inline constexpr double kAnyAngle = 4.0;  // [rad] of broken joints, and of save
 /// Islands and what is compiled for them.
 struct IslandLists {
   std::vector<IslandParts> island_parts;
-  std::vector<Island> islands;                       // the same, as it is told
-  std::vector<LinkedMotion> linked;                  // of the islands with joints
-  std::vector<std::optional<EnergyMomentum>> stiff;  // the same, of those that are, or were, stiff
-  std::vector<std::optional<InconsistentMotion>> inconsistent;  // the same, where constraints were
-  std::vector<std::optional<LeastNormForces>> least_forces;     // the same, with redundant rows
+  std::vector<Island> islands;        // the same, as it is told
+  std::vector<IslandMotion> motions;  // of the islands with joints
 };
 
 /// What stands behind a World.
@@ -228,10 +193,9 @@ struct World::Impl : Model, State, IslandLists {
   void begin_all_anew();
   void find_loops();
   void classify_islands();
-  Why nature_of(const IslandMembers& members) const;
+  IslandTraits traits_of(const IslandMembers& members) const;
   void find_fastest_springs();
-  Method method_for(Why why) const;
-  void link(IslandParts* parts);
+  void compile_island(IslandParts* parts);
   void find_pairs();
   Proxy proxy(int body) const;
   void find_contacts();
@@ -249,15 +213,10 @@ struct World::Impl : Model, State, IslandLists {
   bool integrate_island(std::size_t i, const SmoothSpan& span);
   bool integrate_joints(std::size_t i, const SmoothSpan& span);
   bool note(std::size_t i, const Progress& progress);
-  Progress integrate_by_substeps(std::size_t i, const SmoothSpan& span, double most_frequency,
-                                 double most_projected);
-  double most_frequency(std::size_t i) const;
-  double gradient_cost(std::size_t i) const;
-  double stages() const;
-  double stiffness_limit() const;
+  Progress advance_joints(std::size_t i, Integration way, const SmoothSpan& span,
+                          const Accuracy& accuracy);
+  Accuracy accuracy_within(double most_frequency) const;
   void share_attempts();
-  Progress integrate_by_gradients(std::size_t i, const SmoothSpan& span, int most_halvings);
-  Progress integrate_inconsistent(std::size_t i, const SmoothSpan& span);
   int threads_worth_it() const;
   void gather_from_islands();
   void carry_on_with(std::size_t i, Method method, Why why);
@@ -271,7 +230,6 @@ struct World::Impl : Model, State, IslandLists {
   void advance_kinematic_bodies();
   void finish_step();
   void read_smooth_joints(const JointStep& step);
-  const LeastNormForces* share_forces(const IslandParts& parts, const Island& island);
   void note_if_torn(std::size_t j);
   void tell_contacts();
   void add_contacts(const TouchingPair& pair);

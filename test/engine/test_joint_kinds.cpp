@@ -662,8 +662,12 @@ TEST(JointFrames, InASolutionThatIsNotMeantAreToldAtAnySize) {
     chosen.method = Method::kRungeKutta;
     chosen.tolerance *= size;
     world.set_options(chosen);
-    for (int i = 0; i < 100; ++i) world.step();
+    // after the closing and as much patience; a tick that is refused at this spin begins both anew
     const JointId joint = world.joint_ids().front();
+    const auto is_told = [&] {
+      return world.report().unclosed_joints > 0 && world.joint_state(joint).angle_error > 3.1;
+    };
+    for (int i = 0; i < 300 && !is_told(); ++i) world.step();
     EXPECT_NEAR(world.joint_state(joint).angle_error, kPi, 1e-6) << size;
     EXPECT_EQ(world.report().unclosed_joints, 1u) << size;
     ASSERT_TRUE(world.report().unclosed_joint) << size;

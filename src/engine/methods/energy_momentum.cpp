@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/methods/runge_kutta.h"
-
 namespace constraint_sim::engine {
 namespace {
 
@@ -58,9 +56,9 @@ int EnergyMomentum::parts_for_turning(double h, bool composes, double tolerance)
   return static_cast<int>(std::clamp(std::ceil(h * spin / longest), 1.0, kMostParts));
 }
 
-Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, double tolerance,
-                                 int most_halvings, EquationsOfMotion* equations,
-                                 std::vector<BodyState>* states) {
+Progress EnergyMomentum::advance(const SmoothSpan& span, const Accuracy& accuracy,
+                                 EquationsOfMotion* equations, std::vector<BodyState>* states) {
+  const ImplicitMode mode = accuracy.mode;
   Progress progress;
   bool is_new = !has_started_ || span.is_edited || mode != mode_;
   mode_ = mode;
@@ -83,14 +81,15 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
   }
   refinement_ = std::max(refinement_, least);
   for (;; ++refinement_) {
-    if (refinement_ > most_halvings) {
+    if (refinement_ > accuracy.most_halvings) {
       has_started_ = false;
       progress.done = false;
       progress.is_inconsistent = equations->is_inconsistent();
       return progress;
     }
     step_equations_.load(*states, *equations);
-    int parts = parts_for_turning(span.h, refinement_ < 0, tolerance) << std::max(refinement_, 0);
+    int parts = parts_for_turning(span.h, refinement_ < 0, accuracy.tolerance)
+                << std::max(refinement_, 0);
     if (is_new) {  // two halves at least, for the estimate
       parts += parts % 2;
       step_equations_.write_points(estimate_.start());
@@ -107,7 +106,7 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, ImplicitMode mode, doub
     const std::size_t redundant = equations->redundant_rows();
     if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
       done = false;
-      if (equations->is_inconsistent()) refinement_ = most_halvings;
+      if (equations->is_inconsistent()) refinement_ = accuracy.most_halvings;
       if (equations->redundant_rows() < redundant) --refinement_;  // again, with all rows needed
     }
     if (done) {

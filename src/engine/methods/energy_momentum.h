@@ -8,17 +8,9 @@
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/implicit_step.h"
 #include "engine/methods/integrate.h"
+#include "engine/methods/method.h"
 
 namespace constraint_sim::engine {
-
-struct SmoothSpan;
-
-/// What is asked of the steps.
-enum class ImplicitMode {
-  kOrder2,     ///< the midpoint rule
-  kOrder4,     ///< composed; of order 2 where there are dampers, which take no steps back
-  kDissipate,  ///< BDF2
-};
 
 /// An island with joints, carried through time by steps of ImplicitStep: one a span, or five
 /// of Suzuki's composition of order 4 (Phys. Lett. A 146 (1990) 319). Where Newton's method does
@@ -27,17 +19,13 @@ class EnergyMomentum {
  public:
   /// Up to this h ω a body's motion is what the steps show.
   static constexpr double kResolved = 2.0;
-  /// A span is made of so many halvings where nothing else helps, unless more are asked for.
-  static constexpr int kMostHalvings = 9;
 
   explicit EnergyMomentum(const EquationsOfMotion& equations) : step_equations_(equations) {}
 
-  /// Carries the bodies through the span; impulses add up in `equations`. Leaves the bodies as they
-  /// are where it cannot.
-  /// `tolerance` [m/s] is for the turning of bodies, whose other motion the span is short enough
-  /// for.
-  Progress advance(const SmoothSpan& span, ImplicitMode mode, double tolerance, int most_halvings,
-                   EquationsOfMotion* equations, std::vector<BodyState>* states);
+  /// As method.h says. The tolerance is for the turning of bodies, whose other motion the span is
+  /// short enough for.
+  Progress advance(const SmoothSpan& span, const Accuracy& accuracy, EquationsOfMotion* equations,
+                   std::vector<BodyState>* states);
   /// Whether the last span was made of two halves, as a first one is.
   bool was_first() const { return was_first_; }
   /// Largest ω of the bodies by what held them in the last step [rad/s].

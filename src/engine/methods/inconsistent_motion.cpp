@@ -10,7 +10,6 @@
 
 #include "engine/mass_properties.h"
 #include "engine/methods/cross_matrix.h"
-#include "engine/methods/runge_kutta.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -7,11 +7,10 @@
 #include "constraint_sim/engine/body.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/integrate.h"
+#include "engine/methods/method.h"
 #include "engine/methods/regularized_rows.h"
 
 namespace constraint_sim::engine {
-
-struct SmoothSpan;
 
 /// The motion of an island with inconsistent constraints: rigid rows that cannot all be met.
 /// Positions go where Σ C²/a is least, a the diagonal entry of G M⁻¹ Gᵀ; velocities meet the rates
@@ -28,8 +27,7 @@ class InconsistentMotion {
  public:
   explicit InconsistentMotion(const EquationsOfMotion& equations);
 
-  /// Carries the bodies through the span; impulses add up in `equations`. Leaves the bodies as they
-  /// are where the state is not finite.
+  /// As method.h says, without a tolerance: rows that cannot be met leave an error that is larger.
   Progress advance(const SmoothSpan& span, EquationsOfMotion* equations,
                    std::vector<BodyState>* states);
   /// Whether all rows could be met at the end of the last span, and so could their rates.

@@ -333,7 +333,9 @@ RowSolver::Outcome RowSolver::account(const std::vector<int>& moved, const std::
             std::max(change, std::abs(wanted_correction(row, r, J_V) - row.correction_impulse));
       outcome.residual = std::max(outcome.residual, change * (r.K + row.softness));
     }
-    const double rate = J_V - row.drive;
+    const bool is_given = row.lower == row.upper;  // a force, as those from outside
+    const double drive = is_given ? J_V : row.drive;
+    const double rate = J_V - drive;
     components_[at(r.component)].work += row.impulse * rate;
     if (row.stiffness > 0.0) {
       components_[at(r.component)].work += row.stiffness * h_ * rate * (row.C + 0.5 * h_ * rate);
@@ -341,7 +343,7 @@ RowSolver::Outcome RowSolver::account(const std::vector<int>& moved, const std::
       responses_[i].correction_rate = velocity_along(row, r, corrections_);
       components_[at(r.component)].has_springs = is_to_finish_ = true;
     }
-    outcome.driven_work += row.impulse * row.drive;
+    outcome.driven_work += row.impulse * drive;
     if (!inertias_[at(row.body_a)].is_moved)
       outcome.driven_work -= row.impulse * r.J_A.dot(velocities_[at(row.body_a)]);
     if (!inertias_[at(row.body_b)].is_moved)

@@ -20,13 +20,12 @@ constexpr double kFarTooStiff = 15.0;
 
 template <class System>
 Progress integrate(System& system, const StageMemory& memory, double t, double h,
-                   const Accuracy& accuracy, double& step) {
+                   const Accuracy& accuracy, StopFlag stop, double& step) {
   if (step == 0.0) step = h;
-  return accuracy.order == 5
-             ? integrate<DormandPrince5>(system, memory, t, h, accuracy.tolerance, step,
-                                         accuracy.most_attempts, accuracy.stop)
-             : integrate<DormandPrince8>(system, memory, t, h, accuracy.tolerance, step,
-                                         accuracy.most_attempts, accuracy.stop);
+  return accuracy.order == 5 ? integrate<DormandPrince5>(system, memory, t, h, accuracy.tolerance,
+                                                         step, accuracy.most_attempts, stop)
+                             : integrate<DormandPrince8>(system, memory, t, h, accuracy.tolerance,
+                                                         step, accuracy.most_attempts, stop);
 }
 
 /// The quaternion (x, y, z, w) of a body with known angular momentum, as a System.
@@ -146,22 +145,23 @@ Progress LinkedMotion::start(const SmoothSpan& span, const Accuracy& accuracy,
 Progress LinkedMotion::integrate_equations(const StageMemory& memory, const SmoothSpan& span,
                                            const Accuracy& accuracy) {
   if (equations_.redundant_rows() > 0)  // kernels have all rows
-    return integrate(equations_, memory, span.t, span.h, accuracy, step_);
+    return integrate(equations_, memory, span.t, span.h, accuracy, span.stop, step_);
   if (equations_.is_point_on_rod()) {
     PointOnRod point(equations_);
-    return integrate(point, memory, span.t, span.h, accuracy, step_);
+    return integrate(point, memory, span.t, span.h, accuracy, span.stop, step_);
   }
   if (equations_.is_chain_of_bodies()) {
     ChainOfBodies chain(equations_);
-    return integrate(chain, memory, span.t, span.h, accuracy, step_);
+    return integrate(chain, memory, span.t, span.h, accuracy, span.stop, step_);
   }
-  if (!equations_.is_chain()) return integrate(equations_, memory, span.t, span.h, accuracy, step_);
+  if (!equations_.is_chain())
+    return integrate(equations_, memory, span.t, span.h, accuracy, span.stop, step_);
   ChainOfRods chain(equations_);
-  return integrate(chain, memory, span.t, span.h, accuracy, step_);
+  return integrate(chain, memory, span.t, span.h, accuracy, span.stop, step_);
 }
 
 Progress FreeRotation::advance(double h, const Vector3d& torque, const MassProperties& mass,
-                               const Accuracy& accuracy, BodyState* state) {
+                               const Accuracy& accuracy, StopFlag stop, BodyState* state) {
   const bool is_driven = !torque.isZero(0.0);
   if (!is_driven && mass.is_isotropic()) {
     state->orientation = (rotation(h * state->angular_velocity) * state->orientation).normalized();
@@ -181,7 +181,7 @@ Progress FreeRotation::advance(double h, const Vector3d& torque, const MassPrope
     first_derivative = first_derivative_;
   else
     turning.derivative(0, 0.0, memory.state(), memory.derivatives());
-  const Progress progress = integrate(turning, memory, 0.0, h, accuracy, step_);
+  const Progress progress = integrate(turning, memory, 0.0, h, accuracy, stop, step_);
   if (!progress.done) return progress;
   state->orientation.coeffs() = q;
   momentum_ += h * torque;

@@ -1,39 +1,15 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <limits>
 #include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "engine/mass_properties.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/integrate.h"
+#include "engine/methods/method.h"
 
 namespace constraint_sim::engine {
-
-/// A span of time in which nothing jumps, and what acts in it.
-struct SmoothSpan {
-  double t;  ///< its start, simulated [s]
-  double h;  ///< its length [s]
-  Eigen::Vector3d gravity;
-  const std::vector<Load>& loads;
-  const std::vector<JointCourse>& courses;  ///< of all joints of the world
-  bool is_disturbed;                        ///< something may have jumped since the last span
-  bool is_edited;                           ///< also positions or velocities may have
-  StopFlag stop = nullptr;
-};
-
-/// How an integration is asked for.
-struct Accuracy {
-  int order;         ///< 8 or 5
-  double tolerance;  ///< [m] of local error per second; 0: one substep a span
-  /// What joints may swing bodies with before the island counts as stiff [rad/s].
-  double most_frequency = std::numeric_limits<double>::infinity();
-  /// What the start may take of the kinetic energy, as a share.
-  double most_projected = std::numeric_limits<double>::infinity();
-  int most_attempts = 50000;  ///< substeps, those in vain included, beyond which it is refused
-  StopFlag stop = nullptr;
-};
 
 /// An island with joints, carried through time by an embedded Runge-Kutta pair: Hairer, Nørsett &
 /// Wanner I, section II.5; projection: Hairer, Lubich & Wanner, Geometric Numerical Integration,
@@ -45,7 +21,7 @@ class LinkedMotion {
   const EquationsOfMotion& equations() const { return equations_; }
   EquationsOfMotion& equations() { return equations_; }
   void begin_step(const std::vector<JointState>& joints) { equations_.begin_step(joints); }
-  /// Carries the bodies through the span. Leaves them as they are where it cannot.
+  /// As method.h says, with its own equations.
   Progress advance(const SmoothSpan& span, const Accuracy& accuracy,
                    std::vector<BodyState>* states);
   /// Somebody else has moved the bodies.
@@ -87,7 +63,7 @@ class FreeRotation {
     return !(state.angular_velocity.isZero(0.0) && torque.isZero(0.0));
   }
   Progress advance(double h, const Eigen::Vector3d& torque, const MassProperties& mass,
-                   const Accuracy& accuracy, BodyState* state);
+                   const Accuracy& accuracy, StopFlag stop, BodyState* state);
   /// Whether it has something to go on from.
   bool has_memory() const { return step_ != 0.0; }
   /// The same, beside the body.

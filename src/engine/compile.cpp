@@ -1,0 +1,240 @@
+// What follows from bodies, joints and options: islands, their equations, and which of them begin
+// anew. Once after an edit, before the first stage of a step.
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+void World::Impl::recompile() {
+  edited = false;
+
+  joint_ends.clear();
+  unpaired.clear();
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const std::size_t a = index(joints[j].body_a);
+    const std::size_t b = index(joints[j].body_b);
+    joint_ends.emplace_back(a, b);
+    if (joint_states[j].broken) joint_states[j].force = joint_states[j].bias = 0.0;
+    if (!joints[j].collide_connected && !joint_states[j].broken)
+      unpaired.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
+  }
+  std::sort(unpaired.begin(), unpaired.end());
+
+  const auto is_gone = [this](const TouchingPair& pair) { return !is_known(pair); };
+  for (std::vector<TouchingPair>* pairs : {&touching, &resting}) {
+    pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_gone), pairs->end());
+    for (TouchingPair& pair : *pairs) {
+      pair.a = body_index[pair.id_a.value];
+      pair.b = body_index[pair.id_b.value];
+    }
+  }
+
+  smooth_changed = true;
+  changing_courses.clear();  // until the islands are sorted
+  span_ends.clear();
+
+  if (all_edited)
+    for (IslandParts& parts : island_parts) static_cast<IslandMemory&>(parts) = parts.after_edit();
+  if (topology_edited) {
+    make_islands();
+    find_loops();
+  }
+  list_fresh_islands();
+  classify_islands();
+  const double quiet = std::ceil(options.sleep_after / options.time_step);
+  quiet_steps = quiet < 1e18 ? static_cast<std::uint64_t>(quiet) : 0;
+  spread_waking();
+
+  const Energy now = energy();
+  largest_kinetic_energy = now.kinetic;
+  reference_energy = now.kinetic + now.potential;
+  begin_watch();
+
+  states_before.resize(states.size());
+  joint_states_before.resize(joint_states.size());
+  memory_before.resize(island_parts.size());
+}
+
+// a loop is closed by a joint between bodies that others connect already; immovable ones are one
+void World::Impl::find_loops() {
+  std::vector<bool> has_loop(islands.size(), false);
+  std::vector<std::size_t> towards(bodies.size());
+  std::iota(towards.begin(), towards.end(), std::size_t{0});
+  const auto root = [&](std::size_t body) {
+    if (!is_movable(body)) return std::size_t{0};
+    while (towards[body] != body) body = towards[body] = towards[towards[body]];
+    return body;
+  };
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    if (joint_states[j].broken || !is_always_rigid(joints[j])) continue;
+    const auto [a, b] = joint_ends[j];
+    if (root(a) == root(b))
+      has_loop[at(island_of[is_movable(a) ? a : b])] = true;
+    else
+      towards[std::max(root(a), root(b))] = std::min(root(a), root(b));
+  }
+  is_in_loop.assign(joints.size(), false);
+  for (std::size_t i = 0; i < islands.size(); ++i)
+    if (has_loop[i])
+      for (const int j : island_parts[i].members.joints) is_in_loop[at(j)] = true;
+}
+
+// Islands of the same bodies and joints as before keep what is compiled for them.
+void World::Impl::make_islands() {
+  topology_edited = false;
+  std::vector<bool> movable, acting;
+  for (std::size_t i = 0; i < bodies.size(); ++i) movable.push_back(is_movable(i));
+  for (const JointState& state : joint_states) acting.push_back(!state.broken);
+
+  IslandLists before;
+  std::swap(before, static_cast<IslandLists&>(*this));
+  if (all_edited) rotations.clear();
+  rotations.resize(bodies.size());
+  const std::vector<int> island_before = std::move(island_of);
+  island_of.assign(bodies.size(), -1);
+  for (IslandMembers& members : find_islands(movable, acting, joint_ends)) {
+    const auto first = at(members.bodies.front());
+    const int old = !all_edited && first < island_before.size() ? island_before[first] : -1;
+    for (const int body : members.bodies) island_of[at(body)] = static_cast<int>(islands.size());
+    if (old >= 0 && before.island_parts[at(old)].members == members) {
+      keep_island(at(old), &before);
+      continue;
+    }
+    Island& island = islands.emplace_back();
+    island.first_body = body_ids[first];
+    island.bodies = static_cast<std::uint32_t>(members.bodies.size());
+    island.joints = static_cast<std::uint32_t>(members.joints.size());
+    IslandParts& parts = island_parts.emplace_back();
+    parts.members = std::move(members);
+    for (const auto& [first_body, memory] : loaded_memory)
+      if (first_body == island.first_body) static_cast<IslandMemory&>(parts) = memory;
+  }
+  loaded_memory.clear();
+}
+
+void World::Impl::keep_island(std::size_t old, IslandLists* before) {
+  islands.push_back(before->islands[old]);
+  IslandParts& parts = island_parts.emplace_back(std::move(before->island_parts[old]));
+  if (parts.motion < 0) return;
+  const std::size_t m = at(parts.motion);
+  parts.motion = static_cast<int>(motions.size());
+  motions.push_back(std::move(before->motions[m]));
+}
+
+// those that have been edited, once it is known which bodies they have
+void World::Impl::list_fresh_islands() {
+  for (const BodyId id : edited_bodies) {
+    if (body_index[id.value] < 0) continue;
+    IslandParts& parts = island_parts[at(island_of[at(body_index[id.value])])];
+    if (!parts.is_fresh) static_cast<IslandMemory&>(parts) = parts.after_edit();
+    parts.is_fresh = true;
+  }
+  edited_bodies.clear();
+  for (const BodyId id : relinked_bodies)
+    if (body_index[id.value] >= 0)
+      island_parts[at(island_of[at(body_index[id.value])])].is_stale = true;
+  relinked_bodies.clear();
+  if (all_edited) begin_all_anew();
+  all_edited = false;
+  fresh_islands.clear();
+  for (std::size_t i = 0; i < island_parts.size(); ++i)
+    if (island_parts[i].is_fresh) fresh_islands.push_back(static_cast<int>(i));
+}
+
+void World::Impl::begin_all_anew() {
+  fresh_islands.resize(island_parts.size());
+  std::iota(fresh_islands.begin(), fresh_islands.end(), 0);
+  for (IslandParts& parts : island_parts) parts.is_fresh = true;
+}
+
+void World::Impl::classify_islands() {
+  find_fastest_springs();
+  for (IslandParts& parts : island_parts) {
+    parts.nature = classify(traits_of(parts.members), options);
+    if (method_for(parts.nature, options) == Method::kSequentialImpulses) continue;
+    if (parts.members.joints.empty())
+      parts.turning_freely = parts.members.bodies;
+    else if (parts.motion < 0 || parts.is_stale)
+      compile_island(&parts);
+  }
+}
+
+// of each body, what its springs and dampers move it with: ω² ≤ 2 Σk (1/m + r²/I_min), and the same
+// of c [1/s]
+void World::Impl::find_fastest_springs() {
+  fastest_spring.assign(bodies.size(), 0.0);
+  std::vector<double> damping;
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    if (joint_states[j].broken) continue;
+    const Joint& joint = joints[j];
+    const auto add = [&](bool is_turn, double stiffness, double of_damper) {
+      if (damping.empty()) damping.assign(bodies.size(), 0.0);
+      for (const auto& [body, anchor] : {std::pair(joint_ends[j].first, joint.anchor_a),
+                                         {joint_ends[j].second, joint.anchor_b}}) {
+        const double turning = masses[body].inverse_inertia.maxCoeff();
+        const double inverse_mass =
+            is_turn ? turning : masses[body].inverse_mass + anchor.squaredNorm() * turning;
+        fastest_spring[body] += 2.0 * inverse_mass * stiffness;
+        damping[body] += 2.0 * inverse_mass * of_damper;
+      }
+    };
+    const auto* distance = if_distance(joint);
+    if (distance != nullptr && distance->is_soft())
+      add(false, distance->stiffness, distance->damping);
+    for (int i = 0; i < coordinates(joint.kind); ++i) {
+      const SoftLaw law = soft_law(joint.coordinates[at(i)]);
+      if (law.K > 0.0 || law.C > 0.0) add(is_angle(joint.kind, i), law.K, law.C);
+    }
+  }
+  for (std::size_t i = 0; i < damping.size(); ++i)
+    fastest_spring[i] = std::max(std::sqrt(fastest_spring[i]), damping[i]);
+}
+
+IslandTraits World::Impl::traits_of(const IslandMembers& members) const {
+  IslandTraits traits;
+  traits.has_joints = !members.joints.empty();
+  for (const int j : members.joints) {
+    const Joint& joint = joints[at(j)];
+    const auto* distance = if_distance(joint);
+    const auto has_coordinate = [&](auto holds) { return any_coordinate(joint, holds); };
+    if ((distance != nullptr && distance->is_limited()) ||
+        has_coordinate([](const CoordinateLaw& law) { return law.is_limited(); }))
+      traits.jumps = Why::kLimit;
+    else if (has_coordinate([](const CoordinateLaw& law) { return law.friction > 0.0; }))
+      traits.jumps = Why::kFriction;
+    else if (joint.motor.max_force > 0.0 || has_coordinate(is_one_sided))
+      traits.jumps = Why::kForceLimit;
+    if (traits.jumps != Why::kSmooth) break;
+  }
+  for (const int body : members.bodies)
+    traits.fastest_spring = std::max(traits.fastest_spring, fastest_spring[at(body)]);
+  return traits;
+}
+
+void World::Impl::compile_island(IslandParts* parts) {
+  EquationsOfMotion equations(parts->members.joints, joints, joint_ends, masses);
+  const std::vector<int>& held = equations.bodies();
+  parts->turning_freely.clear();
+  for (std::size_t i = equations.turning(); i < held.size(); ++i)
+    if (masses[at(held[i])].can_turn()) parts->turning_freely.push_back(held[i]);
+  parts->is_stale = false;
+  if (parts->motion >= 0) {
+    motions[at(parts->motion)] = IslandMotion(std::move(equations));
+    return;
+  }
+  parts->motion = static_cast<int>(motions.size());
+  motions.emplace_back(std::move(equations));
+}
+
+}  // namespace constraint_sim::engine

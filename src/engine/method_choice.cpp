@@ -1,0 +1,156 @@
+#include "engine/method_choice.h"
+
+#include <algorithm>
+
+namespace constraint_sim::engine {
+namespace {
+
+// What h ω one substep is stable up to, with some room.
+constexpr double kStable8 = 5.0, kStable5 = 0.9;
+// A jerk is over after a tick or two; what goes on for longer makes an island stiff.
+constexpr int kStiffFor = 4;  // [spans]
+// An island is no longer stiff when h ω stays below this share of the limit for so long.
+constexpr double kCalmShare = 0.5;
+constexpr std::uint64_t kCalmFor = 50;  // [steps]
+// How long an island that could not be integrated is left to the other method [steps].
+constexpr std::uint64_t kRefusedFor = 100;
+// How long constraints that were inconsistent have to be consistent [steps].
+constexpr std::uint64_t kInconsistentFor = 3;
+// Where gradients are given up at once: substeps would cost less than this share of them.
+constexpr double kMuchCheaper = 4.0;
+// What a tick by gradients usually takes, and what one of Newton's iterations costs beside an
+// evaluation of the equations of motion: of points on a tree of rods, and of all others.
+constexpr double kUsualIterations = 15.0;
+constexpr double kPointIteration = 6.0, kIteration = 20.0;
+
+double stable(const WorldOptions& options) { return options.order == 5 ? kStable5 : kStable8; }
+
+double stages(const WorldOptions& options) {
+  return static_cast<double>(options.order == 5 ? DormandPrince5::kStages
+                                                : DormandPrince8::kStages);
+}
+
+}  // namespace
+
+const char* text(Why why) {
+  switch (why) {
+    case Why::kSmooth:
+      return "smooth";
+    case Why::kAskedFor:
+      return "asked for";
+    case Why::kContact:
+      return "in contact";
+    case Why::kLimit:
+      return "has limits";
+    case Why::kForceLimit:
+      return "has a motor with a force limit";
+    case Why::kFriction:
+      return "has a joint with friction";
+    case Why::kStiff:
+      return "stiff";
+    case Why::kRefused:
+      return "could not be integrated to the tolerance";
+    case Why::kConflict:
+      return "its joints cannot all be met";
+    case Why::kAtRest:
+      return "at rest";
+  }
+  return "";
+}
+
+// ---- at the start of a step
+
+Why classify(const IslandTraits& traits, const WorldOptions& options) {
+  if (options.method == Method::kSequentialImpulses) return Why::kAskedFor;
+  if (traits.jumps != Why::kSmooth) return traits.jumps;
+  if (options.method == Method::kAuto &&
+      options.time_step * traits.fastest_spring > options.stiffness_limit)
+    return Why::kStiff;
+  const bool is_asked = options.method == Method::kEnergyMomentum && traits.has_joints;
+  return is_asked ? Why::kAskedFor : Why::kSmooth;
+}
+
+Method method_for(Why why, const WorldOptions& options) {
+  if (why == Why::kAskedFor) return options.method;
+  if (why == Why::kSmooth) return Method::kRungeKutta;
+  const bool is_stiff = why == Why::kStiff || why == Why::kConflict;
+  return is_stiff ? Method::kEnergyMomentum : Method::kSequentialImpulses;
+}
+
+MethodChoice choose(Why nature, bool in_contact, const IslandMemory& memory, std::uint64_t step,
+                    const WorldOptions& options) {
+  const auto is_by_impulses = [&](Why why) {
+    return method_for(why, options) == Method::kSequentialImpulses;
+  };
+  Why why = nature;
+  if (in_contact && !is_by_impulses(why)) why = Why::kContact;
+  if (step < memory.refused_until) why = Why::kRefused;
+  if (!is_by_impulses(why)) {
+    if (step < memory.inconsistent_until)
+      why = Why::kConflict;
+    else if (memory.is_stiff && why == Why::kSmooth)
+      why = Why::kStiff;
+  }
+  return {method_for(why, options), why};
+}
+
+void remember_choice(const MethodChoice& choice, bool in_contact, std::uint64_t step,
+                     IslandMemory* memory) {
+  if (in_contact) memory->touched_until = step + kRefusedFor;
+  if (choice.method == Method::kSequentialImpulses) memory->inconsistent_until = 0;
+}
+
+// ---- within a step
+
+double stiffness_limit(const WorldOptions& options) {
+  if (options.tolerance > 0.0) return options.stiffness_limit;
+  return std::min(options.stiffness_limit, stable(options));
+}
+
+double gradient_cost(bool is_simple, const IslandMemory& memory) {
+  const double iterations =
+      memory.gradient_iterations > 0 ? memory.gradient_iterations : kUsualIterations;
+  return iterations * (is_simple ? kPointIteration : kIteration);
+}
+
+double most_frequency(double gradient_cost, const WorldOptions& options) {
+  double limit = stiffness_limit(options);
+  if (options.tolerance > 0.0)
+    limit = std::max(limit, stable(options) * gradient_cost / stages(options));
+  return limit / options.time_step;
+}
+
+bool learn_from_substeps(double gradient_cost, std::uint64_t step, const WorldOptions& options,
+                         Progress* progress, IslandMemory* memory) {
+  if (progress->is_stiff && progress->done && options.tolerance > 0.0)
+    progress->is_stiff =
+        stages(options) * (progress->substeps + progress->rejected) > gradient_cost;
+  memory->stiff_ticks = progress->is_stiff ? memory->stiff_ticks + 1 : 0;
+  if (progress->done && memory->stiff_ticks < kStiffFor) return false;
+  if (progress->done || progress->is_stiff) {
+    memory->is_stiff = true;
+    memory->stiff_until = step + kCalmFor;
+  }
+  return true;
+}
+
+void learn_from_gradients(int iterations, double frequency, bool is_simple, std::uint64_t step,
+                          const WorldOptions& options, IslandMemory* memory) {
+  memory->gradient_iterations = static_cast<std::uint32_t>(std::max(iterations, 1));
+  const double most = most_frequency(gradient_cost(is_simple, *memory), options);
+  if (frequency > kCalmShare * most)
+    memory->stiff_until = std::max(memory->stiff_until, step + kCalmFor);
+  else if (frequency * kMuchCheaper < most)
+    memory->stiff_until = 0;
+  memory->is_stiff = memory->is_stiff && step < memory->stiff_until;
+}
+
+void learn_from_refusal(std::uint64_t step, IslandMemory* memory) {
+  memory->refused_until = step + kRefusedFor;
+}
+
+void learn_from_inconsistency(std::uint64_t step, IslandMemory* memory) {
+  memory->inconsistent_until = step + kInconsistentFor;
+}
+
+}  // namespace constraint_sim::engine

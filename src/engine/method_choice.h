@@ -1,0 +1,107 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "constraint_sim/engine/island.h"
+#include "constraint_sim/engine/world.h"
+#include "engine/methods/integrate.h"
+
+namespace constraint_sim::engine {
+
+// Which method carries an island, and why: functions of what is known of the island, and nothing
+// else. The plan and the report tell the choice with its reason.
+
+/// What decides which method an island has, beside its bodies and joints. An edit clears it.
+struct IslandMemory {
+  std::uint64_t quiet_for = 0;            ///< steps in a row that moved nothing to speak of
+  bool is_stiff = false;                  ///< as measured when it was last carried
+  int stiff_ticks = 0;                    ///< how often in a row substeps found it so
+  std::uint64_t stiff_until = 0;          ///< step before which it is not asked again
+  std::uint64_t refused_until = 0;        ///< step
+  std::uint64_t touched_until = 0;        ///< step until which its last contact counts as near
+  std::uint64_t inconsistent_until = 0;   ///< step
+  std::uint32_t gradient_iterations = 0;  ///< Newton's, of the last tick by gradients; 0: none yet
+
+  /// What an edit leaves of it.
+  IslandMemory after_edit() const {
+    IslandMemory left;
+    left.quiet_for = quiet_for;
+    left.touched_until = touched_until;
+    return left;
+  }
+  bool is_none() const {
+    return !is_stiff &&
+           (quiet_for | stiff_until | refused_until | touched_until | inconsistent_until |
+            gradient_iterations) == 0 &&
+           stiff_ticks == 0;
+  }
+  /// The steps are counted from another one.
+  void move(std::uint64_t from, std::uint64_t to) {
+    for (std::uint64_t* until : {&stiff_until, &refused_until, &touched_until, &inconsistent_until})
+      *until = *until > from ? *until - from + to : 0;
+  }
+};
+
+// ---- at the start of a step
+
+/// What an island is made of, as far as it decides. Edits change it, steps do not.
+struct IslandTraits {
+  bool has_joints = false;
+  Why jumps = Why::kSmooth;     ///< kLimit, kFriction or kForceLimit, of the first joint that has such
+  double fastest_spring = 0.0;  ///< largest ω that springs and dampers move a body with [1/s]
+};
+
+/// The reason for the method that an island has while nothing touches it, and it was never refused
+/// nor measured.
+Why classify(const IslandTraits& traits, const WorldOptions& options);
+
+/// The method that goes with a reason.
+Method method_for(Why why, const WorldOptions& options);
+
+struct MethodChoice {
+  Method method;
+  Why why;
+};
+
+/// `nature` is what classify() said. An island in contact has joints with jumps; one that was
+/// refused is left to impulses for a while; what no impulses carry may be inconsistent or stiff as
+/// `memory` knows.
+MethodChoice choose(Why nature, bool in_contact, const IslandMemory& memory, std::uint64_t step,
+                    const WorldOptions& options);
+
+/// What an island remembers of a contact, and of the choice.
+void remember_choice(const MethodChoice& choice, bool in_contact, std::uint64_t step,
+                     IslandMemory* memory);
+
+// ---- within a step
+
+/// What h ω joints may swing bodies with before an island counts as stiff, or is not allowed to be
+/// integrated by substeps.
+double stiffness_limit(const WorldOptions& options);
+
+/// What a tick by gradients costs, in evaluations of the equations of motion: as the last one did,
+/// or as such a tick usually does. Points on a tree of rods are simple.
+double gradient_cost(bool is_simple, const IslandMemory& memory);
+
+/// What joints may swing bodies with before substeps cost more than gradients [rad/s].
+double most_frequency(double gradient_cost, const WorldOptions& options);
+
+/// Takes over what a span by substeps showed; true where the island is to be asked again in the
+/// next step. Clears `is_stiff` of the progress where substeps were cheaper all the same.
+bool learn_from_substeps(double gradient_cost, std::uint64_t step, const WorldOptions& options,
+                         Progress* progress, IslandMemory* memory);
+
+/// The same of a span by gradients that took so many iterations and moved bodies with ω up to
+/// `frequency` [rad/s].
+void learn_from_gradients(int iterations, double frequency, bool is_simple, std::uint64_t step,
+                          const WorldOptions& options, IslandMemory* memory);
+
+/// An island that was refused is left to impulses for a while.
+void learn_from_refusal(std::uint64_t step, IslandMemory* memory);
+
+/// An island with inconsistent constraints stays with their method until they can be met, and a
+/// little longer, so that what comes and goes does not change the method in every step.
+void learn_from_inconsistency(std::uint64_t step, IslandMemory* memory);
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "constraint_sim/engine/body.h"
+#include "engine/methods/energy_momentum.h"
+#include "engine/methods/inconsistent_motion.h"
+#include "engine/methods/least_norm_forces.h"
+#include "engine/methods/method.h"
+#include "engine/methods/runge_kutta.h"
+
+namespace constraint_sim::engine {
+
+/// A way to carry an island with joints through a span.
+enum class Integration {
+  kSubsteps,      ///< runge_kutta
+  kGradients,     ///< energy_momentum
+  kInconsistent,  ///< energy_momentum where the joints cannot all be met
+};
+
+/// An island with joints, compiled: its equations, and what each way to carry it goes on from. What
+/// the island never needed is not there.
+class IslandMotion {
+ public:
+  explicit IslandMotion(EquationsOfMotion equations) : substeps_(std::move(equations)) {}
+
+  const EquationsOfMotion& equations() const { return substeps_.equations(); }
+  /// Points on a tree of rods.
+  bool is_simple() const {
+    return equations().turning() == 0 && equations().rows() <= equations().bodies().size();
+  }
+  /// Forgets the impulses of the step before, or those of an attempt in vain, and takes coordinates
+  /// from the states of all joints.
+  void begin_step(const std::vector<JointState>& joints) { substeps_.begin_step(joints); }
+  /// As method.h says.
+  Progress advance(Integration way, const SmoothSpan& span, const Accuracy& accuracy,
+                   std::vector<BodyState>* states);
+  /// Somebody else has moved the bodies.
+  void forget();
+  /// Goes on as one just made, but for what is compiled.
+  void begin_anew();
+  /// What gradients last went by; only after they were used.
+  const EnergyMomentum& gradients() const { return *gradients_; }
+  /// Whether inconsistent joints could be met at the end of the last span.
+  bool can_be_met() const { return inconsistent_->can_be_met(); }
+  /// What the joints share where some rows are redundant, with the bodies where the step ends.
+  const LeastNormForces& share_forces(const std::vector<BodyState>& states);
+
+  /// All that the next advance() goes on from, beside the bodies.
+  template <class Add>
+  void add_memory(Add&& add) const {
+    substeps_.add_memory(add);
+    if (gradients_ && gradients_->has_memory()) gradients_->add_memory(add);
+  }
+
+ private:
+  LinkedMotion substeps_;  // owns the equations
+  std::optional<EnergyMomentum> gradients_;
+  std::optional<InconsistentMotion> inconsistent_;
+  std::optional<LeastNormForces> least_forces_;
+};
+
+}  // namespace constraint_sim::engine

@@ -16,6 +16,9 @@ class Fnv1a {
   }
   void add(double value) { add(&value, sizeof value); }
   void add(std::uint64_t value) { add(&value, sizeof value); }
+  void add(int value) { add(static_cast<std::uint64_t>(value)); }
+  void add(bool value) { add(std::uint64_t{value}); }
+  void add(Method value) { add(std::string(name(value))); }
   void add(const std::string& text) {
     add(std::uint64_t{text.size()});
     add(text.data(), text.size());
@@ -60,16 +63,9 @@ std::vector<std::size_t> by_name(const List& list, std::size_t first) {
 }
 
 void add(Fnv1a& hash, const WorldOptions& options) {
-  hash.add(options.gravity);
-  for (const double value :
-       {options.time_step, options.closing_time, options.sleep_after, options.sleep_speed,
-        options.tolerance, options.stiffness_limit, options.baumgarte})
-    hash.add(value);
-  hash.add(std::string(name(options.method)));
-  for (const int value : {options.order, options.stiff_order, options.iterations})
-    hash.add(static_cast<std::uint64_t>(value));
-  hash.add(std::uint64_t{options.dissipation});
-  hash.add(std::uint64_t{options.warm_starting});
+  WorldOptions deciding = options;
+  deciding.threads = 1;  // whose number makes no difference
+  visit_options(deciding, [&](const OptionInfo&, const auto& value, auto) { hash.add(value); });
 }
 
 void add(Fnv1a&, const Point&) {}

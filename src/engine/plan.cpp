@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <map>
 #include <sstream>
+#include <type_traits>
 #include <utility>
 
 #include "engine/validate.h"
@@ -74,6 +75,21 @@ Counts count(const World& world) {
   return counts;
 }
 
+std::string shown_value(bool value) { return value ? "true" : "false"; }
+std::string shown_value(int value) { return std::to_string(value); }
+std::string shown_value(double value) { return std::isinf(value) ? ".inf" : shortest(value); }
+
+/// The method asked for, and the options that methods for islands without contacts read.
+void write_method(const WorldOptions& options, std::ostream& out) {
+  out << "method: {asked_for: " << name(options.method);
+  visit_options(options, [&](const OptionInfo& info, const auto& value, auto) {
+    if constexpr (std::is_arithmetic_v<std::decay_t<decltype(value)>>)
+      if (info.read_by == Method::kRungeKutta || info.read_by == Method::kEnergyMomentum)
+        out << ", " << info.name << ": " << shown_value(value);
+  });
+  out << "}\n";
+}
+
 /// One line for all islands that have the same method for the same reason.
 void write_islands(const World& world, std::ostream& out) {
   struct Sum {
@@ -99,12 +115,7 @@ void write_islands(const World& world, std::ostream& out) {
 std::string explain(const World& world) {
   const Counts counts = count(world);
   std::ostringstream out;
-  const WorldOptions& options = world.options();
-  out << "method: {asked_for: " << name(options.method) << ", order: " << options.order
-      << ", tolerance: " << shortest(options.tolerance) << ", stiff_order: " << options.stiff_order
-      << ", dissipation: " << (options.dissipation ? "true" : "false") << ", stiffness_limit: "
-      << (std::isinf(options.stiffness_limit) ? ".inf" : shortest(options.stiffness_limit))
-      << "}\n";
+  write_method(world.options(), out);
   write_islands(world, out);
   out << "bodies: {dynamic: " << counts.dynamic_bodies << ", static: " << counts.static_bodies
       << ", kinematic: " << counts.kinematic_bodies << "}\n";

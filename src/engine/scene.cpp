@@ -16,31 +16,30 @@ namespace {
   element.fail("there is no " + quoted(word) + " (yet); there are " + existing);
 }
 
+// ---- options
+
+template <class Value, class Range>
+void read_option(const YamlElement& item, const char* key, Value* value, Range) {
+  item.read(key, value);
+}
+void read_option(const YamlElement& item, const char* key, double* value, PositiveOrInfinity) {
+  if (const auto element = item.find(key)) *value = element->number_or_infinity();
+}
+void read_option(const YamlElement& item, const char* key, Method* value, AnyValue) {
+  const auto element = item.find(key);
+  if (!element) return;
+  const std::string word = element->word();
+  *value = item.attempt([&] { return method_named(word); });
+}
+
 WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults) {
-  item.expect_keys({"gravity", "time_step", "method", "closing_time", "sleep_after", "sleep_speed",
-                    "threads", "order", "tolerance", "stiff_order", "dissipation",
-                    "stiffness_limit", "iterations", "warm_starting", "baumgarte", "clock"});
   WorldOptions options = defaults;
-  item.read("gravity", &options.gravity);
-  item.read("time_step", &options.time_step);
-  if (const auto method = item.find("method")) {
-    const std::string word = method->word();
-    options.method = item.attempt([&] { return method_named(word); });
-  }
-  item.read("order", &options.order);
-  item.read("tolerance", &options.tolerance);
-  item.read("stiff_order", &options.stiff_order);
-  item.read("dissipation", &options.dissipation);
-  if (const auto limit = item.find("stiffness_limit"))
-    options.stiffness_limit = limit->number_or_infinity();
-  item.read("iterations", &options.iterations);
-  item.read("warm_starting", &options.warm_starting);
-  item.read("baumgarte", &options.baumgarte);
-  item.read("closing_time", &options.closing_time);
-  if (const auto after = item.find("sleep_after"))
-    options.sleep_after = after->number_or_infinity();
-  item.read("sleep_speed", &options.sleep_speed);
-  item.read("threads", &options.threads);
+  YamlElement::Words keys{"clock"};
+  visit_options(options, [&](const OptionInfo& info, auto&, auto) { keys.push_back(info.name); });
+  item.expect_keys(keys);
+  visit_options(options, [&](const OptionInfo& info, auto& value, auto range) {
+    read_option(item, info.name, &value, range);
+  });
   item.attempt([&] { validate(options); });
   return options;
 }

@@ -19,11 +19,17 @@ void write(YAML::Emitter* out, const char* key, const char* value) {
   write(out, key, std::string(value));
 }
 
+void write(YAML::Emitter* out, const char* key, Method value) { write(out, key, name(value)); }
+
 void write(YAML::Emitter* out, const char* key, double value) {
   write(out, key, std::isinf(value) ? ".inf" : shortest(value));
 }
 
 void write(YAML::Emitter* out, const char* key, bool value) {
+  *out << YAML::Key << key << YAML::Value << value;
+}
+
+void write(YAML::Emitter* out, const char* key, int value) {
   *out << YAML::Key << key << YAML::Value << value;
 }
 
@@ -51,21 +57,9 @@ void write_clock(YAML::Emitter* out, const World& world) {
 void write_options(YAML::Emitter* out, const World& world) {
   const WorldOptions& options = world.options();
   *out << YAML::Key << "world" << YAML::Value << YAML::BeginMap;
-  write(out, "gravity", options.gravity);
-  write(out, "time_step", options.time_step);
-  write(out, "method", name(options.method));
-  *out << YAML::Key << "order" << YAML::Value << options.order;
-  write(out, "tolerance", options.tolerance);
-  *out << YAML::Key << "stiff_order" << YAML::Value << options.stiff_order;
-  write(out, "dissipation", options.dissipation);
-  write(out, "stiffness_limit", options.stiffness_limit);
-  *out << YAML::Key << "iterations" << YAML::Value << options.iterations;
-  write(out, "warm_starting", options.warm_starting);
-  write(out, "baumgarte", options.baumgarte);
-  write(out, "closing_time", options.closing_time);
-  write(out, "sleep_after", options.sleep_after);
-  write(out, "sleep_speed", options.sleep_speed);
-  *out << YAML::Key << "threads" << YAML::Value << options.threads;
+  visit_options(options, [out](const OptionInfo& info, const auto& value, auto) {
+    write(out, info.name, value);
+  });
   write_clock(out, world);
   *out << YAML::EndMap;
 }

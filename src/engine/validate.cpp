@@ -7,16 +7,15 @@
 #include <limits>
 #include <stdexcept>
 
-#include "constraint_sim/engine/world.h"
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/report.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 constexpr std::size_t kLongestName = 255;
 constexpr double kLeastMagnitude = 1e-20;  // of what is divided by
-constexpr int kMostThreads = 256;
-constexpr int kMostIterations = 10000;
-constexpr double kShortestTick = 1e-12, kLongestTick = 1e6;  // [s]
 // of the largest mass at the largest distance, and of the least [kg m²]
 constexpr double kMostInertia = 1e60, kLeastInertia = 1e-60;
 
@@ -28,22 +27,10 @@ void check_most(const std::string& field, double size, double most, const std::s
   if (size > most) refuse(field, "must be at most " + shortest(most) + ", got " + got);
 }
 
-void check_between(const std::string& field, double value, double least, double most) {
-  if (!(value >= least && value <= most))
-    refuse(field, "must be from " + shortest(least) + " to " + shortest(most) + ", got " +
-                      shortest(value));
-}
-
 /// 0, or a number whose square is not.
 void check_zero_or_positive(const std::string& field, double value) {
   check_not_negative(field, value);
   if (value != 0.0) check_positive(field, value);
-}
-
-void check_count(const std::string& field, int value, int most) {
-  if (value < 1) refuse(field, "must be >= 1, got " + std::to_string(value));
-  if (value > most)
-    refuse(field, "must be at most " + std::to_string(most) + ", got " + std::to_string(value));
 }
 
 bool is_name_character(char c) { return is_name_start(c) || c == '.' || c == '/' || c == '-'; }
@@ -92,6 +79,12 @@ void check_finite(const std::string& field, double value) {
 void check_finite(const std::string& field, const Eigen::Vector3d& value) {
   if (!value.allFinite()) refuse(field, "must be finite numbers, got " + shown(value));
   check_most(field, value.lpNorm<Eigen::Infinity>(), kMostMagnitude, shown(value));
+}
+
+void check_between(const std::string& field, double value, double least, double most) {
+  if (!(value >= least && value <= most))
+    refuse(field, "must be from " + shortest(least) + " to " + shortest(most) + ", got " +
+                      shortest(value));
 }
 
 void check_positive(const std::string& field, double value) {
@@ -338,26 +331,6 @@ void validate(const Joint& joint) {
   check_not_negative("break_torque", joint.break_torque);
   if (joint.kind == JointKind::kDistance && joint.break_torque > 0.0)
     refuse("break_torque", "a distance joint has no torque, got " + shortest(joint.break_torque));
-}
-
-void validate(const WorldOptions& options) {
-  check_finite("gravity", options.gravity);
-  check_positive("time_step", options.time_step);
-  check_between("time_step", options.time_step, kShortestTick, kLongestTick);
-  check_positive("closing_time", options.closing_time);
-  if (!(options.sleep_after > 0.0))
-    refuse("sleep_after", "must be above 0, or .inf, got " + shortest(options.sleep_after));
-  check_not_negative("sleep_speed", options.sleep_speed);
-  check_count("threads", options.threads, kMostThreads);
-  if (options.order != 8 && options.order != 5)
-    refuse("order", "must be 8 or 5, got " + std::to_string(options.order));
-  check_not_negative("tolerance", options.tolerance);
-  if (options.stiff_order != 2 && options.stiff_order != 4)
-    refuse("stiff_order", "must be 4 or 2, got " + std::to_string(options.stiff_order));
-  if (!(options.stiffness_limit > 0.0))
-    refuse("stiffness_limit", "must be above 0, or .inf, got " + shortest(options.stiffness_limit));
-  check_count("iterations", options.iterations, kMostIterations);
-  check_share("baumgarte", options.baumgarte);
 }
 
 }  // namespace constraint_sim::engine

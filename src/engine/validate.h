@@ -27,6 +27,7 @@ std::string shown(const Eigen::Vector3d& v);
 void check_finite(const std::string& field, double value);
 void check_finite(const std::string& field, const Eigen::Vector3d& value);
 void check_positive(const std::string& field, double value);
+void check_between(const std::string& field, double value, double least, double most);
 void check_not_negative(const std::string& field, double value);
 void check_share(const std::string& field, double value);  ///< in [0, 1]
 /// Finite, and not 0.

@@ -12,24 +12,6 @@ namespace {
 
 // ---- one line a parameter: `visit(key, field)` for each, to read and to write alike
 
-template <class Options, class Visit>
-void visit_options(Options& options, Visit visit) {
-  visit("gravity", options.gravity);
-  visit("time_step", options.time_step);
-  visit("closing_time", options.closing_time);
-  visit("sleep_after", options.sleep_after);
-  visit("sleep_speed", options.sleep_speed);
-  visit("threads", options.threads);
-  visit("order", options.order);
-  visit("tolerance", options.tolerance);
-  visit("stiff_order", options.stiff_order);
-  visit("dissipation", options.dissipation);
-  visit("stiffness_limit", options.stiffness_limit);
-  visit("iterations", options.iterations);
-  visit("warm_starting", options.warm_starting);
-  visit("baumgarte", options.baumgarte);
-}
-
 template <class State, class Visit>
 void visit_state(State& state, Visit visit) {
   visit("position", state.position);
@@ -89,6 +71,10 @@ py::object to_python(const Eigen::Vector3d& value) {
   return tuple_of(value);
 }
 template <>
+py::object to_python(const engine::Method& value) {
+  return py::cast(engine::name(value));
+}
+template <>
 py::object to_python(const Eigen::Quaterniond& value) {
   return py::make_tuple(value.x(), value.y(), value.z(), value.w());
 }
@@ -128,6 +114,16 @@ constexpr std::array<std::pair<const char*, engine::BodyType>, 3> kBodyTypes{{
     {"kinematic", engine::BodyType::kKinematic},
 }};
 
+template <class Value>
+void read(Keywords* keywords, const char* key, Value* value) {
+  keywords->read(key, value);
+}
+void read(Keywords* keywords, const char* key, engine::Method* value) {
+  std::string text = engine::name(*value);
+  keywords->read(key, &text);
+  *value = named(key, text, method_names());
+}
+
 engine::Shape shape_from(const py::object& value) {
   try {
     return value.cast<engine::Shape>();
@@ -152,10 +148,9 @@ py::tuple tuple_of(const Eigen::Vector3d& vector) {
 void options_from(const py::dict& keywords, engine::WorldOptions* target) {
   Keywords reading("options", keywords);
   engine::WorldOptions options = *target;
-  visit_options(options, reader(&reading));
-  std::string method = engine::name(options.method);
-  reading.read("method", &method);
-  options.method = named("method", method, method_names());
+  engine::visit_options(options, [&](const engine::OptionInfo& info, auto& value, auto) {
+    read(&reading, info.name, &value);
+  });
   reading.expect_no_more();
   engine::validate(options);
   *target = options;
@@ -163,8 +158,9 @@ void options_from(const py::dict& keywords, engine::WorldOptions* target) {
 
 py::dict options_dict(const engine::WorldOptions& options) {
   py::dict dict;
-  visit_options(options, writer(&dict));
-  dict["method"] = engine::name(options.method);
+  engine::visit_options(options, [&](const engine::OptionInfo& info, const auto& value, auto) {
+    dict[info.name] = to_python(value);
+  });
   return dict;
 }
 

@@ -12,16 +12,20 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
+#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
+#include <sstream>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
 #include "engine/method_names.h"
+#include "engine/option_values.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
@@ -59,14 +63,66 @@ World load_scene_named(const std::string& scene) {
 
 struct Arguments {
   std::string scene;
-  double duration = 0.0;  ///< [s]
-  std::optional<double> time_step;
-  std::optional<std::string> method;
-  std::optional<int> order;
-  std::optional<double> tolerance;
-  std::string csv, report, save;  ///< paths; empty: not wanted
+  double duration = 0.0;                          ///< [s]
+  boost::program_options::variables_map options;  ///< of the world, in place of the scene's
+  std::string csv, report, save;                  ///< paths; empty: not wanted
   bool explain = false;
 };
+
+/// A number, or `.inf` as in scenes.
+struct NumberOrInfinity {
+  double value = 0.0;
+};
+
+std::istream& operator>>(std::istream& in, NumberOrInfinity& number) {
+  std::string word;
+  in >> word;
+  std::istringstream text(word);
+  if (word == ".inf")
+    number.value = std::numeric_limits<double>::infinity();
+  else if (!(text >> number.value) || text.peek() != std::istringstream::traits_type::eof())
+    in.setstate(std::ios::failbit);
+  return in;
+}
+
+/// The type by which an option of the world stands on the command line; void: it does not.
+template <class Value, class Range>
+struct Argument {
+  using Type = Value;
+};
+template <class Range>
+struct Argument<Eigen::Vector3d, Range> {
+  using Type = void;
+};
+template <>
+struct Argument<double, PositiveOrInfinity> {
+  using Type = NumberOrInfinity;
+};
+template <>
+struct Argument<Method, AnyValue> {
+  using Type = std::string;
+};
+
+template <class Value>
+Value value_of(const Value& argument) {
+  return argument;
+}
+double value_of(const NumberOrInfinity& argument) { return argument.value; }
+Method value_of(const std::string& argument) { return method_named(argument); }
+
+/// Calls visit(its name here, OptionInfo, member of `options`, range, null pointer to its type
+/// here) for each option of the world that stands on the command line.
+template <class Visit>
+void visit_arguments(WorldOptions* options, Visit visit) {
+  visit_options(*options, [&](const OptionInfo& info, auto& value, auto range) {
+    using Type = typename Argument<std::decay_t<decltype(value)>, decltype(range)>::Type;
+    if constexpr (!std::is_void_v<Type>) {
+      std::string argument = info.name;
+      std::replace(argument.begin(), argument.end(), '_', '-');
+      visit(argument, info, value, range, static_cast<const Type*>(nullptr));
+    }
+  });
+}
 
 /// Nothing when only help was asked for.
 std::optional<Arguments> parse(int argc, char** argv) {
@@ -77,19 +133,24 @@ std::optional<Arguments> parse(int argc, char** argv) {
   add("help,h", "print this");
   add("duration", po::value(&arguments.duration)->required()->value_name("SECONDS"),
       "simulated time to run, to the nearest tick");
-  add("time-step", po::value<double>()->value_name("SECONDS"), "tick, instead of the scene's");
-  add("method", po::value<std::string>()->value_name("NAME"), "instead of the scene's");
-  add("order", po::value<int>()->value_name("ORDER"), "8 or 5, instead of the scene's");
-  add("tolerance", po::value<double>()->value_name("METRES"),
-      "of local error per simulated second, instead of the scene's");
   add("csv", po::value(&arguments.csv)->value_name("FILE"),
       "write the state of each body, at the start and after every step");
   add("report", po::value(&arguments.report)->value_name("FILE"), "write the outcome as JSON");
   add("save", po::value(&arguments.save)->value_name("FILE"), "write the final state as a scene");
   add("explain", po::bool_switch(&arguments.explain),
       "print what the scene uses and what is left out, as YAML");
+  po::options_description of_world("Options of the world, in place of the scene's");
+  auto add_of_world = of_world.add_options();
+  WorldOptions defaults;
+  visit_arguments(&defaults, [&](const std::string& argument, const OptionInfo& info,
+                                 const auto& value, auto range, const auto* as) {
+    using Type = std::decay_t<decltype(*as)>;
+    const std::string unit = *info.unit == '\0' ? "" : "[" + std::string(info.unit) + "] ";
+    add_of_world(argument.c_str(), po::value<Type>()->value_name("VALUE"),
+                 (unit + range_and_meaning(info, value, range)).c_str());
+  });
   po::options_description all;
-  all.add(visible).add_options()("scene", po::value(&arguments.scene)->required());
+  all.add(visible).add(of_world).add_options()("scene", po::value(&arguments.scene)->required());
   po::positional_options_description positions;
   positions.add("scene", 1);
 
@@ -104,31 +165,29 @@ std::optional<Arguments> parse(int argc, char** argv) {
     for (const std::string& name : scene_names(scene_folder())) std::cout << "  " << name << '\n';
     std::cout
         << '\n'
-        << visible
+        << visible << '\n'
+        << of_world
         << "\nExit status: 0, 2 for bad input, 3 when the physics failed, 4 when it finished but\n"
            "an error was not closed or energy rose without a cause, 130 or 143 when\n"
            "interrupted or terminated: the files are written as far as it came.\n";
     return std::nullopt;
   }
   po::notify(values);
-  if (values.count("time-step") > 0) arguments.time_step = values["time-step"].as<double>();
-  if (values.count("method") > 0) arguments.method = values["method"].as<std::string>();
-  if (values.count("order") > 0) arguments.order = values["order"].as<int>();
-  if (values.count("tolerance") > 0) arguments.tolerance = values["tolerance"].as<double>();
+  arguments.options = values;
   return arguments;
 }
 
 World load(const Arguments& arguments) {
   World world = load_scene_named(arguments.scene);
-  const bool has_options =
-      arguments.time_step || arguments.method || arguments.order || arguments.tolerance;
-  if (!has_options) return world;
   WorldOptions options = world.options();
-  if (arguments.time_step) options.time_step = *arguments.time_step;
-  if (arguments.method) options.method = method_named(*arguments.method);
-  if (arguments.order) options.order = *arguments.order;
-  if (arguments.tolerance) options.tolerance = *arguments.tolerance;
-  world.set_options(options);
+  bool any = false;
+  visit_arguments(&options, [&](const std::string& argument, const OptionInfo&, auto& value, auto,
+                                const auto* as) {
+    if (arguments.options.count(argument) == 0) return;
+    value = value_of(arguments.options[argument].as<std::decay_t<decltype(*as)>>());
+    any = true;
+  });
+  if (any) world.set_options(options);
   return world;
 }
 

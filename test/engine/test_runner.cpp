@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
@@ -73,9 +74,33 @@ TEST_F(Runner, PrintsASummary) {
 
 TEST_F(Runner, ExplainsItselfWithoutAScene) {
   ASSERT_EQ(run("--help"), 0);
-  for (const char* option : {"--duration", "--time-step", "--method", "--order", "--tolerance",
-                             "--csv", "--report", "--save", "--explain"})
+  for (const char* option : {"--duration", "--csv", "--report", "--save", "--explain"})
     EXPECT_NE(out().find(option), std::string::npos) << option;
+}
+
+TEST_F(Runner, TakesEachOptionOfAWorldButGravity) {
+  const std::map<std::string, std::string> values{
+      {"time_step", "0.002"},   {"method", "energy_momentum"},
+      {"order", "5"},           {"tolerance", "1e-05"},
+      {"stiff_order", "2"},     {"dissipation", "true"},
+      {"stiffness_limit", "3"}, {"iterations", "7"},
+      {"baumgarte", "0.25"},    {"warm_starting", "false"},
+      {"closing_time", "0.75"}, {"sleep_after", ".inf"},
+      {"sleep_speed", "1e-06"}, {"threads", "2"}};
+  ASSERT_EQ(run("--help"), 0);
+  const std::string help = out();
+  const WorldOptions defaults;
+  visit_options(defaults, [&](const OptionInfo& info, const auto&, auto) {
+    std::string argument = info.name;
+    std::replace(argument.begin(), argument.end(), '_', '-');
+    if (argument == "gravity") return;
+    EXPECT_NE(help.find("--" + argument + " "), std::string::npos) << argument;
+    const std::string& value = values.at(info.name);
+    ASSERT_EQ(run("scene.yaml --duration 0 --save end.yaml --" + argument + " " + value), 0)
+        << err();
+    const std::string line = std::string("\n  ") + info.name + ": " + value + "\n";
+    EXPECT_NE(read(in_folder("end.yaml")).find(line), std::string::npos) << line;
+  });
 }
 
 TEST_F(Runner, WritesAStateABodyAndTick) {
@@ -200,6 +225,7 @@ TEST_F(Runner, RefusesBadInputInOneLine) {
         "scene.yaml --duration 1s", "scene.yaml --duration 1 --time-step 0",
         "scene.yaml --duration 1 --method event_driven", "scene.yaml --duration 1 --order 7",
         "scene.yaml --duration 1 --tolerance -1", "scene.yaml --duration 1 --time 0.1",
+        "scene.yaml --duration 1 --sleep-after .infinite", "scene.yaml --duration 1 --threads 1.5",
         "scene.yaml other.yaml --duration 1", "scene.yaml --duration 1 --csv no/such/folder.csv"}) {
     EXPECT_EQ(run(arguments), 2) << arguments;
     EXPECT_EQ(lines_of(err()).size(), 1u) << arguments << "\n" << err();

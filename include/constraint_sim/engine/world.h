@@ -13,51 +13,12 @@
 #include "constraint_sim/engine/id.h"
 #include "constraint_sim/engine/island.h"
 #include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/options.h"
 #include "constraint_sim/engine/report.h"
 #include "constraint_sim/engine/stop_flag.h"
 #include "constraint_sim/engine/wrench.h"
 
 namespace constraint_sim::engine {
-
-/// Options of a world. These defaults are the only ones; docs/scenes.md documents them.
-struct WorldOptions {
-  Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< world [m/s²]
-  double time_step = 0.01;                   ///< one tick [s] > 0
-  Method method = Method::kAuto;
-  /// In which smooth islands close the error of a joint that does not fit when added, or when its
-  /// body is set [s] > 0. `sequential_impulses` takes the share `baumgarte` of it per step instead.
-  double closing_time = 0.5;
-  /// After so long at rest an island is left out until something touches it [s] > 0; infinity:
-  /// never.
-  double sleep_after = 0.5;
-  /// Speed up to which contacts, limits and motors with a force limit let bodies rest, rotation
-  /// times radius of gyration [m/s] ≥ 0. Islands that are integrated have to stand still to the
-  /// bit.
-  double sleep_speed = 1e-8;
-  /// That carry smooth and stiff islands at the same time, ≥ 1. The motion is the same to the bit
-  /// with any number.
-  int threads = 1;
-
-  // runge_kutta
-  int order = 8;            ///< 8 or 5
-  double tolerance = 1e-8;  ///< ≥ 0 [m] of local error per simulated second, rotation times radius
-                            ///< of gyration; 0: one substep a tick
-
-  // energy_momentum
-  int stiff_order = 4;       ///< 4 or 2
-  bool dissipation = false;  ///< take the energy out of motions that are too fast to be shown; of
-                             ///< order 2, whatever stiff_order is
-  /// `auto` takes it for islands whose bodies are moved with ω above this share of a tick, h·ω > 0.
-  double stiffness_limit = 40.0;
-
-  // sequential_impulses
-  int iterations = 10;        ///< sweeps over all rows, ≥ 1
-  bool warm_starting = true;  ///< start from the impulses of the step before
-  double baumgarte = 0.1;     ///< β, share of each error removed per step, in [0, 1]
-};
-
-/// Throws std::invalid_argument naming the option and value that cannot be.
-void validate(const WorldOptions& options);
 
 /// Time in seconds from any origin.
 using Clock = double (*)();

@@ -20,14 +20,19 @@
 
 namespace constraint_sim::engine {
 
-/// Time in seconds from any origin.
+/// A clock: the time since any origin [s].
 using Clock = double (*)();
 
-/// Bodies, joints and their motion. A value: a copy goes on bit-identically. Bad input to any
-/// function throws std::invalid_argument naming field and value, and changes nothing; step() never
-/// throws for physics, it reports.
+/// Bodies, joints and their motion, in SI units; the world frame is right-handed.
+///
+/// A value: a copy continues with the same bits. Every function that takes an argument checks it
+/// first: bad input throws std::invalid_argument("FIELD: why, with the value") and changes nothing.
+/// An id that this world has not handed out, or whose body or joint has been removed, is bad input.
+/// step() does not throw for physics: it reports. References stay valid until the next call that is
+/// not const.
 class World {
  public:
+  /// A world without bodies, at time 0. Throws for options out of range.
   explicit World(const WorldOptions& options = {});
   World(const World& other);
   World(World&& other) noexcept;
@@ -35,37 +40,61 @@ class World {
   World& operator=(World&& other) noexcept;
   ~World();
 
+  /// Options in force; units and ranges are those of visit_options().
   const WorldOptions& options() const;
+  /// Replaces all options from the next step on; wakes every island and restarts its method. Throws
+  /// for options out of range, and for a time step that is lost beside time().
   void set_options(const WorldOptions& options);
 
   // ---- bodies
+
+  /// Adds a body at `body.state` (world frame) and returns its id. Throws for settings out of range
+  /// and for a name that another body has.
   BodyId add_body(const Body& body);
-  /// Removes the body and every joint on it; returns the names of those joints.
+  /// Removes the body, its wrenches and every joint on it; returns the names of those joints, in
+  /// the order of adding. Throws for the world itself.
   std::vector<std::string> remove_body(BodyId id);
+  /// Whether a body has this name; the world itself has `world`.
   bool has_body(std::string_view name) const;
+  /// The body with this name, kWorldBody for `world`. Throws where there is none.
   BodyId find_body(std::string_view name) const;
-  /// In the order of adding, without the world.
+  /// All bodies but the world, in the order of adding.
   std::vector<BodyId> body_ids() const;
+  /// Settings of the body as it was added; `state` in them is the one that reset() returns to.
   const Body& body(BodyId id) const;
+  /// Pose [m] and twist [m/s, rad/s] of the body now, world frame.
   const BodyState& state(BodyId id) const;
+  /// Places the body there, at that twist (world frame), and lets its joints close what they are
+  /// then off by; throws for numbers that are not finite, for the world itself, for a static body
+  /// that is to move, and where axes of a joint would be more than 1e-6 rad farther off than now.
   void set_state(BodyId id, const BodyState& state);
 
   // ---- joints
-  /// A distance joint of length zero, asked for or found, becomes a ball joint. A broken one does
-  /// not act.
+
+  /// Adds a joint and returns its id. A rigid distance joint of length zero, given or measured, is
+  /// added as a ball joint; a broken joint does not act. Throws for settings out of range, for a
+  /// name that another joint has, for ends that are one body or not dynamic, for anchors or axes on
+  /// a point mass without inertia, and for axes more than 1e-6 rad off unless it is broken.
   JointId add_joint(const Joint& joint, bool broken = false);
+  /// Removes the joint.
   void remove_joint(JointId id);
+  /// Whether a joint has this name.
   bool has_joint(std::string_view name) const;
+  /// The joint with this name. Throws where there is none.
   JointId find_joint(std::string_view name) const;
-  /// In the order of adding.
+  /// All joints, in the order of adding.
   const std::vector<JointId>& joint_ids() const;
-  /// As added, with the length filled in and springs turned into stiffness and damping.
+  /// Settings of the joint as it was added, with its length [m] and its frames filled in, and a
+  /// spring's frequency turned into stiffness [N/m] and damping [N s/m]; the motor is the present
+  /// one.
   const Joint& joint(JointId id) const;
+  /// Error [m], force [N], motor and closing of the joint, as of the last step or edit.
   const JointState& joint_state(JointId id) const;
-  /// Both anchors in world coordinates [m].
+  /// Both anchors of a joint in the world frame [m].
   struct Anchors {
     Eigen::Vector3d p_a, p_b;
   };
+  /// Anchors of the joint now.
   Anchors anchors(JointId id) const;
   /// What a joint does to body B, mean over the last step: force [N], and torque about anchor B
   /// [N m], in the joint's frame on B; of kinds without axes in that of body B. On A it does the
@@ -74,70 +103,80 @@ class World {
     Eigen::Vector3d force = Eigen::Vector3d::Zero(), torque = Eigen::Vector3d::Zero();
   };
   JointWrench joint_wrench(JointId id) const;
-  /// Replaces the motor; its timeout counts from now.
+  /// Replaces the motor of the joint; its timeout [s] counts from now. Throws for settings out of
+  /// range, and for a joint that has nothing to drive. Of
+  /// kinds with coordinates() that of the first.
   void set_motor(JointId id, const Motor& motor);
   /// The same of one of the coordinates() of a joint of another kind than kDistance, numbered from
   /// 0; without a motor it is free.
   void set_motor(JointId id, int coordinate, const std::optional<CoordinateMotor>& motor);
-  /// Marks the joint as torn, or whole again.
+  /// Breaks the joint, or repairs it: an error that it then has is closed. Throws where axes of a
+  /// joint that is repaired are more than 1e-6 rad off.
   void set_broken(JointId id, bool broken);
 
   // ---- wrenches
-  /// Several on one body add up; removing the body removes them. The impulse is force times the
-  /// time in the span, whatever the tick. One whose span is over already adds nothing.
+
+  /// Adds a wrench to those that act on its body: force [N] and torque [N m] along world axes, from
+  /// `start` to `end` of simulated time [s]. The impulse is force times that interval, whatever the
+  /// tick; an interval that is over already adds nothing. Throws for a body that is not dynamic, a
+  /// torque on a point mass without inertia, and an end that is not after the start.
   void add_wrench(const Wrench& wrench);
+  /// Removes all wrenches of the body.
   void clear_wrenches(BodyId id);
-  /// Those that are still pending or acting, in the order of adding.
+  /// Wrenches that are pending or acting, in the order of adding.
   const std::vector<Wrench>& wrenches() const;
 
   // ---- motion
-  /// Carries the world on by one tick. The report stays valid until the next call. Where memory or
-  /// threads run out it throws what the system did, and the state is that of before.
+
+  /// Advances the world by one tick, `options().time_step` [s], and reports what that did. The
+  /// report stays valid until the next call. Throws only what the system throws where memory or
+  /// threads run out; the state is then that of before.
   const StepReport& step();
+  /// Report of the last step; before the first one all zero.
   const StepReport& report() const;
-  /// Contact points that the last step met, those of islands at rest before all others, in a stable
-  /// order.
+  /// Contact points of the last step (world frame, [m], [N]) in a stable order, those of islands at
+  /// rest before all others; none between a reset or the removal of a body and the next step.
   const std::vector<Contact>& contacts() const;
-  double time() const;               ///< simulated [s]
-  std::uint64_t step_count() const;  ///< since the start
-  /// In the order of their first bodies; methods and reasons as of the last step, before the first
-  /// one as it will begin.
+  double time() const;               ///< simulated time [s]
+  std::uint64_t step_count() const;  ///< steps since time 0, or as set_time() says
+  /// Islands in the order of their first bodies; methods and reasons are those of the last step,
+  /// and after an edit those that the next step begins with.
   std::vector<Island> islands() const;
-  /// Of stiff islands, those whose motion the last step was too long to show, h·ω > 2: they may be
-  /// off by 1e-4 of a joint's length or more, while what is heavy is not. Where impulses carry
-  /// joints, those that turn by more than 2 rad in a step. In the order of adding; none between an
-  /// edit and the next step.
+  /// Bodies whose motion the last step was too long to show, in the order of adding; none between
+  /// an edit and the next step. On stiff islands h·ω > 2: such bodies may be off by 1e-4 of a
+  /// joint's length or more, while heavy ones are not. Where impulses advance joints, bodies that
+  /// rotate by more than 2 rad in a step.
   std::vector<BodyId> unresolved_bodies() const;
-  /// Joints that the last step found off by more than kUnclosedError and not being closed, in the
-  /// order of adding; none between an edit and the next step.
+  /// Joints that the last step found off by more than kUnclosedError [m] or kUnclosedAngle [rad]
+  /// and not being closed, in the order of adding; none between an edit and the next step.
   std::vector<JointId> unclosed_joints() const;
-  /// The first body of the island whose energy has risen without a cause, as of the last step; none
+  /// First body of the island whose energy has risen without a cause, as of the last step; none
   /// between an edit and the next step.
   std::optional<BodyId> gaining_body() const;
-  /// Kinetic energy plus that of gravity and springs [J], now.
+  /// Kinetic energy plus the potential energy of gravity (0 at the origin) and of springs [J], now.
   double energy() const;
-  /// Every body and joint returns to what it was when added or loaded: state, motor, travel, torn
-  /// or whole; timeouts count from now. None is added or removed, wrenches go, options stay, and
-  /// time goes on; a motor's sinusoid is one of simulated time, as ever. set_time(0, 0) afterwards
-  /// makes the motion that of a new world, bit for bit. Where a joint with axes was added after its
-  /// bodies had turned, its orientation is closed; refused where it would be off by more than
-  /// 0.5 rad.
+  /// Returns every body and joint to the state it was added or loaded with: pose, twist, motor,
+  /// travel, broken or whole; timeouts count from now. Adds and removes no body and no joint,
+  /// clears wrenches, keeps options, and lets time go on; a motor's sinusoid stays one of simulated
+  /// time. set_time(0, 0) afterwards makes the motion that of a new world, bit for bit. A joint
+  /// with axes that was added after its bodies had rotated has its orientation closed; throws where
+  /// it would be off by more than 0.5 rad.
   void reset();
-  /// Goes on from this simulated time [s] and step; timeouts and wrenches move along. A time to
-  /// which adding a tick changes nothing is refused.
+  /// Continues from this simulated time [s] and step; timeouts and wrenches move along. Throws for
+  /// a time that is not finite, or to which adding a tick changes nothing.
   void set_time(double time, std::uint64_t step_count);
-  /// Takes over from another world: its time goes on, and its ids are not used again. All ids of
+  /// Takes the place of `other`: continues its time, and uses none of its ids again. All ids of
   /// this world change, and the phases of motors shift so that the motion is the same as from 0.
   void continue_from(const World& other);
-  /// 64-bit FNV-1a over all that decides the motion: options but for `threads`, step and time, and
-  /// by name bodies and joints with their state and place in the order of adding, wrenches, contact
-  /// impulses, what islands remember, and whether methods begin anew. Equal hashes mean equal
-  /// futures.
+  /// 64-bit FNV-1a hash of all that decides the motion: options but for `threads`, step and time;
+  /// by name, bodies and joints with their state and place in the order of adding; wrenches,
+  /// contact impulses, what islands remember, and whether methods restart. Equal hashes mean equal
+  /// futures, within one version of this library.
   std::uint64_t state_hash() const;
-  /// Times the stages of each step from now on; nullptr: no longer.
+  /// Times the stages of each step by this clock from now on; nullptr: no longer.
   void set_clock(Clock clock);
-  /// Steps look at this flag from now on and, once it is set, end early with `stopped` in the
-  /// report and the state of before; nullptr: no longer. It must outlive the world.
+  /// Makes steps look at this flag from now on and, once it is set, end early with `stopped` in the
+  /// report and the state of before; nullptr: no longer. The flag must outlive the world.
   void set_stop_flag(StopFlag stop);
 
  private:

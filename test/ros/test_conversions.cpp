@@ -222,6 +222,74 @@ TEST(Conversions, ARopeAndAStrutTakeThePresentDistance) {
   EXPECT_EQ(from_msg(msg, world).distance.min_length, 5.0);
 }
 
+/// A hinge between two boxes, b turned by 90 degrees about x.
+struct Door {
+  engine::World world;
+  Constraint msg;
+
+  Door() {
+    engine::Body body;
+    body.mass = 1.0;
+    body.shape = engine::Box{{1.0, 1.0, 1.0}};
+    body.name = "a";
+    world.add_body(body);
+    body.name = "b";
+    body.state.orientation = Eigen::Quaterniond(std::sqrt(0.5), std::sqrt(0.5), 0.0, 0.0);
+    world.add_body(body);
+    msg.name = "hinge";
+    msg.type = "hinge";
+    msg.body_a = "a";
+    msg.body_b = "b";
+  }
+
+  /// As the world has it once it is added.
+  engine::Joint added() {
+    engine::World copy = world;
+    return copy.joint(copy.add_joint(from_msg(msg, copy)));
+  }
+};
+
+// to the rounding of two rotations of unit vectors
+constexpr double kRounding = 1e-15;
+
+TEST(Conversions, TheAxesOfAHingeArriveOnTheirBodies) {
+  Door door;
+  door.msg.axis_a.y = 2.0;   // of any length
+  door.msg.axis_b.z = -0.5;  // b's -z lies along a's y
+  const engine::Joint joint = from_msg(door.msg, door.world);
+  EXPECT_EQ(joint.kind, engine::JointKind::kHinge);
+  EXPECT_EQ(joint.body_a, door.world.find_body("a"));
+  EXPECT_EQ(joint.body_b, door.world.find_body("b"));
+  const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
+  EXPECT_LT((joint.frame_a * z - Eigen::Vector3d::UnitY()).norm(), kRounding);
+  ASSERT_TRUE(joint.axis_b);
+  EXPECT_EQ(*joint.axis_b, Eigen::Vector3d(0.0, 0.0, -0.5));
+  EXPECT_LT((*door.added().frame_b * z + z).norm(), kRounding);
+}
+
+TEST(Conversions, AxesLeftOutAreZOfAAndAsBLies) {
+  Door door;
+  const engine::Joint joint = from_msg(door.msg, door.world);
+  EXPECT_EQ(joint.frame_a.coeffs(), Eigen::Quaterniond::Identity().coeffs());
+  EXPECT_FALSE(joint.axis_b || joint.frame_b);
+  const Eigen::Vector3d z = Eigen::Vector3d::UnitZ();
+  // a's z is b's y
+  EXPECT_LT((*door.added().frame_b * z - Eigen::Vector3d::UnitY()).norm(), kRounding);
+}
+
+TEST(Conversions, AxesThatCannotBeAreNamed) {
+  Door door;
+  const auto error = [&](double x, const char* type) {
+    door.msg.type = type;
+    door.msg.axis_a.x = x;
+    return error_of([&] { from_msg(door.msg, door.world); });
+  };
+  EXPECT_EQ(error(1.0, "hinge"), "");
+  EXPECT_EQ(error(std::nan(""), "hinge").rfind("axis_a: must be finite numbers", 0), 0u);
+  EXPECT_EQ(error(1.0, "ball").rfind("axis_a: constraints of type 'ball' have none", 0), 0u);
+  EXPECT_EQ(error(1.0, "rope").rfind("axis_a: constraints of type 'rope' have none", 0), 0u);
+}
+
 TEST(Conversions, EachFieldOfAConstraintStateArrives) {
   engine::Joint joint;
   joint.name = "rod";

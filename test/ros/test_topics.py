@@ -6,8 +6,9 @@ import unittest
 import rospy
 import rostest
 import tf2_ros
-from constraint_sim.msg import Body, BodyStates, ConstraintStates, Shape, Statistics
-from geometry_msgs.msg import Point
+from constraint_sim.msg import (Body, BodyStates, Constraint, ConstraintStates, Shape,
+                                Statistics)
+from geometry_msgs.msg import Point, Quaternion, Vector3
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -241,6 +242,34 @@ constraints:
         support.wait_until(lambda: self.count(listener, "constraints") == 2, "the other rod")
         colour = max((k[1], m) for k, m in self.shown(listener).items() if k[0] == "constraints")[1].color
         self.assertGreater(colour.r, colour.g)
+
+    def test_a_hinge_shows_its_axis(self):
+        """A line through the anchor along z of joint frame A, as body A lies; a ball has none."""
+        support.empty_world()
+        listener = Listener(topic("markers"), MarkerArray)
+        half = math.sqrt(0.5)  # post and its axis z are turned by 90 degrees about x: z is -y
+        post = sphere("post", 0, 0, 2, type=Body.STATIC)
+        post.pose.orientation = Quaternion(half, 0, 0, half)
+        call("add_body", body=post)
+        call("add_body", body=sphere("door", 1, 0, 2))
+        for number, kind in enumerate(("ball", "hinge"), 1):
+            hinge = Constraint(name=kind, type=kind, body_a="post", body_b="door",
+                               anchor_b=Point(-1, 0, 0))
+            if kind == "hinge":
+                hinge.axis_a = Vector3(0, 0, 1)
+            self.assertTrue(call("add_constraint", constraint=hinge).success)
+            support.wait_until(lambda n=number: self.count(listener, "constraints") == n, kind)
+        ball, hinge = [[(p.x, p.y, p.z) for p in m.points] for k, m in
+                       sorted(self.shown(listener).items()) if k[0] == "constraints"]
+        lines = set(zip(hinge[::2], hinge[1::2])) - set(zip(ball[::2], ball[1::2]))
+        self.assertEqual(len(lines), 1)
+        (start, end), = lines
+        length = math.sqrt(sum((e - s) ** 2 for s, e in zip(start, end)))
+        self.assertGreater(length, 0.1)  # [m], to be seen beside a body
+        for k, (middle, along) in enumerate(zip((0, 0, 2), (0, -1, 0))):
+            # to the rounding of one rotation
+            self.assertAlmostEqual((start[k] + end[k]) / 2, middle, places=12)
+            self.assertAlmostEqual((end[k] - start[k]) / length, along, places=12)
 
     def test_contacts_appear_and_go(self):
         support.empty_world()

@@ -1,0 +1,140 @@
+#pragma once
+
+// What energy_momentum keeps of pairs of bodies in free space, of pairs that hang on the world, and
+// of loops.
+
+#include <vector>
+
+#include "mechanisms.h"
+
+namespace constraint_sim::engine::mechanisms {
+
+/// A scene for so many steps of a tick.
+struct Conserved {
+  Mechanism mechanism;
+  double tick = 0.02;  ///< [s]
+  int steps = 10000;
+  double tolerance = 0.0;  ///< 0: one substep a tick
+  bool is_free = true;     ///< nothing holds it, so that momenta are kept as well
+};
+
+struct Kept {
+  double energy = 0.0;            ///< largest change over the largest kinetic energy
+  double momentum = 0.0;          ///< the same over its size
+  double angular_momentum = 0.0;  ///< the same, about the origin
+  double joints = 0.0;            ///< largest error [m]
+  double size = 0.0;              ///< largest coordinate [m]
+  double iterations = 0.0;        ///< of Newton's method, a solved system
+  std::uint32_t halvings = 0;
+  bool has_failed = false;
+};
+
+struct Momenta {
+  double kinetic_energy = 0.0;
+  Vector3d momentum = Vector3d::Zero(), angular_momentum = Vector3d::Zero();
+};
+
+inline Momenta momenta_of(const World& world) {
+  Momenta sum;
+  for (const BodyId id : world.body_ids()) {
+    const Body& body = world.body(id);
+    const BodyState& state = world.state(id);
+    const Vector3d inertia = minimal::mass_of(body).inertia.cast<double>();
+    const Vector3d w = state.orientation.conjugate() * state.angular_velocity;
+    const Vector3d spin = state.orientation * inertia.cwiseProduct(w);
+    sum.kinetic_energy +=
+        0.5 * (body.mass * state.linear_velocity.squaredNorm() + spin.dot(state.angular_velocity));
+    sum.momentum += body.mass * state.linear_velocity;
+    sum.angular_momentum += body.mass * state.position.cross(state.linear_velocity) + spin;
+  }
+  return sum;
+}
+
+/// By the midpoint rule, one system a step.
+inline Kept run(const Conserved& scene) {
+  WorldOptions options;
+  options.method = Method::kEnergyMomentum;
+  options.stiff_order = 2;
+  options.time_step = scene.tick;
+  options.tolerance = scene.tolerance;
+  World world = scene.mechanism.world(options);
+  Kept kept;
+  world.step();  // the start takes out what the joints do not let through
+  const double energy = world.energy();
+  const Momenta start = momenta_of(world);
+  double kinetic = start.kinetic_energy, energy_change = 0.0, iterations = 0.0, systems = 0.0;
+  for (int i = 0; i < scene.steps; ++i) {
+    const StepReport& report = world.step();
+    const Momenta now = momenta_of(world);
+    kept.has_failed = kept.has_failed || report.failed || report.changes > 0;
+    kept.joints = std::max(kept.joints, report.max_constraint_error);
+    kept.halvings += report.rejected;
+    iterations += report.iterations;
+    systems += report.substeps + report.rejected;
+    kinetic = std::max(kinetic, now.kinetic_energy);
+    energy_change = std::max(energy_change, std::abs(world.energy() - energy));
+    kept.momentum = std::max(kept.momentum, (now.momentum - start.momentum).norm());
+    kept.angular_momentum =
+        std::max(kept.angular_momentum, (now.angular_momentum - start.angular_momentum).norm());
+    for (const BodyId id : world.body_ids())
+      kept.size = std::max(kept.size, world.state(id).position.cwiseAbs().maxCoeff());
+  }
+  kept.energy = energy_change / kinetic;
+  kept.momentum /= start.momentum.norm();
+  kept.angular_momentum /= start.angular_momentum.norm();
+  kept.iterations = iterations / systems;
+  return kept;
+}
+
+/// Two boxes that tumble, on one joint.
+inline Conserved pair_of(JointKind kind, double mass_ratio = 2.0) {
+  Conserved scene;
+  Mechanism& made = scene.mechanism;
+  made.name = name(kind);
+  made.gravity.setZero();
+  Body a = bar("a", 1.0, {0.2, 0.4, 0.6}), b = bar("b", mass_ratio, {0.5, 0.3, 0.2});
+  a.state.linear_velocity = {0.3, -0.2, 0.1};
+  a.state.angular_velocity = {1.0, 2.0, 3.0};
+  b.state.position = {0.35, 0.5, 0.4};
+  b.state.angular_velocity = {-1.0, 0.5, 2.0};
+  made.bodies = {a, b};
+  const Vector3d axis(1.0, 1.0, 0.3);
+  JointAt joint{kind, 0, 1, {0.1, 0.2, 0.3}, axis, std::nullopt};
+  if (has_two_axes(kind)) joint.second_axis = axis.cross(Vector3d::UnitX());
+  made.joints = {joint};
+  return scene;
+}
+
+/// The same under gravity with the light box on a ball joint to the world.
+inline Conserved hanging_pair(JointKind kind, double mass_ratio) {
+  Conserved scene = pair_of(kind, mass_ratio);
+  scene.mechanism.name += mass_ratio > 100.0 ? ", heavy load" : ", on the world";
+  scene.mechanism.gravity = {0.0, 0.0, -problems::kGravity};
+  scene.mechanism.joints.push_back(
+      {JointKind::kBall, kGround, 0, {-0.1, -0.2, -0.3}, Vector3d::UnitZ(), std::nullopt});
+  scene.tick = 0.01;
+  scene.steps = 2000;
+  scene.is_free = false;
+  // h·ω of the light box is up to 160, which steps have to be shorter for now and then
+  if (kind == JointKind::kUniversal && mass_ratio > 100.0) scene.tolerance = 1e-8;
+  return scene;
+}
+
+/// A mechanism on the world, for 2000 steps of 5 ms.
+inline Conserved loop(const Mechanism& mechanism) { return {mechanism, 0.005, 2000, 0.0, false}; }
+
+inline std::vector<Conserved> conserved() {
+  std::vector<Conserved> all;
+  for (const JointKind kind :
+       {JointKind::kBall, JointKind::kHinge, JointKind::kUniversal, JointKind::kWeld,
+        JointKind::kSlider, JointKind::kCylindrical, JointKind::kPlanar, JointKind::kPointOnLine,
+        JointKind::kPointOnPlane})
+    all.push_back(pair_of(kind));
+  for (const JointKind kind : {JointKind::kHinge, JointKind::kSlider, JointKind::kUniversal})
+    for (const double ratio : {2.0, 1e6}) all.push_back(hanging_pair(kind, ratio));
+  for (const Mechanism& mechanism : {slider_crank(), four_bar(), universal_shaft(), bricard()})
+    all.push_back(loop(mechanism));
+  return all;
+}
+
+}  // namespace constraint_sim::engine::mechanisms

@@ -43,7 +43,10 @@ Aabb bounds(const Shape& shape, const BodyState& state) {
   return {state.position - half, state.position + half};
 }
 
-void Broadphase::set_resting(const std::vector<Proxy>& proxies) { resting_.build(proxies); }
+void Broadphase::set_resting(const std::vector<Proxy>& proxies) {
+  resting_.build(proxies);
+  pairs_.clear();
+}
 
 const std::vector<Broadphase::Pair>& Broadphase::find_pairs(const std::vector<Proxy>& proxies) {
   tests_ = 0;

@@ -37,7 +37,7 @@ class Broadphase {
  public:
   using Pair = std::pair<int, int>;  ///< body indices, first < second
 
-  /// From now on these are there as well. No pair is made of two of them.
+  /// From now on these are there as well. No pair is made of two of them. Forgets the last pairs.
   void set_resting(const std::vector<Proxy>& proxies);
 
   /// All pairs, of these and of these with resting ones, with at least one movable body whose boxes

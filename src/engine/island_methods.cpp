@@ -25,19 +25,20 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // ---- methods chosen
 
-void World::Impl::choose_methods() {
+Carried& World::Impl::choose_methods(const std::vector<TouchingPair>& in_contact) {
   entering.clear();
-  if (!fresh_islands.empty() || awake_changed || !touching.empty() || !touching_before.empty() ||
+  if (!fresh_islands.empty() || awake_changed || !in_contact.empty() || !touching_before.empty() ||
       any_refused || any_stiff)
-    sort_islands();
-  report.islands = islands_by_method;
-  report.rows = integrated_rows;
+    sort_islands(in_contact);
+  report.islands = carried.islands;
+  report.rows = carried.integrated_rows;
+  return carried;
 }
 
-void World::Impl::sort_islands() {
+void World::Impl::sort_islands(const std::vector<TouchingPair>& in_contact) {
   touched.resize(islands.size());
   for (const int i : awake_islands) touched[at(i)] = false;
-  for (const TouchingPair& pair : touching)
+  for (const TouchingPair& pair : in_contact)
     for (const int body : {pair.a, pair.b})
       if (island_of[at(body)] >= 0) touched[at(island_of[at(body)])] = true;
 
@@ -92,32 +93,35 @@ bool World::Impl::is_integrated(std::size_t j) const {
 
 void World::Impl::list_by_method() {
   smooth_changed = true;
-  smooth.clear();
-  islands_by_method = {};
-  integrated_rows = 0;
+  carried.smooth.clear();
+  carried.islands = {};
+  carried.integrated_rows = 0;
   for (const int i : awake_islands) {
-    ++islands_by_method[static_cast<std::size_t>(islands[at(i)].method)];
+    ++carried.islands[static_cast<std::size_t>(islands[at(i)].method)];
     if (islands[at(i)].method == Method::kSequentialImpulses) continue;
-    smooth.push_back(i);
+    carried.smooth.push_back(i);
     const int m = island_parts[at(i)].motion;
-    if (m >= 0) integrated_rows += static_cast<std::uint32_t>(motions[at(m)].equations().rows());
+    if (m >= 0)
+      carried.integrated_rows += static_cast<std::uint32_t>(motions[at(m)].equations().rows());
   }
-  impulse_bodies.clear();
-  impulse_joints.clear();
+  carried.impulse_bodies.clear();
+  carried.impulse_joints.clear();
   for (const int body : awake_bodies) {
     const int island = island_of[at(body)];
     if (island >= 0 && islands[at(island)].method == Method::kSequentialImpulses)
-      impulse_bodies.push_back(body);
+      carried.impulse_bodies.push_back(body);
   }
   for (const int j : awake_joints)
-    if (!joint_states[at(j)].broken && !is_integrated(at(j))) impulse_joints.push_back(j);
+    if (!joint_states[at(j)].broken && !is_integrated(at(j))) carried.impulse_joints.push_back(j);
 }
 
-void World::Impl::integrate() {
+// Carries the smooth islands to the end of the tick; one that cannot be goes to the impulses.
+void World::Impl::integrate(const Tick& tick, Carried* by_method) {
+  const std::vector<int>& smooth = by_method->smooth;
   if (smooth.empty()) return;
   const StageTimer timer(clock, Stage::kIntegration, &report.stage_times);
-  enter();
-  if (smooth_changed) list_changing_courses();
+  enter(joint_step(tick));
+  if (smooth_changed) list_changing_courses(smooth);
   for (const int i : smooth) {
     Island& island = islands[at(i)];
     island.local_error = 0.0;
@@ -128,7 +132,7 @@ void World::Impl::integrate() {
     parts.is_to_be_asked = parts.has_failed = false;
     if (parts.motion >= 0) motions[at(parts.motion)].begin_step(joint_states);
   }
-  split_step();
+  split_step(tick);
   for (std::size_t k = 0; k + 1 < span_ends.size(); ++k) {
     const double t = span_ends[k];
     const JointStep span = span_from(t, span_ends[k + 1] - t);
@@ -140,7 +144,7 @@ void World::Impl::integrate() {
     const SmoothSpan continued{t,       span.h,       options.gravity, loads,
                                courses, is_disturbed, k > 0,           stop};
     const SmoothSpan fresh{t, span.h, options.gravity, loads, courses, true, true, stop};
-    workers.run(threads_worth_it(), smooth.size(), [&](std::size_t s) {
+    workers.run(threads_worth_it(smooth), smooth.size(), [&](std::size_t s) {
       const std::size_t i = at(smooth[s]);
       if (!island_parts[i].has_failed)
         island_parts[i].has_failed =
@@ -153,18 +157,19 @@ void World::Impl::integrate() {
       if (is_integrated(at(j))) finish_span(joints[at(j)], span, joint_states[at(j)]);
     had_loads = !loads.empty();
   }
-  gather_from_islands();
-  tell_of_islands();
+  if (gather_changes(smooth)) list_by_method();
+  tell_of_islands(*by_method);
 }
 
 // a thread takes tens of microseconds to wake, and is worth it for some hundreds of work
-int World::Impl::threads_worth_it() const {
+int World::Impl::threads_worth_it(const std::vector<int>& smooth) const {
   constexpr std::size_t kBodiesWorthIt = 500;
   return smooth.size() > 1 && awake_bodies.size() >= kBodiesWorthIt ? options.threads : 1;
 }
 
-// what islands have kept to themselves, in their order, so that it is the same with any threads
-void World::Impl::gather_from_islands() {
+// What islands have kept to themselves, in their order, so that it is the same with any threads;
+// true where one of them has another method now.
+bool World::Impl::gather_changes(const std::vector<int>& smooth) {
   bool any_changed = false;
   watch.integrated_corrections = 0.0;
   for (const int i : smooth) {
@@ -175,14 +180,13 @@ void World::Impl::gather_from_islands() {
     any_stiff = any_stiff || parts.is_to_be_asked;
     any_changed = any_changed || parts.changes > 0;
   }
-  if (any_changed) list_by_method();
+  return any_changed;
 }
 
 // islands that were not integrated in the step before, or were edited: what does not fit begins to
 // be closed
-void World::Impl::enter() {
+void World::Impl::enter(const JointStep& step) {
   if (entering.empty()) return;
-  const JointStep step = joint_step();
   for (const int i : entering) {
     IslandParts& parts = island_parts[at(i)];
     for (const int index : parts.members.joints) {
@@ -199,7 +203,7 @@ void World::Impl::enter() {
 
 // joints of smooth islands that time moves, also those that stand still for now, at the end of
 // their travel
-void World::Impl::list_changing_courses() {
+void World::Impl::list_changing_courses(const std::vector<int>& smooth) {
   smooth_changed = false;
   changing_courses.clear();
   for (const int i : smooth) {
@@ -211,12 +215,12 @@ void World::Impl::list_changing_courses() {
 }
 
 // where forces or biases jump within the step
-void World::Impl::split_step() {
-  span_ends.assign({step_start, step_end});
+void World::Impl::split_step(const Tick& tick) {
+  span_ends.assign({tick.start, tick.end});
   if (wrenches.empty() && changing_courses.empty()) return;
   const double margin = 1e-9 * options.time_step;  // nearer to the ends is at the ends
   const auto split_at = [&](double time) {
-    if (time > step_start + margin && time < step_end - margin) span_ends.push_back(time);
+    if (time > tick.start + margin && time < tick.end - margin) span_ends.push_back(time);
   };
   for (const Wrench& wrench : wrenches) {
     split_at(wrench.start);
@@ -382,10 +386,10 @@ void World::Impl::refuse_island(std::size_t i) {
   report.rejected += islands[i].rejected;
 }
 
-void World::Impl::tell_of_islands() {
-  report.islands = islands_by_method;
-  report.rows = integrated_rows;
-  for (const int index : smooth) {
+void World::Impl::tell_of_islands(const Carried& by_method) {
+  report.islands = by_method.islands;
+  report.rows = by_method.integrated_rows;
+  for (const int index : by_method.smooth) {
     Island& island = islands[at(index)];
     const int m = island_parts[at(index)].motion;
     if (m >= 0)
@@ -417,13 +421,13 @@ std::uint32_t World::Impl::find_unresolved(std::size_t i, std::vector<std::size_
   return count;
 }
 
-void World::Impl::read_smooth_joints(const JointStep& step) {
+void World::Impl::read_smooth_joints(const JointStep& step, const Carried& by_method) {
   for (const int index : changing_courses) {
     const std::size_t j = at(index);
     if (span_ends.size() > 2 && is_integrated(j))
       joint_states[j].bias = (joint_states[j].travel - joint_states_before[j].travel) / step.h;
   }
-  for (const int i : smooth) {
+  for (const int i : by_method.smooth) {
     if (island_parts[at(i)].motion < 0) continue;
     IslandMotion& motion = motions[at(island_parts[at(i)].motion)];
     const EquationsOfMotion& equations = motion.equations();

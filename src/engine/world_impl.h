@@ -60,6 +60,20 @@ struct IslandLists {
   std::vector<IslandMotion> motions;  // of the islands with joints
 };
 
+/// One step, simulated [s].
+struct Tick {
+  double start, end;
+};
+
+/// What each method carries in a step; made anew when that changes.
+struct Carried {
+  std::array<std::uint32_t, kMethodCount> islands{};  ///< so many
+  std::uint32_t integrated_rows = 0;
+  std::vector<int> smooth;          ///< islands that are integrated, stiff ones as well
+  std::vector<int> impulse_bodies;  ///< of all other islands
+  std::vector<int> impulse_joints;  ///< the same
+};
+
 /// What stands behind a World.
 struct World::Impl : Model, State, IslandLists {
   // ---- follows from the above; made anew by the first step after an edit
@@ -97,24 +111,19 @@ struct World::Impl : Model, State, IslandLists {
   std::vector<int> drowsy;           // the same
 
   // ---- which islands have which method; made anew when that changes
-  std::array<std::uint32_t, kMethodCount> islands_by_method{};
-  std::uint32_t integrated_rows = 0;
+  Carried carried;
   bool any_refused = false;
   bool any_stiff = false;             // or one that no longer is, or was just found to be
   std::vector<bool> touched;          // islands in contact
-  std::vector<int> smooth;            // islands that are integrated, stiff ones as well
-  std::vector<int> entering;          // those that were not in the step before, or were edited
-  std::vector<int> impulse_bodies;    // of all other islands
-  std::vector<int> impulse_joints;    // of all other islands
+  std::vector<int> entering;          // islands that were not integrated before, or were edited
   std::vector<JointCourse> courses;   // of joints
   bool smooth_changed = true;         // since changing_courses was listed
   std::vector<int> changing_courses;  // joints whose course is not constant
 
   // ---- what one stage hands to the next, and one step to the following
-  double step_start = 0.0, step_end = 0.0;  // simulated [s]
-  std::vector<double> span_ends;            // of the spans of a step in which nothing jumps [s]
-  std::vector<Load> loads;                  // of wrenches, in a span
-  bool had_loads = false;                   // in the span before
+  std::vector<double> span_ends;  // of the spans of a step in which nothing jumps [s]
+  std::vector<Load> loads;        // of wrenches, in a span
+  bool had_loads = false;         // in the span before
   Workers workers;
   Broadphase broadphase;
   std::vector<Proxy> proxies;
@@ -182,7 +191,7 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- stepping (world.cpp), in the order of a step
   void abandon_step();
-  void begin_step();
+  Tick begin_step();
   void take_out_corrections();
   void remember();
   void go_back();
@@ -196,19 +205,19 @@ struct World::Impl : Model, State, IslandLists {
   IslandTraits traits_of(const IslandMembers& members) const;
   void find_fastest_springs();
   void compile_island(IslandParts* parts);
-  void find_pairs();
+  const std::vector<Broadphase::Pair>& find_pairs();
   Proxy proxy(int body) const;
-  void find_contacts();
-  void collide_pairs();
-  void choose_methods();
-  void sort_islands();
+  const std::vector<TouchingPair>& find_contacts(const std::vector<Broadphase::Pair>& near);
+  void collide_pairs(const std::vector<Broadphase::Pair>& near);
+  Carried& choose_methods(const std::vector<TouchingPair>& in_contact);
+  void sort_islands(const std::vector<TouchingPair>& in_contact);
   void begin_anew(const IslandParts& parts);
   bool is_integrated(std::size_t j) const;
   void list_by_method();
-  void integrate();
-  void enter();
-  void list_changing_courses();
-  void split_step();
+  void integrate(const Tick& tick, Carried* by_method);
+  void enter(const JointStep& step);
+  void list_changing_courses(const std::vector<int>& smooth);
+  void split_step(const Tick& tick);
   void find_loads(double from, double to);
   bool integrate_island(std::size_t i, const SmoothSpan& span);
   bool integrate_joints(std::size_t i, const SmoothSpan& span);
@@ -217,23 +226,23 @@ struct World::Impl : Model, State, IslandLists {
                           const Accuracy& accuracy);
   Accuracy accuracy_within(double most_frequency) const;
   void share_attempts();
-  int threads_worth_it() const;
-  void gather_from_islands();
+  int threads_worth_it(const std::vector<int>& smooth) const;
+  bool gather_changes(const std::vector<int>& smooth);
   void carry_on_with(std::size_t i, Method method, Why why);
   void refuse_island(std::size_t i);
-  void tell_of_islands();
+  void tell_of_islands(const Carried& by_method);
   std::uint32_t find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const;
-  void advance_by_impulses();
-  void finish_impulses();
-  ImpulseStep impulse_step() const;
-  void find_acting_wrenches();
+  void advance_by_impulses(const Tick& tick, const Carried& by_method);
+  void finish_impulses(const Tick& tick, const Carried& by_method);
+  ImpulseStep impulse_step(const Tick& tick, const Carried& by_method) const;
+  void find_acting_wrenches(const Tick& tick);
   void advance_kinematic_bodies();
-  void finish_step();
-  void read_smooth_joints(const JointStep& step);
+  void finish_step(const Tick& tick, const Carried& by_method);
+  void read_smooth_joints(const JointStep& step, const Carried& by_method);
   void note_if_torn(std::size_t j);
   void tell_contacts();
   void add_contacts(const TouchingPair& pair);
-  void drop_spent_wrenches();
+  void drop_spent_wrenches(double now);
   void measure();
   void begin_watch();
   void watch_joints();
@@ -251,7 +260,7 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- asking
   double time() const;
-  JointStep joint_step() const;
+  JointStep joint_step(const Tick& tick) const;
   JointStep span_from(double t, double h) const;
   double time_of(std::uint64_t step) const;
   const BodyState& state_a(std::size_t j) const;

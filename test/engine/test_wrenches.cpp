@@ -186,6 +186,16 @@ TEST(Wrenches, MoveAlongWhenTheTimeIsSet) {
   EXPECT_NEAR(kMass * floating.velocity().x(), 0.25, 1e-13);  // times round at 100
 }
 
+TEST(Wrenches, MoveAlongWhenTheTimeIsSetBack) {
+  Floating floating(0.01);
+  run(floating.world, 100);
+  floating.world.add_wrench(force(floating.box, {1.0, 0.0, 0.0}, 1.1, 1.35));
+  floating.world.set_time(0.0, 0);
+  ASSERT_EQ(floating.world.wrenches().size(), 1u);
+  run(floating.world, 40);
+  EXPECT_NEAR(kMass * floating.velocity().x(), 0.25, 1e-14);  // times round at 1
+}
+
 TEST(Wrenches, TooShortForTheTimeThatIsSetAreDropped) {
   Floating floating(0.01);
   floating.world.add_wrench(force(floating.box, {1.0, 0.0, 0.0}, 0.0, 1e-18));

@@ -80,7 +80,7 @@ void World::set_time(double time, std::uint64_t step_count) {
   impl_->base_time = time;
   impl_->base_step = step_count;
   impl_->step_count = step_count;
-  impl_->drop_spent_wrenches();  // far from 0 a short span rounds to nothing
+  impl_->drop_spent_wrenches(time);  // far from 0 a short span rounds to nothing
 }
 
 void World::continue_from(const World& other) {
@@ -235,7 +235,7 @@ std::vector<Island> World::islands() const {
   if (!impl_->edited) return impl_->islands;
   Impl next(*impl_);
   next.recompile();
-  next.choose_methods();
+  next.choose_methods(next.touching);
   return next.islands;
 }
 

@@ -1,0 +1,105 @@
+// What may touch and what does: stages 1 and 2 of a step, and what the step tells of contacts.
+
+#include <algorithm>
+
+#include "engine/narrowphase.h"
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+// ---- 1. broadphase
+
+const std::vector<Broadphase::Pair>& World::Impl::find_pairs() {
+  if (moving_shapes.empty()) return broadphase.pairs();
+  const StageTimer timer(clock, Stage::kBroadphase, &report.stage_times);
+  proxies.clear();
+  for (const int body : moving_shapes) proxies.push_back(proxy(body));
+  report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
+  report.broadphase_tests = broadphase.tests();
+  if (broadphase.is_full()) fail(Failure::kTooManyPairs);
+  return broadphase.pairs();
+}
+
+Proxy World::Impl::proxy(int body) const {
+  const auto i = at(body);
+  return {bounds(bodies[i].shape, states[i]), body, is_movable(i)};
+}
+
+// ---- 2. narrowphase
+
+const std::vector<TouchingPair>& World::Impl::find_contacts(
+    const std::vector<Broadphase::Pair>& near) {
+  collide_pairs(near);
+  while (wake_touched()) {
+    std::swap(touching, touching_before);  // back to the contacts of the step before
+    contacts_are_new = false;
+    spread_waking();
+    remember();
+    collide_pairs(find_pairs());
+  }
+  return touching;
+}
+
+void World::Impl::collide_pairs(const std::vector<Broadphase::Pair>& near) {
+  std::swap(touching, touching_before);
+  contacts_are_new = true;
+  touching.clear();
+  if (near.empty()) return;
+  const StageTimer timer(clock, Stage::kNarrowphase, &report.stage_times);
+  std::size_t points = 0;
+  auto before = touching_before.begin();  // both lists are sorted, so one pass matches them
+  for (const Broadphase::Pair& ends : near) {
+    if (std::binary_search(unpaired.begin(), unpaired.end(), ends)) continue;
+    if (is_set(stop)) return;
+    const auto a = at(ends.first);
+    const auto b = at(ends.second);
+    const Manifold manifold = collide(bodies[a].shape, states[a], bodies[b].shape, states[b]);
+    if (manifold.count == 0) continue;
+    points += at(manifold.count);
+    if (points > kMostContacts) fail(Failure::kTooManyContacts);
+
+    TouchingPair& pair = touching.emplace_back();
+    pair.a = ends.first;
+    pair.b = ends.second;
+    pair.id_a = body_ids[a];
+    pair.id_b = body_ids[b];
+    pair.manifold = manifold;
+    while (before != touching_before.end() && before->ends() < ends) ++before;
+    const bool known =
+        options.warm_starting && before != touching_before.end() && before->ends() == ends;
+    for (std::size_t k = 0; k < at(manifold.count); ++k)
+      pair.impulses[k] =
+          known ? before->impulse_of(manifold.points[k].feature) : Vector3d(Vector3d::Zero());
+  }
+}
+
+Vector3d TouchingPair::impulse_of(std::uint32_t feature) const {
+  for (std::size_t k = 0; k < at(manifold.count); ++k)
+    if (manifold.points[k].feature == feature) return impulses[k];
+  return Vector3d::Zero();
+}
+
+// ---- after the step
+
+void World::Impl::tell_contacts() {
+  contacts.resize(resting_contacts);
+  for (const TouchingPair& pair : touching) add_contacts(pair);
+}
+
+void World::Impl::add_contacts(const TouchingPair& pair) {
+  for (std::size_t k = 0; k < at(pair.manifold.count); ++k) {
+    const Manifold::Point& point = pair.manifold.points[k];
+    const double force = pair.impulses[k].dot(pair.manifold.normal) / options.time_step;
+    contacts.push_back(
+        {pair.id_a, pair.id_b, point.position, pair.manifold.normal, point.depth, force});
+  }
+}
+
+}  // namespace constraint_sim::engine

@@ -153,6 +153,11 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   if (!state.closing) return;
   hash.add(state.closing_since);
   add(hash, state.closing_offset);
+  if (info(joint.kind).alignment != Alignment::kFree) {
+    hash.add(state.closing_shift);
+    hash.add(state.closing_turn);
+    hash.add(state.closing_share);
+  }
   hash.add(state.initial_error);
 }
 

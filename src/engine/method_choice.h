@@ -48,7 +48,7 @@ struct IslandMemory {
 /// What an island is made of, as far as it decides. Edits change it, steps do not.
 struct IslandTraits {
   bool has_joints = false;
-  Why jumps = Why::kSmooth;     ///< kLimit, kFriction or kForceLimit, of the first joint that has such
+  Why jumps = Why::kSmooth;  ///< kLimit, kFriction or kForceLimit, of the first joint that has such
   double fastest_spring = 0.0;  ///< largest ω that springs and dampers move a body with [1/s]
 };
 

@@ -364,7 +364,8 @@ SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
 /// What a saved joint goes on from.
 JointState read_joint_state(const YamlElement& item, JointKind kind) {
   item.expect_keys({"travel", "expires_at", "impulse", "self_stress", "self_stress_of", "positions",
-                    "held", "closing_since", "closing_offset", "initial_error"});
+                    "held", "closing_since", "closing_offset", "closing_shift", "closing_turn",
+                    "closing_share", "initial_error"});
   JointState state;
   item.read("travel", &state.travel);
   if (const auto value = item.find("expires_at")) state.expires_at = value->number_or_infinity();
@@ -385,6 +386,9 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
     state.closing_since = since->number();
     item.at("closing_offset");
     read_rows(item, "closing_offset", kind, &state.closing_offset);
+    item.read("closing_shift", &state.closing_shift);
+    item.read("closing_turn", &state.closing_turn);
+    item.read("closing_share", &state.closing_share);
     state.initial_error = item.at("initial_error").number();
   }
   item.attempt([&] {
@@ -537,9 +541,8 @@ World load_scene(const std::string& text, const std::string& source, const World
     bool broken = false;
     item.read("broken", &broken);
     const auto state = item.find("state");
-    const double most_misaligned = state || broken ? kAnyAngle : kAligned;
     auto& impl = Insides::of(world);
-    const JointId id = item.attempt([&] { return impl.add_joint(joint, broken, most_misaligned); });
+    const JointId id = item.attempt([&] { return impl.add_joint(joint, broken); });
     if (state) {
       impl.continue_joint(impl.index(id), read_joint_state(*state, joint.kind));
       impl.self_stress[impl.index(id)] = read_self_stress(*state, joint.kind);

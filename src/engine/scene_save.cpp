@@ -238,6 +238,11 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
   if (state.closing) {
     write(out, "closing_since", state.closing_since);
     write_rows(out, "closing_offset", joint, state.closing_offset);
+    if (info(joint.kind).alignment != Alignment::kFree) {
+      write(out, "closing_shift", state.closing_shift);
+      write(out, "closing_turn", state.closing_turn);
+      write(out, "closing_share", state.closing_share);
+    }
     write(out, "initial_error", state.initial_error);
   }
   *out << YAML::EndMap;

@@ -48,11 +48,6 @@ struct IslandParts : IslandMemory {
   bool gives_way = false;  ///< has a spring with a force limit, whose energy is not ½ k C²
 };
 
-/// Throws std::invalid_argument where the frames of a joint are not aligned as its kind has them.
-void check_alignment(const Joint& joint, const BodyState& a, const BodyState& b, double most);
-inline constexpr double kAligned = 1e-6;  // [rad] an orientation added or set
-inline constexpr double kAnyAngle = 4.0;  // [rad] of broken joints, and of saved ones as they were
-
 /// Islands and what is compiled for them.
 struct IslandLists {
   std::vector<IslandParts> island_parts;
@@ -147,7 +142,7 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
-  JointId add_joint(const Joint& joint, bool broken, double most_misaligned);
+  JointId add_joint(const Joint& joint, bool broken);
   void fill_in(Joint& joint) const;
   void fill_in_frames(Joint& joint) const;
   double inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const;

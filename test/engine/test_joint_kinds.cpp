@@ -521,32 +521,6 @@ TEST(Redundant, ADoorOnTwoHingesHasFiveRowsTooMany) {
 
 // ---- refusals
 
-TEST(JointFrames, OffByMoreThanAMicroradianAreRefusedInWords) {
-  World world(smooth(Method::kAuto, 0.01));
-  const BodyId id = world.add_body(make_body("arm", Box{{1.0, 0.1, 0.1}}, 1.0, {0.5, 0.0, 0.0}));
-  Joint hinge = join_at(JointKind::kHinge, kWorldBody, Vector3d::Zero(), id, {-0.5, 0.0, 0.0},
-                        Vector3d::UnitY());
-  hinge.axis_b = Vector3d(0.0, 1.0, 0.1);
-  EXPECT_EQ(refusal([&] { world.add_joint(hinge); }),
-            "frame_b: the axes of the hinge '" + hinge.name +
-                "' are 5.71 degrees off, and joints are not closed in orientation yet");
-  EXPECT_TRUE(world.joint_ids().empty());
-  hinge.axis_b = Vector3d(0.0, 3.0, 0.0);
-  const JointId joint = world.add_joint(hinge);
-
-  BodyState turned = world.state(id);
-  turned.orientation = Eigen::AngleAxisd(0.2, Vector3d::UnitX());
-  const std::uint64_t hash = world.state_hash();
-  EXPECT_NE(refusal([&] { world.set_state(id, turned); }).find("11.5 degrees off"),
-            std::string::npos);
-  EXPECT_EQ(world.state_hash(), hash);
-  world.set_broken(joint, true);
-  world.set_state(id, turned);
-  EXPECT_NE(refusal([&] { world.set_broken(joint, false); }).find("degrees off"),
-            std::string::npos);
-  EXPECT_TRUE(world.joint_state(joint).broken);
-}
-
 TEST(JointFrames, NeedBodiesThatHaveAxes) {
   World world(smooth(Method::kAuto, 0.01));
   const BodyId point = world.add_body(make_body("dust", Point{}, 1.0, Vector3d::Zero()));
@@ -627,8 +601,7 @@ World forced_apart(JointKind kind, double size, double angle) {
   return world;
 }
 
-// What a world does is saved and goes on, however far off its joints are; and what impulses have
-// left open may be set, as it is or nearer.
+// What a world does is saved and goes on, however far off its joints are.
 TEST(JointFrames, LeftOpenByImpulsesAreSavedAndSetAsTheyAre) {
   World world = forced_apart(JointKind::kHinge, 1.0, 0.6);
   const std::string saved = save_scene(world);
@@ -642,56 +615,46 @@ TEST(JointFrames, LeftOpenByImpulsesAreSavedAndSetAsTheyAre) {
     each->step();
   }
   EXPECT_EQ(world.state_hash(), loaded.state_hash());
-  BodyState farther = world.state(b);
-  farther.orientation = Eigen::AngleAxisd(1.0, Vector3d::UnitY()) * farther.orientation;
-  BodyState other = world.state(b);
-  other.orientation = Eigen::AngleAxisd(-1.0, Vector3d::UnitY()) * other.orientation;
-  EXPECT_NE(refusal([&] {
-              world.set_state(b, farther);
-              world.set_state(b, other);
-            }),
-            "");
 }
 
-// Rows have solutions that are not meant. Whoever ends in one is told, also where the angle is less
-// than a millimetre on bodies so small.
-TEST(JointFrames, InASolutionThatIsNotMeantAreToldAtAnySize) {
+// Who stays open is told, also where the angle is less than a millimetre on bodies so small.
+TEST(JointFrames, LeftOpenInAngleAreToldAtAnySize) {
   for (const double size : {1.0, 1e-3}) {
     World world = forced_apart(JointKind::kHinge, size, 2.2);
-    WorldOptions chosen = world.options();
-    chosen.method = Method::kRungeKutta;
-    chosen.tolerance *= size;
-    world.set_options(chosen);
-    // after the closing and as much patience; a tick that is refused at this spin begins both anew
     const JointId joint = world.joint_ids().front();
-    const auto is_told = [&] {
-      return world.report().unclosed_joints > 0 && world.joint_state(joint).angle_error > 3.1;
-    };
-    for (int i = 0; i < 300 && !is_told(); ++i) world.step();
-    EXPECT_NEAR(world.joint_state(joint).angle_error, kPi, 1e-6) << size;
+    const BodyId b = world.find_body("b");
+    for (int i = 0; i < 100; ++i) {
+      BodyState held = world.state(b);
+      held.linear_velocity.setZero();
+      held.angular_velocity.setZero();
+      world.step();
+      EXPECT_GT(world.joint_state(joint).angle_error, 0.5);
+    }
     EXPECT_EQ(world.report().unclosed_joints, 1u) << size;
     ASSERT_TRUE(world.report().unclosed_joint) << size;
     EXPECT_EQ(*world.report().unclosed_joint, joint) << size;
   }
 }
 
-// A weld that is added where bodies have come to could not be kept where they were added.
-TEST(JointFrames, ThatAResetWouldTurnAreRefusedInWords) {
-  World world(smooth(Method::kAuto, 0.01));
-  Body body = make_body("top", Box{{1.0, 0.5, 0.2}}, 1.0, Vector3d::Zero());
-  body.state.angular_velocity = {0.0, 0.0, 2.0};
-  const BodyId id = world.add_body(body);
-  for (int i = 0; i < 50; ++i) world.step();
-  const JointId weld =
-      world.add_joint(join_at(JointKind::kWeld, kWorldBody, world.state(id).position, id,
-                              Vector3d::Zero(), Vector3d::UnitZ()));
-  world.step();
-  const std::uint64_t hash = world.state_hash();
-  EXPECT_NE(refusal([&] { world.reset(); }).find("57.3 degrees off"), std::string::npos);
-  EXPECT_EQ(world.state_hash(), hash);
-  world.remove_joint(weld);
-  world.reset();
-  EXPECT_EQ(world.state(id).orientation.z(), 0.0);
+// Rows have several solutions; from any orientation the one that is meant is found.
+TEST(JointFrames, LeftOpenByImpulsesCloseToTheSolutionThatIsMeant) {
+  for (const double size : {1.0, 1e-3}) {
+    World world = forced_apart(JointKind::kHinge, size, 2.2);
+    const BodyId b = world.find_body("b");
+    BodyState stopped = world.state(b);
+    stopped.linear_velocity.setZero();
+    stopped.angular_velocity.setZero();
+    world.set_state(b, stopped);
+    WorldOptions chosen = world.options();
+    chosen.method = Method::kRungeKutta;
+    chosen.tolerance *= size;
+    world.set_options(chosen);
+    for (int i = 0; i < 100; ++i) world.step();
+    const JointState& state = world.joint_state(world.joint_ids().front());
+    EXPECT_LE(state.angle_error, 1e-12) << size;
+    EXPECT_FALSE(state.closing) << size;
+    EXPECT_EQ(world.report().unclosed_joints, 0u) << size;
+  }
 }
 
 // A hinge that was added after its body had turned is open once this has turned back, and closes.

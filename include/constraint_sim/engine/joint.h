@@ -177,8 +177,13 @@ struct JointState {
       0.0;  ///< ∫ζ dt since the joint was added: what the motor has added to the length [m]
   double closing_since = 0.0;  ///< simulated [s]
   /// What there was to close then: the error of each row [m or rad], of a ball joint d in world
-  /// axes.
+  /// axes; of joints that keep axes aligned only of their coordinates.
   RowVector closing_offset = RowVector::Zero();
+  /// Of joints that keep axes aligned, where the frame on B would have met the rows: this far from
+  /// its anchor, in B's frame [m], and turned by this vector, in the joint's frame on B [rad].
+  Eigen::Vector3d closing_shift = Eigen::Vector3d::Zero();
+  Eigen::Vector3d closing_turn = Eigen::Vector3d::Zero();
+  double closing_share = 0.0;  ///< of that turn, where it goes by a share a step
   double expires_at = std::numeric_limits<double>::infinity();  ///< end of the bias, simulated [s]
   double initial_error = 0.0;             ///< when last looked for what is to be closed [m]
   RowVector impulse = RowVector::Zero();  ///< of its rows, to warm start [N s or N m s]

@@ -91,10 +91,34 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
   return count;
 }
 
+Course turn_to_close(const JointState& state, const JointStep& step, double beta, bool at_end) {
+  if (step.closing_time > 0.0)
+    return closing_course(step.t - state.closing_since + (at_end ? step.h : 0.0),
+                          step.closing_time);
+  return {at_end ? (1.0 - beta) * state.closing_share : state.closing_share, 0.0, 0.0};
+}
+
+// The frame on B at the start or the end of a step. By a share of the error a step only the turn
+// goes by the frame.
+MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointState& state,
+                     bool at_end) {
+  const bool keeps_axes = info(joint.kind).alignment != Alignment::kFree;
+  if (!state.closing || !keeps_axes) return {};
+  const double beta = joint.baumgarte.value_or(step.beta);
+  const Eigen::Vector3d shift =
+      step.closing_time > 0.0 ? state.closing_shift : Eigen::Vector3d(Eigen::Vector3d::Zero());
+  return {joint.anchor_b, joint.frame_b->toRotationMatrix(), shift, state.closing_turn,
+          turn_to_close(state, step, beta, at_end)};
+}
+
 // of every kind but kDistance
-int prepare_table_rows(const Joint& joint, const JointVectors& vectors, const JointMotion& motion,
+int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& b,
                        const JointStep& step, JointState& state, Row* rows) {
   const JointKindInfo& kind = info(joint.kind);
+  const MovingFrame frame = frame_in(joint, step, state, false);
+  const JointVectors vectors(joint, a, b, frame);
+  const JointMotion motion(vectors, a, b);
+  const JointVectors ahead(joint, a, b, frame_in(joint, step, state, true));
   const double beta = joint.baumgarte.value_or(step.beta);
   for (int k = 0; k < kind.rows; ++k) {
     const RowForm form = kind.row[at(k)];
@@ -104,6 +128,7 @@ int prepare_table_rows(const Joint& joint, const JointVectors& vectors, const Jo
     rows[k].component = k;
     aim_rigid(rows[k], beta, step.h);
     rows[k].correction += closing.rate;
+    if (frame.moves) rows[k].correction -= (value(form, ahead) - value(form, vectors)) / step.h;
   }
   int count = kind.rows;
   state.saturated = false;
@@ -321,6 +346,8 @@ bool is_closed(const JointState& state, const JointStep& step) {
 void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
             double zeta, const RowVector& impulse, JointState& state) {
   measure_joint(joint, a, b, zeta, step.h, state);
+  if (state.closing && step.closing_time == 0.0)
+    state.closing_share *= 1.0 - joint.baumgarte.value_or(step.beta);
   if (state.closing) state.closing = !is_closed(state, step);
   const bool is_distance = joint.kind == JointKind::kDistance;
   if (is_distance ? joint.break_force > 0.0 && std::abs(state.force) > joint.break_force
@@ -345,8 +372,7 @@ void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
     count = prepare_rows(joint.distance, joint, AnchorPair(joint, a, b), step, state, written);
     for (int k = 0; k < count; ++k) written[k].component = k;
   } else {
-    const JointVectors vectors(joint, a, b);
-    count = prepare_table_rows(joint, vectors, JointMotion(vectors, a, b), step, state, written);
+    count = prepare_table_rows(joint, a, b, step, state, written);
   }
   for (Row* row = written; row != written + count; ++row)
     if (row->component >= 0)
@@ -354,15 +380,29 @@ void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
   rows->resize(first + static_cast<std::size_t>(count));
 }
 
-void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b, Jacobian* J) {
+void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
+                     const JointStep& step, const JointState& state, const Row* rows, int count,
+                     Jacobian* J) {
   if (joint.kind == JointKind::kDistance) {
     const AnchorPair anchors(joint, a, b);
-    std::fill(J, J + kMaxDistanceRows, anchors.along(direction(anchors)));
+    std::fill(J, J + count, anchors.along(direction(anchors)));
     return;
   }
   const JointKindInfo& kind = info(joint.kind);
-  const JointVectors vectors(joint, a, b);
-  for (int k = 0; k < kind.rows; ++k) J[k] = jacobian(kind.row[at(k)], vectors);
+  const JointVectors vectors(joint, a, b, frame_in(joint, step, state, true));
+  for (int k = 0; k < count; ++k)
+    J[k] = jacobian(rows[k].coordinate < 0 ? kind.function[at(rows[k].component)]
+                                           : kind.coordinate[at(rows[k].coordinate)],
+                    vectors);
+}
+
+double spring_stretch(const Joint& joint, const JointState& state, const Row& row) {
+  if (row.coordinate < 0) return state.error;
+  const CoordinateLaw& law = joint.coordinates[at(row.coordinate)];
+  const bool is_servo = law.motor && law.motor->is_servo() && law.motor->max_force > 0.0 &&
+                        row.stiffness == law.motor->servo_stiffness;
+  return state.coordinates[at(row.coordinate)].position -
+         (is_servo ? *law.motor->position : soft_law(law).R);
 }
 
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
@@ -412,6 +452,20 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
   state.initial_error = state.error;
   state.closing_since = t;
   state.closing_offset = row_errors(joint, a, b, state);
+  const JointKindInfo& kind = info(joint.kind);
+  if (kind.alignment != Alignment::kFree) {
+    const JointVectors vectors(joint, a, b);
+    Eigen::Vector3d open = Eigen::Vector3d::Zero();
+    for (int k = 0; k < kind.separation_rows; ++k) {
+      const RowForm& form = kind.row[at(k)];
+      open +=
+          value(form, vectors) * vectors[form.u.kind == VectorKind::kSeparation ? form.v : form.u];
+    }
+    state.closing_shift = -(b.orientation.conjugate() * open);
+    state.closing_turn = misalignment(kind.alignment, vectors);
+    state.closing_share = 1.0;
+    state.closing_offset.head(kind.rows).setZero();
+  }
   state.closing = !state.broken && is_rigid(joint) && std::abs(state.error) > kFits;
 }
 
@@ -443,12 +497,12 @@ bool is_always_rigid(const Joint& joint) {
 
 JointCourse::JointCourse(const Joint& joint, const JointStep& span, JointState& state)
     : start_(span.t) {
+  const JointKindInfo& kind = info(joint.kind);
   if (const auto* distance = if_distance(joint)) {
     motor_ = drive(*distance, span, joint.motor, state);
     length_ = distance->length.value_or(0.0) + state.travel;
     is_driven_ = motor_.is_moving();
   }
-  const JointKindInfo& kind = info(joint.kind);
   rows_ = kind.rows;
   for (std::size_t i = 0; i < at(kind.coordinates); ++i) {
     CoordinateState& coordinate = state.coordinates[i];
@@ -463,6 +517,9 @@ JointCourse::JointCourse(const Joint& joint, const JointStep& span, JointState& 
     closing_since_ = state.closing_since;
     closing_time_ = span.closing_time;
     closing_offset_ = state.closing_offset;
+    closing_shift_ = state.closing_shift;
+    closing_turn_ = state.closing_turn;
+    moves_frame_ = kind.alignment != Alignment::kFree;
   }
 }
 
@@ -500,17 +557,23 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   const double share = closing_course(step.t - state.closing_since, step.closing_time).value;
   if (joint.kind == JointKind::kDistance)
     return std::abs(state.error - share * state.initial_error) <= kFits;
-  // may be off by this, but not elsewhere
   const JointKindInfo& kind = info(joint.kind);
+  if (kind.alignment != Alignment::kFree) {
+    const JointVectors vectors(joint, a, b, frame_in(joint, step, state, false));
+    Eigen::Vector3d open = Eigen::Vector3d::Zero();
+    for (int k = 0; k < kind.separation_rows; ++k) open[k] = value(kind.row[at(k)], vectors);
+    const double angle = misalignment(kind.alignment, vectors).norm();
+    if (!(std::max(open.norm(), state.radius * angle) <= kFits)) return false;
+  }
+  // may be off by this, but not elsewhere
   const RowVector off = row_errors(joint, a, b, state) - share * state.closing_offset;
-  Eigen::Vector3d separation = Eigen::Vector3d::Zero(), angle = separation;
-  for (int k = 0; k < kind.rows; ++k)
-    (k < kind.separation_rows ? separation[k] : angle[k - kind.separation_rows]) = off[k];
   for (int i = 0; i < kind.coordinates; ++i) {
     const double metres = kind.coordinate[at(i)].is_angle ? state.radius : 1.0;
-    if (metres * std::abs(off[kind.rows + i]) > kFits) return false;
+    if (!(metres * std::abs(off[kind.rows + i]) <= kFits)) return false;
   }
-  return separation.norm() <= kFits && state.radius * angle.norm() <= kFits;
+  double square = 0.0;
+  for (int k = 0; k < kind.rows; ++k) square += off[k] * off[k];
+  return kind.alignment != Alignment::kFree || square <= kFits * kFits;
 }
 
 void finish_span(const Joint& joint, const JointStep& span, JointState& state) {

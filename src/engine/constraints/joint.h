@@ -1,5 +1,6 @@
 #pragma once
 
+#include <utility>
 #include <vector>
 
 #include "constraint_sim/engine/joint.h"
@@ -8,6 +9,7 @@
 #include "engine/constraints/anchor_pair.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/law.h"
+#include "engine/constraints/moving_frame.h"
 
 namespace constraint_sim::engine {
 
@@ -27,7 +29,11 @@ void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                    const JointStep& step, JointState& state, std::vector<Row>* rows);
 
 /// Writes the Jacobians of those rows at other states of the bodies.
-void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b, Jacobian* J);
+void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
+                     const JointStep& step, const JointState& state, const Row* rows, int count,
+                     Jacobian* J);
+/// How far the spring of a row is from its rest, where the joint is now.
+double spring_stretch(const Joint& joint, const JointState& state, const Row& row);
 
 /// Reads back what the solved rows have done, at the positions after the step.
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
@@ -74,6 +80,17 @@ class JointCourse {
   /// Each row of another kind is to be off by this share of offset().
   Course share_to_close(double t) const;
   const RowVector& offset() const { return closing_offset_; }
+  /// Whether the frame on B moves while the joint is being closed.
+  bool moves_frame() const { return is_closing() && moves_frame_; }
+  /// The frame on B at time t, that is home there.
+  MovingFrame frame(double t, const Eigen::Vector3d& anchor_b,
+                    const Eigen::Matrix3d& frame_b) const {
+    return {anchor_b, frame_b, closing_shift_, closing_turn_, share_to_close(t)};
+  }
+  /// Length of what the frame moves by [m], and its angle [rad].
+  std::pair<double, double> opening() const {
+    return {closing_shift_.norm(), closing_turn_.norm()};
+  }
   /// Of another kind: what a row is to be off by, or what the form of a coordinate is to be.
   Course target(int function, double t) const;
   /// The bias alone [m/s].
@@ -94,6 +111,9 @@ class JointCourse {
   double length_ = 0.0;  // then [m]
   double closing_since_ = 0.0, closing_time_ = 0.0;
   RowVector closing_offset_ = RowVector::Zero();
+  Eigen::Vector3d closing_shift_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d closing_turn_ = Eigen::Vector3d::Zero();
+  bool moves_frame_ = false;
 };
 
 /// Whether a joint is off by no more than what it is closing, and so can be kept exactly from here.

@@ -18,6 +18,16 @@ JointVectors::JointVectors(const Joint& joint, const BodyState& a, const BodySta
       (b.orientation * joint.frame_b.value_or(Eigen::Quaterniond::Identity())).toRotationMatrix();
 }
 
+JointVectors::JointVectors(const Joint& joint, const BodyState& a, const BodyState& b,
+                           const MovingFrame& frame_b)
+    : JointVectors(joint, a, b) {
+  if (!frame_b.moves) return;
+  const Vector3d r = b.orientation * frame_b.anchor;
+  d += r - r_B;
+  r_B = r;
+  axes_B = b.orientation.toRotationMatrix() * frame_b.axes;
+}
+
 JointVectors between(const JointVectors& start, const JointVectors& end, double share) {
   JointVectors vectors;
   vectors.r_A = start.r_A + share * (end.r_A - start.r_A);
@@ -35,6 +45,14 @@ JointMotion::JointMotion(const JointVectors& vectors, const BodyState& a, const 
   d_bias = w_B.cross(around_B) - w_A.cross(around_A);
 }
 
+void JointMotion::add(const MovingFrame& frame_b, const Eigen::Matrix3d& R_B) {
+  const Vector3d rate = R_B * frame_b.anchor_rate;
+  d_dot += rate;
+  d_bias += 2.0 * w_B.cross(rate) + R_B * frame_b.anchor_acceleration;
+  spin = R_B * frame_b.spin;
+  spin_bias = R_B * frame_b.spin_rate + w_B.cross(spin);
+}
+
 Vector3d JointMotion::rate(VectorRef u, const JointVectors& vectors) const {
   switch (u.kind) {
     case VectorKind::kSeparation:
@@ -42,7 +60,7 @@ Vector3d JointMotion::rate(VectorRef u, const JointVectors& vectors) const {
     case VectorKind::kAxisA:
       return w_A.cross(vectors[u]);
     case VectorKind::kAxisB:
-      return w_B.cross(vectors[u]);
+      return (w_B + spin).cross(vectors[u]);
     case VectorKind::kWorldAxis:
       break;
   }
@@ -56,7 +74,7 @@ Vector3d JointMotion::bias(VectorRef u, const JointVectors& vectors) const {
     case VectorKind::kAxisA:
       return w_A.cross(w_A.cross(vectors[u]));
     case VectorKind::kAxisB:
-      return w_B.cross(w_B.cross(vectors[u]));
+      return (w_B + spin).cross((w_B + spin).cross(vectors[u])) + spin_bias.cross(vectors[u]);
     case VectorKind::kWorldAxis:
       break;
   }

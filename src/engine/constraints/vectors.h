@@ -6,6 +6,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/joint.h"
+#include "engine/constraints/moving_frame.h"
 
 namespace constraint_sim::engine {
 
@@ -34,6 +35,9 @@ struct JointVectors {
 
   JointVectors() = default;
   JointVectors(const Joint& joint, const BodyState& a, const BodyState& b);
+  /// With the frame on B where it is now.
+  JointVectors(const Joint& joint, const BodyState& a, const BodyState& b,
+               const MovingFrame& frame_b);
 
   Eigen::Vector3d operator[](VectorRef u) const {
     switch (u.kind) {
@@ -58,9 +62,15 @@ JointVectors between(const JointVectors& start, const JointVectors& end, double 
 struct JointMotion {
   Eigen::Vector3d d_dot = Eigen::Vector3d::Zero(), d_bias = Eigen::Vector3d::Zero();
   Eigen::Vector3d w_A = Eigen::Vector3d::Zero(), w_B = Eigen::Vector3d::Zero();
+  /// Of the frame on B against B, and what that adds to its angular acceleration: Ω̇ + ω_B × Ω, Ω̇
+  /// as B sees it.
+  Eigen::Vector3d spin = Eigen::Vector3d::Zero(), spin_bias = Eigen::Vector3d::Zero();
 
   JointMotion() = default;
   JointMotion(const JointVectors& vectors, const BodyState& a, const BodyState& b);
+
+  /// Adds what the frame on B moves by itself; `R_B` turns B's frame into the world's.
+  void add(const MovingFrame& frame_b, const Eigen::Matrix3d& R_B);
 
   /// u̇ of one vector.
   Eigen::Vector3d rate(VectorRef u, const JointVectors& vectors) const;

@@ -114,14 +114,6 @@ void World::set_state(BodyId id, const BodyState& state) {
   validate(body);
   BodyState placed = state;
   make_unit(&placed.orientation);
-  for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
-    const Joint& joint = impl_->joints[j];
-    const JointState& now = impl_->joint_states[j];
-    if ((joint.body_a == id || joint.body_b == id) && !now.broken)  // as impulses have left it
-      check_alignment(joint, joint.body_a == id ? placed : this->state(joint.body_a),
-                      joint.body_b == id ? placed : this->state(joint.body_b),
-                      kAligned + now.angle_error);
-  }
 
   if (impl_->is_movable(i))
     impl_->wake(i);

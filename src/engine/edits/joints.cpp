@@ -29,18 +29,16 @@ std::size_t Model::index(JointId id) const {
 }
 
 JointId World::add_joint(const Joint& joint, bool broken) {
-  return impl_->add_joint(joint, broken, broken ? kAnyAngle : kAligned);
+  return impl_->add_joint(joint, broken);
 }
 
-JointId World::Impl::add_joint(const Joint& joint, bool broken, double most_misaligned) {
+JointId World::Impl::add_joint(const Joint& joint, bool broken) {
   validate(joint);
   if (joint_by_name.count(joint.name) > 0)
     refuse("name", "there is already a constraint named " + quoted(joint.name));
   check_ends(joint);
   Joint filled = joint;
   fill_in(filled);
-  check_alignment(filled, states[index(joint.body_a)], states[index(joint.body_b)],
-                  most_misaligned);
 
   const JointId id{static_cast<std::uint32_t>(joint_index.size())};
   joint_index.push_back(static_cast<int>(joints.size()));
@@ -139,18 +137,6 @@ void World::Impl::fill_in_frames(Joint& joint) const {
   }
   make_unit(&*joint.frame_b);
   joint.axis_b.reset();
-}
-
-void check_alignment(const Joint& joint, const BodyState& a, const BodyState& b, double most) {
-  const Alignment alignment = info(joint.kind).alignment;
-  if (alignment == Alignment::kFree) return;
-  const double off = misalignment(alignment, JointVectors(joint, a, b)).norm();
-  if (off <= most) return;
-  std::ostringstream degrees;
-  degrees << std::setprecision(3) << 180.0 / kPi * off;
-  refuse("frame_b", "the axes of the " + std::string(name(joint.kind)) + " " + quoted(joint.name) +
-                        " are " + degrees.str() +
-                        " degrees off, and joints are not closed in orientation yet");
 }
 
 // from what the coordinates are to read now
@@ -260,6 +246,9 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   if (state.closing) {
     state.closing_since = saved.closing_since;
     state.closing_offset = saved.closing_offset;
+    state.closing_shift = saved.closing_shift;
+    state.closing_turn = saved.closing_turn;
+    state.closing_share = saved.closing_share;
     state.initial_error = saved.initial_error;
   }
   joint_starts[j].state = state;
@@ -283,10 +272,11 @@ bool World::Impl::is_as_added(JointId id) const {
     const CoordinateState &now = state.coordinates[i], &then = added.coordinates[i];
     if (now.position != then.position || now.held != then.held) return false;
   }
-  if (added.angle_error > 0.5 * kAligned) return false;
-  const bool closes_alike = !added.closing || (state.closing_since == added.closing_since &&
-                                               state.closing_offset == added.closing_offset &&
-                                               state.initial_error == added.initial_error);
+  const bool closes_alike =
+      !added.closing ||
+      (state.closing_since == added.closing_since && state.closing_offset == added.closing_offset &&
+       state.closing_shift == added.closing_shift && state.closing_turn == added.closing_turn &&
+       state.closing_share == added.closing_share && state.initial_error == added.initial_error);
   return state.travel == 0.0 && state.impulse.isZero(0.0) &&
          state.expires_at == end_of(first_motor(joint)) && state.closing == added.closing &&
          closes_alike && self_stress[j].is_none();
@@ -405,8 +395,6 @@ void World::Impl::edit_laws(const Joint& joint) {
 void World::set_broken(JointId id, bool broken) {
   const Joint& joint = this->joint(id);
   JointState& state = impl_->joint_states[impl_->index(id)];
-  if (!broken)
-    check_alignment(joint, this->state(joint.body_a), this->state(joint.body_b), kAligned);
   state.broken = broken;
   state.impulse.setZero();
   impl_->wake_ends(joint);

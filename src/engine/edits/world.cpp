@@ -198,12 +198,6 @@ bool World::Impl::starts_methods_anew(std::size_t i) const {
 }
 
 void World::reset() {
-  for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
-    const Joint& joint = impl_->joints[j];
-    const JointStart& start = impl_->joint_starts[j];
-    if (start.broken || start.state) continue;
-    check_alignment(joint, body(joint.body_a).state, body(joint.body_b).state, kUnclosedAngle);
-  }
   for (std::size_t i = 0; i < impl_->bodies.size(); ++i) {
     impl_->states[i] = impl_->bodies[i].state;
     impl_->corrections[i].setZero();

@@ -72,7 +72,8 @@ void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const En
 
   const auto point_of = [&](std::size_t body, const Vector3d& anchor, bool has_axes) {
     if (masses[body].is_movable()) return place_of.at(body);
-    fixed_points_.push_back({static_cast<int>(body), anchor, has_axes, BodyState{}});
+    fixed_points_.push_back({static_cast<int>(body), anchor, has_axes, BodyState{},
+                             Vector3d::Zero(), Vector3d::Zero()});
     inverse_mass_.push_back(0.0);
     return inverse_mass_.size() - 1;
   };
@@ -111,6 +112,8 @@ void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const En
     add_rows(links_[l], static_cast<int>(rows_of(l)));
   }
   vectors_.resize(first_spring_ - first_general_);
+  for (std::size_t l = first_general_; l < first_spring_; ++l)
+    frames_.emplace_back(links_[l].anchor_b, links_[l].frame_b);
   fixed_axes_.assign(fixed_points_.size(), Matrix3d::Identity());
 }
 
@@ -237,7 +240,7 @@ void EquationsOfMotion::place_general() {
     };
     if (!info(link.kind).has_frames) continue;
     vectors.axes_A = axes(link.a, link.frame_a);
-    vectors.axes_B = axes(link.b, link.frame_b);
+    vectors.axes_B = axes(link.b, frame_b(l).axes);
   }
   for (const GeneralRow& general : general_rows_) {
     const Row& row = rows_[general.row];
@@ -266,6 +269,12 @@ JointMotion EquationsOfMotion::motion_of(std::size_t l) const {
   motion.d_bias = gamma_d(l);
   motion.w_A = spin(link.a);
   motion.w_B = spin(link.b);
+  if (frame_b(l).moves) {
+    MovingFrame frame = frame_b(l);
+    if (!turns(link.b))  // in the velocity of the fixed point
+      frame.anchor_rate = frame.anchor_acceleration = Vector3d::Zero();
+    motion.add(frame, turns(link.b) ? orientation_[link.b] : fixed_axes(link.b));
+  }
   return motion;
 }
 

@@ -153,10 +153,7 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
     fixed_points_move_ = fixed_points_move_ || !point.start.linear_velocity.isZero(0.0) ||
                          !point.start.angular_velocity.isZero(0.0);
   }
-  place_fixed_points(t);
   fixed_scale_ = 0.0;
-  for (std::size_t p = bodies_.size(); p < position_.size(); ++p)
-    fixed_scale_ = std::max(fixed_scale_, position_[p].cwiseAbs().maxCoeff());
 
   has_jumped_ = false;
   courses_.clear();
@@ -173,6 +170,10 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
     length_[l] = is_by_offset(l) ? Course{} : course.length(t);
     fixed_scale_ = std::max(fixed_scale_, length_[l].value);
     if (is_general(l)) {
+      if (course.moves_frame())
+        set_frame(l, course.frame(t, links_[l].anchor_b, links_[l].frame_b));
+      else if (frame_b(l).moves)
+        set_frame(l, {links_[l].anchor_b, links_[l].frame_b});
       fixed_scale_ = std::max(fixed_scale_, links_[l].radius);
       for (std::size_t k = 0; k < rows_of(l); ++k) {
         double& target = value_target_[first_row(l) + k];
@@ -184,6 +185,9 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
     if (turns(links_[l].a)) fixed_scale_ = std::max(fixed_scale_, links_[l].anchor_a.norm());
     if (turns(links_[l].b)) fixed_scale_ = std::max(fixed_scale_, links_[l].anchor_b.norm());
   }
+  place_fixed_points(t);
+  for (std::size_t p = bodies_.size(); p < position_.size(); ++p)
+    fixed_scale_ = std::max(fixed_scale_, position_[p].cwiseAbs().maxCoeff());
 }
 
 double EquationsOfMotion::largest_coordinate(const double* y) const {
@@ -405,6 +409,7 @@ void EquationsOfMotion::ask(double t) {
       continue;
     }
     const Course share = length_[l] = course.share_to_close(t);
+    if (course.moves_frame()) set_frame(l, course.frame(t, links_[l].anchor_b, links_[l].frame_b));
     for (std::size_t k = 0; is_general(l) && k < rows_of(l); ++k) {
       const Course target = course.target(links_[l].function[k], t);
       value_target_[first_row(l) + k] = target.value;
@@ -417,6 +422,17 @@ void EquationsOfMotion::ask(double t) {
       acceleration_target_[first_row(l) + k] = offset * share.acceleration;
     }
   }
+}
+
+void EquationsOfMotion::set_frame(std::size_t l, const MovingFrame& frame) {
+  frames_[l - first_general_] = frame;
+  const std::size_t b = links_[l].b;
+  if (b < bodies_.size()) return;
+  FixedPoint& point = fixed_points_[b - bodies_.size()];
+  point.anchor = frame.anchor;
+  point.anchor_rate = frame.anchor_rate;
+  point.anchor_acceleration = frame.anchor_acceleration;
+  fixed_points_move_ = fixed_points_move_ || frame.moves;
 }
 
 // what does not hang on the state
@@ -449,11 +465,17 @@ void EquationsOfMotion::place_fixed_points(double t) {
     const std::size_t p = bodies_.size() + i;
     const double since = t - start_time_;
     const Vector3d& w = point.start.angular_velocity;
-    const Vector3d arm = rotation(since * w) * (point.start.orientation * point.anchor);
+    const Quaterniond turned = rotation(since * w) * point.start.orientation;
+    const Vector3d arm = turned * point.anchor;
     const Vector3d around = w.cross(arm);
     position_[p] = point.start.position + since * point.start.linear_velocity + arm;
     velocity_[p] = point.start.linear_velocity + around;
     load_acceleration_[p] = w.cross(around);
+    if (!point.anchor_rate.isZero(0.0) || !point.anchor_acceleration.isZero(0.0)) {
+      const Vector3d rate = turned * point.anchor_rate;
+      velocity_[p] += rate;
+      load_acceleration_[p] += 2.0 * w.cross(rate) + turned * point.anchor_acceleration;
+    }
     if (point.has_axes)
       fixed_axes_[i] = (rotation(since * w) * point.start.orientation).toRotationMatrix();
   }
@@ -473,7 +495,8 @@ void EquationsOfMotion::place_arms() {
     if (!link.has_arms) continue;
     Vector3d& d = is_rod(l) ? direction_[l] : d_[l];
     if (turns(link.a)) d -= arm_a_[l] = orientation_[link.a] * link.anchor_a;
-    if (turns(link.b)) d += arm_b_[l] = orientation_[link.b] * link.anchor_b;
+    const Vector3d& anchor_b = is_general(l) ? frame_b(l).anchor : link.anchor_b;
+    if (turns(link.b)) d += arm_b_[l] = orientation_[link.b] * anchor_b;
     if (l >= first_general_) continue;
     const std::size_t begin = is_rod(l) ? l : first_row(l);
     const std::size_t end = is_rod(l) ? l + 1 : begin + 3;

@@ -110,6 +110,8 @@ class EquationsOfMotion {
     return info(links_[l].kind).function[links_[l].function[k]];
   }
   const std::vector<SoftCoordinate>& soft_coordinates() const { return softs_; }
+  /// The frame on B of a general joint, where it was at the last move_with_time() or evaluation.
+  const MovingFrame& frame_b(std::size_t l) const { return frames_[l - first_general_]; }
   /// Where one reads; angles are taken for those nearest to it from then on.
   void set_position(std::size_t soft, double position) { softs_[soft].position = position; }
   std::size_t points() const { return inverse_mass_.size(); }
@@ -273,6 +275,9 @@ class EquationsOfMotion {
     Eigen::Vector3d anchor;
     bool has_axes;
     BodyState start;  // of the body at `start_time_`
+    // against the body, while the frame of a joint moves
+    Eigen::Vector3d anchor_rate = Eigen::Vector3d::Zero();
+    Eigen::Vector3d anchor_acceleration = Eigen::Vector3d::Zero();
   };
   using Ends = std::vector<std::pair<std::size_t, std::size_t>>;
 
@@ -369,6 +374,7 @@ class EquationsOfMotion {
   void verify_left_out(double least);
   void note_left_out();
   JointMotion motion_of(std::size_t link) const;
+  void set_frame(std::size_t link, const MovingFrame& frame);
   double row_length(std::size_t row) const {
     if (row < first_ball_) return length_[row].value;
     const std::size_t first = rows_.size() - general_rows_.size();
@@ -424,6 +430,7 @@ class EquationsOfMotion {
   std::vector<Eigen::Vector3d> arm_a_, arm_b_;             // of links
   std::vector<Course> length_;                             // of links
   std::vector<JointVectors> vectors_;                      // of general joints
+  std::vector<MovingFrame> frames_;                        // the same, on B
   std::vector<Eigen::Matrix3d> fixed_axes_;                // of fixed points, where they have axes
   std::vector<Eigen::Vector3d> direction_;                 // of rows: d of rods, an axis of balls
   std::vector<double> value_, rate_;                       // of rows

@@ -52,9 +52,11 @@ void ImplicitStep::place_axes(const EquationsOfMotion& equations, const Link& li
   if (!info(link.joint).has_frames) return;
   for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
-    (*axes)[e] = link.frames[e];
-    if (end.dofs == 6) (*axes)[e] = turn_[end.point].R0 * link.frames[e];
-    if (end.dofs == 0) (*axes)[e] = equations.fixed_axes(end.point) * link.frames[e];
+    const std::size_t l = at(static_cast<int>(&link - links_.data()));
+    const Matrix3d& frame = e == 0 ? link.frames[0] : equations.frame_b(l).axes;
+    (*axes)[e] = frame;
+    if (end.dofs == 6) (*axes)[e] = turn_[end.point].R0 * frame;
+    if (end.dofs == 0) (*axes)[e] = equations.fixed_axes(end.point) * frame;
   }
 }
 
@@ -112,11 +114,12 @@ void ImplicitStep::move_general(const Link& link, const Shape& shape, const Unkn
       slope->rightCols<3>() = -turn.B * cross_matrix(mean);
       return start + w.cross(mean);
     };
-    arm = advance(shape.r0[e], &slopes.arm);
+    arm = advance(e == 0 ? shape.r0[0] : shape.next_r_B, &slopes.arm);
     change += end.sign * (arm - shape.r0[e]);
     slopes.d.rightCols<3>() = end.sign * slopes.arm.rightCols<3>();
     for (int k = 0; has_frames && k < 3; ++k)
-      axes.col(k) = advance(shape.axes0[e].col(k), &slopes.axes[at(k)]);
+      axes.col(k) =
+          advance((e == 0 ? shape.axes0[0] : shape.next_axes_B).col(k), &slopes.axes[at(k)]);
   }
   end_vectors.d = shape.d0 + change;
   motion->at_force = between(start_of(shape), end_vectors, share_);

@@ -319,7 +319,8 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
       const End& end = link.ends[e];
       shape.r0[e].setZero();
       if (end.dofs < 6) continue;
-      shape.r0[e] = turn_[end.point].R0 * end.anchor;
+      const bool is_frame = e == 1 && link.kind == Kind::kGeneral;
+      shape.r0[e] = turn_[end.point].R0 * (is_frame ? equations->frame_b(l).anchor : end.anchor);
       shape.d0 += end.sign * shape.r0[e];
       scale_ = std::max(scale_, end.anchor.norm());
     }
@@ -349,7 +350,13 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
     Shape& shape = shapes_[l];
-    if (link.kind == Kind::kGeneral) place_axes(*equations, link, &shape.axes1);
+    if (link.kind == Kind::kGeneral) {
+      place_axes(*equations, link, &shape.axes1);
+      shape.next_axes_B = shape.axes1[1];
+      const End& b = link.ends[1];
+      shape.next_r_B = shape.r0[1];
+      if (b.dofs == 6) shape.next_r_B = turn_[b.point].R0 * equations->frame_b(l).anchor;
+    }
     if (link.kind == Kind::kBall || link.kind == Kind::kGeneral) {
       shape.offset = equations->offset(l);
       if (link.rows > link.rigid_rows) begin_softs(link, shape, *equations);

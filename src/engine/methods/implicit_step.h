@@ -145,6 +145,9 @@ class ImplicitStep {
     // of a general one: at the ends of the step
     std::array<Eigen::Matrix3d, 2> axes0{Eigen::Matrix3d::Identity(), Eigen::Matrix3d::Identity()};
     std::array<Eigen::Matrix3d, 2> axes1 = axes0;
+    // of a general one, by the frame on B at the end of the step, with B where it was at the start
+    Eigen::Vector3d next_r_B = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d next_axes_B = Eigen::Matrix3d::Identity();
     std::array<double, 2> swing{};  // of a general one: Σ‖torque‖ at each end [N m]
     double before = 0.0;            // ‖d‖ of a spring a step ago [m]
     std::array<bool, kMaxJointRows> is_left_out{}, is_redundant{};  // rows that have no force

@@ -106,8 +106,15 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
     target_.fixed.linear[p] = equations->velocity(p);
     configuration->fixed_axes[p - bodies_] = equations->fixed_axes(p);
   }
+  configuration->frames_b.clear();
   for (std::size_t l = 0; l < equations->links().size(); ++l) {
     const std::size_t i = rows_.first_row(l);
+    if (equations->is_general(l) && equations->frame_b(l).moves && configuration->frames_b.empty())
+      for (std::size_t k = 0; k < equations->links().size(); ++k)
+        configuration->frames_b.push_back(
+            equations->is_general(k)
+                ? equations->frame_b(k)
+                : MovingFrame(equations->links()[k].anchor_b, Matrix3d::Identity()));
     if (!equations->is_ball(l) && !equations->is_general(l)) {
       target_.length[i] = equations->length(l).value;
       target_.rate[i] = equations->length(l).rate;

@@ -107,7 +107,7 @@ JointVectors LeastNormForces::vectors_of(const EquationsOfMotion& equations,
     return states[at(equations.bodies()[point])].orientation * frame;
   };
   vectors.axes_A = axes(0, from.a, from.frame_a);
-  vectors.axes_B = axes(1, from.b, from.frame_b);
+  vectors.axes_B = axes(1, from.b, equations.frame_b(l).axes);
   return vectors;
 }
 
@@ -127,7 +127,9 @@ void LeastNormForces::place(const EquationsOfMotion& equations,
       }
       const BodyState& state = states[at(equations.bodies()[points[e]])];
       if (link.unknowns[e] == 6)
-        arm[e] = state.orientation * (e == 0 ? from.anchor_a : from.anchor_b);
+        arm[e] = state.orientation * (e == 0                    ? from.anchor_a
+                                      : equations.is_general(l) ? equations.frame_b(l).anchor
+                                                                : from.anchor_b);
       d += kSign[e] * (state.position + arm[e]);
     }
     JointVectors vectors;

@@ -199,10 +199,12 @@ void EquationsOfMotion::set_redundant(const std::vector<char>& redundant) {
 double EquationsOfMotion::offset_of(std::size_t l, const JointCourse& course) const {
   if (!is_general(l)) return course.offset().norm();
   RowVector offset = RowVector::Zero();
+  const auto [shift, turn] = course.opening();
+  const double by_frame = course.moves_frame() ? std::hypot(shift, links_[l].radius * turn) : 0.0;
   for (std::size_t k = 0; k < rows_of(l); ++k)
     offset[static_cast<Eigen::Index>(k)] =
         course.offset()[links_[l].function[k]] / row_length(first_row(l) + k);
-  return offset.norm();
+  return std::hypot(offset.norm(), by_frame);
 }
 
 // What turns such an opening into an angle [m].

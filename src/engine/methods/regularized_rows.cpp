@@ -82,13 +82,16 @@ void RegularizedRows::measure(const Configuration& configuration, Geometry* geom
       const std::size_t point = end_of(joint, e);
       g.arm[e].setZero();
       if (point >= turning_) continue;
-      g.arm[e] = configuration.orientation[point] * (e == 0 ? joint.anchor_a : joint.anchor_b);
+      const bool moves = e == 1 && !configuration.frames_b.empty();
+      const Vector3d& anchor_b = moves ? configuration.frames_b[l].anchor : joint.anchor_b;
+      g.arm[e] = configuration.orientation[point] * (e == 0 ? joint.anchor_a : anchor_b);
       g.d += kSign[e] * g.arm[e];
     }
     if (info(joint.kind).has_frames) {
       for (std::size_t e = 0; e < 2; ++e) {
         const std::size_t point = end_of(joint, e);
         g.axes[e] = e == 0 ? joint.frame_a : joint.frame_b;
+        if (e == 1 && !configuration.frames_b.empty()) g.axes[e] = configuration.frames_b[l].axes;
         if (point < turning_)
           g.axes[e] = configuration.orientation[point].toRotationMatrix() * g.axes[e];
         if (point >= bodies_) g.axes[e] = configuration.fixed_axes[point - bodies_] * g.axes[e];

@@ -17,6 +17,8 @@ struct Configuration {
   std::vector<Eigen::Vector3d> position;
   std::vector<Eigen::Quaterniond> orientation;
   std::vector<Eigen::Matrix3d> fixed_axes;  ///< of fixed points
+  /// The frames on B of all joints, where they move; else empty.
+  std::vector<MovingFrame> frames_b;
 };
 
 /// A velocity, displacement or impulse of each body: linear of all, angular of those that turn.

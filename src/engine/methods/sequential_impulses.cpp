@@ -161,10 +161,15 @@ double SequentialImpulses::finish_corrections(const Model& model, const ImpulseS
   for (std::size_t k = 0; k < step.joints.size(); ++k) {
     const std::size_t j = at(step.joints[k]);
     const auto [a, b] = step.joint_ends[j];
-    std::array<Jacobian, kMaxJointRows> J;
-    joint_jacobians(model.joints[j], state->states[a], state->states[b], J.data());
-    for (std::size_t r = joint_rows_[k]; r < joint_rows_[k + 1]; ++r)
-      solver_.finish_row(r, rows_[r], J[r - joint_rows_[k]], state->joint_states[j].error);
+    std::array<Jacobian, kMostRowsOfJoint> J;
+    const std::size_t first = joint_rows_[k];
+    const int count = static_cast<int>(joint_rows_[k + 1] - first);
+    const JointState& of_joint = state->joint_states[j];
+    joint_jacobians(model.joints[j], state->states[a], state->states[b], step.span, of_joint,
+                    rows_.data() + first, count, J.data());
+    for (std::size_t r = first; r < joint_rows_[k + 1]; ++r)
+      solver_.finish_row(r, rows_[r], J[r - first],
+                         spring_stretch(model.joints[j], of_joint, rows_[r]));
   }
   state->any_corrections = true;
   return solver_.take_out_corrections(step.bodies, model.masses, state->states,

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numeric>
 
 #include "engine/world_impl.h"
@@ -18,13 +19,13 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 void World::Impl::recompile() {
   edited = false;
+  seen.reset();
+  model_mark = std::make_shared<const char>();
 
   joint_ends.clear();
   unpaired.clear();
   for (std::size_t j = 0; j < joints.size(); ++j) {
-    const std::size_t a = index(joints[j].body_a);
-    const std::size_t b = index(joints[j].body_b);
-    joint_ends.emplace_back(a, b);
+    const auto [a, b] = joint_ends.emplace_back(ends_of(joints[j]));
     if (joint_states[j].broken) joint_states[j].force = joint_states[j].bias = 0.0;
     if (!joints[j].collide_connected && !joint_states[j].broken)
       unpaired.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
@@ -93,17 +94,13 @@ void World::Impl::find_loops() {
 // Islands of the same bodies and joints as before keep what is compiled for them.
 void World::Impl::make_islands() {
   topology_edited = false;
-  std::vector<bool> movable, acting;
-  for (std::size_t i = 0; i < bodies.size(); ++i) movable.push_back(is_movable(i));
-  for (const JointState& state : joint_states) acting.push_back(!state.broken);
-
   IslandLists before;
   std::swap(before, static_cast<IslandLists&>(*this));
   if (all_edited) rotations.clear();
   rotations.resize(bodies.size());
   const std::vector<int> island_before = std::move(island_of);
   island_of.assign(bodies.size(), -1);
-  for (IslandMembers& members : find_islands(movable, acting, joint_ends)) {
+  for (IslandMembers& members : group_bodies(joint_ends)) {
     const auto first = at(members.bodies.front());
     const int old = !all_edited && first < island_before.size() ? island_before[first] : -1;
     for (const int body : members.bodies) island_of[at(body)] = static_cast<int>(islands.size());
@@ -111,16 +108,38 @@ void World::Impl::make_islands() {
       keep_island(at(old), &before);
       continue;
     }
-    Island& island = islands.emplace_back();
-    island.first_body = body_ids[first];
-    island.bodies = static_cast<std::uint32_t>(members.bodies.size());
-    island.joints = static_cast<std::uint32_t>(members.joints.size());
+    islands.push_back(new_island(members));
     IslandParts& parts = island_parts.emplace_back();
     parts.members = std::move(members);
-    for (const auto& [first_body, memory] : loaded_memory)
-      if (first_body == island.first_body) static_cast<IslandMemory&>(parts) = memory;
+    static_cast<IslandMemory&>(parts) = loaded_memory_of(islands.back().first_body);
   }
   loaded_memory.clear();
+}
+
+std::pair<std::size_t, std::size_t> World::Impl::ends_of(const Joint& joint) const {
+  return {index(joint.body_a), index(joint.body_b)};
+}
+
+std::vector<IslandMembers> World::Impl::group_bodies(const std::vector<JointEnds>& ends) const {
+  std::vector<bool> movable, acting;
+  for (std::size_t i = 0; i < bodies.size(); ++i) movable.push_back(is_movable(i));
+  for (const JointState& state : joint_states) acting.push_back(!state.broken);
+  return find_islands(movable, acting, ends);
+}
+
+Island World::Impl::new_island(const IslandMembers& members) const {
+  Island island;
+  island.first_body = body_ids[at(members.bodies.front())];
+  island.bodies = static_cast<std::uint32_t>(members.bodies.size());
+  island.joints = static_cast<std::uint32_t>(members.joints.size());
+  return island;
+}
+
+IslandMemory World::Impl::loaded_memory_of(BodyId first) const {
+  IslandMemory found;
+  for (const auto& [first_body, memory] : loaded_memory)
+    if (first_body == first) found = memory;
+  return found;
 }
 
 void World::Impl::keep_island(std::size_t old, IslandLists* before) {
@@ -159,9 +178,9 @@ void World::Impl::begin_all_anew() {
 }
 
 void World::Impl::classify_islands() {
-  find_fastest_springs();
+  const std::vector<double> fastest_spring = fastest_springs(joint_ends);
   for (IslandParts& parts : island_parts) {
-    parts.nature = classify(traits_of(parts.members), options);
+    parts.nature = classify(traits_of(parts.members, fastest_spring), options);
     if (method_for(parts.nature, options) == Method::kSequentialImpulses) continue;
     if (parts.members.joints.empty())
       parts.turning_freely = parts.members.bodies;
@@ -172,16 +191,16 @@ void World::Impl::classify_islands() {
 
 // of each body, what its springs and dampers move it with: ω² ≤ 2 Σk (1/m + r²/I_min), and the same
 // of c [1/s]
-void World::Impl::find_fastest_springs() {
-  fastest_spring.assign(bodies.size(), 0.0);
+std::vector<double> World::Impl::fastest_springs(const std::vector<JointEnds>& ends) const {
+  std::vector<double> fastest_spring(bodies.size(), 0.0);
   std::vector<double> damping;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     if (joint_states[j].broken) continue;
     const Joint& joint = joints[j];
     const auto add = [&](bool is_turn, double stiffness, double of_damper) {
       if (damping.empty()) damping.assign(bodies.size(), 0.0);
-      for (const auto& [body, anchor] : {std::pair(joint_ends[j].first, joint.anchor_a),
-                                         {joint_ends[j].second, joint.anchor_b}}) {
+      for (const auto& [body, anchor] :
+           {std::pair(ends[j].first, joint.anchor_a), {ends[j].second, joint.anchor_b}}) {
         const double turning = masses[body].inverse_inertia.maxCoeff();
         const double inverse_mass =
             is_turn ? turning : masses[body].inverse_mass + anchor.squaredNorm() * turning;
@@ -199,9 +218,11 @@ void World::Impl::find_fastest_springs() {
   }
   for (std::size_t i = 0; i < damping.size(); ++i)
     fastest_spring[i] = std::max(std::sqrt(fastest_spring[i]), damping[i]);
+  return fastest_spring;
 }
 
-IslandTraits World::Impl::traits_of(const IslandMembers& members) const {
+IslandTraits World::Impl::traits_of(const IslandMembers& members,
+                                    const std::vector<double>& fastest_spring) const {
   IslandTraits traits;
   traits.has_joints = !members.joints.empty();
   for (const int j : members.joints) {

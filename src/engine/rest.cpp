@@ -60,27 +60,39 @@ bool World::Impl::wake_touched() {
 
 // from those awake to all that joints or contacts connect with them
 void World::Impl::spread_waking() {
-  const auto wake_other = [&](std::size_t body, std::size_t other) {
-    if (!is_movable(body) || asleep[body] || !asleep[other]) return false;
-    asleep[other] = false;
-    return true;
-  };
-  for (bool spreads = any_waking; spreads;) {
-    spreads = false;
-    for (const IslandParts& parts : island_parts) {
-      const std::vector<int>& bodies = parts.members.bodies;
-      for (const int body : bodies) spreads = wake_other(at(bodies.front()), at(body)) || spreads;
-      for (const int body : bodies) spreads = wake_other(at(body), at(bodies.front())) || spreads;
-    }
-    for (const TouchingPair& pair : resting) {
-      spreads = wake_other(at(pair.a), at(pair.b)) || spreads;
-      spreads = wake_other(at(pair.b), at(pair.a)) || spreads;
-    }
+  if (any_waking) {
+    std::vector<const std::vector<int>*> groups;
+    for (const IslandParts& parts : island_parts) groups.push_back(&parts.members.bodies);
+    std::vector<std::pair<int, int>> near;
+    for (const TouchingPair& pair : resting) near.push_back(pair.ends());
+    spread_waking(groups, near, &asleep);
   }
   any_waking = false;
   move_over(&resting, &touching,
             [&](const TouchingPair& pair) { return asleep[at(pair.a)] || asleep[at(pair.b)]; });
   list_awake();
+}
+
+// the same in a list: of islands all or none of the bodies sleep
+void World::Impl::spread_waking(const std::vector<const std::vector<int>*>& groups,
+                                const std::vector<std::pair<int, int>>& near,
+                                std::vector<bool>* sleeps) const {
+  const auto wake_other = [&](int body, int other) {
+    if (!is_movable(at(body)) || (*sleeps)[at(body)] || !(*sleeps)[at(other)]) return false;
+    (*sleeps)[at(other)] = false;
+    return true;
+  };
+  for (bool spreads = true; spreads;) {
+    spreads = false;
+    for (const std::vector<int>* group : groups) {
+      for (const int body : *group) spreads = wake_other(group->front(), body) || spreads;
+      for (const int body : *group) spreads = wake_other(body, group->front()) || spreads;
+    }
+    for (const auto& [a, b] : near) {
+      spreads = wake_other(a, b) || spreads;
+      spreads = wake_other(b, a) || spreads;
+    }
+  }
 }
 
 // ---- falling asleep

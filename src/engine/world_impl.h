@@ -2,6 +2,7 @@
 
 #include <array>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -55,6 +56,9 @@ struct IslandLists {
   std::vector<IslandMotion> motions;  // of the islands with joints
 };
 
+/// The two bodies of a joint, by index.
+using JointEnds = std::pair<std::size_t, std::size_t>;
+
 /// One step, simulated [s].
 struct Tick {
   double start, end;
@@ -69,22 +73,30 @@ struct Carried {
   std::vector<int> impulse_joints;  ///< the same
 };
 
+/// What a snapshot answers where a world goes by what a snapshot does not have.
+struct Seen {
+  bool is_edited = false;  ///< since the last step
+  std::vector<Island> islands;
+  std::vector<BodyId> unresolved_bodies;
+};
+
 /// What stands behind a World.
 struct World::Impl : Model, State, IslandLists {
   // ---- follows from the above; made anew by the first step after an edit
   bool edited = true;                      // anything
   bool topology_edited = true;             // also who is joined to whom
   bool all_edited = true;                  // all islands begin anew
+  std::shared_ptr<const char> model_mark;  // worlds that have the same have the same model
+  std::optional<Seen> seen;                // of snapshots, which count as edited
   std::vector<BodyId> edited_bodies;       // whose islands begin anew
   std::vector<BodyId> relinked_bodies;     // whose islands are compiled anew
   std::vector<Broadphase::Pair> unpaired;  // joined bodies that may overlap, sorted
-  std::vector<std::pair<std::size_t, std::size_t>> joint_ends;  // the two bodies of each joint
+  std::vector<JointEnds> joint_ends;       // the two bodies of each joint
   std::vector<std::pair<BodyId, IslandMemory>>
       loaded_memory;                    // by first body, until there are islands
   std::vector<bool> is_in_loop;         // joints of an island whose joints close one
   std::vector<int> island_of;           // of bodies; -1 of immovable ones
   std::vector<FreeRotation> rotations;  // of bodies
-  std::vector<double> fastest_spring;   // of bodies [1/s]
   double reference_energy = 0.0;        // [J] at the last edit
   double largest_kinetic_energy = 0.0;  // [J] since the last edit
   std::uint64_t quiet_steps = 0;        // after which an island may rest; 0: never
@@ -159,11 +171,23 @@ struct World::Impl : Model, State, IslandLists {
   void continue_contact(TouchingPair pair);
   bool is_known(const TouchingPair& pair) const;
   bool is_as_added(JointId id) const;
+  struct NextIsland {
+    IslandMembers members;
+    Island island;
+    IslandMemory memory;  // that the step begins with
+    bool is_fresh;        // edited
+  };
+  std::vector<NextIsland> next_islands() const;
+  NextIsland next_island(IslandMembers members) const;
+  void choose_next_methods(const std::vector<JointEnds>& ends, const std::vector<int>& next_of,
+                           std::vector<NextIsland>* next) const;
   const Impl& compiled(std::optional<Impl>* copy) const;
   std::vector<std::pair<BodyId, IslandMemory>> memories() const;
   std::vector<std::pair<BodyId, IslandMemory>> next_memories() const;
   bool starts_methods_anew(std::size_t island) const;
   std::uint64_t hash() const;
+  bool is_edited() const { return seen ? seen->is_edited : edited; }
+  void note_edit();
   void edit_all();
   void edit_island_of(BodyId id);
   void edit_laws(const Joint& joint);
@@ -176,6 +200,8 @@ struct World::Impl : Model, State, IslandLists {
   void wake_around(BodyId id);
   bool wake_touched();
   void spread_waking();
+  void spread_waking(const std::vector<const std::vector<int>*>& groups,
+                     const std::vector<std::pair<int, int>>& near, std::vector<bool>* sleeps) const;
   void fall_asleep();
   bool is_quiet(std::size_t island) const;
   bool is_driven(std::size_t island) const;
@@ -197,8 +223,13 @@ struct World::Impl : Model, State, IslandLists {
   void begin_all_anew();
   void find_loops();
   void classify_islands();
-  IslandTraits traits_of(const IslandMembers& members) const;
-  void find_fastest_springs();
+  std::pair<std::size_t, std::size_t> ends_of(const Joint& joint) const;
+  std::vector<IslandMembers> group_bodies(const std::vector<JointEnds>& ends) const;
+  Island new_island(const IslandMembers& members) const;
+  IslandMemory loaded_memory_of(BodyId first) const;
+  std::vector<double> fastest_springs(const std::vector<JointEnds>& ends) const;
+  IslandTraits traits_of(const IslandMembers& members,
+                         const std::vector<double>& fastest_spring) const;
   void compile_island(IslandParts* parts);
   const std::vector<Broadphase::Pair>& find_pairs();
   Proxy proxy(int body) const;

@@ -140,7 +140,7 @@ bool Publishers::anybody_listens() const {
 
 void Publishers::take_snapshot(const World& world, const Stepper& stepper, double now) {
   const bool running = stepped_ && !stepper.is_paused();
-  incoming_.world = world;
+  world.take_snapshot(&incoming_.world);
   incoming_.stamp = time_from_nanoseconds(stamps_.next(wall_now(), world.time(), running));
   incoming_.plan_changed = std::exchange(plan_changed_, false);
   incoming_.for_newcomer = newcomer_.exchange(false);

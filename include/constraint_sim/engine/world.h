@@ -39,6 +39,11 @@ class World {
   World& operator=(const World& other);
   World& operator=(World&& other) noexcept;
   ~World();
+  /// Makes `snapshot` a copy to look at, as for publishing: all questions have the same answers but
+  /// state_hash(). What methods go on from is left out, which is most of a copy, so that a snapshot
+  /// that is stepped goes on as a world that was saved and loaded. Cheapest into the last snapshot
+  /// of the same world.
+  void take_snapshot(World* snapshot) const;
 
   /// Options in force; units and ranges are those of visit_options().
   const WorldOptions& options() const;

@@ -41,7 +41,8 @@ BodyId World::add_body(const Body& body) {
   impl_->asleep.push_back(false);
   if (body.type != BodyType::kDynamic) impl_->wake_all();  // it may be put into one of them
   impl_->body_by_name.emplace(body.name, id);
-  impl_->edited = impl_->topology_edited = true;
+  impl_->note_edit();
+  impl_->topology_edited = true;
   return id;
 }
 

@@ -50,7 +50,8 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
   wake_ends(filled);
   joint_ids.push_back(id);
   joint_by_name.emplace(joint.name, id);
-  edited = topology_edited = true;
+  note_edit();
+  topology_edited = true;
   return id;
 }
 

@@ -43,6 +43,40 @@ World& World::operator=(const World& other) {
 World& World::operator=(World&&) noexcept = default;
 World::~World() = default;
 
+void World::take_snapshot(World* snapshot) const {
+  const Impl& from = *impl_;
+  if (snapshot == this) return;
+  if (from.seen) {  // is one
+    *snapshot = *this;
+    return;
+  }
+  if (!snapshot->impl_ || !snapshot->impl_->seen) *snapshot = World();
+  Impl& to = *snapshot->impl_;
+  if (!to.model_mark || to.model_mark != from.model_mark) static_cast<Model&>(to) = from;
+  to.model_mark = from.model_mark;
+  static_cast<State&>(to) = from;
+  to.report = from.report;
+  to.contacts = from.contacts;
+  to.resting_contacts = from.resting_contacts;
+  to.watch.unclosed = from.watch.unclosed;
+  to.any_waking = from.any_waking;
+  to.edited = to.topology_edited = to.all_edited = true;
+  if (!to.seen) to.seen.emplace();
+  to.seen->is_edited = from.edited;
+  to.seen->unresolved_bodies = unresolved_bodies();
+  if (!from.edited) {
+    to.seen->islands = from.islands;
+    to.loaded_memory = from.memories();
+    return;
+  }
+  to.seen->islands.clear();
+  to.loaded_memory.clear();
+  for (const Impl::NextIsland& next : from.next_islands()) {
+    to.seen->islands.push_back(next.island);
+    if (!next.memory.is_none()) to.loaded_memory.emplace_back(next.island.first_body, next.memory);
+  }
+}
+
 // ---- options and time
 
 const WorldOptions& World::options() const { return impl_->options; }
@@ -158,11 +192,20 @@ void World::Impl::continue_contact(TouchingPair pair) {
 
 // ---- what begins anew
 
-void World::Impl::edit_all() { edited = all_edited = true; }
+void World::Impl::note_edit() {
+  edited = true;
+  model_mark.reset();
+  seen.reset();
+}
+
+void World::Impl::edit_all() {
+  note_edit();
+  all_edited = true;
+}
 
 // the one that a movable body is in by the next step
 void World::Impl::edit_island_of(BodyId id) {
-  edited = true;
+  note_edit();
   if (is_movable(index(id))) edited_bodies.push_back(id);
 }
 
@@ -183,8 +226,11 @@ std::vector<std::pair<BodyId, IslandMemory>> World::Impl::memories() const {
 
 // those that the next step begins with
 std::vector<std::pair<BodyId, IslandMemory>> World::Impl::next_memories() const {
-  std::optional<Impl> copy;
-  return compiled(&copy).memories();
+  if (!edited) return memories();
+  std::vector<std::pair<BodyId, IslandMemory>> memories;
+  for (const NextIsland& next : next_islands())
+    if (!next.memory.is_none()) memories.emplace_back(next.island.first_body, next.memory);
+  return memories;
 }
 
 // whether something that could go on from the step before will not; without it the next step
@@ -226,14 +272,15 @@ double World::energy() const {
 }
 
 std::vector<Island> World::islands() const {
+  if (impl_->seen) return impl_->seen->islands;
   if (!impl_->edited) return impl_->islands;
-  Impl next(*impl_);
-  next.recompile();
-  next.choose_methods(next.touching);
-  return next.islands;
+  std::vector<Island> islands;
+  for (const auto& next : impl_->next_islands()) islands.push_back(next.island);
+  return islands;
 }
 
 std::vector<BodyId> World::unresolved_bodies() const {
+  if (impl_->seen) return impl_->seen->unresolved_bodies;
   if (impl_->edited) return {};  // islands and bodies may be others now
   std::vector<std::size_t> indices;
   for (std::size_t i = 0; i < impl_->islands.size(); ++i)
@@ -246,12 +293,12 @@ std::vector<BodyId> World::unresolved_bodies() const {
 }
 
 std::vector<JointId> World::unclosed_joints() const {
-  if (impl_->edited || impl_->report.unclosed_joints == 0) return {};
+  if (impl_->is_edited() || impl_->report.unclosed_joints == 0) return {};
   return impl_->watch.unclosed;
 }
 
 std::optional<BodyId> World::gaining_body() const {
-  if (impl_->edited) return std::nullopt;
+  if (impl_->is_edited()) return std::nullopt;
   return impl_->report.energy_rise_body;
 }
 

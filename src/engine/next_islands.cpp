@@ -1,0 +1,92 @@
+// The islands that the next step begins with, where edits have not been compiled yet. A question:
+// it changes nothing, and goes by the functions that compile.cpp and a step go by.
+
+#include <algorithm>
+
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+std::vector<World::Impl::NextIsland> World::Impl::next_islands() const {
+  std::vector<NextIsland> next;
+  std::vector<JointEnds> ends;
+  for (const Joint& joint : joints) ends.push_back(ends_of(joint));
+  if (topology_edited)
+    for (IslandMembers& members : group_bodies(ends))
+      next.push_back(next_island(std::move(members)));
+  else
+    for (std::size_t i = 0; i < islands.size(); ++i)
+      next.push_back(
+          {island_parts[i].members, islands[i], island_parts[i], island_parts[i].is_fresh});
+  std::vector<int> next_of(bodies.size(), -1);
+  for (std::size_t i = 0; i < next.size(); ++i)
+    for (const int body : next[i].members.bodies) next_of[at(body)] = static_cast<int>(i);
+
+  if (all_edited && !topology_edited)
+    for (NextIsland& island : next) island.memory = island.memory.after_edit();
+  for (const BodyId id : edited_bodies) {
+    if (body_index[id.value] < 0) continue;
+    NextIsland& island = next[at(next_of[at(body_index[id.value])])];
+    if (!island.is_fresh) island.memory = island.memory.after_edit();
+    island.is_fresh = true;
+  }
+  choose_next_methods(ends, next_of, &next);
+  return next;
+}
+
+// as it was before, where it has the same bodies and joints
+World::Impl::NextIsland World::Impl::next_island(IslandMembers members) const {
+  const std::size_t first = at(members.bodies.front());
+  const int old = !all_edited && first < island_of.size() ? island_of[first] : -1;
+  if (old >= 0 && island_parts[at(old)].members == members) {
+    const IslandParts& parts = island_parts[at(old)];
+    return {std::move(members), islands[at(old)], parts, parts.is_fresh};
+  }
+  const Island island = new_island(members);
+  return {std::move(members), island, loaded_memory_of(island.first_body), true};
+}
+
+void World::Impl::choose_next_methods(const std::vector<JointEnds>& ends,
+                                      const std::vector<int>& next_of,
+                                      std::vector<NextIsland>* next) const {
+  std::vector<std::pair<int, int>> near;  // bodies in contact before the edits
+  for (const std::vector<TouchingPair>* pairs : {&touching, &resting})
+    for (const TouchingPair& pair : *pairs)
+      if (is_known(pair))
+        near.emplace_back(body_index[pair.id_a.value], body_index[pair.id_b.value]);
+  std::vector<bool> sleeps = asleep;
+  if (any_waking) {
+    std::vector<const std::vector<int>*> groups;
+    for (const NextIsland& island : *next) groups.push_back(&island.members.bodies);
+    spread_waking(groups, near, &sleeps);
+  }
+  std::vector<bool> in_contact(next->size(), false);
+  for (const auto& [a, b] : near) {
+    if (sleeps[at(a)] || sleeps[at(b)]) continue;
+    for (const int body : {a, b})
+      if (next_of[at(body)] >= 0) in_contact[at(next_of[at(body)])] = true;
+  }
+  const std::vector<double> fastest_spring = fastest_springs(ends);
+  for (std::size_t i = 0; i < next->size(); ++i) {
+    auto& [members, island, memory, is_fresh] = (*next)[i];
+    island.local_error = 0.0;
+    island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
+    if (sleeps[at(members.bodies.front())]) {
+      island.why = Why::kAtRest;
+      memory.quiet_for = 0;
+      continue;
+    }
+    island.dependent_rows = 0;
+    const Why nature = classify(traits_of(members, fastest_spring), options);
+    const MethodChoice choice = choose(nature, in_contact[i], memory, step_count, options);
+    island.method = choice.method;
+    island.why = choice.why;
+  }
+}
+
+}  // namespace constraint_sim::engine

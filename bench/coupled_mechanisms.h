@@ -1,7 +1,7 @@
 #pragma once
 
-// References of mechanisms with motors on angles, gears, racks, screws and pulleys: bodies, joints,
-// what couples or drives their coordinates, and where the bodies end.
+// References of mechanisms with gears, racks, screws and pulleys: bodies, joints, what couples
+// their coordinates, and where the bodies end.
 
 #include "mechanisms.h"
 
@@ -19,49 +19,10 @@ struct Coupling {
   std::vector<Term> terms;
 };
 
-/// The rate of a coordinate: bias + amplitude sin(2π frequency t + phase) [1/s].
-struct Drive {
-  std::size_t joint = 0;
-  CoordinateOf of = CoordinateOf::kAngle;
-  Motor motor;
-};
-
 struct CoupledMechanism {
   Mechanism mechanism;
   std::vector<Coupling> couplings;
-  std::vector<Drive> drives;
 };
-
-/// The crank's angle is c(t) = 0.3 + 4 t + 0.3 sin 3t; the motion does not depend on forces.
-inline CoupledMechanism driven_slider_crank() {
-  CoupledMechanism made{slider_crank(), {}, {}};
-  Mechanism& mechanism = made.mechanism;
-  mechanism.name = "slider-crank, driven";
-  place(&mechanism, slider_crank_poses, 0.3, 4.9);
-  Motor motor;
-  motor.bias = 4.0;
-  motor.amplitude = 0.9;
-  motor.frequency = static_cast<double>(3 / (2 * minimal::kPi));
-  motor.phase = static_cast<double>(minimal::kPi / 2);
-  made.drives = {{0, CoordinateOf::kAngle, motor}};
-  const Real t = static_cast<Real>(mechanism.duration);
-  mechanism.end = minimal::at(*mechanism.reference, 0.3L + 4 * t + 0.3L * std::sin(3 * t));
-  mechanism.expected_errors = {1e-14, 1e-14, 1e-14, 1e-14};  // exact but for rounding
-  return made;
-}
-
-/// The first shaft turns at 6 rad/s.
-inline CoupledMechanism driven_universal_shaft() {
-  CoupledMechanism made{universal_shaft(), {}, {}};
-  Mechanism& mechanism = made.mechanism;
-  mechanism.name = "universal shaft, driven";
-  Motor motor;
-  motor.bias = 6.0;
-  made.drives = {{0, CoordinateOf::kAngle, motor}};
-  mechanism.end = minimal::at(*mechanism.reference, 6 * static_cast<Real>(mechanism.duration));
-  mechanism.expected_errors = {1e-14, 1e-14, 1e-14, 1e-14};
-  return made;
-}
 
 /// Carrier, planet and sun in a ring that stands still, with 12, 24 and 60 teeth; from rest with
 /// the carrier level, gravity swings it about y. The coordinate is the carrier's angle.

@@ -36,6 +36,7 @@ int main(int argc, char** argv) {
   for (const Mechanism& made :
        {mechanisms::double_hinge_pendulum(), mechanisms::spinning_top(), mechanisms::slider_crank(),
         mechanisms::four_bar(), mechanisms::universal_shaft(), mechanisms::bricard(),
+        mechanisms::driven_slider_crank(), mechanisms::driven_universal_shaft(),
         mechanisms::squeezer(), mechanisms::parallelograms(1, 10.0),
         mechanisms::parallelograms(2, 10.0), mechanisms::parallelograms(40, 20.0)}) {
     if (made.name.find(part) == std::string::npos) continue;

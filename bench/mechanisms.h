@@ -31,7 +31,8 @@ struct JointAt {
   int a = kGround, b = 0;
   Vector3d point = Vector3d::Zero();
   Vector3d axis = Vector3d::UnitZ();
-  std::optional<Vector3d> second_axis;  ///< fixed in B, of universal joints
+  std::optional<Vector3d> second_axis;        ///< fixed in B, of universal joints
+  std::optional<Motor> motor = std::nullopt;  ///< of the first free coordinate
 };
 
 /// Bodies with their states at the start, joints, and where the bodies are at the end.
@@ -76,6 +77,7 @@ inline void add_joint(World* world, const std::vector<BodyId>& ids, const JointA
   if (has_frames(at.kind))
     joint.frame_a = frame_along(state(at.a).orientation.conjugate() * at.axis);
   if (at.second_axis) joint.axis_b = state(at.b).orientation.conjugate() * *at.second_axis;
+  if (at.motor) static_cast<Motor&>(joint.coordinates.front().motor.emplace()) = *at.motor;
   world->add_joint(joint);
 }
 
@@ -293,6 +295,23 @@ inline Mechanism slider_crank(int steps = 384) {
   return made;
 }
 
+/// The crank's angle is c(t) = 0.3 + 4 t + 0.3 sin 3t by a motor, whatever the forces are.
+inline Mechanism driven_slider_crank() {
+  Mechanism made = slider_crank();
+  made.name = "slider-crank, driven";
+  place(&made, slider_crank_poses, 0.3, 4.9);
+  Motor motor;
+  motor.bias = 4.0;
+  motor.amplitude = 0.9;
+  motor.frequency = static_cast<double>(3 / (2 * minimal::kPi));
+  motor.phase = static_cast<double>(minimal::kPi / 2);
+  made.joints.front().motor = motor;
+  const Real t = static_cast<Real>(made.duration);
+  made.end = minimal::at(*made.reference, 0.3L + 4 * t + 0.3L * std::sin(3 * t));
+  made.expected_errors.assign(made.steps.size(), 0.0);  // but for rounding
+  return made;
+}
+
 inline Poses four_bar_poses(const Jet& theta) {
   const Real a = 0.3L, b = 0.9L, c = 0.8L;
   const Jet half = 0.5L, foot = 1;
@@ -365,6 +384,18 @@ inline Mechanism universal_shaft(int steps = 384) {
   finish(&made, steps);
   made.steps = common_steps();
   made.expected_errors = {5.3e-12, 2.4e-14, 6e-16, 6e-16};
+  return made;
+}
+
+/// The first shaft turns at 6 rad/s by a motor.
+inline Mechanism driven_universal_shaft() {
+  Mechanism made = universal_shaft();
+  made.name = "universal shaft, driven";
+  Motor motor;
+  motor.bias = 6.0;
+  made.joints.front().motor = motor;
+  made.end = minimal::at(*made.reference, 6 * static_cast<Real>(made.duration));
+  made.expected_errors.assign(made.steps.size(), 0.0);
   return made;
 }
 

@@ -30,10 +30,10 @@ std::vector<std::pair<Make, int>> integrated() {
 std::vector<Mechanism> all() {
   std::vector<Mechanism> all;
   for (const auto& [make, steps] : integrated()) all.push_back(make(steps));
-  for (const auto& coupled :
-       {driven_slider_crank(), driven_universal_shaft(), falling_nut(), falling_rack()})
-    all.push_back(coupled.mechanism);
-  all.push_back(parallelograms(3, 2.0));
+  for (const Mechanism& mechanism :
+       {driven_slider_crank(), driven_universal_shaft(), falling_nut().mechanism,
+        falling_rack().mechanism, parallelograms(3, 2.0)})
+    all.push_back(mechanism);
   return all;
 }
 

@@ -9,7 +9,8 @@ namespace {
 const std::vector<Mechanism>& table() {
   static const std::vector<Mechanism> kMechanisms{
       double_hinge_pendulum(), spinning_top(), slider_crank(), four_bar(),
-      universal_shaft(),       bricard(),      squeezer()};
+      universal_shaft(),       bricard(),      squeezer(),     driven_slider_crank(),
+      driven_universal_shaft()};
   return kMechanisms;
 }
 
@@ -58,7 +59,7 @@ TEST_P(EachMechanism, MeetsItsTolerance) {
   EXPECT_LE(outcome.error, 1e-8);
 }
 
-INSTANTIATE_TEST_SUITE_P(Mechanisms, EachMechanism, testing::Range<std::size_t>(0, 7), test_name);
+INSTANTIATE_TEST_SUITE_P(Mechanisms, EachMechanism, testing::Range<std::size_t>(0, 9), test_name);
 
 // 40 parallelograms that are in line twice a turn, 20 times in 20 s; 120 rows are redundant, and 40
 // more are where all bars are in line. The benchmark asks for 1e-4 m.

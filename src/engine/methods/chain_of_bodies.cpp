@@ -26,6 +26,14 @@ Lanes3 gather(const std::array<const double*, 2>& from) {
   return {Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
 }
 
+// Of a quaternion of any length: within stages it is off unit length by their order.
+Lanes33 rotation_matrix(const Eigen::Quaternion<Lanes>& q) {
+  const Lanes share = Lanes(1.0) / q.squaredNorm();
+  Lanes33 R = (q.toRotationMatrix() - Lanes33::Identity()) * share;
+  for (int k = 0; k < 3; ++k) R(k, k) += Lanes(1.0);
+  return R;
+}
+
 // I⁻¹ in world axes
 Lanes33 inverse_inertia_of(const ChainPair& pair, const Lanes33& R) {
   return R * pair.inverse_inertia.asDiagonal() * R.transpose();
@@ -289,7 +297,7 @@ bool ChainOfBodies::factor(const double* y, const std::vector<double>& target,
   for (std::size_t e = 0; e <= middle_; ++e) {
     ChainPair& pair = pairs_[e];
     const Quaternions q = read_rotation(e, y);
-    const Lanes33 R = q.toRotationMatrix();
+    const Lanes33 R = rotation_matrix(q);
     const Lanes33 I_inverse = inverse_inertia_of(pair, R);
     const auto motion = find_motion(e, q, I_inverse);
     const Lanes3 to_middle = pair.arm_to_middle = R * pair.anchor_to_middle;

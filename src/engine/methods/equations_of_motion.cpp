@@ -32,9 +32,11 @@ constexpr double kProjected = 1e-10;  // of the scene's size: more is no solutio
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-// of a quaternion (x, y, z, w)
+// of a quaternion (x, y, z, w) of any length: within stages it is off unit length by their order
 Matrix3d rotation_matrix(const double* q) {
-  return Eigen::Map<const Quaterniond>(q).toRotationMatrix();
+  const Eigen::Map<const Quaterniond> quaternion(q);
+  const Matrix3d turn = quaternion.toRotationMatrix() - Matrix3d::Identity();
+  return Matrix3d::Identity() + turn / quaternion.squaredNorm();
 }
 
 // ½ (0, ω) ⊗ q

@@ -41,11 +41,11 @@ class Turning {
 
   void derivative(std::size_t, double t, const double* y, double* dydt) const {
     const Vector3d L = momentum_ + t * torque_;
-    // ω_B = I_B⁻¹ Rᵀ L, and q̇ = ½ q ⊗ (0, ω_B)
+    // ω_B = I_B⁻¹ Rᵀ L, and q̇ = ½ q ⊗ (0, ω_B); within stages q is not quite of unit length
     const double w = y[3];
     const Vector3d v(y[0], y[1], y[2]);
     const Vector3d c = L.cross(v);
-    const Vector3d L_B = L + 2.0 * (w * c + c.cross(v));
+    const Vector3d L_B = L + 2.0 / (w * w + v.squaredNorm()) * (w * c + c.cross(v));
     const Vector3d s = 0.5 * inverse_inertia_.cwiseProduct(L_B);
     Eigen::Map<Vector3d> rate(dydt);
     rate = w * s + v.cross(s);

@@ -245,13 +245,13 @@ void World::Impl::find_loads(double from, double to) {
 
 bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   const IslandParts& parts = island_parts[i];
-  const Accuracy accuracy = accuracy_within(kInfinity);
   for (const int body : parts.turning_freely) {
     Vector3d torque = Vector3d::Zero();
     for (const Load& load : loads)
       if (load.body == body) torque += load.torque;
     if (!FreeRotation::turns(torque, states[at(body)])) continue;
-    if (!note(i, rotations[at(body)].advance(span.h, torque, masses[at(body)], accuracy, span.stop,
+    if (!note(i, rotations[at(body)].advance(span.h, torque, masses[at(body)],
+                                             accuracy_within(kInfinity), span.stop,
                                              &states[at(body)])))
       return false;
   }

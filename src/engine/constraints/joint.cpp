@@ -118,7 +118,8 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
   const MovingFrame frame = frame_in(joint, step, state, false);
   const JointVectors vectors(joint, a, b, frame);
   const JointMotion motion(vectors, a, b);
-  const JointVectors ahead(joint, a, b, frame_in(joint, step, state, true));
+  JointVectors ahead;
+  if (frame.moves) ahead = JointVectors(joint, a, b, frame_in(joint, step, state, true));
   const double beta = joint.baumgarte.value_or(step.beta);
   for (int k = 0; k < kind.rows; ++k) {
     const RowForm form = kind.row[at(k)];
@@ -142,8 +143,7 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
     const Closing closing(state, step, kind.rows + i);
     if (law.motor && law.motor->is_rigid()) {
       drive(law, step, state.expires_at, &coordinate);
-      coordinate.bias += closing.rate;
-      asked.bias = coordinate.bias;
+      asked.bias = coordinate.bias + closing.rate;
       asked.target = coordinate.held + closing.offset;
     }
     const CoordinateMotion moves{reading(form, value(form, vectors), law.zero, coordinate.position),

@@ -354,6 +354,7 @@ void World::set_motor(JointId id, const Motor& motor) {
   validate(joint);
 
   impl_->wake_ends(joint);
+  impl_->topology_edited |= is_always_rigid(joint) != is_always_rigid(impl_->joints[j]);  // loops
   impl_->joints[j] = joint;
   impl_->joint_states[j].expires_at = impl_->end_of(motor);
   impl_->edit_island_of(joint.body_a);
@@ -374,6 +375,7 @@ void World::set_motor(JointId id, int coordinate, const std::optional<Coordinate
   impl_->fill_in_laws(joint);
 
   impl_->wake_ends(joint);
+  impl_->topology_edited |= is_always_rigid(joint) != is_always_rigid(impl_->joints[j]);  // loops
   impl_->joints[j] = joint;
   JointState& state = impl_->joint_states[j];
   if (coordinate == 0) state.expires_at = motor ? impl_->end_of(*motor) : kInfinity;

@@ -275,7 +275,9 @@ RowVector EquationsOfMotion::by_function(std::size_t l, const RowVector& of_rows
   return sorted;
 }
 
-RowVector EquationsOfMotion::impulse(std::size_t l) const { return by_function(l, row_impulse(l)); }
+RowVector EquationsOfMotion::impulse(std::size_t l) const {
+  return is_general(l) ? by_function(l, row_impulse(l)) : row_impulse(l);
+}
 
 // ---- for methods that step in their own way
 

@@ -50,6 +50,11 @@ SCENES = (
     Scene('balls_that_meet', 'falling_balls', 300, 'the same with contacts'),
     Scene('boxes_that_touch', 'two_boxes', 800, 'two boxes, a floor, a rod'),
     Scene('boxes_at_rest', 'two_boxes', 1600, 'the same, asleep'),
+    Scene('slider_crank', 'slider_crank', 20, 'a crank by a motor, a rod, a piston on its rail'),
+    Scene('universal_shaft', 'universal_shaft', 20, 'two shafts, one by a motor'),
+    Scene('peaucellier', 'peaucellier', 20, 'seven bars on ten hinges, one by a motor'),
+    Scene('crane', 'crane', 20, 'a servo, stiff, and a winch'),
+    Scene('chain_of_hinges', None, 20, 'ten bars, hinged by turns across each other'),
     Scene('dome', None, 20, '258 rods, 63 too many, tumbling at 1/60 s'),
 )
 
@@ -59,7 +64,7 @@ LEFT_OUT = {
     'boxes': ['narrowphase_boxes.cpp'],
     'friction': ['constraints/contact.cpp tangent_to'],
     'constraints': ['constraints/joint.', 'constraints/distance.', 'constraints/joint_kinds.', 'constraints/rows.',
-                    'constraints/vectors.',
+                    'constraints/vectors.', 'constraints/forms.', 'constraints/law.',
                     'constraints/anchor_pair.h', 'constraints/target.h', 'constraints/course.'],
     'limits': ['constraints/target.h aim_limit'],
     'springs': ['constraints/target.h aim_soft', 'methods/equations_of_motion.cpp pull_springs'],
@@ -137,6 +142,25 @@ def dome():
                          'body_b': f'p_{b}'} for i, (a, b) in enumerate(rods)]}, indent=0)
 
 
+def chain_of_hinges():
+    """Ten bars in a row, each hinged to the one before, about y and about z by turns."""
+    bars, length = 10, 0.4
+    return json.dumps({
+        'world': {'method': 'auto'},
+        'bodies': [{'name': f'bar_{i}', 'mass': 1.0, 'shape': {'box': {'size': [length, 0.05, 0.05]}},
+                    'position': [(i + 0.5) * length, 0, 0], 'no_collision': True}
+                   for i in range(bars)],
+        'constraints': [{'name': f'hinge_{i}', 'type': 'hinge',
+                         'body_a': f'bar_{i - 1}' if i else 'world',
+                         'anchor_a': [0.5 * length if i else 0, 0, 0],
+                         'axis_a': [0, 0, 1] if i % 2 else [0, 1, 0],
+                         'body_b': f'bar_{i}', 'anchor_b': [-0.5 * length, 0, 0]}
+                        for i in range(bars)]}, indent=0)
+
+
+GENERATED = {'dome': dome, 'chain_of_hinges': chain_of_hinges}
+
+
 def tick_of(scene):
     found = re.search(r'^\s*"?time_step"?: *([\d.e-]+)', scene.read_text(), re.M)
     return float(found.group(1)) if found else 0.01
@@ -147,7 +171,7 @@ def profile(program, scene, steps, folder):
     path = ROOT / 'config/scenes' / f'{scene.file}.yaml'
     if scene.file is None:
         path = folder / f'{scene.name}.yaml'
-        path.write_text(dome())
+        path.write_text(GENERATED[scene.name]())
     out, report = folder / f'{scene.name}_{steps}.out', folder / f'{scene.name}_{steps}.json'
     subprocess.run(
         ['valgrind', '--tool=callgrind', f'--callgrind-out-file={out}', '--compress-strings=no',

@@ -191,6 +191,8 @@ struct World::Impl : Model, State, IslandLists {
   void edit_all();
   void edit_island_of(BodyId id);
   void edit_laws(const Joint& joint);
+  void check_coordinate(const char* field, const Joint& joint, int coordinate) const;
+  void set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set);
   void erase_joint(std::size_t j);
   void erase_wrenches(BodyId id);
 

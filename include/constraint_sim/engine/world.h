@@ -115,6 +115,9 @@ class World {
   /// The same of one of the coordinates() of a joint of another kind than kDistance, numbered from
   /// 0; without a motor it is free.
   void set_motor(JointId id, int coordinate, const std::optional<CoordinateMotor>& motor);
+  /// Replaces all that acts on the coordinate. Without a `position` it reads on as it did; a motor
+  /// that was there keeps its timeout. Throws for settings out of range.
+  void set_law(JointId id, int coordinate, const CoordinateLaw& law);
   /// Breaks the joint, or repairs it: an error that it then has is closed. Throws where axes of a
   /// joint that is repaired are more than 1e-6 rad off.
   void set_broken(JointId id, bool broken);

@@ -362,29 +362,54 @@ void World::set_motor(JointId id, const Motor& motor) {
 }
 
 void World::set_motor(JointId id, int coordinate, const std::optional<CoordinateMotor>& motor) {
-  const std::size_t j = impl_->index(id);
-  Joint joint = impl_->joints[j];
-  if (coordinate < 0 || coordinate >= coordinates(joint.kind))
-    refuse("motor", "a " + std::string(name(joint.kind)) + " joint has no coordinate " +
-                        std::to_string(coordinate) + " to drive");
-  const auto i = static_cast<std::size_t>(coordinate);
-  const bool was_held = joint.coordinates[i].motor && joint.coordinates[i].motor->is_rigid() &&
-                        !joint.coordinates[i].motor->position;
-  joint.coordinates[i].motor = motor;
-  validate(joint);
-  impl_->fill_in_laws(joint);
+  impl_->check_coordinate("motor", joint(id), coordinate);
+  CoordinateLaw law = joint(id).coordinates[static_cast<std::size_t>(coordinate)];
+  law.motor = motor;
+  impl_->set_law(id, coordinate, law, true);
+}
 
-  impl_->wake_ends(joint);
-  impl_->topology_edited |= is_always_rigid(joint) != is_always_rigid(impl_->joints[j]);  // loops
-  impl_->joints[j] = joint;
-  JointState& state = impl_->joint_states[j];
-  if (coordinate == 0) state.expires_at = motor ? impl_->end_of(*motor) : kInfinity;
-  if (!was_held) state.coordinates[i].held = state.coordinates[i].position;
+void World::set_law(JointId id, int coordinate, const CoordinateLaw& law) {
+  impl_->check_coordinate("coordinate", joint(id), coordinate);
+  CoordinateLaw changed = law;
+  const CoordinateLaw& before = joint(id).coordinates[static_cast<std::size_t>(coordinate)];
+  if (!law.position) changed.zero = before.zero;
+  impl_->set_law(id, coordinate, changed, law.motor.has_value() != before.motor.has_value());
+}
+
+void World::Impl::check_coordinate(const char* field, const Joint& joint, int coordinate) const {
+  if (coordinate >= 0 && coordinate < coordinates(joint.kind)) return;
+  refuse(field, "a " + std::string(name(joint.kind)) + " joint has no coordinate " +
+                    std::to_string(coordinate) + " with a law");
+}
+
+// `is_motor_set`: its timeout begins now.
+void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set) {
+  const std::size_t j = index(id);
+  Joint joint = joints[j];
+  const auto i = static_cast<std::size_t>(coordinate);
+  const std::optional<CoordinateMotor> before = joint.coordinates[i].motor;
+  const double zero = joint.coordinates[i].zero;
+  joint.coordinates[i] = law;
+  validate(joint);
+  set_zeros(joint);
+  fill_in_laws(joint);
+
+  wake_ends(joint);
+  topology_edited |= is_always_rigid(joint) != is_always_rigid(joints[j]);  // loops
+  joints[j] = joint;
+  JointState& state = joint_states[j];
+  CoordinateState& of_coordinate = state.coordinates[i];
+  of_coordinate.position += joint.coordinates[i].zero - zero;
+  of_coordinate.held += joint.coordinates[i].zero - zero;
+  const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
+  if (coordinate == 0 && is_motor_set) state.expires_at = motor ? end_of(*motor) : kInfinity;
+  if (!(before && before->is_rigid() && !before->position))
+    of_coordinate.held = of_coordinate.position;
   if (motor && motor->position && motor->is_rigid()) {
-    state.coordinates[i].held = *motor->position;
-    begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), time(), state);
+    of_coordinate.held = *motor->position;
+    begin_joint(joint, state_a(j), state_b(j), time(), state);
   }
-  impl_->edit_laws(joint);
+  edit_laws(joint);
 }
 
 // also what is compiled of them

@@ -112,6 +112,7 @@ void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const En
     add_rows(links_[l], static_cast<int>(rows_of(l)));
   }
   vectors_.resize(first_spring_ - first_general_);
+  motions_.resize(first_spring_ - first_general_);
   for (std::size_t l = first_general_; l < first_spring_; ++l)
     frames_.emplace_back(links_[l].anchor_b, links_[l].frame_b);
   fixed_axes_.assign(fixed_points_.size(), Matrix3d::Identity());

@@ -543,6 +543,8 @@ void EquationsOfMotion::set_velocities(const double* y) {
     spin_[i].noalias() = inverse_inertia_[i] * momentum;
     spin_acceleration_[i] = momentum.cross(spin_[i]);  // without torque, and times I⁻¹ to come
   }
+  for (std::size_t l = first_general_; l < first_spring_; ++l)
+    motions_[l - first_general_] = motion_of(l);
 }
 
 Vector3d EquationsOfMotion::d_dot(std::size_t l) const {
@@ -591,7 +593,7 @@ void EquationsOfMotion::pull_softs(double* forces) {
     const JointVectors& vectors = vectors_[soft.link - first_general_];
     const double q = reading(soft.form, value(soft.form, vectors), soft.zero, soft.position);
     const double force = forces[soft_force(s)] =
-        soft.law.force(q, rate(soft.form, vectors, motion_of(soft.link)));
+        soft.law.force(q, rate(soft.form, vectors, motions_[soft.link - first_general_]));
     const Jacobian J = jacobian(soft.form, vectors);
     acceleration_[link.a] += inverse_mass_[link.a] * force * J.j1;
     acceleration_[link.b] += inverse_mass_[link.b] * force * J.j3;
@@ -629,7 +631,8 @@ void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) co
   }
   for (const GeneralRow& row : general_rows_) {
     const Row& of = rows_[row.row];
-    b[of.unknown] = -gamma(row.form, vectors_[row.link - first_general_], motion_of(row.link)) -
+    const std::size_t g = row.link - first_general_;
+    b[of.unknown] = -gamma(row.form, vectors_[g], motions_[g]) -
                     direction_[row.row].dot(free[of.b] - free[of.a]);
   }
   for (std::size_t p = 0; p < turns_.size(); ++p)
@@ -723,7 +726,8 @@ void EquationsOfMotion::find_rates() {
   for (std::size_t l = first_ball_; l < first_general_; ++l)
     Vector(rate_.data() + first_row(l)) = d_dot(l);
   for (const GeneralRow& row : general_rows_)
-    rate_[row.row] = rate(row.form, vectors_[row.link - first_general_], motion_of(row.link));
+    rate_[row.row] =
+        rate(row.form, vectors_[row.link - first_general_], motions_[row.link - first_general_]);
 }
 
 // largest speed of a point that a joint holds [m/s]

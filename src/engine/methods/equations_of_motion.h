@@ -431,6 +431,7 @@ class EquationsOfMotion {
   std::vector<Course> length_;                             // of links
   std::vector<JointVectors> vectors_;                      // of general joints
   std::vector<MovingFrame> frames_;                        // the same, on B
+  std::vector<JointMotion> motions_;                       // of these, since set_velocities()
   std::vector<Eigen::Matrix3d> fixed_axes_;                // of fixed points, where they have axes
   std::vector<Eigen::Vector3d> direction_;                 // of rows: d of rods, an axis of balls
   std::vector<double> value_, rate_;                       // of rows

@@ -307,18 +307,17 @@ bool EquationsOfMotion::redundant_rates_are_met() {
   const double open = kOpenRates * opening();
   const double speed = largest_speed();
   const double rounding = 16.0 * std::numeric_limits<double>::epsilon() * scale_;
-  std::vector<char> redundant = is_redundant_;
-  bool any = false;
+  std::vector<char> redundant;  // once one is not met
   find_rates();
   for (std::size_t i = 0; i < rows_.size(); ++i) {
-    if (!redundant[i] || (closes && imbalance_[i] > kExactSelfStress)) continue;
+    if (!is_redundant_[i] || (closes && imbalance_[i] > kExactSelfStress)) continue;
     const double share = std::clamp(kRateDrift * imbalance_[i], kRatesAgree, kMostDrift) + open;
     if (std::abs(rate_[i] - rate_target_[i]) <= (share * speed + rounding) * row_length(i))
       continue;
+    if (redundant.empty()) redundant = is_redundant_;
     redundant[i] = 0;
-    any = true;
   }
-  if (!any) return true;
+  if (redundant.empty()) return true;
   if (varies()) {
     is_inconsistent_ = true;
     return false;

@@ -8,8 +8,6 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 Row row_at(const CoordinateMotion& motion, double C) {
   Row row;
   row.J = motion.J;
@@ -85,7 +83,6 @@ int write_law_rows(const CoordinateLaw& law, const CoordinateMotion& motion,
   int count = 0;
   if (law.motor) {
     const CoordinateMotor& motor = *law.motor;
-    const double most = motor.max_force > 0.0 ? motor.max_force : kInfinity;
     if (motor.is_rigid()) {
       Row& row = rows[count++] = row_at(motion, motion.q - step.target);
       row.target = row.drive = step.bias;
@@ -94,7 +91,7 @@ int write_law_rows(const CoordinateLaw& law, const CoordinateMotion& motion,
       if (motor.max_force > 0.0) limit_force(row, motor.max_force, step.h);
     } else if (motor.max_force > 0.0) {  // a spring or force of its own, up to its limit
       SoftLaw own;
-      own.F = std::clamp(motor.force.value_or(0.0), -most, most);
+      own.F = std::clamp(motor.force.value_or(0.0), -motor.max_force, motor.max_force);
       if (motor.is_servo())
         own = {law.motor->servo_stiffness, *motor.position, law.motor->servo_damping, own.F};
       Row& row = rows[count++] = soft_row(own, motion, step.h);

@@ -8,10 +8,15 @@
 #include <type_traits>
 #include <utility>
 
+#include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/law.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
 namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+constexpr double kTold = 1e-6;  // [m or rad] of an opening joint: smaller parts are not told
 
 /// What there is of each kind.
 struct Counts {
@@ -19,6 +24,7 @@ struct Counts {
   int points = 0, spheres = 0, boxes = 0, planes = 0;
   int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, rough = 0, turning = 0;
   int rods = 0, limited = 0, springs = 0, motors = 0, broken = 0;
+  int rubbing = 0;                            // coordinates with friction
   std::array<int, kJointKindCount> joints{};  // by kind
   std::array<int, kMethodCount> islands{};    // that are awake
   int asleep = 0;
@@ -47,10 +53,20 @@ void count_body(const Body& body, Counts* counts) {
   counts->rough += body.friction > 0.0;
 }
 
+void count_law(const CoordinateLaw& law, Counts* counts) {
+  const bool has_servo = law.motor && law.motor->is_servo();
+  counts->motors += law.motor.has_value();
+  counts->springs += law.stiffness > 0.0 || law.damping > 0.0 || has_servo;
+  counts->limited += law.is_limited();
+  counts->rubbing += law.friction > 0.0;
+}
+
 void count_joint(const Joint& joint, const JointState& state, Counts* counts) {
   counts->motors += joint.motor.bias != 0.0 || joint.motor.amplitude != 0.0;
   counts->broken += state.broken;
   ++counts->joints[static_cast<std::size_t>(joint.kind)];
+  for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i)
+    count_law(joint.coordinates[i], counts);
   const auto* distance = if_distance(joint);
   if (distance == nullptr) return;
   if (distance->is_soft())
@@ -128,6 +144,7 @@ std::string explain(const World& world) {
     if (kind == JointKind::kBall || (kind != JointKind::kDistance && number > 0))
       out << ", " << name(kind) << ": " << number;
   }
+  if (counts.rubbing > 0) out << ", friction: " << counts.rubbing;
   out << ", motor: " << counts.motors << ", broken: " << counts.broken << "}\n";
   out << "wrenches: " << world.wrenches().size() << "\n";
   out << std::boolalpha << "collision: " << counts.collides() << "\n";
@@ -146,7 +163,8 @@ std::vector<std::string> left_out(const World& world) {
   };
   leave_out(!counts.collides(), "collision: no dynamic body has a shape that another could touch");
   leave_out(counts.colliding_boxes == 0, "boxes: none that could touch something");
-  leave_out(counts.rough < 2, "friction: no two bodies that could touch have it");
+  leave_out(counts.rough < 2 && counts.rubbing == 0,
+            "friction: no two bodies that could touch have it");
   leave_out(world.joint_ids().empty(), "constraints: there are none");
   leave_out(counts.limited == 0, "limits: no constraint has any");
   leave_out(counts.springs == 0, "springs: there are none");
@@ -195,6 +213,65 @@ std::string text(const Told& told) {
            " m is not being closed";
   return "body " + quoted(told.whose) + ": energy of its island rose by " + amount +
          " J without a cause";
+}
+
+namespace {
+
+std::string shown_figure(double value) {
+  char figure[32];
+  std::snprintf(figure, sizeof figure, "%.3g", value);
+  return figure;
+}
+
+/// What a joint with rows of the table, as the bodies lie, is off by: one entry for each part.
+std::vector<std::string> open_parts(const World& world, const Joint& joint,
+                                    const JointState& state) {
+  constexpr double kDegrees = 180.0 / kPi;
+  std::vector<std::string> parts;
+  const JointKindInfo& kind = info(joint.kind);
+  const JointVectors vectors(joint, world.state(joint.body_a), world.state(joint.body_b));
+  Eigen::Vector3d open = Eigen::Vector3d::Zero();
+  for (int k = 0; k < kind.separation_rows; ++k)
+    open[k] = value(kind.row[static_cast<std::size_t>(k)], vectors);
+  if (open.norm() > kTold) parts.push_back("anchors " + shown_figure(open.norm()) + " m apart");
+  if (state.angle_error > kTold)
+    parts.push_back("axes " + shown_figure(kDegrees * state.angle_error) + " degrees off");
+  for (std::size_t i = 0; i < static_cast<std::size_t>(kind.coordinates); ++i) {
+    const CoordinateLaw& law = joint.coordinates[i];
+    const CoordinateState& coordinate = state.coordinates[i];
+    const bool is_held = law.motor && law.motor->is_rigid();
+    const double off =
+        is_held ? coordinate.position - coordinate.held : beyond_limits(law, coordinate.position);
+    if (std::abs(off) > kTold)
+      parts.push_back("coordinate " + std::to_string(i) + " " + shown_figure(std::abs(off)) +
+                      (kind.coordinate[i].is_angle ? " rad" : " m") +
+                      (is_held ? " from where its motor holds it" : " beyond its limit"));
+  }
+  return parts;
+}
+
+}  // namespace
+
+std::string text_of_opening(const World& world, JointId id) {
+  const Joint& joint = world.joint(id);
+  const JointState& state = world.joint_state(id);
+  if (!state.closing) return "";
+  std::vector<std::string> parts;
+  if (if_distance(joint) != nullptr)
+    parts.push_back("length " + shown_figure(std::abs(state.error)) + " m off");
+  else
+    parts = open_parts(world, joint, state);
+  std::string line;
+  for (const std::string& part : parts) line += (line.empty() ? "" : ", ") + part;
+  const WorldOptions& options = world.options();
+  const double share = joint.baumgarte.value_or(options.baumgarte);
+  line += options.method == Method::kSequentialImpulses
+              ? "; closes by the share " + shown_figure(share) + " of it a step"
+              : "; closes in " + shown_figure(options.closing_time) + " s";
+  const bool is_reversed =
+      info(joint.kind).alignment == Alignment::kParallelZ && state.angle_error > 0.5 * kPi;
+  if (is_reversed) line += "; was the axis meant the other way round?";
+  return line;
 }
 
 }  // namespace constraint_sim::engine

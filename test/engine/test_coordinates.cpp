@@ -546,5 +546,18 @@ TEST(Laws, ThatCannotBeAreRefusedByField) {
       "motor.force");
 }
 
+TEST(Motors, OnceTakenAwayNoBiasIsTold) {
+  for (const Method method : kSmoothMethods) {
+    CoordinateLaw law;
+    law.motor.emplace().bias = 0.5;
+    Bar bar(method, 0.01, law);
+    bar.world.step();
+    EXPECT_EQ(bar.world.joint_state(bar.hinge).bias, 0.5);
+    bar.world.set_motor(bar.hinge, 0, std::nullopt);
+    bar.world.step();
+    EXPECT_EQ(bar.world.joint_state(bar.hinge).bias, 0.0) << name(method);
+  }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

@@ -91,5 +91,74 @@ TEST(Plan, FollowsEdits) {
   EXPECT_FALSE(plan["rotation"].as<bool>());
 }
 
+TEST(Plan, CountsLawsOfCoordinates) {
+  World world = load_scene(R"(
+bodies:
+  - {name: a, shape: {sphere: {radius: 0.1}}, mass: 1}
+  - {name: b, shape: {sphere: {radius: 0.1}}, mass: 1, position: [3, 0, 0]}
+constraints:
+  - {name: door, type: hinge, body_b: a, motor: {bias: 0.0}, lower: -1}
+  - name: ice
+    type: planar
+    anchor_a: [3, 0, 0]
+    body_b: b
+    coordinates: [{stiffness: 5}, {damping: 1, friction: 0.1}, {motor: {position: 1, servo_stiffness: 3}}]
+)");
+  const YAML::Node constraints = YAML::Load(explain(world))["constraints"];
+  EXPECT_EQ(constraints["hinge"].as<int>(), 1);
+  EXPECT_EQ(constraints["planar"].as<int>(), 1);
+  EXPECT_EQ(constraints["motor"].as<int>(), 2);   // one holds, one is a servo
+  EXPECT_EQ(constraints["spring"].as<int>(), 3);  // a spring, a damper, a servo
+  EXPECT_EQ(constraints["limited"].as<int>(), 1);
+  EXPECT_EQ(constraints["friction"].as<int>(), 1);
+  for (const std::string& line : left_out(world))
+    for (const char* what : {"motors: ", "springs: ", "limits: ", "friction: "})
+      EXPECT_NE(line.rfind(what, 0), 0u) << line;
+  world.remove_joint(world.find_joint("ice"));
+  EXPECT_FALSE(YAML::Load(explain(world))["constraints"]["friction"]);
+  world.set_motor(world.find_joint("door"), 0, std::nullopt);
+  EXPECT_EQ(YAML::Load(explain(world))["constraints"]["motor"].as<int>(), 0);
+}
+
+TEST(Plan, SaysHowFarAJointIsOpen) {
+  World world;
+  world.add_body(make_body("a", Sphere{0.1}, 1.0, {0.0, 0.0, 0.0}));
+  const BodyId b = world.add_body(make_body("b", Sphere{0.1}, 1.0, {1.0, 0.0, 0.0}));
+  const auto opening = [&](JointKind kind, double gap, double degrees, const char* law = "") {
+    World copy = world;
+    Joint joint;
+    joint.name = "joint";
+    joint.kind = kind;
+    joint.body_a = copy.find_body("a");
+    joint.body_b = b;
+    joint.anchor_a = {1.0 + gap, 0.0, 0.0};
+    const double angle = degrees / 180.0 * kPi;
+    if (has_frames(kind)) joint.axis_b = Eigen::Vector3d(0.0, std::sin(angle), std::cos(angle));
+    if (kind == JointKind::kDistance) joint.distance.length = 2.0 * gap;
+    CoordinateLaw& first = joint.coordinates[0];
+    if (law == std::string("motor")) first.motor.emplace().position = 1.5;
+    if (law == std::string("limit")) first.lower = 0.25;
+    return text_of_opening(copy, copy.add_joint(joint));
+  };
+  EXPECT_EQ(opening(JointKind::kHinge, 0.0, 0.0), "");
+  EXPECT_EQ(opening(JointKind::kHinge, 0.0, 0.0, "limit"),
+            "coordinate 0 0.25 rad beyond its limit; closes in 0.5 s");
+  EXPECT_EQ(opening(JointKind::kHinge, 0.12, 80.0),
+            "anchors 0.12 m apart, axes 80 degrees off; closes in 0.5 s");
+  EXPECT_EQ(opening(JointKind::kHinge, 0.12, 170.0),
+            "anchors 0.12 m apart, axes 170 degrees off; closes in 0.5 s; was the axis meant the "
+            "other way round?");
+  EXPECT_EQ(opening(JointKind::kSlider, 0.12, 0.0), "anchors 0.12 m apart; closes in 0.5 s");
+  EXPECT_EQ(opening(JointKind::kBall, 0.12, 0.0), "anchors 0.12 m apart; closes in 0.5 s");
+  EXPECT_EQ(opening(JointKind::kDistance, 0.12, 0.0), "length 0.12 m off; closes in 0.5 s");
+  EXPECT_EQ(opening(JointKind::kHinge, 0.0, 0.0, "motor"),
+            "coordinate 0 1.5 rad from where its motor holds it; closes in 0.5 s");
+  WorldOptions chosen = world.options();
+  chosen.method = Method::kSequentialImpulses;
+  world.set_options(chosen);
+  EXPECT_EQ(opening(JointKind::kHinge, 0.12, 0.0),
+            "anchors 0.12 m apart; closes by the share 0.1 of it a step");
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

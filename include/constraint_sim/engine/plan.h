@@ -31,4 +31,7 @@ std::vector<Told> told(const World& world);
 /// One line, beginning with whose it is.
 std::string text(const Told& told);
 
+/// How far a joint is open now, and how that closes, in words; empty where it fits.
+std::string text_of_opening(const World& world, JointId id);
+
 }  // namespace constraint_sim::engine

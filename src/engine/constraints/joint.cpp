@@ -511,8 +511,8 @@ JointCourse::JointCourse(const Joint& joint, const JointStep& span, JointState& 
     held_[i].motor = drive(joint.coordinates[i], span, state.expires_at, &coordinate);
     held_[i].value = coordinate.held - joint.coordinates[i].zero;
     is_driven_ = is_driven_ || held_[i].motor.is_moving();
-    state.bias = state.coordinates[0].bias;
   }
+  if (kind.coordinates > 0) state.bias = state.coordinates[0].bias;
   if (state.closing) {
     closing_since_ = state.closing_since;
     closing_time_ = span.closing_time;

@@ -50,6 +50,18 @@ class State(TypedDict):
     angular_velocity: Tuple3  # world [rad/s]
 
 
+class CoordinateState(TypedDict):
+    position: float  # whole turns counted [m or rad]
+    velocity: float  # [m/s or rad/s]
+    effort: float    # of what acts along it, mean over the step [N or N m]
+    bias: float      # asked of its motor [m/s or rad/s]
+
+
+class JointWrench(TypedDict):
+    force: Tuple3   # on body B, in the joint's frame on B [N]
+    torque: Tuple3  # about anchor B [N m]
+
+
 class JointState(TypedDict):
     error: float         # [m]
     error_rate: float    # [m/s]
@@ -61,6 +73,7 @@ class JointState(TypedDict):
     saturated: bool
     broken: bool
     closing: bool
+    coordinates: List[CoordinateState]  # that are free, as docs/joints.md numbers them
 
 
 class Island(TypedDict):
@@ -263,16 +276,25 @@ class World:
                   min_length: float = ..., max_length: float = ..., frequency: float = ...,
                   damping_ratio: float = ..., stiffness: float = ..., damping: float = ...,
                   baumgarte: Optional[float] = ..., break_force: float = ...,
-                  collide_connected: bool = ..., broken: bool = ...,
-                  motor: Mapping[str, float] = ...) -> None: ...
+                  break_torque: float = ..., collide_connected: bool = ..., broken: bool = ...,
+                  motor: Optional[Mapping[str, Optional[float]]] = ..., lower: float = ...,
+                  upper: float = ..., limit_restitution: float = ..., friction: float = ...,
+                  rest: float = ..., position: Optional[float] = ..., zero: float = ...,
+                  coordinates: Sequence[Mapping[str, Any]] = ...) -> None: ...
     def remove_joint(self, name: str) -> None: ...
     def joint(self, name: str) -> Dict[str, Any]: ...
     def joint_state(self, name: str) -> JointState: ...
+    def joint_wrench(self, name: str) -> JointWrench: ...
+    def opening(self, name: str) -> str: ...  # of a joint that closes, in words
     @property
     def joint_names(self) -> List[str]: ...
     def set_motor(self, name: str, *, bias: float = ..., amplitude: float = ...,
                   frequency: float = ..., phase: float = ..., max_force: float = ...,
-                  timeout: float = ...) -> None: ...
+                  timeout: float = ..., coordinate: int = ...,
+                  position: Optional[float] = ..., servo_frequency: float = ...,
+                  servo_damping_ratio: float = ..., servo_stiffness: float = ...,
+                  servo_damping: float = ..., force: Optional[float] = ...,
+                  removed: bool = ...) -> None: ...
     def set_broken(self, name: str, broken: bool) -> None: ...
 
     def add_wrench(self, body: str, *, force: Vector = ..., torque: Vector = ...,

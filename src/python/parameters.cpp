@@ -41,6 +41,33 @@ void visit_motor(Motor& motor, Visit visit) {
   visit("timeout", motor.timeout);
 }
 
+/// Of a coordinate, with what it has beside visit_motor().
+template <class Motor, class Visit>
+void visit_coordinate_motor(Motor& motor, Visit visit) {
+  visit_motor(motor, visit);
+  visit("position", motor.position);
+  visit("servo_frequency", motor.servo_frequency);
+  visit("servo_damping_ratio", motor.servo_damping_ratio);
+  visit("servo_stiffness", motor.servo_stiffness);
+  visit("servo_damping", motor.servo_damping);
+  visit("force", motor.force);
+}
+
+template <class Law, class Visit>
+void visit_law(Law& law, Visit visit) {
+  visit("lower", law.lower);
+  visit("upper", law.upper);
+  visit("limit_restitution", law.limit_restitution);
+  visit("friction", law.friction);
+  visit("damping", law.damping);
+  visit("stiffness", law.stiffness);
+  visit("rest", law.rest);
+  visit("frequency", law.frequency);
+  visit("damping_ratio", law.damping_ratio);
+  visit("position", law.position);
+  visit("zero", law.zero);
+}
+
 template <class Joint, class Visit>
 void visit_joint(Joint& joint, Visit visit) {
   visit("name", joint.name);
@@ -48,6 +75,7 @@ void visit_joint(Joint& joint, Visit visit) {
   visit("anchor_b", joint.anchor_b);
   visit("baumgarte", joint.baumgarte);
   visit("break_force", joint.break_force);
+  visit("break_torque", joint.break_torque);
   visit("collide_connected", joint.collide_connected);
 }
 
@@ -215,6 +243,71 @@ py::dict motor_dict(const engine::Motor& motor) {
   return dict;
 }
 
+void motor_from(const py::dict& keywords, engine::CoordinateMotor* target) {
+  Keywords reading("motor", keywords);
+  visit_coordinate_motor(*target, reader(&reading));
+  reading.expect_no_more();
+}
+
+py::dict motor_dict(const engine::CoordinateMotor& motor) {
+  py::dict dict;
+  visit_coordinate_motor(motor, writer(&dict));
+  return dict;
+}
+
+namespace {
+
+py::dict as_dict(const std::string& field, const py::object& value) {
+  if (!py::isinstance<py::dict>(value))
+    throw std::invalid_argument(field + ": must be a dict, got " +
+                                std::string(py::str(py::repr(value))));
+  return value.cast<py::dict>();
+}
+
+/// A law without its motor, and whether it says anything.
+bool read_law(Keywords* reading, engine::CoordinateLaw* law) {
+  bool is_given = false;
+  visit_law(*law, [&](const char* key, auto& field) {
+    is_given |= static_cast<bool>(reading->find(key));
+    reading->read(key, &field);
+  });
+  const py::object motor = reading->find("motor");
+  if (!motor || motor.is_none()) return is_given || motor;
+  motor_from(as_dict("motor", motor), &law->motor.emplace());
+  return true;
+}
+
+py::dict law_dict(const engine::CoordinateLaw& law) {
+  py::dict dict;
+  visit_law(law, writer(&dict));
+  dict["motor"] = law.motor ? py::object(motor_dict(*law.motor)) : py::none();
+  return dict;
+}
+
+/// Laws of the first coordinate, or of all in a list.
+void read_laws(Keywords* reading, engine::Joint* joint) {
+  const bool is_flat = read_law(reading, joint->coordinates.data());
+  const py::object list = reading->find("coordinates");
+  if (!list) return;
+  if (is_flat) throw std::invalid_argument("coordinates: give these or the first one's keywords");
+  if (!py::isinstance<py::sequence>(list) || py::isinstance<py::str>(list))
+    throw std::invalid_argument("coordinates: must be a list of dicts, got " +
+                                std::string(py::str(py::repr(list))));
+  const auto count = static_cast<std::size_t>(engine::coordinates(joint->kind));
+  const auto laws = list.cast<py::sequence>();
+  if (laws.size() > count)
+    throw std::invalid_argument("coordinates: a " + std::string(engine::name(joint->kind)) +
+                                " joint has " + std::to_string(count) + ", got " +
+                                std::to_string(laws.size()));
+  for (std::size_t i = 0; i < laws.size(); ++i) {
+    Keywords law("coordinates", as_dict("coordinates", laws[i]));
+    read_law(&law, &joint->coordinates[i]);
+    law.expect_no_more();
+  }
+}
+
+}  // namespace
+
 engine::Joint joint_from(const py::dict& keywords, const engine::World& world, bool* broken) {
   Keywords reading("add_joint", keywords);
   engine::Joint joint;
@@ -246,12 +339,10 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
     if (is_given("frame_b"))
       reading.read("frame_b", &joint.frame_b.emplace(Eigen::Quaterniond::Identity()));
   }
-  if (const py::object motor = reading.find("motor")) {
-    if (!py::isinstance<py::dict>(motor))
-      throw std::invalid_argument("motor: must be a dict, got " +
-                                  std::string(py::str(py::repr(motor))));
-    motor_from(motor.cast<py::dict>(), &joint.motor);
-  }
+  if (engine::coordinates(joint.kind) > 0)
+    read_laws(&reading, &joint);
+  else if (const py::object motor = reading.find("motor"))
+    motor_from(as_dict("motor", motor), &joint.motor);
   reading.expect_no_more();
   return joint;
 }
@@ -269,6 +360,12 @@ py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool
   if (const auto* distance = engine::if_distance(joint)) {
     visit_distance(*distance, writer(&dict));
     dict["motor"] = motor_dict(joint.motor);
+  }
+  if (const int count = engine::coordinates(joint.kind)) {
+    py::list laws;
+    for (int i = 0; i < count; ++i)
+      laws.append(law_dict(joint.coordinates[static_cast<std::size_t>(i)]));
+    dict["coordinates"] = laws;
   }
   dict["broken"] = broken;
   return dict;

@@ -24,6 +24,8 @@ py::dict state_dict(const engine::BodyState& state);
 
 void motor_from(const py::dict& keywords, engine::Motor* target);
 py::dict motor_dict(const engine::Motor& motor);
+void motor_from(const py::dict& keywords, engine::CoordinateMotor* target);
+py::dict motor_dict(const engine::CoordinateMotor& motor);
 
 /// Bodies are looked up in `world`. `broken`: whether the joint starts broken.
 engine::Joint joint_from(const py::dict& keywords, const engine::World& world, bool* broken);

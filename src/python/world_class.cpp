@@ -46,8 +46,19 @@ py::dict contact_dict(const engine::World& world, const engine::Contact& contact
   return dict;
 }
 
-py::dict joint_state_dict(const engine::JointState& state) {
+py::dict joint_state_dict(const engine::Joint& joint, const engine::JointState& state) {
   py::dict dict;
+  py::list coordinates;
+  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+    const engine::CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(i)];
+    py::dict each;
+    each["position"] = coordinate.position;
+    each["velocity"] = coordinate.velocity;
+    each["effort"] = coordinate.effort;
+    each["bias"] = coordinate.bias;
+    coordinates.append(each);
+  }
+  dict["coordinates"] = coordinates;
   dict["error"] = state.error;
   dict["error_rate"] = state.error_rate;
   dict["angle_error"] = state.angle_error;
@@ -59,6 +70,29 @@ py::dict joint_state_dict(const engine::JointState& state) {
   dict["broken"] = state.broken;
   dict["closing"] = state.closing;
   return dict;
+}
+
+/// Of one coordinate where the joint has any, else of its length.
+void set_motor(engine::World* world, const std::string& name, const py::kwargs& keywords) {
+  const engine::JointId id = world->find_joint(name);
+  if (engine::coordinates(world->joint(id).kind) == 0) {
+    engine::Motor motor;
+    motor_from(keywords, &motor);
+    world->set_motor(id, motor);
+    return;
+  }
+  const py::dict rest = keywords.attr("copy")();
+  Keywords reading("set_motor", keywords);
+  int coordinate = 0;
+  bool removed = false;
+  reading.read("coordinate", &coordinate);
+  reading.read("removed", &removed);
+  for (const char* key : {"coordinate", "removed"}) rest.attr("pop")(key, py::none());
+  engine::CoordinateMotor motor;
+  motor_from(rest, &motor);
+  if (removed && !rest.empty())
+    throw std::invalid_argument("removed: a motor that is taken away has no settings");
+  world->set_motor(id, coordinate, removed ? std::nullopt : std::optional(motor));
 }
 
 // ---- the world
@@ -169,8 +203,11 @@ void define_joints(Class* world) {
       "axis_a=(0, 0, 1) and axis_b or frame_a and frame_b (x, y, z, w), length=None [m] None: the "
       "present distance, "
       "min_length=0, max_length=inf [m], frequency [Hz] and damping_ratio, or stiffness [N/m] and "
-      "damping [N s/m], baumgarte=None, break_force=0 [N], collide_connected=False, broken=False, "
-      "motor={})\n\nAdds a joint; the motor's keywords are those of set_motor.");
+      "damping [N s/m], baumgarte=None, break_force=0 [N], break_torque=0 [N m], "
+      "collide_connected=False, broken=False, motor={}; of types with free coordinates, for the "
+      "first: lower, upper [m or rad], limit_restitution=0, friction, damping, stiffness, rest, "
+      "frequency, damping_ratio, position, motor; or coordinates=[{...}, ...], these for each)"
+      "\n\nAdds a joint; the motor's keywords are those of set_motor.");
   world->def(
       "remove_joint",
       [](SharedWorld& self, const std::string& name) {
@@ -193,12 +230,33 @@ void define_joint_states(Class* world) {
   world->def(
       "joint_state",
       [](const SharedWorld& self, const std::string& name) {
-        return joint_state_dict(self.read().joint_state(self.read().find_joint(name)));
+        const engine::JointId id = self.read().find_joint(name);
+        return joint_state_dict(self.read().joint(id), self.read().joint_state(id));
       },
       py::arg("name"),
       "State after the last step: error [m], error_rate [m/s], angle_error [rad], force [N] along "
-      "the joint, < 0 is "
-      "tension, bias and reached_rate [m/s], travel of the motor [m], saturated, broken, closing.");
+      "the joint, < 0 is tension, bias and reached_rate [m/s], travel of the motor [m], saturated, "
+      "broken, closing, and coordinates, a list of those that are free: position, velocity, bias "
+      "[m or rad, a second], effort [N or N m] of what acts along each.");
+  world->def(
+      "joint_wrench",
+      [](const SharedWorld& self, const std::string& name) {
+        const engine::World::JointWrench wrench =
+            self.read().joint_wrench(self.read().find_joint(name));
+        py::dict dict;
+        dict["force"] = tuple_of(wrench.force);
+        dict["torque"] = tuple_of(wrench.torque);
+        return dict;
+      },
+      py::arg("name"),
+      "What the joint does to body B, mean over the last step: force [N], and torque [N m] about "
+      "anchor B, in the joint's frame on B, of types without axes in that of the body.");
+  world->def(
+      "opening",
+      [](const SharedWorld& self, const std::string& name) {
+        return engine::text_of_opening(self.read(), self.read().find_joint(name));
+      },
+      py::arg("name"), "How far a joint that closes is open now, in words; '' where it fits.");
   world->def_property_readonly(
       "joint_names",
       [](const SharedWorld& self) {
@@ -211,16 +269,15 @@ void define_joint_states(Class* world) {
   world->def(
       "set_motor",
       [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
-        self.edit([&](engine::World& edited) {
-          engine::Motor motor;
-          motor_from(keywords, &motor);
-          edited.set_motor(edited.find_joint(name), motor);
-        });
+        self.edit([&](engine::World& edited) { set_motor(&edited, name, keywords); });
       },
       py::arg("name"),
-      "set_motor(name, *, bias=0 [m/s] > 0 lengthens, amplitude=0 [m/s], frequency=0 [Hz], "
-      "phase=0 [rad], max_force=0 [N] 0: no limit, timeout=0 [s] 0: never)\n\nReplaces the motor; "
-      "its timeout counts from now.");
+      "set_motor(name, *, bias=0 [m/s or rad/s] > 0 lengthens or turns positively about the axis, "
+      "amplitude=0 [m/s or rad/s], frequency=0 [Hz], phase=0 [rad], max_force=0 [N or N m] 0: no "
+      "limit, timeout=0 [s] 0: never), and of types with free coordinates coordinate=0, "
+      "position=None [m or rad], servo_frequency=0 [Hz], servo_damping_ratio=1, servo_stiffness=0, "
+      "servo_damping=0, force=None [N or N m], removed=False: free from now on\n\nReplaces the "
+      "motor; its timeout counts from now.");
   world->def(
       "set_broken",
       [](SharedWorld& self, const std::string& name, bool is_broken) {

@@ -169,6 +169,94 @@ def test_joints_with_axes():
             arm().add_joint('hinge', **hinge, **wrong)
 
 
+def bar(method='runge_kutta', gravity=0.0):
+    """A bar of 2 kg and 1 m along x, from the origin on; its moment about the end is BAR_INERTIA."""
+    world = engine.World(method=method, time_step=0.01, gravity=(0.0, 0.0, -gravity))
+    world.add_body('bar', shape=engine.Box((1.0, 0.1, 0.1)), mass=2.0, position=(0.5, 0.0, 0.0))
+    return world
+
+
+BAR_END = {'body_b': 'bar', 'anchor_b': (-0.5, 0.0, 0.0)}
+BAR_INERTIA = 2.0 * 1.01 / 12.0 + 2.0 * 0.25
+
+
+def test_laws_of_coordinates():
+    world = bar()
+    world.add_joint('door', type='hinge', motor={'bias': 0.5}, **BAR_END)
+    world.run(1.0)
+    door = world.joint_state('door')
+    assert door['coordinates'][0] == {'position': pytest.approx(0.5, abs=1e-12), 'bias': 0.5,
+                                      'velocity': pytest.approx(0.5, abs=1e-12),
+                                      'effort': pytest.approx(0.0, abs=1e-12)}
+    assert door['reached_rate'] == door['coordinates'][0]['velocity']
+    world.set_motor('door', force=BAR_INERTIA * 2.0)  # [rad/s^2] times that
+    world.run(1.0)
+    # 0.5 + 0.5 t + t^2 at t = 1, to the substeps' tolerance of 1e-8 m per second
+    assert world.joint_state('door')['coordinates'][0]['position'] == pytest.approx(2.0, abs=1e-7)
+    world.set_motor('door', removed=True)
+    assert world.joint('door')['coordinates'][0]['motor'] is None
+    world.run(0.1)
+    assert world.joint_state('door')['coordinates'][0]['velocity'] == pytest.approx(2.5, abs=1e-7)
+
+
+def test_springs_go_by_frequency_and_joints_go_round():
+    laws = {'frequency': 2.0, 'damping_ratio': 0.1, 'rest': 0.3, 'position': 0.1, 'lower': -1.0,
+            'upper': 1.0, 'limit_restitution': 0.5, 'friction': 0.01}
+    world = bar('auto')
+    world.add_joint('door', type='hinge', break_torque=1e3, **laws, **BAR_END)
+    law, = world.joint('door')['coordinates']
+    omega = 2.0 * math.pi * 2.0
+    # one sum and one division of doubles
+    assert law['stiffness'] == pytest.approx(BAR_INERTIA * omega ** 2, rel=1e-13)
+    assert law['damping'] == pytest.approx(0.2 * BAR_INERTIA * omega, rel=1e-13)
+    assert (law['zero'], law['frequency'], law['position']) == (0.1, 0.0, None)
+    again, listed = bar('auto'), bar('auto')
+    again.add_joint(**world.joint('door'))
+    listed.add_joint('door', type='hinge', break_torque=1e3, coordinates=[laws], **BAR_END)
+    for each in (world, again, listed):
+        each.run(0.5)
+        assert each.state_hash == world.state_hash
+
+
+def test_further_coordinates_have_numbers():
+    world = bar()
+    rod = {'type': 'cylindrical', 'body_b': 'bar'}
+    world.add_joint('rod', coordinates=[{}, {'motor': {'bias': -0.5}}], **rod)
+    world.set_motor('rod', coordinate=0, bias=0.2)
+    world.run(1.0)
+    # exact in time, each to rounding
+    assert [c['position'] for c in world.joint_state('rod')['coordinates']] == \
+        pytest.approx([0.2, -0.5], abs=1e-12)
+    for wrong, why in (({'coordinates': [{}, {}, {}]}, 'coordinates: a cylindrical joint has 2'),
+                       ({'coordinates': [{}], 'rest': 1.0}, 'coordinates: give these or'),
+                       ({'coordinates': 'ab'}, 'coordinates: must be a list'),
+                       ({'coordinates': [3]}, 'coordinates: must be a dict, got 3'),
+                       ({'lower': 2.0, 'upper': 1.0}, 'upper: must be above lower'),
+                       ({'motor': {'force': 1.0, 'bias': 1.0}}, 'motor.force: ')):
+        with pytest.raises(ValueError, match=why):
+            bar().add_joint('rod', **rod, **wrong)
+    with pytest.raises(TypeError, match="no argument 'stifness'"):
+        bar().add_joint('rod', coordinates=[{'stifness': 1.0}], **rod)
+    with pytest.raises(ValueError, match='no coordinate 2'):
+        world.set_motor('rod', coordinate=2, bias=1.0)
+    with pytest.raises(ValueError, match='removed: '):
+        world.set_motor('rod', removed=True, bias=1.0)
+
+
+def test_the_wrench_of_a_joint_and_how_far_it_is_open():
+    world = bar(gravity=9.81)
+    world.add_joint('glue', type='weld', **BAR_END)
+    assert world.opening('glue') == ''
+    world.run(0.1)
+    wrench = world.joint_wrench('glue')
+    weight = 2.0 * 9.81
+    assert wrench['force'] == pytest.approx((0.0, 0.0, weight), abs=1e-9)
+    assert wrench['torque'] == pytest.approx((0.0, -0.5 * weight, 0.0), abs=1e-9)
+    world = bar()
+    world.add_joint('glue', type='weld', anchor_a=(0.0, 0.25, 0.0), **BAR_END)
+    assert world.opening('glue') == 'anchors 0.25 m apart; closes in 0.5 s'
+
+
 def test_motors_wrenches_and_broken_joints():
     world = hanging()
     world.set_motor('rod', bias=0.2)
@@ -430,6 +518,10 @@ def test_typed_dicts_of_the_stubs_have_the_keys_there_are():
     world.step()
     assert keys['State'] == set(world.state('bob'))
     assert keys['JointState'] == set(world.joint_state('rod'))
+    assert keys['JointWrench'] == set(world.joint_wrench('rod'))
+    hinged = bar()
+    hinged.add_joint('door', type='hinge', **BAR_END)
+    assert keys['CoordinateState'] == set(hinged.joint_state('door')['coordinates'][0])
     assert keys['Island'] == set(world.islands()[0])
 
 

@@ -1,8 +1,8 @@
 # The ROS shell: messages, node, and where catkin wants things installed.
 
 find_package(catkin REQUIRED COMPONENTS
-  geometry_msgs message_generation nodelet pluginlib roscpp rosgraph_msgs roslib std_msgs std_srvs
-  tf2_msgs visualization_msgs
+  geometry_msgs message_generation nodelet pluginlib roscpp rosgraph_msgs roslib sensor_msgs std_msgs
+  std_srvs tf2_msgs visualization_msgs
 )
 
 if(CONSTRAINT_SIM_PYTHON AND NOT CONSTRAINT_SIM_SANITIZE)
@@ -23,6 +23,7 @@ catkin_package(
 add_library(constraint_sim_ros STATIC
   src/ros/conversions.cpp
   src/ros/event_log.cpp
+  src/ros/laws.cpp
   src/ros/markers.cpp
   src/ros/parameters.cpp
   src/ros/publishers.cpp

@@ -4,8 +4,11 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <utility>
+
+#include "ros/laws.h"
 
 namespace constraint_sim {
 namespace {
@@ -50,11 +53,17 @@ void check_left_out(const Constraint& msg, std::initializer_list<const char*> us
   }
 }
 
-// the settings that only some types need
-void read_keys(const Constraint& msg, engine::Joint& joint) {
+void check_keys(const Constraint& msg) {
   if (msg.keys.size() != msg.values.size())
     refuse("values", "must be as many as keys, got " + std::to_string(msg.values.size()) + " for " +
                          std::to_string(msg.keys.size()));
+  std::set<std::string> seen;
+  for (const std::string& key : msg.keys)
+    if (!seen.insert(key).second) refuse("keys", "'" + key + "' is there twice");
+}
+
+// the settings that only some types need, of those without coordinates
+void read_keys(const Constraint& msg, engine::Joint& joint) {
   auto* distance = engine::if_distance(joint);
   for (std::size_t i = 0; i < msg.keys.size(); ++i) {
     const std::string& key = msg.keys[i];
@@ -64,6 +73,8 @@ void read_keys(const Constraint& msg, engine::Joint& joint) {
       distance->stiffness = msg.values[i];
     else if (key == "damping" && distance != nullptr && msg.type == "spring")
       distance->damping = msg.values[i];
+    else if (key == "break_torque" && distance == nullptr)
+      joint.break_torque = msg.values[i];
     else
       refuse("keys", "constraints of type '" + msg.type + "' have no '" + key + "'");
   }
@@ -105,7 +116,10 @@ engine::DistanceJoint distance_joint(const Constraint& msg, double present_dista
 // axes of zero are left out: z of body A, and of body B what it is as the bodies lie
 void read_axes(const Constraint& msg, engine::Joint* joint) {
   if (!engine::has_frames(joint->kind)) return check_left_out(msg, {});
-  check_left_out(msg, {"axis_a", "axis_b"});
+  if (engine::coordinates(joint->kind) > 0)
+    check_left_out(msg, {"axis_a", "axis_b", "frequency", "damping_ratio"});
+  else
+    check_left_out(msg, {"axis_a", "axis_b"});
   const Eigen::Vector3d axis_a = finite("axis_a", from_msg(msg.axis_a));
   const Eigen::Vector3d axis_b = finite("axis_b", from_msg(msg.axis_b));
   if (!axis_a.isZero(0.0)) joint->frame_a = engine::frame_along(axis_a);
@@ -239,11 +253,16 @@ engine::Joint from_msg(const Constraint& msg, const engine::World& world) {
     joint.distance = distance_joint(msg, (anchor_in_world(world, joint.body_b, joint.anchor_b) -
                                           anchor_in_world(world, joint.body_a, joint.anchor_a))
                                              .norm());
-  joint.motor = {msg.bias, msg.amplitude, msg.motor_frequency, msg.phase, msg.max_force, 0.0};
+  check_keys(msg);
+  if (engine::coordinates(joint.kind) > 0) {
+    read_laws(msg, &joint);
+  } else {
+    joint.motor = {msg.bias, msg.amplitude, msg.motor_frequency, msg.phase, msg.max_force, 0.0};
+    read_keys(msg, joint);
+  }
   if (msg.baumgarte != 0.0) joint.baumgarte = msg.baumgarte;
   joint.break_force = msg.break_force;
   joint.collide_connected = msg.collide_connected;
-  read_keys(msg, joint);
   const auto* distance = engine::if_distance(joint);
   if (msg.type == "spring" && !distance->is_soft())
     refuse("frequency",
@@ -364,6 +383,17 @@ ConstraintState to_msg(const engine::Joint& joint, const engine::JointState& sta
   msg.broken = state.broken;
   msg.closing = state.closing;
   return msg;
+}
+
+void add_coordinates(const engine::Joint& joint, const engine::JointState& state,
+                     sensor_msgs::JointState* msg) {
+  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+    const engine::CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(i)];
+    msg->name.push_back(i == 0 ? joint.name : joint.name + "/" + std::to_string(i));
+    msg->position.push_back(finite(coordinate.position));
+    msg->velocity.push_back(finite(coordinate.velocity));
+    msg->effort.push_back(finite(coordinate.effort));
+  }
 }
 
 ContactState to_msg(const engine::World& world, const engine::Contact& contact) {

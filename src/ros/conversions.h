@@ -13,6 +13,7 @@
 #include <geometry_msgs/Transform.h>
 #include <geometry_msgs/Twist.h>
 #include <geometry_msgs/Vector3.h>
+#include <sensor_msgs/JointState.h>
 
 #include <string>
 
@@ -64,6 +65,10 @@ geometry_msgs::Pose to_pose(const engine::BodyState& state);
 geometry_msgs::Transform to_transform(const engine::BodyState& state);
 BodyState to_msg(const std::string& name, const engine::BodyState& state);
 ConstraintState to_msg(const engine::Joint& joint, const engine::JointState& state);
+/// Adds the coordinates of a joint, the first under its name and further ones under NAME/INDEX; of
+/// a joint without coordinates nothing.
+void add_coordinates(const engine::Joint& joint, const engine::JointState& state,
+                     sensor_msgs::JointState* msg);
 ContactState to_msg(const engine::World& world, const engine::Contact& contact);
 
 }  // namespace constraint_sim

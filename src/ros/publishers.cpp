@@ -4,6 +4,7 @@
 #include <constraint_sim/ConstraintStates.h>
 #include <constraint_sim/ContactStates.h>
 #include <rosgraph_msgs/Clock.h>
+#include <sensor_msgs/JointState.h>
 #include <std_msgs/String.h>
 #include <tf2_msgs/TFMessage.h>
 #include <visualization_msgs/MarkerArray.h>
@@ -47,6 +48,8 @@ Publishers::Publishers(const Parameters& parameters, ros::NodeHandle& handle,
   constraint_states_topic_ =
       private_handle.advertise<ConstraintStates>("constraint_states", 100, welcome);
   contact_states_topic_ = private_handle.advertise<ContactStates>("contact_states", 100, welcome);
+  joint_states_topic_ =
+      private_handle.advertise<sensor_msgs::JointState>("joint_states", 100, welcome);
   plan_topic_ = private_handle.advertise<std_msgs::String>("plan", 1, true);
   if (parameters.publish_clock)
     clock_topic_ = handle.advertise<rosgraph_msgs::Clock>("/clock", 100);
@@ -133,7 +136,7 @@ void Publishers::publish_clock(const World& world, double now) {
 bool Publishers::anybody_listens() const {
   for (const ros::Publisher* topic :
        {&transforms_topic_, &markers_topic_, &body_states_topic_, &constraint_states_topic_,
-        &contact_states_topic_, &statistics_topic_})
+        &contact_states_topic_, &joint_states_topic_, &statistics_topic_})
     if (topic->getNumSubscribers() > 0) return true;
   return false;
 }
@@ -214,6 +217,7 @@ void Publishers::publish(const Snapshot& snapshot) {
   if (body_states_topic_.getNumSubscribers() > 0) publish_body_states(snapshot);
   if (constraint_states_topic_.getNumSubscribers() > 0) publish_constraint_states(snapshot);
   if (contact_states_topic_.getNumSubscribers() > 0) publish_contact_states(snapshot);
+  if (joint_states_topic_.getNumSubscribers() > 0) publish_joint_states(snapshot);
   if (snapshot.plan_changed) publish_plan(snapshot);
   if (markers_topic_.getNumSubscribers() > 0)
     markers_topic_.publish(markers_.update(snapshot.world, snapshot.stamp, snapshot.for_newcomer));
@@ -264,6 +268,15 @@ void Publishers::publish_contact_states(const Snapshot& snapshot) {
   for (const engine::Contact& contact : snapshot.world.contacts())
     message.contacts.push_back(to_msg(snapshot.world, contact));
   contact_states_topic_.publish(message);
+}
+
+void Publishers::publish_joint_states(const Snapshot& snapshot) {
+  sensor_msgs::JointState message;
+  message.header.stamp = snapshot.stamp;
+  message.header.frame_id = parameters_.world_frame;
+  for (const engine::JointId id : snapshot.world.joint_ids())
+    add_coordinates(snapshot.world.joint(id), snapshot.world.joint_state(id), &message);
+  joint_states_topic_.publish(message);
 }
 
 void Publishers::publish_plan(const Snapshot& snapshot) {

@@ -63,6 +63,7 @@ class Publishers {
   void publish_body_states(const Snapshot& snapshot);
   void publish_constraint_states(const Snapshot& snapshot);
   void publish_contact_states(const Snapshot& snapshot);
+  void publish_joint_states(const Snapshot& snapshot);
   void publish_plan(const Snapshot& snapshot);
 
   Parameters parameters_;
@@ -71,6 +72,7 @@ class Publishers {
   ros::Publisher body_states_topic_;
   ros::Publisher constraint_states_topic_;
   ros::Publisher contact_states_topic_;
+  ros::Publisher joint_states_topic_;
   ros::Publisher statistics_topic_;
   ros::Publisher plan_topic_;
   ros::Publisher clock_topic_;

@@ -4,6 +4,7 @@
 
 #include <exception>
 
+#include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
 #include "ros/conversions.h"
 #include "ros/scenes.h"
@@ -50,11 +51,15 @@ bool answer_edit(Stepper& stepper, Response& response, Change change) {
   });
 }
 
-// bias, limit and timeout of a motor; amplitude, frequency and phase stay what they are
+// Bias, limit and timeout of a motor, of the first coordinate where there are several; amplitude,
+// frequency and phase stay what they are. One that goes to a position, or with a force, no longer
+// does.
 void set_bias(World& world, const std::string& constraint, double bias, double max_force,
               double timeout) {
   const engine::JointId id = find_joint(world, "constraint", constraint);
-  engine::Motor motor = world.joint(id).motor;
+  const engine::Joint& joint = world.joint(id);
+  engine::Motor motor = joint.motor;
+  if (joint.coordinates[0].motor) motor = *joint.coordinates[0].motor;
   motor.bias = bias;
   motor.max_force = max_force;
   motor.timeout = timeout;
@@ -109,6 +114,7 @@ bool Services::add_distance_constraint(AddDistanceConstraintRequest& request,
   return answer_edit(stepper_, response, [&](World& world) {
     const engine::JointId id = world.add_joint(from_msg(request, world));
     response.initial_error = finite(world.joint_state(id).initial_error);
+    response.status_message = engine::text_of_opening(world, id);
   });
 }
 
@@ -116,6 +122,7 @@ bool Services::add_constraint(AddConstraintRequest& request, AddConstraintRespon
   return answer_edit(stepper_, response, [&](World& world) {
     const engine::JointId id = world.add_joint(from_msg(request.constraint, world));
     response.initial_error = finite(world.joint_state(id).initial_error);
+    response.status_message = engine::text_of_opening(world, id);
   });
 }
 

@@ -4,6 +4,8 @@
 #include <limits>
 #include <random>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "ros/conversions.h"
 
@@ -288,6 +290,152 @@ TEST(Conversions, AxesThatCannotBeAreNamed) {
   EXPECT_EQ(error(std::nan(""), "hinge").rfind("axis_a: must be finite numbers", 0), 0u);
   EXPECT_EQ(error(1.0, "ball").rfind("axis_a: constraints of type 'ball' have none", 0), 0u);
   EXPECT_EQ(error(1.0, "rope").rfind("axis_a: constraints of type 'rope' have none", 0), 0u);
+}
+
+/// Adds what the message has no field for.
+void set(Constraint& msg, const std::string& key, double value) {
+  msg.keys.push_back(key);
+  msg.values.push_back(value);
+}
+
+TEST(Conversions, FieldsAndKeysAreLawsOfTheFirstCoordinate) {
+  Door door;
+  door.msg.bias = 0.1;
+  door.msg.amplitude = 0.2;
+  door.msg.motor_frequency = 3.0;
+  door.msg.phase = 0.4;
+  door.msg.max_force = 5.0;
+  door.msg.break_force = 6.0;
+  double value = 10.0;
+  for (const char* key : {"lower", "upper", "limit_restitution", "friction", "damping", "stiffness",
+                          "rest", "position", "zero", "timeout", "break_torque"})
+    set(door.msg, key, value++);
+  const engine::Joint joint = from_msg(door.msg, door.world);
+  const engine::CoordinateLaw& law = joint.coordinates[0];
+  EXPECT_EQ(law.lower, 10.0);
+  EXPECT_EQ(law.upper, 11.0);
+  EXPECT_EQ(law.limit_restitution, 12.0);
+  EXPECT_EQ(law.friction, 13.0);
+  EXPECT_EQ(law.damping, 14.0);
+  EXPECT_EQ(law.stiffness, 15.0);
+  EXPECT_EQ(law.rest, 16.0);
+  EXPECT_EQ(law.position, 17.0);
+  EXPECT_EQ(law.zero, 18.0);
+  EXPECT_EQ(joint.break_force, 6.0);
+  EXPECT_EQ(joint.break_torque, 20.0);
+  ASSERT_TRUE(law.motor);
+  EXPECT_EQ(law.motor->bias, 0.1);
+  EXPECT_EQ(law.motor->amplitude, 0.2);
+  EXPECT_EQ(law.motor->frequency, 3.0);
+  EXPECT_EQ(law.motor->phase, 0.4);
+  EXPECT_EQ(law.motor->max_force, 5.0);
+  EXPECT_EQ(law.motor->timeout, 19.0);
+  EXPECT_FALSE(law.motor->position || law.motor->force);
+  EXPECT_TRUE(joint.coordinates[1].is_none() && joint.coordinates[2].is_none());
+}
+
+TEST(Conversions, KeysOfMotorsArriveOnTheirCoordinates) {
+  Door door;
+  door.msg.type = "planar";
+  door.msg.frequency = 2.0;
+  door.msg.damping_ratio = 0.3;
+  const char* keys[] = {
+      "motor_position", "motor_force", "servo_frequency", "servo_damping_ratio", "servo_stiffness",
+      "servo_damping",  "bias",        "amplitude",       "motor_frequency",     "phase",
+      "max_force",      "frequency",   "damping_ratio"};
+  double value = 1.0;
+  for (const char* key : keys) set(door.msg, std::string("2/") + key, value++);
+  set(door.msg, "1/motor", 1.0);
+  const engine::Joint joint = from_msg(door.msg, door.world);
+  EXPECT_FALSE(joint.coordinates[0].motor);
+  EXPECT_EQ(joint.coordinates[0].frequency, 2.0);
+  EXPECT_EQ(joint.coordinates[0].damping_ratio, 0.3);
+  ASSERT_TRUE(joint.coordinates[1].motor);
+  EXPECT_FALSE(joint.coordinates[1].motor->is_moving());
+  ASSERT_TRUE(joint.coordinates[2].motor);
+  const engine::CoordinateMotor& motor = *joint.coordinates[2].motor;
+  EXPECT_EQ(motor.position, 1.0);
+  EXPECT_EQ(motor.force, 2.0);
+  EXPECT_EQ(motor.servo_frequency, 3.0);
+  EXPECT_EQ(motor.servo_damping_ratio, 4.0);
+  EXPECT_EQ(motor.servo_stiffness, 5.0);
+  EXPECT_EQ(motor.servo_damping, 6.0);
+  EXPECT_EQ(motor.bias, 7.0);
+  EXPECT_EQ(motor.amplitude, 8.0);
+  EXPECT_EQ(motor.frequency, 9.0);
+  EXPECT_EQ(motor.phase, 10.0);
+  EXPECT_EQ(motor.max_force, 11.0);
+  EXPECT_EQ(joint.coordinates[2].frequency, 12.0);
+  EXPECT_EQ(joint.coordinates[2].damping_ratio, 13.0);
+}
+
+TEST(Conversions, AMotorThatHoldsNeedsAKeyAndNoMotorIsMadeOfNothing) {
+  Door door;
+  EXPECT_FALSE(from_msg(door.msg, door.world).coordinates[0].motor);
+  set(door.msg, "motor", 1.0);
+  ASSERT_TRUE(from_msg(door.msg, door.world).coordinates[0].motor);
+  EXPECT_TRUE(from_msg(door.msg, door.world).coordinates[0].motor->is_rigid());
+}
+
+TEST(Conversions, KeysThatCannotBeAreNamed) {
+  const auto error = [](const char* type, const char* key, double value) {
+    Door door;
+    door.msg.type = type;
+    if (std::string(type) == "universal") door.msg.axis_b.x = 1.0;
+    set(door.msg, key, value);
+    return error_of([&] { from_msg(door.msg, door.world); });
+  };
+  EXPECT_EQ(error("hinge", "stiffness", 1.0), "");
+  EXPECT_EQ(error("universal", "1/stiffness", 1.0), "");
+  EXPECT_EQ(error("weld", "break_torque", 1.0), "");
+  EXPECT_EQ(error("ball", "break_torque", 1.0), "");
+  EXPECT_EQ(error("hinge", "stifness", 1.0),
+            "keys: constraints of type 'hinge' have no 'stifness'");
+  EXPECT_EQ(error("universal", "1/stifness", 1.0),
+            "keys: constraints of type 'universal' have no '1/stifness'");
+  EXPECT_EQ(error("universal", "1/break_torque", 1.0),
+            "keys: constraints of type 'universal' have no '1/break_torque'");
+  EXPECT_EQ(error("hinge", "1/stiffness", 1.0),
+            "keys: '1/stiffness': constraints of type 'hinge' have 1 coordinate");
+  EXPECT_EQ(error("planar", "3/stiffness", 1.0),
+            "keys: '3/stiffness': constraints of type 'planar' have 3 coordinates");
+  EXPECT_EQ(error("hinge", "bias", 1.0),
+            "keys: 'bias' of the first coordinate is a field of the message");
+  EXPECT_EQ(error("hinge", "motor", 0.0).rfind("keys: 'motor' must be 1", 0), 0u);
+  EXPECT_EQ(error("weld", "stiffness", 1.0),
+            "keys: constraints of type 'weld' have no 'stiffness'");
+  EXPECT_EQ(error("distance", "break_torque", 1.0),
+            "keys: constraints of type 'distance' have no 'break_torque'");
+  Door door;
+  set(door.msg, "rest", 1.0);
+  set(door.msg, "rest", 2.0);
+  EXPECT_EQ(error_of([&] { from_msg(door.msg, door.world); }), "keys: 'rest' is there twice");
+  Door lost;
+  lost.msg.phase = 1.0;
+  EXPECT_EQ(error_of([&] { from_msg(lost.msg, lost.world); }).rfind("phase: needs a motor", 0), 0u);
+}
+
+TEST(Conversions, CoordinatesAreJointStates) {
+  engine::Joint joint;
+  engine::JointState state;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double first = 10.0 * static_cast<double>(i);
+    state.coordinates[i].position = first + 1.0;
+    state.coordinates[i].velocity = first + 2.0;
+    state.coordinates[i].effort = first + 3.0;
+  }
+  sensor_msgs::JointState msg;
+  for (const auto& [name, kind] : {std::pair("rod", engine::JointKind::kDistance),
+                                   {"door", engine::JointKind::kHinge},
+                                   {"ice", engine::JointKind::kPlanar}}) {
+    joint.name = name;
+    joint.kind = kind;
+    add_coordinates(joint, state, &msg);
+  }
+  EXPECT_EQ(msg.name, (std::vector<std::string>{"door", "ice", "ice/1", "ice/2"}));
+  EXPECT_EQ(msg.position, (std::vector<double>{1.0, 1.0, 11.0, 21.0}));
+  EXPECT_EQ(msg.velocity, (std::vector<double>{2.0, 2.0, 12.0, 22.0}));
+  EXPECT_EQ(msg.effort, (std::vector<double>{3.0, 3.0, 13.0, 23.0}));
 }
 
 TEST(Conversions, EachFieldOfAConstraintStateArrives) {

@@ -1,0 +1,14 @@
+#pragma once
+
+#include <constraint_sim/Constraint.h>
+
+#include "constraint_sim/engine/joint.h"
+
+namespace constraint_sim {
+
+/// Reads laws of the joint's coordinates: those of the first from the fields of the message and
+/// from its keys, those of further ones from keys that begin with `1/` or `2/`. Throws
+/// std::invalid_argument naming the key or field that cannot be.
+void read_laws(const Constraint& msg, engine::Joint* joint);
+
+}  // namespace constraint_sim

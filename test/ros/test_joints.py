@@ -1,0 +1,138 @@
+#!/usr/bin/env python3
+"""Joints with coordinates by service: laws, motors, joint_states, how far one is open."""
+import math
+import unittest
+
+import rospy
+import rostest
+from constraint_sim.msg import Body, Constraint, ConstraintStates, Shape
+from geometry_msgs.msg import Point, Vector3
+from sensor_msgs.msg import JointState
+
+import support
+from support import Listener, call, properties
+
+MASS, LENGTH, WIDTH = 2.0, 1.0, 0.1
+# of a bar about its end
+INERTIA = MASS * (LENGTH ** 2 + WIDTH ** 2) / 12.0 + MASS * (0.5 * LENGTH) ** 2
+
+
+class Joints(unittest.TestCase):
+    def setUp(self):
+        support.empty_world()
+        self.good("load_scene",
+                  text="world: {gravity: [0, 0, 0], time_step: 0.01, method: auto}")
+        bar = Body(name="bar", mass=MASS,
+                   shape=Shape(type=Shape.BOX, dimensions=[LENGTH, WIDTH, WIDTH]))
+        bar.pose.position.x = 0.5 * LENGTH
+        self.good("add_body", body=bar)
+        self.listener = Listener(support.NODE + "/joint_states", JointState)
+
+    def tearDown(self):
+        Listener.stop_all()
+
+    def good(self, name, /, **fields):
+        answer = call(name, **fields)
+        self.assertTrue(answer.success, answer.status_message)
+        return answer
+
+    def bad(self, named, name, /, **fields):
+        before = properties().state_hash
+        answer = call(name, **fields)
+        self.assertFalse(answer.success, "%s accepted %s" % (name, fields))
+        for word in named:
+            self.assertIn(word, answer.status_message)
+        self.assertEqual(properties().state_hash, before)
+
+    def joint(self, kind="hinge", laws=(), **fields):
+        laws = dict(laws)
+        fields.setdefault("anchor_b", Point(-0.5 * LENGTH, 0, 0))
+        return Constraint(name="j", type=kind, body_b="bar", keys=list(laws),
+                          values=list(laws.values()), **fields)
+
+    def states(self):
+        """Those of now, by name: a message that came after the world was asked."""
+        message = self.listener.wait(lambda m: m.name, "joint_states")
+        return {name: (q, rate, effort) for name, q, rate, effort in
+                zip(message.name, message.position, message.velocity, message.effort)}
+
+    def near(self, found, expected, tolerance):
+        for f, e in zip(found, expected):
+            self.assertAlmostEqual(f, e, delta=tolerance)
+
+    def test_a_spring_swings_a_hinge_between_its_limits(self):
+        stiffness = INERTIA * math.pi ** 2  # half a period of 1 s
+        self.good("add_constraint", constraint=self.joint(
+            laws={"stiffness": stiffness, "rest": 0.2, "lower": -2.0, "upper": 2.0}))
+        self.good("step", steps=100)
+        # from 0 about 0.2 and back: at the end of half a period at 0.4, at rest, where the spring
+        # pulls with 0.2 rad; impulses carry limits at first order, with a damping of h ω²/2
+        damped = 1.0 + math.exp(-0.5 * 0.01 * math.pi ** 2)
+        q, rate, effort = self.states()["j"]
+        self.assertAlmostEqual(q, 0.2 * damped, delta=5e-3)
+        self.assertAlmostEqual(rate, 0.0, delta=2e-2)
+        self.assertAlmostEqual(effort, -stiffness * (q - 0.2), delta=0.1 * stiffness * 0.2)
+        text = self.good("save_scene").text
+        for line in ("lower: -2", "upper: 2", "rest: 0.2"):
+            self.assertIn(line, text)
+
+    def test_set_motor_bias_turns_a_hinge_and_moves_a_slider(self):
+        for kind in ("hinge", "slider"):
+            self.good("add_constraint", constraint=self.joint(
+                kind, laws={"stiffness": 5.0, "lower": -2.0, "upper": 2.0}))
+            self.good("set_motor_bias", constraint="j", bias=0.25, timeout=0.8)
+            listener = Listener(support.NODE + "/constraint_states", ConstraintStates)
+            self.good("step", steps=40)
+            state = listener.wait(lambda m: m.constraints and m.constraints[0].bias).constraints[0]
+            self.assertEqual((state.type, state.bias), (kind, 0.25))
+            # impulses reach a rate to the rounding of ten sweeps over rows that are met
+            self.assertAlmostEqual(state.reached_rate, 0.25, places=6)
+            self.assertEqual(state.force, self.states()["j"][2])
+            self.good("step", steps=60)
+            # 0.8 s of 0.25 a second, then held; the effort is that of spring and motor together
+            self.near(self.states()["j"], (0.2, 0.0, 0.0), 1e-3)
+            self.good("remove_constraint", name="j")
+
+    def test_further_coordinates_have_numbers(self):
+        self.good("add_constraint", constraint=self.joint(
+            "cylindrical", {"1/bias": 0.5, "motor": 1.0}, anchor_a=Point(0.5 * LENGTH, 0, 0),
+            anchor_b=Point()))
+        self.good("step", steps=100)
+        states = self.states()
+        self.assertEqual(list(states), ["j", "j/1"])
+        # runge_kutta holds motors to rounding
+        self.near(states["j"], (0.0, 0.0, 0.0), 1e-9)
+        self.near(states["j/1"], (0.5, 0.5, 0.0), 1e-9)
+
+    def test_what_is_open_is_said_in_words(self):
+        answer = self.good("add_constraint", constraint=self.joint(
+            anchor_a=Point(0, 0.12, 0), axis_a=Vector3(0, 0, 1),
+            axis_b=Vector3(0, math.sin(math.radians(170)), math.cos(math.radians(170)))))
+        self.assertEqual(answer.status_message, "anchors 0.12 m apart, axes 170 degrees off; closes "
+                         "in 0.5 s; was the axis meant the other way round?")
+        self.good("step", steps=60)
+        self.good("remove_constraint", name="j")
+        answer = self.good("add_constraint", constraint=self.joint("ball", anchor_b=Point(),
+                           anchor_a=call("get_body_state", name="bar").state.pose.position))
+        self.assertEqual(answer.status_message, "")
+
+    def test_laws_that_cannot_be_are_refused(self):
+        for laws, words in (({"stifness": 1.0}, ["keys", "hinge", "'stifness'"]),
+                            ({"1/rest": 1.0}, ["keys", "'1/rest'", "1 coordinate"]),
+                            ({"bias": 1.0}, ["keys", "'bias'", "field"]),
+                            ({"motor": 2.0}, ["keys", "'motor'", "2"]),
+                            ({"lower": 1.0, "upper": -1.0}, ["upper", "-1"]),
+                            ({"friction": math.nan}, ["friction", "nan"]),
+                            ({"motor_position": 1.0, "motor_force": 1.0}, ["motor.force"])):
+            self.bad(words, "add_constraint", constraint=self.joint(laws=laws))
+        self.bad(["phase"], "add_constraint", constraint=self.joint(phase=1.0))
+        self.bad(["motor", "weld"], "add_constraint", constraint=self.joint("weld", bias=1.0))
+        self.bad(["motor.timeout", "3"], "add_constraint",
+                 constraint=self.joint("cylindrical", {"1/timeout": 3.0}))
+        self.good("add_constraint", constraint=self.joint("weld"))
+        self.bad(["motor", "weld"], "set_motor_bias", constraint="j", bias=1.0)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_joints")
+    rostest.rosrun("constraint_sim", "joints", Joints)

@@ -430,6 +430,31 @@ def test_the_bar_tells_the_time_left(monkeypatch):
     assert '100/200' not in stream.getvalue(), 'not more often than five times a second'
 
 
+def test_the_bar_moves_with_each_case(tmp_path, monkeypatch):
+    """One group of six cases, two rounds: what is heard meanwhile, on threads and on a cluster."""
+    text = STUDY.replace('values: [1, 2.5, 7]', 'values: [1]').replace('linear: [1, 2, 3]', 'values: [1]').replace(
+        '1/100, 1/50', '1/100, 1/50, 1/20').replace('duration: 0.5', 'duration: 100') + 'rounds: 2\n'
+    found = study.load(make(tmp_path, text))
+    jobs = [job for job, _ in found.jobs(identity())]
+    keys = [case['key'] for case in jobs[0]['cases']]
+    assert len(jobs) == 1 and len(keys) == 6
+    monkeypatch.setattr(progress, 'INTERVAL', 0.0)
+    for run in (lambda tell: executors.on_threads(jobs, found.filled, 1, tell),
+                lambda tell: executors.on_cluster(jobs, found.filled, 1, None, 0, tell)):
+        bar, seen = progress.CaseProgress('cases', keys, io.StringIO()), []
+
+        def tell(shares):
+            bar.reached(shares)
+            seen.append(bar.done)
+        results, = run(tell)
+        assert seen == [0.5 * (run + 1) for run in range(len(seen))], 'half a case each'
+        # of twelve, the last may come after the results
+        assert set(results) == set(keys) and len(seen) >= 10
+        bar.reached(dict.fromkeys(results, 1.0))
+        bar.reached({keys[0]: 0.5, 'another': 1.0})
+        assert bar.done == bar.total == 6
+
+
 # ---- beyond one machine
 
 class Machines:
@@ -504,7 +529,7 @@ def test_workers_that_die_come_late_or_are_others_lose_nothing(tmp_path, capfd):
 
 
 def test_a_worker_of_another_program_gives_nothing():
-    assert executors.run_batch([], 'another 1', 0) == (identity(), {})
+    assert executors.run_batch([], 'another 1', 0, 'topic') == (identity(), {})
 
 
 # ---- pages

@@ -56,9 +56,10 @@ class CaseProcess:
             return 'it was ended'
         return f'signal {signal.Signals(-status).name}' if status < 0 else f'exit status {status}'
 
-    def run(self, job, is_cancelled=lambda: False):
+    def run(self, job, is_cancelled=lambda: False, reached=lambda key, share: None):
         """Results by key. A case during which the process died or took too long has the outcome
-        `crashed` or `hung`; the others of the group are run again without it."""
+        `crashed` or `hung`; the others of the group are run again without it. `reached` hears of each
+        case how much of it is done."""
         results, crashes = {}, 0
         while True:
             left = [case for case in job['cases'] if case['key'] not in results]
@@ -66,7 +67,7 @@ class CaseProcess:
                 return results
             if self.process is None:
                 self.start()
-            current, trouble = None, self.run_once({**job, 'cases': left}, results)
+            current, trouble = None, self.run_once({**job, 'cases': left}, results, reached)
             if trouble is None:
                 return results
             current, outcome, detail = trouble
@@ -79,7 +80,7 @@ class CaseProcess:
             else:
                 results[current] = {'outcome': outcome, 'warnings': detail}
 
-    def run_once(self, job, results):
+    def run_once(self, job, results, reached):
         """None, or (key of the case that was running, outcome, detail)."""
         current = None
         try:
@@ -99,6 +100,8 @@ class CaseProcess:
                 return None
             if message[0] == 'begin':
                 current = message[1]
+            elif message[0] == 'reached':
+                reached(*message[1:])
             else:
                 results[message[1]] = message[2]
                 current = None

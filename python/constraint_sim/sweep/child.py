@@ -177,9 +177,9 @@ def run_case(case, job, reference, wants_all):
     return run_time, result
 
 
-def run_group(job, begin, done):
+def run_group(job, begin, done, reached):
     """All cases of a group, its rounds interleaved: run times are compared within one process.
-    `begin(key)` before each run, `done(key, result)` for each case."""
+    `begin(key)` before each run, `reached(key, share)` after it, `done(key, result)` for each case."""
     try:
         reference = Reference(job, begin)
         trouble = job.get('trouble', '')
@@ -208,6 +208,9 @@ def run_group(job, begin, done):
                 results[key]['run_time_spread'] = float(np.median(times[key]) / best - 1.0) \
                     if len(times[key]) > 1 and best > 0.0 else np.nan
                 done(key, results[key])
+                reached(key, 1.0)
+            else:
+                reached(key, (number + 1) / job['rounds'])
 
 
 def main(connection, memory):
@@ -220,7 +223,8 @@ def main(connection, memory):
         except (EOFError, OSError):
             return
         run_group(job, lambda key: connection.send(('begin', key)),
-                  lambda key, result: connection.send(('done', key, result)))
+                  lambda key, result: connection.send(('done', key, result)),
+                  lambda key, share: connection.send(('reached', key, share)))
         connection.send(('finished',))
 
 

@@ -8,7 +8,7 @@ import sys
 
 from . import executors, pages, peers, report, study as studies, tables
 from .program import identity
-from .progress import Progress
+from .progress import CaseProgress, Progress
 from .store import RESULTS, Store, StoreError
 
 BAD_INPUT, CASES_FAILED, INTERRUPTED = 2, 3, 130
@@ -82,7 +82,7 @@ def left_of(jobs, store):
 
 def run_all(checked, store, options):
     left = [(each.study, left_of(each.jobs, store)) for each in checked]
-    progress = Progress('cases', sum(len(job['cases']) for _, jobs in left for job in jobs))
+    progress = CaseProgress('cases', [case['key'] for _, jobs in left for job in jobs for case in job['cases']])
     try:
         for study, jobs in left:
             if jobs:
@@ -92,14 +92,15 @@ def run_all(checked, store, options):
 
 
 def run(study, left, store, options, progress):
-    wanted = {case['key'] for job in left for case in job['cases']}
-    found = executors.on_threads(left, study.filled, options.workers) if options.on == 'threads' and not options.cluster \
-        else executors.on_cluster(left, study.filled, options.workers, options.cluster, study.memory)
+    if options.on == 'threads' and not options.cluster:
+        found = executors.on_threads(left, study.filled, options.workers, progress.reached)
+    else:
+        found = executors.on_cluster(left, study.filled, options.workers, options.cluster, study.memory,
+                                     progress.reached)
     try:
         for results in found:
             store.add(results)
-            progress.step(len(wanted & set(results)))
-            wanted -= set(results)
+            progress.reached(dict.fromkeys(results, 1.0))
     finally:
         found.close()
 

@@ -1,15 +1,18 @@
 """Where cases run: threads of this process, or the workers of a Dask cluster. Each executor takes jobs, and
-`filled` that puts the texts into one, and yields results by key as they come, in any order."""
+`filled` that puts the texts into one, and yields results by key as they come, in any order. `reached` hears
+meanwhile, on the caller's thread, how far cases are: {key: share}."""
 import collections
 import queue
 import socket
 import sys
 import threading
 import time
+import uuid
 
 from . import child
 from .case_process import CaseProcess
 from .program import identity
+from .progress import Teller
 
 CONNECT_LIMIT = 20.0  # [s] until a scheduler answers
 
@@ -26,7 +29,11 @@ class Stopped(BaseException):
     pass
 
 
-def on_threads(jobs, filled, count):
+class Reached(dict):
+    """Shares of cases, among results in a queue."""
+
+
+def on_threads(jobs, filled, count, reached):
     """In this process, several worlds at a time: the engine holds no GIL. A crash of the engine would end
     the command; what was done until then is kept. When it is stopped, runs that have begun are ended first:
     Python must not end under them."""
@@ -40,10 +47,11 @@ def on_threads(jobs, filled, count):
             raise Stopped
 
     def work():
+        tell = Teller(lambda shares: results.put(Reached(shares)))
         try:
             while True:
                 found = {}
-                child.run_group(filled(waiting.get_nowait()), begin, found.__setitem__)
+                child.run_group(filled(waiting.get_nowait()), begin, found.__setitem__, tell)
                 results.put(found)
         except (queue.Empty, Stopped):
             pass
@@ -54,10 +62,15 @@ def on_threads(jobs, filled, count):
     for thread in threads:
         thread.start()
     try:
-        for _ in jobs:
+        left = len(jobs)
+        while left:
             found = results.get()
             if isinstance(found, BaseException):
                 raise found
+            if isinstance(found, Reached):
+                reached(found)
+                continue
+            left -= 1
             yield found
     finally:
         stop.set()
@@ -70,16 +83,24 @@ def on_threads(jobs, filled, count):
 _of_thread = threading.local()
 
 
-def run_batch(batch, program, memory):
+def tell_of(topic):
+    """On a worker. What tells the command how far cases are; nothing where Dask is too old for events."""
+    import distributed
+    worker = distributed.get_worker()
+    return Teller(lambda shares: worker.log_event(topic, {'shares': shares})) if hasattr(worker, 'log_event') \
+        else lambda key, share: None
+
+
+def run_batch(batch, program, memory, topic):
     """On a worker. (its program, results by key); no results from a worker of another program."""
     own = identity()
     if own != program:
         return own, {}
     if not hasattr(_of_thread, 'process'):
         _of_thread.process = CaseProcess(memory)
-    results = {}
+    results, reached = {}, tell_of(topic)
     for job in batch:
-        results.update(_of_thread.process.run(job))
+        results.update(_of_thread.process.run(job, reached=reached))
     for result in results.values():
         result['worker'] = socket.gethostname()
     return own, results
@@ -96,9 +117,12 @@ class Cluster:
     ATTEMPTS = 5
     PATIENCE = 60.0  # [s] without any worker that may be used
 
-    def __init__(self, client, filled, memory):
+    def __init__(self, client, filled, memory, reached):
         self.client, self.filled, self.memory, self.program = client, filled, memory, identity()
-        self.finished = queue.SimpleQueue()
+        self.reached, self.topic = reached, f'constraint_sim {uuid.uuid4()}'
+        self.finished = queue.SimpleQueue()  # futures, and what workers tell meanwhile
+        if hasattr(client, 'subscribe_topic'):
+            client.subscribe_topic(self.topic, lambda event: self.finished.put(Reached(event[1]['shares'])))
         self.accepted, self.refused = {}, {}
         self.flying = {}  # future -> (worker, batch number)
         self.attempts = collections.Counter()
@@ -142,8 +166,8 @@ class Cluster:
 
     def submit(self, address, number, batches):
         future = self.client.submit(
-            run_batch, [self.filled(job) for job in batches[number]], self.program, self.memory, workers=[address],
-            allow_other_workers=False, pure=False, retries=0)
+            run_batch, [self.filled(job) for job in batches[number]], self.program, self.memory, self.topic,
+            workers=[address], allow_other_workers=False, pure=False, retries=0)
         self.flying[future] = address, number
         future.add_done_callback(self.finished.put)
 
@@ -177,7 +201,9 @@ class Cluster:
                     future = self.finished.get(timeout=0.25)
                 except queue.Empty:
                     continue
-                if future in self.flying:
+                if isinstance(future, Reached):
+                    self.reached(future)
+                elif future in self.flying:
                     _, number = self.flying.pop(future)
                     found = self.results_of(future, number, waiting)
                     found = {key: result for key, result in found.items() if key in wanted}
@@ -205,7 +231,7 @@ class Cluster:
         return {}
 
 
-def on_cluster(jobs, filled, count, address, memory):
+def on_cluster(jobs, filled, count, address, memory, reached):
     try:
         import dask
         import distributed
@@ -224,7 +250,7 @@ def on_cluster(jobs, filled, count, address, memory):
     except (OSError, TimeoutError, ValueError) as error:
         raise RuntimeError(f'--cluster {address}: no scheduler there: {error}') from None
     try:
-        yield from Cluster(client, filled, memory).run(jobs)
+        yield from Cluster(client, filled, memory, reached).run(jobs)
     finally:
         client.close(timeout=5)
         if cluster is not None:

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from constraint_sim import engine
-from constraint_sim.sweep import (case_process, command, executors, expressions, figures, progress, report,
-                                  scene_template, store, study, tables)
+from constraint_sim.sweep import (case_process, command, executors, expressions, figures, peers, progress,
+                                  report, scene_template, store, study, tables)
 from constraint_sim.sweep.program import identity
 from support import ENVIRONMENT, RUNNER, SCENES, SOURCES
 
@@ -801,6 +801,58 @@ methods:
         capsys.readouterr().err
     assert command.main([str(path), '--peers', str(tmp_path)]) == 2
     assert 'no program' in capsys.readouterr().err
+
+
+def test_another_engine_is_held_against_this_one(tmp_path):
+    """A program that knows the equation of the pendulum and nothing of constraint_sim, whose errors are known:
+    rounding, and those of explicit Euler, which are of first order in the tick."""
+    shutil.copy(SOURCES / 'test/python/pendulum_peer.py', tmp_path)
+    text = STUDY.replace('methods: [auto, {name: si, method: sequential_impulses, iterations: 20}]', """
+methods:
+  - auto
+  - {name: tight, program: pendulum_peer.py, peer: pendulum tight}
+  - {name: euler, program: pendulum_peer.py, peer: pendulum euler, time_steps: [1/1000, 1/2000]}
+""") + 'reference: {run: {method: runge_kutta, tolerance: 1e-11}}\noutputs: {every: 0.1}\n'
+    rows = sweep(make(tmp_path, text))
+    assert len(rows) == 9 * 6 and {row['outcome'] for row in rows} == {'ok'}
+    for start in range(0, 54, 6):
+        auto, _, tight, _, coarse, fine = rows[start:start + 6]
+        # rounding of 500 steps; steps of 1 ms of order 4 err by 1e-12 m
+        assert float(tight['position_error']) < 1e-10
+        assert abs(float(tight['bob.vz']) - float(auto['bob.vz'])) < 1e-9
+        # dt times half the integral of the acceleration's rate, at most 1 s² of 10 m/s³, amplified by less than 10
+        assert 1e-5 < float(fine['position_error']) < 0.05
+        assert float(coarse['position_error']) / float(fine['position_error']) == pytest.approx(2.0, rel=0.02)
+
+
+def test_another_engine_that_crashes_costs_its_cases(tmp_path):
+    shutil.copy(SOURCES / 'test/python/pendulum_peer.py', tmp_path)
+    text = """
+scene: scene.yaml
+duration: 0.2
+parameters: {stiffness: {path: constraints.rod.a.stiffness, values: [.inf, 100]}}
+methods: [auto, {name: bad, program: pendulum_peer.py, peer: pendulum crash},
+          {name: tight, program: pendulum_peer.py, peer: pendulum tight}]
+"""
+    rows = sweep(make(tmp_path, text.replace('[.inf, 100]', '[100]')), status=3)
+    assert [(row['outcome'], row['warnings']) for row in rows] == [
+        ('ok', ''), ('crashed', 'signal SIGABRT'), ('unsupported', 'scene: is not one body on a rod')]
+
+
+def test_programs_that_are_built_are_methods(tmp_path):
+    """All contestants of the engines that this build has programs of: a pendulum converges with the tick."""
+    found = peers.found_in(report_programs())
+    assert 'constraint_sim auto' in found
+    listed = ''.join(f"\n  - {{name: '{label}', peer: {label}}}" for label in found)
+    text = STUDY.replace(' [auto, {name: si, method: sequential_impulses, iterations: 20}]', listed).replace(
+        '[1, 2.5, 7]', '[1]').replace('linear: [1, 2, 3]', 'values: [1]').replace('1/100, 1/50', '1/100, 1/1000')
+    rows = sweep(make(tmp_path, text + 'reference: {run: {method: runge_kutta, tolerance: 1e-11}}\n'),
+                 '--on', 'threads', '--peers', str(report_programs()))
+    assert len(rows) == 2 * len(found) and {row['outcome'] for row in rows} == {'ok'}
+    errors = [[float(row['position_error']) for row in rows[at:at + 2]] for at in range(0, len(rows), 2)]
+    for label, (coarse, fine) in zip(found, errors):
+        # first order or better: a tenth, with a third for higher orders of the tick
+        assert fine < coarse / 7.0 or coarse < 1e-7, label
 
 
 def test_what_a_peer_cannot_express_is_told(tmp_path):

@@ -200,6 +200,10 @@ class RunReport:
     @property
     def unresolved_bodies(self) -> Set[str]: ...
     @property
+    def unclosed_joints(self) -> Set[str]: ...  # off by more than 1e-3 m, not being closed at some step
+    @property
+    def energy_rise(self) -> float: ...  # without a cause, largest of all steps [J]
+    @property
     def substeps(self) -> int: ...
     @property
     def rejected(self) -> int: ...

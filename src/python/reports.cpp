@@ -102,6 +102,11 @@ void define_run_report(py::module* module) {
       .def_readonly("methods", &RunReport::methods, "that advanced an island")
       .def_readonly("unresolved_bodies", &RunReport::unresolved_bodies,
                     "names of bodies that moved faster than a step resolves")
+      .def_readonly("unclosed_joints", &RunReport::unclosed_joints,
+                    "names of joints that were off by more than 1e-3 m, or 0.5 rad, and not being "
+                    "closed at some step")
+      .def_readonly("energy_rise", &RunReport::energy_rise,
+                    "largest rise of an island's energy without a cause [J]; 0: none")
       .def_readonly("substeps", &RunReport::substeps, "sum over all steps")
       .def_readonly("rejected", &RunReport::rejected, "rejected substeps, sum over all steps")
       .def_readonly("iterations", &RunReport::iterations, "sum over all steps")

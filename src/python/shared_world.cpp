@@ -52,9 +52,13 @@ void add(const engine::StepReport& step, const engine::World& world, RunReport* 
   report->solver_residual = std::max(report->solver_residual, step.solver_residual);
   for (std::size_t i = 0; i < engine::kMethodCount; ++i)
     if (step.islands[i] > 0) report->methods.insert(engine::name(static_cast<engine::Method>(i)));
-  if (step.unresolved_bodies == 0) return;
-  for (const engine::BodyId id : world.unresolved_bodies())
-    report->unresolved_bodies.insert(world.body(id).name);
+  report->energy_rise = std::max(report->energy_rise, step.energy_rise);
+  if (step.unresolved_bodies > 0)
+    for (const engine::BodyId id : world.unresolved_bodies())
+      report->unresolved_bodies.insert(world.body(id).name);
+  if (step.unclosed_joints > 0)
+    for (const engine::JointId id : world.unclosed_joints())
+      report->unclosed_joints.insert(world.joint(id).name);
 }
 
 void add_failure(const NamedReport& step, RunReport* report) {

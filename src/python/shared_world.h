@@ -34,13 +34,14 @@ struct RunReport {
   std::optional<std::string> failed_body;
   bool timed_out = false;  ///< `time_limit` was reached before the end
   double wall_time = 0.0;  ///< of the steps alone [s]
-  double max_constraint_error = 0.0, max_penetration = 0.0;  ///< [m]
-  double accumulated_local_error = 0.0;                      ///< [m]
-  double energy_initial = 0.0, energy_final = 0.0;           ///< [J]
-  double energy_drift = 0.0;                                 ///< after the last step [1]
-  double correction_work = 0.0, driven_work = 0.0;           ///< sums [J]
-  double solver_residual = 0.0;                              ///< over all steps [m/s]
-  std::set<std::string> methods, unresolved_bodies;          ///< by name
+  double max_constraint_error = 0.0, max_penetration = 0.0;           ///< [m]
+  double accumulated_local_error = 0.0;                               ///< [m]
+  double energy_initial = 0.0, energy_final = 0.0;                    ///< [J]
+  double energy_drift = 0.0;                                          ///< after the last step [1]
+  double correction_work = 0.0, driven_work = 0.0;                    ///< sums [J]
+  double solver_residual = 0.0;                                       ///< over all steps [m/s]
+  double energy_rise = 0.0;                                           ///< largest of all steps [J]
+  std::set<std::string> methods, unresolved_bodies, unclosed_joints;  ///< by name
   std::uint64_t substeps = 0, rejected = 0, iterations = 0, rows = 0, contacts = 0;
   std::uint64_t torn_joints = 0, changes = 0;
   std::uint32_t dependent_rows = 0;                    ///< most at once

@@ -371,6 +371,8 @@ def test_what_impulses_report():
     assert run.solver_residual == max(report.solver_residual for report in reports) > 0.0
     assert run.correction_work == sum(report.correction_work for report in reports) != 0.0
     assert run.driven_work == sum(report.driven_work for report in reports)
+    assert run.energy_rise == max(report.energy_rise for report in reports)
+    assert len(run.unclosed_joints) >= max(report.unclosed_joints for report in reports)
     last = reports[-1]
     assert last.worst_joint in chain.joint_names
     assert abs(chain.joint_state(last.worst_joint)['error']) == last.max_constraint_error

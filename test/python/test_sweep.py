@@ -345,6 +345,34 @@ def test_too_slow_and_failed_are_outcomes(tmp_path):
     assert row['warnings'] == "a body is beyond 1e20 m, m/s or rad/s: 'bob'"
 
 
+def test_what_the_runner_warns_of_is_told(tmp_path):
+    """Few sweeps over a rod with a heavy end leave errors; the runner says so with exit status 4."""
+    scene = """bodies:
+  - {name: a, mass: 1, position: [1, 0, 0]}
+  - {name: b, mass: 1000, position: [2, 0, 0]}
+constraints:
+  - {name: rod_a, body_b: a}
+  - {name: rod_b, body_a: a, body_b: b}
+"""
+    text = 'scene: scene.yaml\nduration: 2\nmethods: [auto, sequential_impulses]\ntime_steps: [0.01]\n'
+    path = make(tmp_path, text, scene)
+    good, bad = sweep(path, '--on', 'threads')
+    assert (good['outcome'], good['warnings'], good['unclosed_joints']) == ('ok', '', '0')
+    found = study.load(path)
+    scene, values = next(found.points())
+    for case, row in zip(found.cases_at(0, scene, values), (good, bad)):
+        (tmp_path / 'one.yaml').write_text(found.text_of(case))
+        done = subprocess.run([RUNNER, tmp_path / 'one.yaml', '--duration', '2', '--report', tmp_path / 'one.json'],
+                              stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        told = json.loads((tmp_path / 'one.json').read_text())
+        assert int(row['unclosed_joints']) == len(told['unclosed_joints'])
+        assert float(row['energy_rise']) == told['energy_rise']
+        assert done.returncode == (4 if row is bad else 0)
+    assert int(bad['unclosed_joints']) > 0 and 'errors of joints are not being closed' in bad['warnings']
+    assert '1 cases: errors of joints are not being closed' in (
+        path.with_suffix('.results') / 'summary.md').read_text()
+
+
 def test_memory_is_limited(tmp_path):
     """What grows without end is ended: samples of 2 MB a tick, in the memory that 100 of them need."""
     process = case_process.CaseProcess(memory=300 << 20)

@@ -150,6 +150,10 @@ def run_case(case, job, reference, wants_all):
     warnings.extend(world.warnings())
     if run.unresolved_bodies:
         warnings.append(f'{len(run.unresolved_bodies)} bodies are not resolved')
+    if run.unclosed_joints:  # what the runner warns of as well
+        warnings.append('errors of joints are not being closed')
+    if run.energy_rise > 0.0:
+        warnings.append('energy rose without a cause')
     if run.torn_joints:
         warnings.append(f'{run.torn_joints} joints broke')
     if reference.own_error > 0.1 * max(position, orientation):
@@ -165,7 +169,9 @@ def run_case(case, job, reference, wants_all):
         'energy_drift': run.energy_drift, 'energy_error': np.nan if run.timed_out
         else abs(run.energy_final - reference.energy_final) / reference.energy_scale,
         'distance': farthest(states), 'scene_size': reference.size, 'correction_work': run.correction_work,
-        'driven_work': run.driven_work, 'solver_residual': run.solver_residual, **{name: getattr(run, name) for name in SUMS},
+        'driven_work': run.driven_work, 'solver_residual': run.solver_residual,
+        **{name: getattr(run, name) for name in SUMS},
+        'energy_rise': run.energy_rise, 'unclosed_joints': len(run.unclosed_joints),
         'torn_joints': run.torn_joints, 'unresolved_bodies': len(run.unresolved_bodies),
         'methods': '+'.join(sorted(run.methods)), 'warnings': '; '.join(warnings),
     }

@@ -23,7 +23,8 @@ CHOICES = ('method', 'time_step', 'tolerance')
 MEASURES = ('position_error', 'orientation_error', 'max_constraint_error', 'max_penetration',
             'distance', 'scene_size', 'accumulated_local_error', 'energy_initial', 'energy_final', 'energy_drift',
             'energy_error', 'correction_work', 'driven_work', 'solver_residual', 'run_time', 'steps', 'substeps',
-            'rejected', 'iterations', 'rows', 'contacts', 'changes', 'torn_joints', 'unresolved_bodies')
+            'rejected', 'iterations', 'rows', 'contacts', 'changes', 'energy_rise', 'unclosed_joints',
+            'torn_joints', 'unresolved_bodies')
 MOST_CASES = 200_000  # whose table is kept in memory
 
 # time_steps, tolerances: of the method's own; None: those of the study. peer: ENGINE VARIANT, of `program` or --peers

@@ -340,20 +340,20 @@ Progress World::Impl::advance_joints(std::size_t i, Integration way, const Smoot
   IslandParts& parts = island_parts[i];
   IslandMotion& motion = motions[at(parts.motion)];
   Progress progress = motion.advance(way, span, accuracy, &states);
-  const bool is_simple = motion.is_simple();
   switch (way) {
-    case Integration::kSubsteps:
-      if (!learn_from_substeps(gradient_cost(is_simple, parts), step_count, options, &progress,
-                               &parts))
-        break;
+    case Integration::kSubsteps: {
+      // asked for only where it decides
+      const double cost = progress.is_stiff ? gradient_cost(motion.is_simple(), parts) : 0.0;
+      if (!learn_from_substeps(cost, step_count, options, &progress, &parts)) break;
       if (!progress.done) motion.begin_step(joint_states);  // forgets what it did in vain
       parts.is_to_be_asked = true;
       break;
+    }
     case Integration::kGradients: {
       const EnergyMomentum& method = motion.gradients();
       const int spans = method.was_first() ? 2 : 1;
-      learn_from_gradients(progress.iterations / spans, method.frequency(), is_simple, step_count,
-                           options, &parts);
+      learn_from_gradients(progress.iterations / spans, method.frequency(), motion.is_simple(),
+                           step_count, options, &parts);
       break;
     }
     case Integration::kInconsistent:
@@ -362,6 +362,7 @@ Progress World::Impl::advance_joints(std::size_t i, Integration way, const Smoot
   }
   return progress;
 }
+
 // within a step
 void World::Impl::carry_on_with(std::size_t i, Method method, Why why) {
   ++island_parts[i].changes;

@@ -508,9 +508,10 @@ JointCourse::JointCourse(const Joint& joint, const JointStep& span, JointState& 
     CoordinateState& coordinate = state.coordinates[i];
     coordinate.bias = 0.0;
     if (!is_held(joint.coordinates[i])) continue;
-    held_[i].motor = drive(joint.coordinates[i], span, state.expires_at, &coordinate);
-    held_[i].value = coordinate.held - joint.coordinates[i].zero;
-    is_driven_ = is_driven_ || held_[i].motor.is_moving();
+    const Motor motor = drive(joint.coordinates[i], span, state.expires_at, &coordinate);
+    held_[i] = {coordinate.held - joint.coordinates[i].zero, motor.bias, motor.amplitude,
+                motor.frequency, motor.phase};
+    is_driven_ = is_driven_ || motor.is_moving();
   }
   if (kind.coordinates > 0) state.bias = state.coordinates[0].bias;
   if (state.closing) {
@@ -540,7 +541,8 @@ Course JointCourse::target(int function, double t) const {
   Course target{offset * share.value, offset * share.rate, offset * share.acceleration};
   if (function < rows_) return target;
   const Held& held = held_[at(function - rows_)];
-  const Course moved = motor_course(held.motor, start_, t - start_);
+  const Motor motor{held.bias, held.amplitude, held.frequency, held.phase, 0.0, 0.0};
+  const Course moved = motor_course(motor, start_, t - start_);
   target.value += held.value + moved.value;
   target.rate += moved.rate;
   target.acceleration += moved.acceleration;

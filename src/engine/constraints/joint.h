@@ -99,8 +99,8 @@ class JointCourse {
  private:
   /// Of a coordinate that a motor holds.
   struct Held {
-    Motor motor;
     double value = 0.0;  // at the start
+    double bias = 0.0, amplitude = 0.0, frequency = 0.0, phase = 0.0;
   };
 
   Motor motor_;  // of a distance joint

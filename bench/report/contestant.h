@@ -47,6 +47,8 @@ class Simulation {
   /// Takes so many ticks, which end at `time` [s].
   virtual void advance(long ticks, double time) = 0;
   virtual void read(States* states) const = 0;
+  /// As YAML that this package loads; empty where the engine is another.
+  virtual std::string scene() const { return {}; }
 };
 
 /// Defined by the one file of peers/ that a program is built with.

@@ -9,6 +9,9 @@
 //                         [--repeats N] [--perturb SHARE]
 //   PROGRAM scene FILE --variant V --values TICK --duration S --sample S [--budget S]
 //                         a scene file instead of a problem: its motion
+//   PROGRAM save --problem P --variant V
+//                         the problem as a scene file, after a comment with what a study of it
+//                         needs
 //   PROGRAM ticks --problem P --variant V --values TICK --repeats N
 //                         nothing but so many ticks, in a function that valgrind finds by its name
 //
@@ -312,6 +315,21 @@ void run_scene(const Arguments& arguments) {
   }
 }
 
+/// The names of bodies are those that peers/engine.cpp gives them.
+void save_scene(const Arguments& arguments) {
+  const Problem& problem = problem_named(arguments.problem);
+  Setting setting;
+  setting.is_swept = false;
+  setting.tick = problem.sample;
+  const std::string scene =
+      Contestant::make(problem, variant_named(arguments.variant), setting)->scene();
+  if (scene.empty()) throw std::invalid_argument(Contestant::name() + " writes no scenes");
+  std::printf("# duration %.17g sample %.17g tick_scale %.17g measured", problem.duration,
+              problem.sample, problem.tick_scale);
+  for (const int body : problem.measured) std::printf(" body_%d", body);
+  std::printf("\n%s", scene.c_str());
+}
+
 /// Whose instructions valgrind counts.
 [[gnu::noinline]] void counted_ticks(Simulation* simulation, int ticks, double time) {
   simulation->advance(ticks, time);
@@ -392,6 +410,8 @@ int main(int argc, char** argv) {
       run(arguments);
     } else if (arguments.command == "scene") {
       run_scene(arguments);
+    } else if (arguments.command == "save") {
+      save_scene(arguments);
     } else if (arguments.command == "ticks") {
       take_ticks(arguments);
     } else {

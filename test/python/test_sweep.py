@@ -883,6 +883,45 @@ def test_programs_that_are_built_are_methods(tmp_path):
         assert fine < coarse / 7.0 or coarse < 1e-7, label
 
 
+def exported(part, problem, folder):
+    subprocess.run([sys.executable, SOURCES / 'bench/report/export_study.py', part, problem, '--programs',
+                    report_programs(), '--output', folder], check=True, env=ENVIRONMENT, stdout=subprocess.DEVNULL)
+    return folder / f'{problem}.yaml'
+
+
+def test_a_problem_of_the_report_is_a_study(tmp_path):
+    """Its errors against the report's own reference are those that the report measures, to the digits that it
+    prints, for each contestant of the programs that are built."""
+    path = exported('grid', 'four_bar_1', tmp_path)
+    ticks = [0.5, 0.1, 1 / 30, 1 / 60, 1 / 240, 1 / 1000]
+    assert [float(row) for row in study.load(path, peers.found_in(report_programs())).time_steps] == ticks
+    text = path.read_text()
+    path.write_text(text[:text.index('time_steps:')] + 'time_steps: [0.1, 1/60]\n' + text[text.index('outputs:'):])
+    rows = sweep(path, '--on', 'threads', '--peers', str(report_programs()))
+    found = peers.found_in(report_programs())
+    assert len(rows) == 2 * len(found) and {row['outcome'] for row in rows} == {'ok'}
+    subprocess.run([report_programs() / 'constraint_sim_report_engine', 'references', tmp_path, '--problem',
+                    'four_bar_1'], check=True, stdout=subprocess.DEVNULL)
+    measured = []
+    for peer in found.values():
+        said = subprocess.run([peer.program, 'run', tmp_path, '--problem', 'four_bar_1', '--variant', peer.variant,
+                               '--grid', '--values', '0.1', repr(1 / 60), '--budget', '10', '--repeats', '1'],
+                              check=True, text=True, stdout=subprocess.PIPE).stdout
+        measured += [float(line.split(',')[8]) for line in said.splitlines() if line.startswith('four_bar_1')]
+    # the scene's numbers may be off by 4 ulp, which a loop at singular positions amplifies
+    assert [float(row['position_error']) for row in rows] == pytest.approx(measured, rel=6e-3, abs=1e-9)
+
+
+def test_a_diagram_of_the_report_is_a_study(tmp_path, capsys):
+    path = exported('diagrams', 'heavy_chain_1e3', tmp_path)
+    found = study.load(path, peers.found_in(report_programs()))
+    assert found.bodies == ['body_10'] and found.duration == 5.0 and list(found.reference) == ['csv']
+    assert command.main([str(path), '--check', '--peers', str(report_programs())]) == 0
+    assert capsys.readouterr().out.startswith(f'{found.count()} cases in 1 groups, 5 rounds, program ')
+    with pytest.raises(subprocess.CalledProcessError):
+        exported('grid', 'none', tmp_path)
+
+
 def test_what_a_peer_cannot_express_is_told(tmp_path):
     text = """
 scene: scene.yaml

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "../contestant.h"
+#include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/world.h"
 
 namespace constraint_sim::report {
@@ -84,6 +85,8 @@ class EngineSimulation : public Simulation {
     for (long i = 0; i < ticks; ++i)
       if (world_.step().failed) throw Refused("the engine says that the step failed");
   }
+
+  std::string scene() const override { return engine::save_scene(world_); }
 
   void read(States* states) const override {
     states->clear();

@@ -16,8 +16,8 @@ import numpy as np
 import pytest
 
 from constraint_sim import engine
-from constraint_sim.sweep import (case_process, command, executors, expressions, figures, peers, progress,
-                                  report, scene_template, store, study, tables)
+from constraint_sim.sweep import (case_process, command, executors, expressions, figures, pages, peers,
+                                  progress, report, scene_template, store, study, tables)
 from constraint_sim.sweep.program import identity
 from support import ENVIRONMENT, RUNNER, SCENES, SOURCES
 
@@ -561,6 +561,16 @@ def test_a_worker_of_another_program_gives_nothing():
 
 
 # ---- pages
+
+def test_times_of_different_machines_are_not_compared():
+    """The diagram takes those of the machine that ran most; a page of a scene says that there are several."""
+    row = {'scene': 's', 'method': 'auto', 'tolerance': None, 'outcome': 'ok', 'position_error': 1e-3}
+    table = [{**row, 'time_step': 0.01, 'run_time': 1.0, 'worker': 'one'},
+             {**row, 'time_step': 0.02, 'run_time': 0.5, 'worker': 'one'},
+             {**row, 'time_step': 0.03, 'run_time': 0.1, 'worker': 'two'}]
+    assert pages.work_precision(table) == ({('s', 'auto'): [(0.5, 1e-3), (1.0, 1e-3)]}, 2)
+    assert pages.work_precision(table[:2])[1] == 1
+
 
 def test_pages_and_limits(tmp_path, capsys):
     path = make(tmp_path, STUDY + """

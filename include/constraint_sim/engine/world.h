@@ -70,16 +70,16 @@ class World {
   /// Pose [m] and twist [m/s, rad/s] of the body now, world frame.
   const BodyState& state(BodyId id) const;
   /// Places the body there, at that twist (world frame), and lets its joints close what they are
-  /// then off by; throws for numbers that are not finite, for the world itself, for a static body
-  /// that is to move, and where axes of a joint would be more than 1e-6 rad farther off than now.
+  /// then off by; throws for numbers that are not finite, for the world itself, and for a static
+  /// body that is to move.
   void set_state(BodyId id, const BodyState& state);
 
   // ---- joints
 
   /// Adds a joint and returns its id. A rigid distance joint of length zero, given or measured, is
   /// added as a ball joint; a broken joint does not act. Throws for settings out of range, for a
-  /// name that another joint has, for ends that are one body or not dynamic, for anchors or axes on
-  /// a point mass without inertia, and for axes more than 1e-6 rad off unless it is broken.
+  /// name that another joint has, for ends that are one body or not dynamic, and for anchors or
+  /// axes on a point mass without inertia.
   JointId add_joint(const Joint& joint, bool broken = false);
   /// Removes the joint.
   void remove_joint(JointId id);
@@ -118,8 +118,7 @@ class World {
   /// Replaces all that acts on the coordinate. Without a `position` it reads on as it did; a motor
   /// that was there keeps its timeout. Throws for settings out of range.
   void set_law(JointId id, int coordinate, const CoordinateLaw& law);
-  /// Breaks the joint, or repairs it: an error that it then has is closed. Throws where axes of a
-  /// joint that is repaired are more than 1e-6 rad off.
+  /// Breaks the joint, or repairs it: an error that it then has is closed.
   void set_broken(JointId id, bool broken);
 
   // ---- wrenches
@@ -167,8 +166,7 @@ class World {
   /// travel, broken or whole; timeouts count from now. Adds and removes no body and no joint,
   /// clears wrenches, keeps options, and lets time go on; a motor's sinusoid stays one of simulated
   /// time. set_time(0, 0) afterwards makes the motion that of a new world, bit for bit. A joint
-  /// with axes that was added after its bodies had rotated has its orientation closed; throws where
-  /// it would be off by more than 0.5 rad.
+  /// that was added later, and that its bodies then do not fit, is closed.
   void reset();
   /// Continues from this simulated time [s] and step; timeouts and wrenches move along. Throws for
   /// a time that is not finite, or to which adding a tick changes nothing.

@@ -168,5 +168,34 @@ TEST(ClosingFrame, GoesHomeOnFixedBodiesWhileAMotorRuns) {
   }
 }
 
+// A coordinate that a motor holds is that of the moving frame, so a world loaded meanwhile closes
+// what is left in the time that is left, and does not begin anew.
+TEST(ClosingFrame, GoesOnFromWhatWasSavedWhileAMotorRuns) {
+  for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
+    WorldOptions chosen = options(0.01);
+    chosen.method = method;
+    World world(chosen);
+    Body bar = make_body("bar", Box{{1.0, 0.1, 0.1}}, 1.0, {0.1, 0.05, 0.1});
+    bar.state.orientation = Eigen::AngleAxisd(1.0, Vector3d::UnitX());
+    bar.no_collision = true;
+    Joint joint = make_joint("joint", kWorldBody, Vector3d::Zero(), world.add_body(bar),
+                             {-0.1, 0.0, 0.0}, JointKind::kCylindrical);
+    joint.frame_b = Quaterniond::Identity();
+    joint.coordinates[0].motor.emplace();
+    joint.coordinates[0].motor->bias = 0.5;
+    const JointId id = world.add_joint(joint);
+    for (int i = 0; i < 20; ++i) world.step();
+    ASSERT_TRUE(world.joint_state(id).closing);
+    World loaded = load_scene(save_scene(world), "saved");
+    for (int i = 0; i < 20; ++i) {
+      world.step();
+      loaded.step();
+    }
+    EXPECT_EQ(loaded.joint_state(loaded.joint_ids().front()).closing_since, 0.0) << name(method);
+    for (const BodyId body : world.body_ids())
+      EXPECT_LE((world.state(body).position - loaded.state(body).position).norm(), 1e-7);
+  }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

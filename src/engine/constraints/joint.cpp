@@ -560,22 +560,32 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   if (joint.kind == JointKind::kDistance)
     return std::abs(state.error - share * state.initial_error) <= kFits;
   const JointKindInfo& kind = info(joint.kind);
+  // with the frame on B where it is by now, of which the home frame's coordinates tell little
+  const JointVectors vectors(joint, a, b, frame_in(joint, step, state, false));
   if (kind.alignment != Alignment::kFree) {
-    const JointVectors vectors(joint, a, b, frame_in(joint, step, state, false));
     Eigen::Vector3d open = Eigen::Vector3d::Zero();
     for (int k = 0; k < kind.separation_rows; ++k) open[k] = value(kind.row[at(k)], vectors);
     const double angle = misalignment(kind.alignment, vectors).norm();
     if (!(std::max(open.norm(), state.radius * angle) <= kFits)) return false;
   }
   // may be off by this, but not elsewhere
-  const RowVector off = row_errors(joint, a, b, state) - share * state.closing_offset;
+  const RowVector allowed = share * state.closing_offset;
   for (int i = 0; i < kind.coordinates; ++i) {
-    const double metres = kind.coordinate[at(i)].is_angle ? state.radius : 1.0;
-    if (!(metres * std::abs(off[kind.rows + i]) <= kFits)) return false;
+    const CoordinateLaw& law = joint.coordinates[at(i)];
+    if (!is_held(law)) continue;
+    const ScalarForm& form = kind.coordinate[at(i)];
+    const CoordinateState& coordinate = state.coordinates[at(i)];
+    const double q = reading(form, value(form, vectors), law.zero, coordinate.position);
+    const double metres = form.is_angle ? state.radius : 1.0;
+    if (!(metres * std::abs(q - coordinate.held - allowed[kind.rows + i]) <= kFits)) return false;
   }
+  if (kind.alignment != Alignment::kFree) return true;
   double square = 0.0;
-  for (int k = 0; k < kind.rows; ++k) square += off[k] * off[k];
-  return kind.alignment != Alignment::kFree || square <= kFits * kFits;
+  for (int k = 0; k < kind.rows; ++k) {
+    const double off = value(kind.row[at(k)], vectors) - allowed[k];
+    square += off * off;
+  }
+  return square <= kFits * kFits;
 }
 
 void finish_span(const Joint& joint, const JointStep& span, JointState& state) {

@@ -141,9 +141,10 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
     for (const int j : changing_courses)
       if (is_integrated(at(j)))
         courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
-    const SmoothSpan continued{t,       span.h,       options.gravity, loads,
-                               courses, is_disturbed, k > 0,           stop};
-    const SmoothSpan fresh{t, span.h, options.gravity, loads, courses, true, true, stop};
+    const double since = t - tick.start;
+    const SmoothSpan continued{t,    span.h, options.gravity, loads, courses, is_disturbed, k > 0,
+                               stop, since};
+    const SmoothSpan fresh{t, span.h, options.gravity, loads, courses, true, true, stop, since};
     workers.run(threads_worth_it(smooth), smooth.size(), [&](std::size_t s) {
       const std::size_t i = at(smooth[s]);
       if (!island_parts[i].has_failed)

@@ -105,6 +105,32 @@ TEST(AngleMotor, IsExactAndCountsTurns) {
   }
 }
 
+// The rate jumps while the sinusoid goes on: the bodies get an impulse then, and not what a
+// projection of where they would have come to makes of it. The tick divides nothing here.
+TEST(AngleMotor, EndsInTimeWhileItsSinusoidGoesOn) {
+  const auto end = [](Method method, double h) {
+    CoordinateLaw law = driven(2.0, 1.0, 1.5);
+    law.motor->timeout = 0.155;
+    Bar bar(method, h, law, 0.0, kGravity);
+    Body hung = make_body("hung", Box{{0.2, 0.6, 0.1}}, 1.0, {1.0, -0.3, 0.0});
+    hung.no_collision = true;
+    const BodyId last = bar.world.add_body(hung);
+    bar.world.add_joint(
+        make_joint("ball", bar.body, {kArm, 0.0, 0.0}, last, {0.0, 0.3, 0.0}, JointKind::kBall));
+    const int steps = static_cast<int>(std::lround(0.4 / h));
+    for (int i = 0; i < steps; ++i) {
+      EXPECT_FALSE(bar.world.step().failed);
+      EXPECT_LE(bar.world.report().max_constraint_error, 1e-12) << name(method) << h;
+    }
+    EXPECT_NEAR(bar.angle().position, 0.31 + (1.0 - std::cos(3.0 * kPi * 0.4)) / (3.0 * kPi),
+                1e-12);
+    return bar.world.state(last).position;
+  };
+  const Vector3d exact = end(Method::kRungeKutta, 0.001);
+  EXPECT_LE((end(Method::kRungeKutta, 0.1) - exact).norm(), 1e-8);
+  EXPECT_LE((end(Method::kEnergyMomentum, 0.002) - exact).norm(), 1e-6);
+}
+
 // sequential_impulses: first order by its closing of a share of the error.
 TEST(AngleMotor, IsFollowedByImpulses) {
   Bar bar(Method::kSequentialImpulses, 0.001, driven(3.0));

@@ -1,6 +1,7 @@
-// Random mechanisms of joints of all kinds, with loops, spare joints, springs, four decades of mass
-// and a base that moves: joints are kept, and the motion is the same by each method, far from the
-// origin, turned, added in another order, and after it was saved and loaded.
+// Random mechanisms of joints of all kinds, with loops, spare joints, springs, four decades of
+// mass, a base that moves, laws on free coordinates, and joints added open: joints are kept, and
+// the motion is the same by each method, far from the origin, turned, added in another order, and
+// after it was saved and loaded. What cannot be kept is told.
 
 #include "constraint_sim/engine/scene.h"
 #include "random_joints.h"
@@ -31,7 +32,112 @@ int below(int n, Random* random) {
   return std::min(n - 1, static_cast<int>(n * 0.5 * ((*random)() + 1.0)));
 }
 
-Mechanism make_mechanism(int seed) {
+double between(double low, double high, Random* random) {
+  return low + 0.5 * ((*random)() + 1.0) * (high - low);
+}
+
+/// By velocity until its time is over, or to a position.
+CoordinateMotor rigid_motor(Random* random) {
+  CoordinateMotor motor;
+  if (below(2, random) == 0) {
+    motor.position = (*random)();
+    return motor;
+  }
+  motor.bias = 2.0 * (*random)();
+  motor.amplitude = (*random)();
+  motor.frequency = between(0.0, 3.0, random);
+  motor.phase = (*random)();
+  if (below(2, random) == 0) motor.timeout = between(0.03, 0.2, random);
+  return motor;
+}
+
+CoordinateMotor soft_motor(Random* random) {
+  CoordinateMotor motor;
+  if (below(2, random) == 0) {
+    motor.force = 3.0 * (*random)();
+    return motor;
+  }
+  motor.position = (*random)();
+  if (below(2, random) == 0) {
+    motor.servo_frequency = between(0.1, 3.0, random);
+    motor.servo_damping_ratio = between(0.0, 2.0, random);
+  } else {
+    motor.servo_stiffness = between(0.1, 50.0, random);
+    motor.servo_damping = between(0.0, 2.0, random);
+  }
+  return motor;
+}
+
+/// Springs, dampers, forces and servos.
+CoordinateLaw soft_law(Random* random) {
+  CoordinateLaw law;
+  if (below(2, random) == 0) law.position = (*random)();
+  law.rest = (*random)();
+  switch (below(4, random)) {
+    case 0:
+      law.frequency = between(0.1, 3.0, random);
+      law.damping_ratio = between(0.0, 2.0, random);
+      break;
+    case 1:
+      law.stiffness = between(0.1, 50.0, random);
+      law.damping = between(0.0, 2.0, random);
+      break;
+    case 2:
+      law.damping = between(0.0, 2.0, random);
+      break;
+    default:
+      break;
+  }
+  if (below(2, random) == 0) law.motor = soft_motor(random);
+  return law;
+}
+
+/// Limits, friction, and motors that hold up to a force.
+CoordinateLaw one_sided_law(Random* random) {
+  CoordinateLaw law = soft_law(random);
+  law.position = (*random)();
+  if (below(2, random) == 0) law.lower = *law.position - between(0.0, 0.5, random);
+  if (below(2, random) == 0) law.upper = *law.position + between(0.01, 0.5, random);
+  if (law.is_limited()) law.limit_restitution = std::max(0.0, (*random)());
+  if (below(2, random) == 0) law.friction = between(0.0, 2.0, random);
+  if (below(2, random) == 0) law.motor = rigid_motor(random);
+  if (law.motor && below(2, random) == 0) law.motor->max_force = between(0.1, 10.0, random);
+  return law;
+}
+
+/// Moves body B to where the joint is open by decimetres, and by any angle where it keeps axes; at
+/// the same velocity.
+void open(const Joint& joint, Random* random, BodyState* b) {
+  const Vector3d p = b->position + b->orientation * joint.anchor_b;
+  if (info(joint.kind).alignment != Alignment::kFree) {
+    const double angle = joint.kind == JointKind::kUniversal ? 1.5 : 3.0;
+    b->orientation = Quaterniond(Eigen::AngleAxisd(angle * (*random)(),
+                                                   random->orientation() * Vector3d::UnitZ())) *
+                     b->orientation;
+  }
+  b->position = p + 0.1 * random->vector() - b->orientation * joint.anchor_b;
+}
+
+enum class Laws { kNone, kSoft, kMotors, kOneSided };
+
+void add_laws(Laws laws, Random* random, Joint* joint) {
+  for (int i = 0; i < coordinates(joint->kind); ++i) {
+    CoordinateLaw& law = joint->coordinates[static_cast<std::size_t>(i)];
+    if (below(3, random) == 0) continue;
+    law = laws == Laws::kOneSided ? one_sided_law(random) : soft_law(random);
+    if (laws == Laws::kMotors && below(2, random) == 0) law.motor = rigid_motor(random);
+  }
+}
+
+/// What there is beside joints that fit. Motors that hold what they hold with any force, and joints
+/// that are open, are told apart, since loops have no place for them.
+struct Extras {
+  Laws laws = Laws::kNone;
+  bool is_open = false;  ///< joints are added open
+  bool has_loops = true;
+};
+
+Mechanism make_mechanism(int seed, const Extras& extras = {}) {
   Random random;
   for (int i = 0; i < 97 * seed; ++i) random();
   Mechanism made;
@@ -63,10 +169,13 @@ Mechanism make_mechanism(int seed) {
       joint.anchor_b *= 0.5;
       body.state = attached(joint, parent < 0 ? BodyState{} : made.state(parent), &random);
       if (kind == JointKind::kDistance && below(2, &random) == 0) joint.distance.stiffness = 50.0;
+      if (extras.laws != Laws::kNone) add_laws(extras.laws, &random, &joint);
+      if (extras.is_open && below(2, &random) == 0) open(joint, &random, &body.state);
       add(joint, parent, static_cast<int>(made.bodies.size()));
     }
     made.bodies.push_back(body);
   }
+  if (!extras.has_loops) return made;
   // loops, met as the bodies lie, and joints once more
   for (int i = 0; i < seed % 4; ++i) {
     const int a = first + below(5, &random), b = first + below(5, &random);
@@ -77,6 +186,7 @@ Mechanism make_mechanism(int seed) {
     joint.frame_b = of_b.orientation.conjugate() * of_a.orientation * joint.frame_a *
                     home(info(kind).alignment);
     const Vector3d p = of_b.position + of_b.orientation * (0.4 * random.vector());
+    if (extras.laws != Laws::kNone) add_laws(extras.laws, &random, &joint);
     const Vector3d off = kind == JointKind::kDistance ? Vector3d(0.5, 0.2, 0.3) : Vector3d::Zero();
     joint.anchor_a = of_a.orientation.conjugate() * (p - of_a.position);
     joint.anchor_b = of_b.orientation.conjugate() * (p + off - of_b.position);
@@ -138,7 +248,7 @@ void run(World* world, const std::string& what) {
       size = std::max(size, world->state(id).position.cwiseAbs().maxCoeff());
     for (const JointId id : world->joint_ids()) {
       const JointState& state = world->joint_state(id);
-      if (world->joint(id).distance.stiffness > 0.0) continue;
+      if (world->joint(id).distance.stiffness > 0.0 || state.closing) continue;
       ASSERT_LE(std::abs(state.error), 1e-11 + 1e-12 * size)
           << what << " " << name(world->joint(id).kind) << " step " << i;
       ASSERT_LE(state.angle_error, 1e-9) << what << " " << name(world->joint(id).kind);
@@ -198,9 +308,30 @@ TEST_P(RandomMechanism, MovesAlikeByGradients) {
   EXPECT_LE(difference(world, other), 1e-5);
 }
 
+// Motors, forces and springs make more of an error than gravity does.
+TEST_P(RandomMechanism, MovesAlikeWithLaws) {
+  for (const Extras& extras :
+       {Extras{Laws::kSoft}, {Laws::kMotors, false, false}, {Laws::kMotors, true, false}}) {
+    const Mechanism mechanism = make_mechanism(GetParam(), extras);
+    World world = make_world(mechanism, Method::kRungeKutta, 0.01);
+    World other = make_world(mechanism, Method::kRungeKutta, 0.1);
+    World reversed = make_world(mechanism, Method::kRungeKutta, 0.01, true);
+    run(&world, "as it is");
+    run(&other, "tick 0.1");
+    run(&reversed, "reversed");
+    if (HasFatalFailure()) return;
+    EXPECT_LE(difference(world, other), 1e-6);
+    EXPECT_LE(difference(world, reversed), 1e-6);
+  }
+}
+
 TEST_P(RandomMechanism, GoesOnFromWhatWasSaved) {
-  for (const Method method : {Method::kAuto, Method::kSequentialImpulses}) {
-    World world = make_world(make_mechanism(GetParam()), method, 0.01);
+  for (const auto& [method, extras] :
+       {std::pair(Method::kAuto, Extras{}),
+        {Method::kSequentialImpulses, Extras{}},
+        {Method::kAuto, Extras{Laws::kMotors, true, false}},
+        {Method::kSequentialImpulses, Extras{Laws::kOneSided, true, true}}}) {
+    World world = make_world(make_mechanism(GetParam(), extras), method, 0.01);
     for (int i = 0; i < 10; ++i) world.step();
     World loaded = load_scene(save_scene(world), "saved");
     EXPECT_EQ(save_scene(loaded), save_scene(world));

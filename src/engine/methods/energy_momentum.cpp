@@ -63,7 +63,7 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, const Accuracy& accurac
   bool is_new = !has_started_ || span.is_edited || mode != mode_;
   mode_ = mode;
   stop_ = span.stop;
-  equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
+  equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   was_first_ = is_new = is_new || equations->has_jumped();
   if (is_new) {
     has_started_ = start(span, equations, states, &progress);

@@ -17,6 +17,7 @@ using Vector = Eigen::Map<Vector3d>;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr std::size_t kMostStages = DormandPrince8::kStages + 1;
+constexpr double kRateJump = 1e-9;  // of a rate: less is rounding of a sinusoid's phase
 
 // Rows are left out whose pivot falls below these shares of their diagonal entry: of forces, and of
 // both projections. Near a singular pose, passed at speed v with an error ε and an acceleration a
@@ -78,6 +79,7 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
   for (auto* list : {&is_redundant_, &is_needed_, &is_verified_}) list->assign(rows_.size(), 0);
   for (auto* list : {&imbalance_, &redundant_off_}) list->assign(rows_.size(), 0.0);
   couple_rows();
+  find_branches();
 
   if (is_chain_) tridiagonal_.resize(rows_.size());
   if (is_chain_of_bodies_) mirror_chain();
@@ -137,7 +139,7 @@ void EquationsOfMotion::store(const double* y, std::vector<BodyState>* states) {
 
 void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
                               const Vector3d& gravity, const std::vector<Load>& loads,
-                              const std::vector<JointCourse>& courses) {
+                              const std::vector<JointCourse>& courses, double since_tick) {
   std::fill_n(load_acceleration_.begin(), bodies_.size(), gravity);
   for (Vector3d& torque : load_torque_) torque.setZero();
   for (const Load& load : loads) {
@@ -148,7 +150,7 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
     if (turns(i)) load_torque_[i] += load.torque;
   }
 
-  start_time_ = t;
+  tick_start_ = t - since_tick;
   fixed_points_move_ = false;
   for (FixedPoint& point : fixed_points_) {
     point.start = states[at(point.body)];
@@ -157,7 +159,7 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
   }
   fixed_scale_ = 0.0;
 
-  has_jumped_ = false;
+  has_jumped_ = rates_jump(t, courses);
   courses_.clear();
   std::fill(rate_target_.begin(), rate_target_.end(), 0.0);
   std::fill(acceleration_target_.begin(), acceleration_target_.end(), 0.0);
@@ -190,6 +192,24 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
   place_fixed_points(t);
   for (std::size_t p = bodies_.size(); p < position_.size(); ++p)
     fixed_scale_ = std::max(fixed_scale_, position_[p].cwiseAbs().maxCoeff());
+}
+
+// Whether a motor asks for another rate from t on than until then, since its time is over or it was
+// set anew while another one, or a sinusoid, goes on.
+bool EquationsOfMotion::rates_jump(double t, const std::vector<JointCourse>& courses) const {
+  const auto differ = [](double a, double b) {
+    return std::abs(a - b) > kRateJump * std::max(std::abs(a), std::abs(b));
+  };
+  for (const auto& [l, before] : courses_) {
+    const JointCourse& now = courses[at(joints_[l])];
+    if (!is_by_offset(l) && differ(before.length(t).rate, now.length(t).rate)) return true;
+    if (!is_general(l)) continue;
+    for (std::size_t k = 0; k < rows_of(l); ++k) {
+      const int function = links_[l].function[k];
+      if (differ(before.target(function, t).rate, now.target(function, t).rate)) return true;
+    }
+  }
+  return false;
 }
 
 double EquationsOfMotion::largest_coordinate(const double* y) const {
@@ -467,7 +487,7 @@ void EquationsOfMotion::place_fixed_points(double t) {
   for (std::size_t i = 0; i < fixed_points_.size(); ++i) {
     const FixedPoint& point = fixed_points_[i];
     const std::size_t p = bodies_.size() + i;
-    const double since = t - start_time_;
+    const double since = t - tick_start_;
     const Vector3d& w = point.start.angular_velocity;
     const Quaterniond turned = rotation(since * w) * point.start.orientation;
     const Vector3d arm = turned * point.anchor;

@@ -163,12 +163,14 @@ class EquationsOfMotion {
 
   void load(const std::vector<BodyState>& states, double* y) const;
   void store(const double* y, std::vector<BodyState>* states);
-  /// Sets what acts from time t on; `courses` are those of all joints of the world.
+  /// Sets what acts from time t on; `courses` are those of all joints of the world. `since_tick`:
+  /// from the tick's start, where bodies that move by themselves still are in `states` [s].
   void begin(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
-             const std::vector<Load>& loads, const std::vector<JointCourse>& courses);
+             const std::vector<Load>& loads, const std::vector<JointCourse>& courses,
+             double since_tick = 0.0);
   /// Whether what begin() sets goes on changing.
   bool varies() const { return !courses_.empty() || fixed_points_move_; }
-  /// Whether the last begin() found a course that had ended, or one that was new.
+  /// Whether the last begin() found a course that had ended, one that was new, or another rate.
   bool has_jumped() const { return has_jumped_; }
   /// Whether y already moves as the joints ask at t, or has to be started.
   bool keeps_pace(double t, const double* y) {
@@ -274,7 +276,7 @@ class EquationsOfMotion {
     int body;
     Eigen::Vector3d anchor;
     bool has_axes;
-    BodyState start;  // of the body at `start_time_`
+    BodyState start;  // of the body at `tick_start_`
     // against the body, while the frame of a joint moves
     Eigen::Vector3d anchor_rate = Eigen::Vector3d::Zero();
     Eigen::Vector3d anchor_acceleration = Eigen::Vector3d::Zero();
@@ -341,6 +343,7 @@ class EquationsOfMotion {
     return true;
   }
 
+  bool rates_jump(double t, const std::vector<JointCourse>& courses) const;
   double largest_coordinate(const double* y) const;
   Eigen::Vector3d d_dot(std::size_t l) const;
   Eigen::Vector3d gamma_d(std::size_t l) const;
@@ -350,6 +353,7 @@ class EquationsOfMotion {
   bool moves_as_asked();
 
   // ---- rows that follow from others (redundant_rows.cpp)
+  void find_branches();
   bool meet(double t, double* y);
   int choose_rows(double t, const double* y);
   Eigen::MatrixXd dense_matrix();
@@ -357,9 +361,9 @@ class EquationsOfMotion {
   double self_stress_imbalance(std::size_t row);
   double redundant_self_stress() const;
   void set_redundant(const std::vector<char>& redundant);
-  double offset_of(std::size_t l, const JointCourse& course) const;
+  double offset_of(std::size_t l, const JointCourse& course, bool with_motors) const;
   double closing_arm(std::size_t l) const;
-  double opening() const;
+  double opening(bool with_motors) const;
   double closing_curvature() const;
   bool is_closing() const;
   bool limit_redundant_rows();
@@ -412,7 +416,7 @@ class EquationsOfMotion {
   std::vector<ChainPair> pairs_;  // of a chain of bodies, from its ends to the middle
 
   // ---- what acts in this span
-  double start_time_ = 0.0;
+  double tick_start_ = 0.0;
   bool fixed_points_move_ = false;
   bool has_jumped_ = false;
   double fixed_scale_ = 0.0;  // largest coordinate of fixed points, or length [m]
@@ -443,6 +447,7 @@ class EquationsOfMotion {
   std::size_t kept_ = 0;               // rows that have a force
   bool has_chosen_ = false;            // which rows are redundant
   std::vector<char> is_redundant_;     // rows
+  std::vector<char> is_of_branch_;     // rows that no loop of joints goes through
   std::vector<char> is_needed_;        // rows that were redundant once, and should not have been
   std::vector<char> is_verified_;      // rows left out, whose forces balance those of others
   std::vector<double> imbalance_;      // of the forces of redundant rows, when they were chosen

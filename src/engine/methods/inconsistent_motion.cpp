@@ -146,7 +146,7 @@ Progress InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* 
                                      std::vector<BodyState>* states) {
   Progress progress;
   equations_ = equations;
-  equations->begin(span.t, *states, span.gravity, span.loads, span.courses);
+  equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   load(*states);
   ask(span.t, equations, &end_);
   rows_.measure(end_, &at_end_);

@@ -25,6 +25,7 @@ struct SmoothSpan {
   bool is_disturbed;                        ///< something may have jumped since the last span
   bool is_edited;                           ///< also positions or velocities may have
   StopFlag stop = nullptr;
+  double since_tick = 0.0;  ///< from the tick's start, where bodies that move by themselves are [s]
 };
 
 /// What is asked of implicit steps.

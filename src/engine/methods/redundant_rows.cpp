@@ -10,6 +10,7 @@
 // the metric M⁻¹, free of units), verified by their self-stress, and watched as the bodies move.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -67,6 +68,36 @@ void EquationsOfMotion::forget_redundant_rows() {
 
 // ---- the choice
 
+// Finds the rows of branches, which no loop of joints goes through: nothing else holds what they
+// hold, so they are never redundant. What does not move is one body.
+void EquationsOfMotion::find_branches() {
+  const std::size_t ground = bodies_.size();
+  std::vector<std::size_t> degree(ground + 1, 0), of_links(ground + 1, 0);  // their indices, by xor
+  const auto ends = [&](std::size_t l) {
+    return std::array<std::size_t, 2>{std::min(links_[l].a, ground), std::min(links_[l].b, ground)};
+  };
+  for (std::size_t l = 0; l < first_spring_; ++l) {
+    for (const std::size_t end : ends(l)) {
+      ++degree[end];
+      of_links[end] ^= l;
+    }
+  }
+  is_of_branch_.assign(rows_.size(), 0);
+  for (std::size_t leaf = 0; leaf <= ground; ++leaf) {
+    for (std::size_t node = leaf; degree[node] == 1;) {
+      const std::size_t l = of_links[node];
+      const auto [a, b] = ends(l);
+      const std::size_t first = is_rod(l) ? l : first_row(l);
+      for (std::size_t k = 0; k < rows_of(l); ++k) is_of_branch_[first + k] = 1;
+      for (const std::size_t end : {a, b}) {
+        --degree[end];
+        of_links[end] ^= l;
+      }
+      node = node == a ? b : a;
+    }
+  }
+}
+
 // Finds the redundant rows at this pose. Returns how many rows depend on others and are not
 // redundant.
 int EquationsOfMotion::choose_rows(double t, const double* y) {
@@ -79,7 +110,7 @@ int EquationsOfMotion::choose_rows(double t, const double* y) {
   if (rows_.empty()) return 0;
   // Joints that are being closed depend on each other only to the angle they are open by, and
   // lengths with few digits to as few, in some poses worse than in others.
-  double tolerance = std::clamp(kOpenShare * opening(), kSelfStress, kMostSelfStress);
+  double tolerance = std::clamp(kOpenShare * opening(false), kSelfStress, kMostSelfStress);
   if (redundant_rows() > 0) tolerance = std::max(tolerance, redundant_self_stress());
   const double least = std::max(kLeastPivot, tolerance * tolerance);
   find_matrix();
@@ -87,7 +118,7 @@ int EquationsOfMotion::choose_rows(double t, const double* y) {
 
   std::vector<char> redundant = independent_rows(least);
   for (std::size_t i = 0; i < rows_.size(); ++i)
-    redundant[i] = !redundant[i] && !is_needed_[i] ? 1 : 0;
+    redundant[i] = !redundant[i] && !is_needed_[i] && !is_of_branch_[i] ? 1 : 0;
   set_redundant(redundant);
   find_matrix();
   ldlt_.factor(kRoundOffPivot);
@@ -133,8 +164,12 @@ Eigen::MatrixXd EquationsOfMotion::dense_matrix() {
 
 std::vector<char> EquationsOfMotion::independent_rows(double least) {
   std::vector<char> was_kept(rows_.size());
-  for (std::size_t i = 0; i < rows_.size(); ++i) was_kept[i] = is_redundant_[i] ? 0 : 1;
-  return choose_independent_rows(dense_matrix(), was_kept, is_needed_, least).is_kept;
+  std::vector<char> is_needed = is_of_branch_;
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    was_kept[i] = is_redundant_[i] ? 0 : 1;
+    is_needed[i] = is_needed[i] || is_needed_[i] ? 1 : 0;
+  }
+  return choose_independent_rows(dense_matrix(), was_kept, is_needed, least).is_kept;
 }
 
 // What is left at the bodies of the self-stress of a row that has no force in the factors that are
@@ -195,15 +230,18 @@ void EquationsOfMotion::set_redundant(const std::vector<char>& redundant) {
 
 // ---- the watch
 
-// What a joint was open by when it began to be closed [m].
-double EquationsOfMotion::offset_of(std::size_t l, const JointCourse& course) const {
+// What a joint was open by when it began to be closed [m]; with what its motors were off by, or
+// without.
+double EquationsOfMotion::offset_of(std::size_t l, const JointCourse& course,
+                                    bool with_motors) const {
   if (!is_general(l)) return course.offset().norm();
   RowVector offset = RowVector::Zero();
   const auto [shift, turn] = course.opening();
   const double by_frame = course.moves_frame() ? std::hypot(shift, links_[l].radius * turn) : 0.0;
   for (std::size_t k = 0; k < rows_of(l); ++k)
-    offset[static_cast<Eigen::Index>(k)] =
-        course.offset()[links_[l].function[k]] / row_length(first_row(l) + k);
+    if (with_motors || links_[l].function[k] < info(links_[l].kind).rows)
+      offset[static_cast<Eigen::Index>(k)] =
+          course.offset()[links_[l].function[k]] / row_length(first_row(l) + k);
   return std::hypot(offset.norm(), by_frame);
 }
 
@@ -213,12 +251,14 @@ double EquationsOfMotion::closing_arm(std::size_t l) const {
   return std::max({arm_a_[l].norm(), arm_b_[l].norm(), links_[l].radius});
 }
 
-// Largest opening of a joint that is being closed, as an angle [rad].
-double EquationsOfMotion::opening() const {
+// Largest opening of a joint that is being closed, as an angle [rad]. Motors on their way to a
+// position leave the other rows met, so that what depends on what is known to rounding.
+double EquationsOfMotion::opening(bool with_motors) const {
   double angle = 0.0;
   for (const auto& [l, course] : courses_) {
     if (!course.is_closing()) continue;
-    const double open = std::abs(course.share_to_close(time_).value) * offset_of(l, course);
+    const double open =
+        std::abs(course.share_to_close(time_).value) * offset_of(l, course, with_motors);
     const double arm = closing_arm(l);
     if (arm > 0.0) angle = std::max(angle, open / arm);
   }
@@ -232,7 +272,7 @@ double EquationsOfMotion::closing_curvature() const {
   for (const auto& [l, course] : courses_) {
     if (!course.is_closing()) continue;
     const double arm = closing_arm(l);
-    const double open = offset_of(l, course);
+    const double open = offset_of(l, course, true);
     if (arm > 0.0) largest = std::max(largest, std::min(kOpenShare * open * open / arm, open));
   }
   return largest;
@@ -304,7 +344,7 @@ bool EquationsOfMotion::restore_redundant_if_off() {
 bool EquationsOfMotion::redundant_rates_are_met() {
   if (left_out_ > 0 || ldlt_.smallest_pivot() < kRatesKnown) return true;
   const bool closes = is_closing();
-  const double open = kOpenRates * opening();
+  const double open = kOpenRates * opening(true);
   const double speed = largest_speed();
   const double rounding = 16.0 * std::numeric_limits<double>::epsilon() * scale_;
   std::vector<char> redundant;  // once one is not met

@@ -93,7 +93,8 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
   double projected = 0.0;
   if (!has_started_) equations_.load(*states, y);
   const bool begins = !has_started_ || equations_.varies();
-  if (begins) equations_.begin(span.t, *states, span.gravity, span.loads, span.courses);
+  if (begins)
+    equations_.begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   const bool has_jumped = begins && equations_.has_jumped();  // once, not in all spans that follow
   if (!has_started_ || has_jumped || !equations_.keeps_pace(span.t, y)) {
     const Progress progress = start(span, accuracy, memory);

@@ -504,6 +504,7 @@ JointCourse::JointCourse(const Joint& joint, const JointStep& span, JointState& 
     is_driven_ = motor_.is_moving();
   }
   rows_ = kind.rows;
+  coordinates_ = kind.coordinates;
   for (std::size_t i = 0; i < at(kind.coordinates); ++i) {
     CoordinateState& coordinate = state.coordinates[i];
     coordinate.bias = 0.0;

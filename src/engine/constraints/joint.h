@@ -73,6 +73,16 @@ class JointCourse {
   JointCourse(const Joint& joint, const JointStep& span, JointState& state);
 
   bool is_driven() const { return is_driven_; }
+  /// Whether the motors go on as those of the span before.
+  bool is_driven_as(const JointCourse& before) const {
+    const auto are_same = [](const auto& a, const auto& b) {
+      return a.bias == b.bias && a.amplitude == b.amplitude && a.frequency == b.frequency &&
+             a.phase == b.phase;
+    };
+    for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates_); ++i)
+      if (!are_same(held_[i], before.held_[i])) return false;
+    return coordinates_ > 0 || are_same(motor_, before.motor_);
+  }
   bool is_closing() const { return closing_time_ > 0.0; }
   bool is_constant() const { return !is_driven() && !is_closing(); }
   /// Of a distance joint, at the simulated time t [s].
@@ -105,7 +115,7 @@ class JointCourse {
 
   Motor motor_;  // of a distance joint
   std::array<Held, kMaxCoordinates> held_;
-  int rows_ = 0;  // of its kind
+  int rows_ = 0, coordinates_ = 0;  // of its kind
   bool is_driven_ = false;
   double start_ = 0.0;   // [s]
   double length_ = 0.0;  // then [m]

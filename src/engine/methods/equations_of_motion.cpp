@@ -17,7 +17,6 @@ using Vector = Eigen::Map<Vector3d>;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr std::size_t kMostStages = DormandPrince8::kStages + 1;
-constexpr double kRateJump = 1e-9;  // of a rate: less is rounding of a sinusoid's phase
 
 // Rows are left out whose pivot falls below these shares of their diagonal entry: of forces, and of
 // both projections. Near a singular pose, passed at speed v with an error ε and an acceleration a
@@ -159,7 +158,7 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
   }
   fixed_scale_ = 0.0;
 
-  has_jumped_ = rates_jump(t, courses);
+  has_jumped_ = rates_jump(courses);
   courses_.clear();
   std::fill(rate_target_.begin(), rate_target_.end(), 0.0);
   std::fill(acceleration_target_.begin(), acceleration_target_.end(), 0.0);
@@ -196,19 +195,9 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
 
 // Whether a motor asks for another rate from t on than until then, since its time is over or it was
 // set anew while another one, or a sinusoid, goes on.
-bool EquationsOfMotion::rates_jump(double t, const std::vector<JointCourse>& courses) const {
-  const auto differ = [](double a, double b) {
-    return std::abs(a - b) > kRateJump * std::max(std::abs(a), std::abs(b));
-  };
-  for (const auto& [l, before] : courses_) {
-    const JointCourse& now = courses[at(joints_[l])];
-    if (!is_by_offset(l) && differ(before.length(t).rate, now.length(t).rate)) return true;
-    if (!is_general(l)) continue;
-    for (std::size_t k = 0; k < rows_of(l); ++k) {
-      const int function = links_[l].function[k];
-      if (differ(before.target(function, t).rate, now.target(function, t).rate)) return true;
-    }
-  }
+bool EquationsOfMotion::rates_jump(const std::vector<JointCourse>& courses) const {
+  for (const auto& [l, before] : courses_)
+    if (!courses[at(joints_[l])].is_driven_as(before)) return true;
   return false;
 }
 

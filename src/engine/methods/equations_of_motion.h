@@ -343,7 +343,7 @@ class EquationsOfMotion {
     return true;
   }
 
-  bool rates_jump(double t, const std::vector<JointCourse>& courses) const;
+  bool rates_jump(const std::vector<JointCourse>& courses) const;
   double largest_coordinate(const double* y) const;
   Eigen::Vector3d d_dot(std::size_t l) const;
   Eigen::Vector3d gamma_d(std::size_t l) const;

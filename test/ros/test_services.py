@@ -19,10 +19,10 @@ class Services(unittest.TestCase):
     def setUp(self):
         support.empty_world()
 
-    def good(self, name, /, **fields):
+    def good(self, name, /, *, told="", **fields):
         answer = call(name, **fields)
         self.assertTrue(answer.success, answer.status_message)
-        self.assertEqual(answer.status_message, "")
+        self.assertEqual(answer.status_message, told)
         return answer
 
     def bad(self, named, name, /, **fields):
@@ -118,7 +118,7 @@ class Services(unittest.TestCase):
         answer = self.good("add_distance_constraint", name="rod", body_a="a", body_b="b")
         self.assertEqual(answer.initial_error, 0.0)
         answer = self.good("add_distance_constraint", name="tight", body_a="a", body_b="b",
-                           length=4.5)
+                           length=4.5, told="length 0.5 m off; closes in 0.5 s")
         self.assertAlmostEqual(answer.initial_error, 0.5, places=12)
         self.assertEqual(properties().constraints, ["rod", "tight"])
         self.good("remove_constraint", name="tight")
@@ -129,7 +129,7 @@ class Services(unittest.TestCase):
         for name, body in (("empty", ""), ("named", "world")):
             answer = self.good("add_distance_constraint", name=name, body_a=body,
                                anchor_a=Point(0, 0, 3), body_b="a", anchor_b=Point(0, 0, 0.5),
-                               length=1.0)
+                               length=1.0, told="length 0.5 m off; closes in 0.5 s")
             self.assertAlmostEqual(answer.initial_error, 0.5, places=12)
 
     def test_coincident_anchors_make_a_ball_joint(self):

@@ -65,7 +65,8 @@ inline double size_of_potential_energy(const World& world) {
 
 inline bool has_conflict(const World& world) {
   for (const Island& island : world.islands())
-    if (island.why == Why::kConflict || island.why == Why::kRefused) return true;
+    if (island.why == MethodReason::kInconsistent || island.why == MethodReason::kRefused)
+      return true;
   return false;
 }
 

@@ -44,7 +44,8 @@ inline bool says_so(const World& world, Method method, double own_error) {
   const StepReport& report = world.report();
   if (report.failed || report.unresolved_bodies > 0) return true;
   for (const Island& island : world.islands()) {
-    if (island.why == Why::kConflict || island.why == Why::kRefused) return true;
+    if (island.why == MethodReason::kInconsistent || island.why == MethodReason::kRefused)
+      return true;
     if (island.method == Method::kSequentialImpulses) method = Method::kSequentialImpulses;
   }
   return method == Method::kSequentialImpulses &&
@@ -215,7 +216,7 @@ class Judge {
         return found("finite", "a state is not finite");
     if (t <= kSampleInterval * static_cast<double>(motion_.samples.size()) + 1e-9 && !has_limits_)
       for (const Island& island : world.islands())
-        if (island.why == Why::kConflict)
+        if (island.why == MethodReason::kInconsistent)
           return found("conflict", "joints that the reference meets are taken for contradictory");
     const auto [error, joint] = mechanics_.worst_joint(poses, t);
     so_far->has_said = so_far->has_said || says_so(world, setting.method, error);

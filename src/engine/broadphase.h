@@ -29,7 +29,7 @@ struct Proxy {
   bool movable = false;  ///< two immovable ones make no pair
 };
 
-/// Stage 1 of a step: which bodies may touch. A balanced tree of boxes, built anew in each call by
+/// Stage 1 of a step: which bodies may touch. A balanced tree of boxes, rebuilt in each call by
 /// splitting at the median, is tested against itself and against another one, of what does not
 /// move, that is kept. Unbounded boxes would spoil a tree and are tested one by one. A call
 /// allocates only where it needs more room than all before it.
@@ -47,7 +47,7 @@ class Broadphase {
   /// What the last call found.
   const std::vector<Pair>& pairs() const { return pairs_; }
 
-  /// Whether there are more of them than can be told.
+  /// Whether there are more pairs than can be reported.
   bool is_full() const { return pairs_.size() > kMostPairs; }
 
   /// Box against box tests of the last call, those of the tree's inner boxes included.

@@ -17,7 +17,7 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
-void World::Impl::recompile() {
+void World::Impl::rebuild_topology() {
   edited = false;
   seen.reset();
   model_mark = std::make_shared<const char>();
@@ -164,14 +164,14 @@ void World::Impl::list_fresh_islands() {
     if (body_index[id.value] >= 0)
       island_parts[at(island_of[at(body_index[id.value])])].is_stale = true;
   relinked_bodies.clear();
-  if (all_edited) begin_all_anew();
+  if (all_edited) restart_all();
   all_edited = false;
   fresh_islands.clear();
   for (std::size_t i = 0; i < island_parts.size(); ++i)
     if (island_parts[i].is_fresh) fresh_islands.push_back(static_cast<int>(i));
 }
 
-void World::Impl::begin_all_anew() {
+void World::Impl::restart_all() {
   fresh_islands.resize(island_parts.size());
   std::iota(fresh_islands.begin(), fresh_islands.end(), 0);
   for (IslandParts& parts : island_parts) parts.is_fresh = true;
@@ -231,12 +231,12 @@ IslandTraits World::Impl::traits_of(const IslandMembers& members,
     const auto has_coordinate = [&](auto holds) { return any_coordinate(joint, holds); };
     if ((distance != nullptr && distance->is_limited()) ||
         has_coordinate([](const CoordinateLaw& law) { return law.is_limited(); }))
-      traits.jumps = Why::kLimit;
+      traits.jumps = MethodReason::kLimit;
     else if (has_coordinate([](const CoordinateLaw& law) { return law.friction > 0.0; }))
-      traits.jumps = Why::kFriction;
+      traits.jumps = MethodReason::kFriction;
     else if (joint.motor.max_force > 0.0 || has_coordinate(is_one_sided))
-      traits.jumps = Why::kForceLimit;
-    if (traits.jumps != Why::kSmooth) break;
+      traits.jumps = MethodReason::kForceLimit;
+    if (traits.jumps != MethodReason::kSmooth) break;
   }
   for (const int body : members.bodies)
     traits.fastest_spring = std::max(traits.fastest_spring, fastest_spring[at(body)]);

@@ -41,7 +41,7 @@ const std::vector<TouchingPair>& World::Impl::find_contacts(
     std::swap(touching, touching_before);  // back to the contacts of the step before
     contacts_are_new = false;
     spread_waking();
-    remember();
+    save_state();
     collide_pairs(find_pairs());
   }
   return touching;

@@ -188,9 +188,9 @@ void add_methods(Fnv1a& hash, const Impl& world) {
   for (std::size_t i = 0; i < world.islands.size(); ++i) {
     const Island& island = world.islands[i];
     const IslandParts& parts = world.island_parts[i];
-    if (island.why == Why::kAtRest) continue;
+    if (island.why == MethodReason::kAtRest) continue;
     if (parts.is_fresh) {
-      if (world.starts_methods_anew(i)) hash.add(std::uint64_t{i});
+      if (world.restarts_methods(i)) hash.add(std::uint64_t{i});
       continue;
     }
     for (const int body : parts.turning_freely) {
@@ -203,7 +203,7 @@ void add_methods(Fnv1a& hash, const Impl& world) {
     hash.add(std::uint64_t{i});
     for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
       add(word);
-    add(world.had_loads);
+    add(world.had_wrenches);
     world.motions[static_cast<std::size_t>(parts.motion)].add_memory(add);
   }
 }

@@ -25,22 +25,22 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // ---- methods chosen
 
-Carried& World::Impl::choose_methods(const std::vector<TouchingPair>& in_contact) {
+Carried& World::Impl::choose_methods(const std::vector<TouchingPair>& pairs) {
   entering.clear();
-  if (!fresh_islands.empty() || awake_changed || !in_contact.empty() || !touching_before.empty() ||
+  if (!fresh_islands.empty() || awake_changed || !pairs.empty() || !touching_before.empty() ||
       any_refused || any_stiff)
-    sort_islands(in_contact);
+    sort_islands(pairs);
   report.islands = carried.islands;
   report.rows = carried.integrated_rows;
   return carried;
 }
 
-void World::Impl::sort_islands(const std::vector<TouchingPair>& in_contact) {
-  touched.resize(islands.size());
-  for (const int i : awake_islands) touched[at(i)] = false;
-  for (const TouchingPair& pair : in_contact)
+void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
+  in_contact.resize(islands.size());
+  for (const int i : awake_islands) in_contact[at(i)] = false;
+  for (const TouchingPair& pair : pairs)
     for (const int body : {pair.a, pair.b})
-      if (island_of[at(body)] >= 0) touched[at(island_of[at(body)])] = true;
+      if (island_of[at(body)] >= 0) in_contact[at(island_of[at(body)])] = true;
 
   bool changed = !fresh_islands.empty() || awake_changed;
   awake_changed = any_refused = any_stiff = false;
@@ -48,12 +48,12 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& in_contact) {
     const std::size_t i = at(index);
     Island& island = islands[i];
     IslandParts& parts = island_parts[i];
-    const bool has_woken = island.why == Why::kAtRest;
-    const MethodChoice choice = choose(parts.nature, touched[i], parts, step_count, options);
-    remember_choice(choice, touched[i], step_count, &parts);
-    any_refused = any_refused || choice.why == Why::kRefused;
-    any_stiff = any_stiff || choice.why == Why::kConflict ||
-                (choice.why == Why::kStiff && parts.nature != Why::kStiff);
+    const bool has_woken = island.why == MethodReason::kAtRest;
+    const MethodChoice choice = choose(parts.nature, in_contact[i], parts, step_count, options);
+    remember_choice(choice, in_contact[i], step_count, &parts);
+    any_refused = any_refused || choice.why == MethodReason::kRefused;
+    any_stiff = any_stiff || choice.why == MethodReason::kInconsistent ||
+                (choice.why == MethodReason::kStiff && parts.nature != MethodReason::kStiff);
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.dependent_rows = 0;
     island.unresolved_bodies = 0;
@@ -65,13 +65,13 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& in_contact) {
     if (!parts.is_fresh && island.method != before) ++report.changes;
     parts.energy.has_changed |= !parts.is_fresh && (island.method == Method::kSequentialImpulses ||
                                                     before == Method::kSequentialImpulses);
-    const bool begins_anew = parts.is_fresh || has_woken;
-    if (begins_anew) {
-      begin_anew(parts);
+    const bool restarts = parts.is_fresh || has_woken;
+    if (restarts) {
+      restart(parts);
     } else if (parts.motion >= 0) {
       motions[at(parts.motion)].forget();
     }
-    if ((begins_anew || before == Method::kSequentialImpulses) &&
+    if ((restarts || before == Method::kSequentialImpulses) &&
         island.method != Method::kSequentialImpulses)
       entering.push_back(static_cast<int>(i));
   }
@@ -79,9 +79,9 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& in_contact) {
 }
 
 // with nothing of the steps before, so that a world that was saved and loaded does the same
-void World::Impl::begin_anew(const IslandParts& parts) {
+void World::Impl::restart(const IslandParts& parts) {
   for (const int body : parts.turning_freely) rotations[at(body)] = FreeRotation{};
-  if (parts.motion >= 0) motions[at(parts.motion)].begin_anew();
+  if (parts.motion >= 0) motions[at(parts.motion)].restart();
 }
 
 // whether a joint belongs to an island that is integrated
@@ -120,7 +120,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
   const std::vector<int>& smooth = by_method->smooth;
   if (smooth.empty()) return;
   const StageTimer timer(clock, Stage::kIntegration, &report.stage_times);
-  enter(joint_step(tick));
+  assemble_entering(joint_step(tick));
   if (smooth_changed) list_changing_courses(smooth);
   for (const int i : smooth) {
     Island& island = islands[at(i)];
@@ -137,7 +137,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
     const double t = span_ends[k];
     const JointStep span = span_from(t, span_ends[k + 1] - t);
     find_loads(t, span_ends[k + 1]);
-    const bool is_disturbed = had_loads || !loads.empty() || k > 0;
+    const bool is_disturbed = had_wrenches || !loads.empty() || k > 0;
     for (const int j : changing_courses)
       if (is_integrated(at(j)))
         courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
@@ -156,10 +156,10 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
         refuse_island(at(i));
     for (const int j : changing_courses)
       if (is_integrated(at(j))) finish_span(joints[at(j)], span, joint_states[at(j)]);
-    had_loads = !loads.empty();
+    had_wrenches = !loads.empty();
   }
   if (gather_changes(smooth)) list_by_method();
-  tell_of_islands(*by_method);
+  report_islands(*by_method);
 }
 
 // a thread takes tens of microseconds to wake, and is worth it for some hundreds of work
@@ -186,7 +186,7 @@ bool World::Impl::gather_changes(const std::vector<int>& smooth) {
 
 // islands that were not integrated in the step before, or were edited: what does not fit begins to
 // be closed
-void World::Impl::enter(const JointStep& step) {
+void World::Impl::assemble_entering(const JointStep& step) {
   if (entering.empty()) return;
   for (const int i : entering) {
     IslandParts& parts = island_parts[at(i)];
@@ -262,12 +262,12 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   Vector3d acceleration = options.gravity;
   for (const Load& load : loads)
     if (load.body == body) acceleration += masses[at(body)].inverse_mass * load.force;
-  fall(span.h, acceleration, &states[at(body)]);
+  integrate_ballistic(span.h, acceleration, &states[at(body)]);
   return true;
 }
 
 // Adds to an island what an attempt came to; false where it was not done.
-bool World::Impl::note(std::size_t i, const Progress& progress) {
+bool World::Impl::note(std::size_t i, const IntegrationResult& progress) {
   if (progress.substeps + progress.rejected == 0) return progress.done;
   Island& island = islands[i];
   island.local_error += progress.local_error;
@@ -286,9 +286,9 @@ bool World::Impl::note(std::size_t i, const Progress& progress) {
 bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
   IslandParts& parts = island_parts[i];
   Island& island = islands[i];
-  bool is_met = island.why != Why::kConflict;
-  const auto by = [&](Integration way, const Accuracy& accuracy) {
-    const Progress progress = advance_joints(i, way, span, accuracy);
+  bool is_met = island.why != MethodReason::kInconsistent;
+  const auto by = [&](Integration way, const IntegratorOptions& accuracy) {
+    const IntegrationResult progress = advance_joints(i, way, span, accuracy);
     is_met = !progress.is_inconsistent;
     return note(i, progress);
   };
@@ -296,35 +296,37 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
     const bool chooses = options.method == Method::kAuto;
     const double limit = chooses ? stiffness_limit(options) / options.time_step : kInfinity;
     if (by(Integration::kSubsteps, accuracy_within(limit))) return true;
-    const Why why = chooses && parts.is_stiff ? Why::kStiff : Why::kRefused;
-    if (is_met) carry_on_with(i, Method::kEnergyMomentum, why);
+    const MethodReason why =
+        chooses && parts.is_stiff ? MethodReason::kStiff : MethodReason::kRefused;
+    if (is_met) switch_method(i, Method::kEnergyMomentum, why);
   }
   // a jerk: what no step of ordinary length gets across, substeps may; they begin with velocities
   // that fit the joints, and what energy that takes is bounded, or else all that can be had
-  const Accuracy ordinary = accuracy_within(kInfinity);
-  Accuracy bounded = ordinary, longer = ordinary;
+  const IntegratorOptions ordinary = accuracy_within(kInfinity);
+  IntegratorOptions bounded = ordinary, longer = ordinary;
   bounded.most_projected = kMostProjected;
   longer.most_halvings *= 2;
-  const Why why = island.why;
+  const MethodReason why = island.why;
   for (const auto& [way, accuracy] :
        {std::pair{Integration::kGradients, ordinary}, std::pair{Integration::kSubsteps, bounded},
         std::pair{Integration::kGradients, longer}, std::pair{Integration::kSubsteps, ordinary}}) {
     if (!is_met) break;
     const Method method =
         way == Integration::kSubsteps ? Method::kRungeKutta : Method::kEnergyMomentum;
-    if (method != island.method) carry_on_with(i, method, why);
+    if (method != island.method) switch_method(i, method, why);
     if (by(way, accuracy)) return true;
   }
   // soon after a contact it is errors left by impulses that cannot be met, which these close again
   if (is_met || step_count < parts.touched_until) return false;
-  if (island.why != Why::kConflict) carry_on_with(i, Method::kEnergyMomentum, Why::kConflict);
+  if (island.why != MethodReason::kInconsistent)
+    switch_method(i, Method::kEnergyMomentum, MethodReason::kInconsistent);
   return by(Integration::kInconsistent, ordinary);
 }
 
-Accuracy World::Impl::accuracy_within(double most_frequency) const {
+IntegratorOptions World::Impl::accuracy_within(double most_frequency) const {
   ImplicitMode mode = options.stiff_order == 4 ? ImplicitMode::kOrder4 : ImplicitMode::kOrder2;
   if (options.dissipation) mode = ImplicitMode::kDissipate;
-  Accuracy accuracy{options.order, options.tolerance, mode, most_frequency};
+  IntegratorOptions accuracy{options.order, options.tolerance, mode, most_frequency};
   accuracy.most_attempts = most_attempts;
   return accuracy;
 }
@@ -336,11 +338,12 @@ void World::Impl::share_attempts() {
 }
 
 // A span in one way, and what the island learns from it.
-Progress World::Impl::advance_joints(std::size_t i, Integration way, const SmoothSpan& span,
-                                     const Accuracy& accuracy) {
+IntegrationResult World::Impl::advance_joints(std::size_t i, Integration way,
+                                              const SmoothSpan& span,
+                                              const IntegratorOptions& accuracy) {
   IslandParts& parts = island_parts[i];
   IslandMotion& motion = motions[at(parts.motion)];
-  Progress progress = motion.advance(way, span, accuracy, &states);
+  IntegrationResult progress = motion.advance(way, span, accuracy, &states);
   switch (way) {
     case Integration::kSubsteps: {
       // asked for only where it decides
@@ -365,7 +368,7 @@ Progress World::Impl::advance_joints(std::size_t i, Integration way, const Smoot
 }
 
 // within a step
-void World::Impl::carry_on_with(std::size_t i, Method method, Why why) {
+void World::Impl::switch_method(std::size_t i, Method method, MethodReason why) {
   ++island_parts[i].changes;
   islands[i].method = method;
   islands[i].why = why;
@@ -379,7 +382,7 @@ void World::Impl::refuse_island(std::size_t i) {
   for (const int j : island_parts[i].members.joints)
     joint_states[at(j)] = joint_states_before[at(j)];
   islands[i].method = Method::kSequentialImpulses;
-  islands[i].why = Why::kRefused;
+  islands[i].why = MethodReason::kRefused;
   island_parts[i].projected_energy = island_parts[i].correction_work = 0.0;
   learn_from_refusal(step_count, &island_parts[i]);
   any_refused = true;
@@ -388,7 +391,7 @@ void World::Impl::refuse_island(std::size_t i) {
   report.rejected += islands[i].rejected;
 }
 
-void World::Impl::tell_of_islands(const Carried& by_method) {
+void World::Impl::report_islands(const Carried& by_method) {
   report.islands = by_method.islands;
   report.rows = by_method.integrated_rows;
   for (const int index : by_method.smooth) {
@@ -397,7 +400,7 @@ void World::Impl::tell_of_islands(const Carried& by_method) {
     if (m >= 0)
       island.dependent_rows =
           static_cast<std::uint32_t>(motions[at(m)].equations().dependent_rows());
-    if (island.method == Method::kEnergyMomentum && island.why != Why::kConflict)
+    if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
       island.unresolved_bodies = find_unresolved(at(index), nullptr);
     report.unresolved_bodies += island.unresolved_bodies;
     report.local_error = std::max(report.local_error, island.local_error);
@@ -434,14 +437,15 @@ void World::Impl::read_smooth_joints(const JointStep& step, const Carried& by_me
     IslandMotion& motion = motions[at(island_parts[at(i)].motion)];
     const EquationsOfMotion& equations = motion.equations();
     // joints that cannot all be met have shares already
-    const bool shares = equations.redundant_rows() > 0 && islands[at(i)].why != Why::kConflict;
+    const bool shares =
+        equations.redundant_rows() > 0 && islands[at(i)].why != MethodReason::kInconsistent;
     const LeastNormForces* const shared = shares ? &motion.share_forces(states) : nullptr;
     for (std::size_t l = 0; l < equations.joints().size(); ++l) {
       const std::size_t j = at(equations.joints()[l]);
       const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;
       const RowVector impulse = shared ? shared->impulse(equations, l) : equations.impulse(l);
       read_smooth_joint(joints[j], state_a(j), state_b(j), step, impulse, zeta, joint_states[j]);
-      note_if_torn(j);
+      note_if_broken(j);
     }
   }
 }

@@ -32,27 +32,27 @@ double stages(const WorldOptions& options) {
 
 }  // namespace
 
-const char* text(Why why) {
+const char* to_string(MethodReason why) {
   switch (why) {
-    case Why::kSmooth:
+    case MethodReason::kSmooth:
       return "smooth";
-    case Why::kAskedFor:
+    case MethodReason::kAskedFor:
       return "asked for";
-    case Why::kContact:
+    case MethodReason::kContact:
       return "in contact";
-    case Why::kLimit:
+    case MethodReason::kLimit:
       return "has limits";
-    case Why::kForceLimit:
+    case MethodReason::kForceLimit:
       return "has a motor with a force limit";
-    case Why::kFriction:
+    case MethodReason::kFriction:
       return "has a joint with friction";
-    case Why::kStiff:
+    case MethodReason::kStiff:
       return "stiff";
-    case Why::kRefused:
+    case MethodReason::kRefused:
       return "could not be integrated to the tolerance";
-    case Why::kConflict:
+    case MethodReason::kInconsistent:
       return "its joints cannot all be met";
-    case Why::kAtRest:
+    case MethodReason::kAtRest:
       return "at rest";
   }
   return "";
@@ -60,36 +60,36 @@ const char* text(Why why) {
 
 // ---- at the start of a step
 
-Why classify(const IslandTraits& traits, const WorldOptions& options) {
-  if (options.method == Method::kSequentialImpulses) return Why::kAskedFor;
-  if (traits.jumps != Why::kSmooth) return traits.jumps;
+MethodReason classify(const IslandTraits& traits, const WorldOptions& options) {
+  if (options.method == Method::kSequentialImpulses) return MethodReason::kAskedFor;
+  if (traits.jumps != MethodReason::kSmooth) return traits.jumps;
   if (options.method == Method::kAuto &&
       options.time_step * traits.fastest_spring > options.stiffness_limit)
-    return Why::kStiff;
+    return MethodReason::kStiff;
   const bool is_asked = options.method == Method::kEnergyMomentum && traits.has_joints;
-  return is_asked ? Why::kAskedFor : Why::kSmooth;
+  return is_asked ? MethodReason::kAskedFor : MethodReason::kSmooth;
 }
 
-Method method_for(Why why, const WorldOptions& options) {
-  if (why == Why::kAskedFor) return options.method;
-  if (why == Why::kSmooth) return Method::kRungeKutta;
-  const bool is_stiff = why == Why::kStiff || why == Why::kConflict;
+Method method_for(MethodReason why, const WorldOptions& options) {
+  if (why == MethodReason::kAskedFor) return options.method;
+  if (why == MethodReason::kSmooth) return Method::kRungeKutta;
+  const bool is_stiff = why == MethodReason::kStiff || why == MethodReason::kInconsistent;
   return is_stiff ? Method::kEnergyMomentum : Method::kSequentialImpulses;
 }
 
-MethodChoice choose(Why nature, bool in_contact, const IslandMemory& memory, std::uint64_t step,
-                    const WorldOptions& options) {
-  const auto is_by_impulses = [&](Why why) {
+MethodChoice choose(MethodReason nature, bool in_contact, const IslandMemory& memory,
+                    std::uint64_t step, const WorldOptions& options) {
+  const auto is_by_impulses = [&](MethodReason why) {
     return method_for(why, options) == Method::kSequentialImpulses;
   };
-  Why why = nature;
-  if (in_contact && !is_by_impulses(why)) why = Why::kContact;
-  if (step < memory.refused_until) why = Why::kRefused;
+  MethodReason why = nature;
+  if (in_contact && !is_by_impulses(why)) why = MethodReason::kContact;
+  if (step < memory.refused_until) why = MethodReason::kRefused;
   if (!is_by_impulses(why)) {
     if (step < memory.inconsistent_until)
-      why = Why::kConflict;
-    else if (memory.is_stiff && why == Why::kSmooth)
-      why = Why::kStiff;
+      why = MethodReason::kInconsistent;
+    else if (memory.is_stiff && why == MethodReason::kSmooth)
+      why = MethodReason::kStiff;
   }
   return {method_for(why, options), why};
 }
@@ -121,7 +121,7 @@ double most_frequency(double gradient_cost, const WorldOptions& options) {
 }
 
 bool learn_from_substeps(double gradient_cost, std::uint64_t step, const WorldOptions& options,
-                         Progress* progress, IslandMemory* memory) {
+                         IntegrationResult* progress, IslandMemory* memory) {
   if (progress->is_stiff && progress->done && options.tolerance > 0.0)
     progress->is_stiff =
         stages(options) * (progress->substeps + progress->rejected) > gradient_cost;

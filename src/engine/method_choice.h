@@ -48,27 +48,28 @@ struct IslandMemory {
 /// What an island is made of, as far as it decides. Edits change it, steps do not.
 struct IslandTraits {
   bool has_joints = false;
-  Why jumps = Why::kSmooth;  ///< kLimit, kFriction or kForceLimit, of the first joint that has such
+  MethodReason jumps = MethodReason::kSmooth;  ///< kLimit, kFriction or kForceLimit, of the first
+                                               ///< joint that has such
   double fastest_spring = 0.0;  ///< largest ω that springs and dampers move a body with [1/s]
 };
 
 /// The reason for the method that an island has while nothing touches it, and it was never refused
 /// nor measured.
-Why classify(const IslandTraits& traits, const WorldOptions& options);
+MethodReason classify(const IslandTraits& traits, const WorldOptions& options);
 
 /// The method that goes with a reason.
-Method method_for(Why why, const WorldOptions& options);
+Method method_for(MethodReason why, const WorldOptions& options);
 
 struct MethodChoice {
   Method method;
-  Why why;
+  MethodReason why;
 };
 
 /// `nature` is what classify() said. An island in contact has joints with jumps; one that was
 /// refused is left to impulses for a while; what no impulses carry may be inconsistent or stiff as
 /// `memory` knows.
-MethodChoice choose(Why nature, bool in_contact, const IslandMemory& memory, std::uint64_t step,
-                    const WorldOptions& options);
+MethodChoice choose(MethodReason nature, bool in_contact, const IslandMemory& memory,
+                    std::uint64_t step, const WorldOptions& options);
 
 /// What an island remembers of a contact, and of the choice.
 void remember_choice(const MethodChoice& choice, bool in_contact, std::uint64_t step,
@@ -90,7 +91,7 @@ double most_frequency(double gradient_cost, const WorldOptions& options);
 /// Takes over what a span by substeps showed; true where the island is to be asked again in the
 /// next step. Clears `is_stiff` of the progress where substeps were cheaper all the same.
 bool learn_from_substeps(double gradient_cost, std::uint64_t step, const WorldOptions& options,
-                         Progress* progress, IslandMemory* memory);
+                         IntegrationResult* progress, IslandMemory* memory);
 
 /// The same of a span by gradients that took so many iterations and moved bodies with ω up to
 /// `frequency` [rad/s].

@@ -36,7 +36,7 @@ Manifold collide_box_sphere(const Eigen::Vector3d& size_a, const BodyState& a,
 Manifold collide_box_box(const Eigen::Vector3d& size_a, const BodyState& a,
                          const Eigen::Vector3d& size_b, const BodyState& b);
 
-/// Any two shapes, in either order; points, and two planes, never touch. A plane's body tells where
+/// Any two shapes, in either order; points, and two planes, never touch. A plane's body says where
 /// it is: N is its z axis.
 Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
                  const BodyState& b);

@@ -77,12 +77,12 @@ void World::Impl::choose_next_methods(const std::vector<JointEnds>& ends,
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
     if (sleeps[at(members.bodies.front())]) {
-      island.why = Why::kAtRest;
+      island.why = MethodReason::kAtRest;
       memory.quiet_for = 0;
       continue;
     }
     island.dependent_rows = 0;
-    const Why nature = classify(traits_of(members, fastest_spring), options);
+    const MethodReason nature = classify(traits_of(members, fastest_spring), options);
     const MethodChoice choice = choose(nature, in_contact[i], memory, step_count, options);
     island.method = choice.method;
     island.why = choice.why;

@@ -83,7 +83,7 @@ Counts count(const World& world) {
   for (const JointId id : world.joint_ids())
     count_joint(world.joint(id), world.joint_state(id), &counts);
   for (const Island& island : world.islands()) {
-    if (island.why == Why::kAtRest)
+    if (island.why == MethodReason::kAtRest)
       ++counts.asleep;
     else
       ++counts.islands[static_cast<std::size_t>(island.method)];
@@ -112,7 +112,7 @@ void write_islands(const World& world, std::ostream& out) {
     int islands = 0;
     std::uint32_t bodies = 0, joints = 0;
   };
-  std::map<std::pair<Method, Why>, Sum> sums;
+  std::map<std::pair<Method, MethodReason>, Sum> sums;
   for (const Island& island : world.islands()) {
     Sum& sum = sums[{island.method, island.why}];
     ++sum.islands;
@@ -121,7 +121,7 @@ void write_islands(const World& world, std::ostream& out) {
   }
   out << "islands:" << (sums.empty() ? " []" : "") << "\n";
   for (const auto& [key, sum] : sums)
-    out << "  - {method: " << name(key.first) << ", why: " << text(key.second)
+    out << "  - {method: " << name(key.first) << ", why: " << to_string(key.second)
         << ", count: " << sum.islands << ", bodies: " << sum.bodies
         << ", constraints: " << sum.joints << "}\n";
 }
@@ -195,23 +195,24 @@ std::vector<std::string> warnings(const World& world) {
   return lines;
 }
 
-std::vector<Told> told(const World& world) {
-  std::vector<Told> list;
+std::vector<StepWarning> step_warnings(const World& world) {
+  std::vector<StepWarning> list;
   for (const JointId id : world.unclosed_joints())
-    list.push_back(
-        {Told::Kind::kUnclosed, world.joint(id).name, std::abs(world.joint_state(id).error)});
+    list.push_back({StepWarning::Kind::kUnclosed, world.joint(id).name,
+                    std::abs(world.joint_state(id).error)});
   if (const std::optional<BodyId> body = world.gaining_body())
-    list.push_back({Told::Kind::kEnergyRise, world.body(*body).name, world.report().energy_rise});
+    list.push_back(
+        {StepWarning::Kind::kEnergyRise, world.body(*body).name, world.report().energy_rise});
   return list;
 }
 
-std::string text(const Told& told) {
+std::string to_string(const StepWarning& warning) {
   char amount[32];
-  std::snprintf(amount, sizeof amount, "%.3g", told.amount);
-  if (told.kind == Told::Kind::kUnclosed)
-    return "constraint " + quoted(told.whose) + ": its error of " + amount +
+  std::snprintf(amount, sizeof amount, "%.3g", warning.amount);
+  if (warning.kind == StepWarning::Kind::kUnclosed)
+    return "constraint " + quoted(warning.whose) + ": its error of " + amount +
            " m is not being closed";
-  return "body " + quoted(told.whose) + ": energy of its island rose by " + amount +
+  return "body " + quoted(warning.whose) + ": energy of its island rose by " + amount +
          " J without a cause";
 }
 

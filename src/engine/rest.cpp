@@ -105,9 +105,9 @@ void World::Impl::fall_asleep() {
     parts.quiet_for = is_quiet(at(i)) ? parts.quiet_for + 1 : 0;
     any_due = any_due || (parts.quiet_for > 0 && parts.quiet_for % quiet_steps == 0);
   }
-  if (!any_due || !find_drowsy()) return;
+  if (!any_due || !find_sleep_candidates()) return;
 
-  for (const int i : drowsy) {
+  for (const int i : sleep_candidates) {
     for (const int body : island_parts[at(i)].members.bodies) {
       asleep[at(body)] = true;
       states[at(body)].linear_velocity.setZero();
@@ -165,15 +165,15 @@ bool World::Impl::is_moving_by_itself(std::size_t body) const {
 }
 
 // islands that were quiet for long enough, and touch none but such
-bool World::Impl::find_drowsy() {
-  is_drowsy.assign(islands.size(), false);
+bool World::Impl::find_sleep_candidates() {
+  is_sleep_candidate.assign(islands.size(), false);
   for (const int i : awake_islands)
-    is_drowsy[at(i)] = island_parts[at(i)].quiet_for >= quiet_steps && !is_driven(at(i));
+    is_sleep_candidate[at(i)] = island_parts[at(i)].quiet_for >= quiet_steps && !is_driven(at(i));
   const auto keep_awake = [&](int body, int other) {
-    if (!is_movable(at(body)) || !is_drowsy[at(island_of[at(body)])]) return false;
-    const bool other_moves = is_movable(at(other)) ? !is_drowsy[at(island_of[at(other)])]
+    if (!is_movable(at(body)) || !is_sleep_candidate[at(island_of[at(body)])]) return false;
+    const bool other_moves = is_movable(at(other)) ? !is_sleep_candidate[at(island_of[at(other)])]
                                                    : is_moving_by_itself(at(other));
-    if (other_moves) is_drowsy[at(island_of[at(body)])] = false;
+    if (other_moves) is_sleep_candidate[at(island_of[at(body)])] = false;
     return other_moves;
   };
   for (bool spreads = true; spreads;) {
@@ -183,15 +183,15 @@ bool World::Impl::find_drowsy() {
       spreads = keep_awake(pair.b, pair.a) || spreads;
     }
   }
-  drowsy.clear();
+  sleep_candidates.clear();
   for (const int i : awake_islands)
-    if (is_drowsy[at(i)]) drowsy.push_back(i);
-  return !drowsy.empty();
+    if (is_sleep_candidate[at(i)]) sleep_candidates.push_back(i);
+  return !sleep_candidates.empty();
 }
 
 // ---- once after somebody woke or fell asleep
 
-// what the stages go through, and of all the rest what a step tells of it
+// what the stages go through, and what a step reports of all the rest
 void World::Impl::list_awake() {
   awake_changed = watch.awake_changed = true;
   resting_report = StepReport{};
@@ -202,7 +202,7 @@ void World::Impl::list_awake() {
       continue;
     }
     Island& island = islands[i];
-    island.why = Why::kAtRest;
+    island.why = MethodReason::kAtRest;
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
     island_parts[i].quiet_for = 0;

@@ -361,7 +361,7 @@ SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
   return self_stress;
 }
 
-/// What a saved joint goes on from.
+/// State that a saved joint continues from.
 JointState read_joint_state(const YamlElement& item, JointKind kind) {
   item.expect_keys({"travel", "expires_at", "impulse", "self_stress", "self_stress_of", "positions",
                     "held", "closing_since", "closing_offset", "closing_shift", "closing_turn",
@@ -426,7 +426,7 @@ Wrench read_wrench(const YamlElement& item, const World& world) {
   return wrench;
 }
 
-// ---- what a saved scene goes on from
+// ---- what a saved scene continues from
 
 TouchingPair read_contact(const YamlElement& item, const World& world) {
   item.expect_keys({"body_a", "body_b", "normal", "points"});

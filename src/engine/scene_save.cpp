@@ -211,7 +211,7 @@ void write_rows(YAML::Emitter* out, const char* key, const Joint& joint, const R
             rows.head(std::max(info(joint.kind).rows + info(joint.kind).coordinates, 3))));
 }
 
-/// What a joint goes on from; nothing where adding it would find the same.
+/// State that a joint continues from; nothing where adding the joint would give the same state.
 void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
                  const JointState& state) {
   const auto& impl = Insides::of(world);

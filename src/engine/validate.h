@@ -33,7 +33,7 @@ void check_share(const std::string& field, double value);  ///< in [0, 1]
 /// Finite, and not 0.
 void check_axis(const std::string& field, const Eigen::Vector3d& value);
 
-/// Whether two times beside this one can be told from each other that are a tick apart [s].
+/// Whether two times near this one that are a tick apart differ as numbers [s].
 bool is_rounding_within(double time, double time_step);
 /// Whether a time [s] has a next one a tick later, and that one as well.
 inline bool has_next_tick(double time, double time_step) {

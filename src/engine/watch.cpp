@@ -60,8 +60,8 @@ void World::Impl::watch_joints() {
     watch.open.push_back(now);
     // that joints cannot be met is known before any time has passed
     const auto [a, b] = joint_ends[j];
-    const Why why = islands[at(island_of[is_movable(a) ? a : b])].why;
-    if (now.age < patience && (why != Why::kConflict || state.closing)) continue;
+    const MethodReason why = islands[at(island_of[is_movable(a) ? a : b])].why;
+    if (now.age < patience && (why != MethodReason::kInconsistent || state.closing)) continue;
     watch.unclosed.push_back(now.id);
     if (error <= worst) continue;
     worst = error;
@@ -158,12 +158,12 @@ double World::Impl::look_at_island(std::size_t i, double* allowed) {
   return gain;
 }
 
-// Smooth islands one by one; those that impulses carry exchange energy where they touch, and what
+// Smooth islands one by one; those that impulses advance exchange energy where they touch, and what
 // is done from outside is known of all of them together.
 void World::Impl::look_at_energy() {
   double gain = -watch.booked, most_kinetic = 0.0;
   double allowed = watch.steps * kRoundingOfSweeps * std::abs(watch.booked);
-  bool is_known = true;  // what is done from outside, on those that impulses carry
+  bool is_known = true;  // what is done from outside, on those that impulses advance
   const IslandParts* most = nullptr;
   watch.energy_rise = 0.0;
   for (std::size_t i = 0; i < islands.size(); ++i) {

@@ -36,12 +36,12 @@ class Watch {
 
   // of the window
   int steps = 0;
-  double booked = 0.0;  ///< work on islands that impulses carry [J]
+  double booked = 0.0;  ///< work on islands that impulses advance [J]
   bool any_wrench_ended = false, awake_changed = false;
 
   double integrated_corrections = 0.0;  ///< work of corrections on smooth islands, in this step [J]
 
-  // of all islands that impulses carry
+  // of all islands that impulses advance
   double gain = 0.0;  ///< without a cause, since it was least [J]
 
   // what was found

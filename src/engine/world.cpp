@@ -62,7 +62,7 @@ void World::Impl::fail(Failure why) { throw StepFailed{why}; }
 
 // where what the system threw may have left anything half done: as after an edit
 void World::Impl::abandon_step() {
-  if (is_remembered) go_back();
+  if (is_state_saved) restore_state();
   forget_contacts();
   topology_edited = true;
   edit_all();
@@ -73,12 +73,12 @@ void World::Impl::abandon_step() {
 }
 
 Tick World::Impl::begin_step() {
-  is_remembered = false;
+  is_state_saved = false;
   if (edited)
-    recompile();
+    rebuild_topology();
   else if (any_waking)
     spread_waking();
-  remember();
+  save_state();
   const Tick tick{time(), time_of(step_count + 1)};
   report = StepReport{};
   contacts_are_new = false;
@@ -87,19 +87,19 @@ Tick World::Impl::begin_step() {
 }
 
 // for a step that fails
-void World::Impl::remember() {
+void World::Impl::save_state() {
   for (const int i : awake_bodies)
     states_before[static_cast<std::size_t>(i)] = states[static_cast<std::size_t>(i)];
   for (const int j : awake_joints)
     joint_states_before[static_cast<std::size_t>(j)] = joint_states[static_cast<std::size_t>(j)];
   for (const int i : awake_islands)
     memory_before[static_cast<std::size_t>(i)] = island_parts[static_cast<std::size_t>(i)];
-  is_remembered = true;
+  is_state_saved = true;
   had_corrections = any_corrections;
   if (had_corrections) corrections_before = corrections;
 }
 
-void World::Impl::go_back() {
+void World::Impl::restore_state() {
   for (const int i : awake_bodies)
     states[static_cast<std::size_t>(i)] = states_before[static_cast<std::size_t>(i)];
   for (const int j : awake_joints)
@@ -149,7 +149,7 @@ void World::Impl::advance_by_impulses(const Tick& tick, const Carried& by_method
 void World::Impl::finish_impulses(const Tick& tick, const Carried& by_method) {
   if (by_method.impulse_bodies.empty()) return;
   report.correction_work += sequential_impulses.finish(*this, impulse_step(tick, by_method), this);
-  for (const int j : by_method.impulse_joints) note_if_torn(static_cast<std::size_t>(j));
+  for (const int j : by_method.impulse_joints) note_if_broken(static_cast<std::size_t>(j));
 }
 
 ImpulseStep World::Impl::impulse_step(const Tick& tick, const Carried& by_method) const {
@@ -193,9 +193,9 @@ void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
 }
 
 void World::Impl::keep_state_before(Failure why) {
-  go_back();
+  restore_state();
   for (IslandMotion& motion : motions) motion.forget();
-  begin_all_anew();
+  restart_all();
   contacts.resize(resting_contacts);
   report.failed = true;
   report.failure = why;
@@ -246,7 +246,7 @@ bool World::Impl::tells_finite_numbers() const {
   return std::isfinite(sum);
 }
 
-void World::Impl::note_if_torn(std::size_t j) {
+void World::Impl::note_if_broken(std::size_t j) {
   if (!joint_states[j].broken) return;
   topology_edited = true;
   edit_island_of(joints[j].body_a);

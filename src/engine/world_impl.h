@@ -33,7 +33,7 @@ struct Energy {
 /// What an island is made of, and what is kept for it from step to step.
 struct IslandParts : IslandMemory {
   IslandMembers members;
-  Why nature = Why::kSmooth;        ///< of its joints and options; contacts come and go
+  MethodReason nature = MethodReason::kSmooth;  ///< of its joints and options; contacts come and go
   int motion = -1;                  ///< into motions; -1: no joints, or never integrated
   std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
 
@@ -112,16 +112,16 @@ struct World::Impl : Model, State, IslandLists {
   std::vector<int> moving_shapes;  // bodies that may touch something; empty where none can
   StepReport resting_report;
   Energy resting_energy;
-  int most_attempts = 0;             // substeps of an island in one span
-  std::size_t resting_contacts = 0;  // so many of contacts, the first ones
-  std::vector<bool> is_drowsy;       // islands about to fall asleep
-  std::vector<int> drowsy;           // the same
+  int most_attempts = 0;                 // substeps of an island in one span
+  std::size_t resting_contacts = 0;      // so many of contacts, the first ones
+  std::vector<bool> is_sleep_candidate;  // islands about to fall asleep
+  std::vector<int> sleep_candidates;     // the same
 
   // ---- which islands have which method; made anew when that changes
   Carried carried;
   bool any_refused = false;
   bool any_stiff = false;             // or one that no longer is, or was just found to be
-  std::vector<bool> touched;          // islands in contact
+  std::vector<bool> in_contact;       // islands in contact
   std::vector<int> entering;          // islands that were not integrated before, or were edited
   std::vector<JointCourse> courses;   // of joints
   bool smooth_changed = true;         // since changing_courses was listed
@@ -130,14 +130,14 @@ struct World::Impl : Model, State, IslandLists {
   // ---- what one stage hands to the next, and one step to the following
   std::vector<double> span_ends;  // of the spans of a step in which nothing jumps [s]
   std::vector<Load> loads;        // of wrenches, in a span
-  bool had_loads = false;         // in the span before
+  bool had_wrenches = false;      // in the span before
   Workers workers;
   Broadphase broadphase;
   std::vector<Proxy> proxies;
   std::vector<TouchingPair> touching_before;  // in the step before
   std::vector<ActingWrench> acting_wrenches;  // on bodies that impulses carry
   SequentialImpulses sequential_impulses;
-  bool is_remembered = false;    // the state before the step is in the next two
+  bool is_state_saved = false;   // the state before the step is in the next two
   bool had_corrections = false;  // in the step before
   std::vector<BodyState> states_before;
   std::vector<Twist> corrections_before;
@@ -157,8 +157,8 @@ struct World::Impl : Model, State, IslandLists {
   JointId add_joint(const Joint& joint, bool broken);
   void fill_in(Joint& joint) const;
   void fill_in_frames(Joint& joint) const;
-  double inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const;
-  double inverse_mass_along(const Joint& joint, int coordinate) const;
+  double inverse_effective_mass(const Jacobian& J, std::size_t a, std::size_t b) const;
+  double inverse_effective_mass(const Joint& joint, int coordinate) const;
   void set_zeros(Joint& joint) const;
   void fill_in_laws(Joint& joint) const;
   void start_joint(std::size_t j);
@@ -184,7 +184,7 @@ struct World::Impl : Model, State, IslandLists {
   const Impl& compiled(std::optional<Impl>* copy) const;
   std::vector<std::pair<BodyId, IslandMemory>> memories() const;
   std::vector<std::pair<BodyId, IslandMemory>> next_memories() const;
-  bool starts_methods_anew(std::size_t island) const;
+  bool restarts_methods(std::size_t island) const;
   std::uint64_t hash() const;
   bool is_edited() const { return seen ? seen->is_edited : edited; }
   void note_edit();
@@ -208,7 +208,7 @@ struct World::Impl : Model, State, IslandLists {
   bool is_quiet(std::size_t island) const;
   bool is_driven(std::size_t island) const;
   bool is_moving_by_itself(std::size_t body) const;
-  bool find_drowsy();
+  bool find_sleep_candidates();
   void list_awake();
   void list_shapes(const std::vector<int>& resting_bodies);
 
@@ -216,13 +216,13 @@ struct World::Impl : Model, State, IslandLists {
   void abandon_step();
   Tick begin_step();
   void take_out_corrections();
-  void remember();
-  void go_back();
-  void recompile();
+  void save_state();
+  void restore_state();
+  void rebuild_topology();
   void make_islands();
   void keep_island(std::size_t old, IslandLists* before);
   void list_fresh_islands();
-  void begin_all_anew();
+  void restart_all();
   void find_loops();
   void classify_islands();
   std::pair<std::size_t, std::size_t> ends_of(const Joint& joint) const;
@@ -239,26 +239,26 @@ struct World::Impl : Model, State, IslandLists {
   void collide_pairs(const std::vector<Broadphase::Pair>& near);
   Carried& choose_methods(const std::vector<TouchingPair>& in_contact);
   void sort_islands(const std::vector<TouchingPair>& in_contact);
-  void begin_anew(const IslandParts& parts);
+  void restart(const IslandParts& parts);
   bool is_integrated(std::size_t j) const;
   void list_by_method();
   void integrate(const Tick& tick, Carried* by_method);
-  void enter(const JointStep& step);
+  void assemble_entering(const JointStep& step);
   void list_changing_courses(const std::vector<int>& smooth);
   void split_step(const Tick& tick);
   void find_loads(double from, double to);
   bool integrate_island(std::size_t i, const SmoothSpan& span);
   bool integrate_joints(std::size_t i, const SmoothSpan& span);
-  bool note(std::size_t i, const Progress& progress);
-  Progress advance_joints(std::size_t i, Integration way, const SmoothSpan& span,
-                          const Accuracy& accuracy);
-  Accuracy accuracy_within(double most_frequency) const;
+  bool note(std::size_t i, const IntegrationResult& progress);
+  IntegrationResult advance_joints(std::size_t i, Integration way, const SmoothSpan& span,
+                                   const IntegratorOptions& accuracy);
+  IntegratorOptions accuracy_within(double most_frequency) const;
   void share_attempts();
   int threads_worth_it(const std::vector<int>& smooth) const;
   bool gather_changes(const std::vector<int>& smooth);
-  void carry_on_with(std::size_t i, Method method, Why why);
+  void switch_method(std::size_t i, Method method, MethodReason why);
   void refuse_island(std::size_t i);
-  void tell_of_islands(const Carried& by_method);
+  void report_islands(const Carried& by_method);
   std::uint32_t find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const;
   void advance_by_impulses(const Tick& tick, const Carried& by_method);
   void finish_impulses(const Tick& tick, const Carried& by_method);
@@ -267,7 +267,7 @@ struct World::Impl : Model, State, IslandLists {
   void advance_kinematic_bodies();
   void finish_step(const Tick& tick, const Carried& by_method);
   void read_smooth_joints(const JointStep& step, const Carried& by_method);
-  void note_if_torn(std::size_t j);
+  void note_if_broken(std::size_t j);
   void tell_contacts();
   void add_contacts(const TouchingPair& pair);
   void drop_spent_wrenches(double now);

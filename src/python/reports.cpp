@@ -51,7 +51,7 @@ void define_step_report(py::module* module) {
                     "largest |J V - target| that the sweeps left [m/s]")
       .def_readonly("failed", &Report::failed, "the world kept the state before the step")
       .def_property_readonly(
-          "failure", [](const Report& report) { return engine::text(report.failure); },
+          "failure", [](const Report& report) { return engine::to_string(report.failure); },
           "why the step failed, in plain words; empty where it did not")
       .def_readonly("failed_body", &Report::failed_body_name,
                     "body whose motion it was, or None where it was not that of one")

@@ -63,7 +63,7 @@ void add(const engine::StepReport& step, const engine::World& world, RunReport* 
 
 void add_failure(const NamedReport& step, RunReport* report) {
   report->failed = true;
-  report->failure = engine::text(step.failure);
+  report->failure = engine::to_string(step.failure);
   report->failed_body = step.failed_body_name;
 }
 

@@ -41,9 +41,10 @@ std::string unclosed(const World& world) {
 }
 
 std::string gaining(const World& world) {
-  for (const engine::Told& told : engine::told(world))
-    if (told.kind == engine::Told::Kind::kEnergyRise)
-      return engine::text(told) + ": a shorter time_step or a smaller tolerance may keep it";
+  for (const engine::StepWarning& warning : engine::step_warnings(world))
+    if (warning.kind == engine::StepWarning::Kind::kEnergyRise)
+      return engine::to_string(warning) +
+             ": a shorter time_step or a smaller tolerance may keep it";
   return {};
 }
 
@@ -97,7 +98,7 @@ void EventLog::stepped(const World& world) {
         break;
     }
   }
-  if (report.torn_joints > 0) tell_of_broken(world);
+  if (report.torn_joints > 0) report_broken(world);
 }
 
 void EventLog::edited(const World& world) {
@@ -106,7 +107,7 @@ void EventLog::edited(const World& world) {
     if (world.joint_state(id).broken) broken_.insert(id.value);
 }
 
-void EventLog::tell_of_broken(const World& world) {
+void EventLog::report_broken(const World& world) {
   std::vector<std::string> names;
   for (const engine::JointId id : world.joint_ids())
     if (world.joint_state(id).broken && broken_.insert(id.value).second)

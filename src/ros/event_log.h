@@ -27,7 +27,7 @@ class EventLog {
   void heard_clock();
 
  private:
-  void tell_of_broken(const World& world);
+  void report_broken(const World& world);
   void tell_of_failure(const World& world, const Stepper& stepper);
   void tell_of_dropped_ticks(const World& world, const Stepper& stepper, double now);
   void tell_of_clock(double now);

@@ -22,7 +22,7 @@ class Markers {
   /// what is gone, and everything once a second and for a newcomer.
   visualization_msgs::MarkerArray update(const engine::World& world, const ros::Time& stamp,
                                          bool for_newcomer);
-  /// Nobody has seen the last messages: the next one starts anew.
+  /// Nobody has seen the last messages: the next one has everything again.
   void forget() { started_ = false; }
 
  private:

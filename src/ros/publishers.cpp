@@ -71,7 +71,7 @@ Publishers::~Publishers() {
 void Publishers::stepped(const World& world, double seconds) {
   ticks_.add(world, seconds);
   stepped_ = true;
-  // what changes the plan without an edit: a joint tears, a wrench is over, an island has another
+  // what changes the plan without an edit: a joint breaks, a wrench ends, an island has another
   // method, falls asleep or wakes
   const engine::StepReport& report = world.report();
   if (report.torn_joints > 0 || report.changes > 0 || report.asleep != asleep_ ||

@@ -1,4 +1,4 @@
-// Runs a scene without ROS: docs/scenes.md tells how to use it.
+// Runs a scene without ROS: docs/scenes.md is its manual.
 
 #include <unistd.h>
 
@@ -33,7 +33,7 @@ namespace {
 
 constexpr int kBadInput = 2;
 constexpr int kPhysicsFailed = 3;
-constexpr int kFinishedButTold = 4;
+constexpr int kFinishedWithWarnings = 4;
 constexpr int kSignalled = 128;  // plus the signal, as shells have it
 
 // ---- scenes
@@ -306,13 +306,15 @@ struct Outcome {
   double solver_residual = 0.0;                     ///< largest of all steps [m/s]
   std::set<std::string> methods;
   std::set<std::string> unresolved_bodies;
-  std::map<std::pair<Told::Kind, std::string>, Told> told;  ///< each once, at its largest
+  std::map<std::pair<StepWarning::Kind, std::string>, StepWarning>
+      warnings;  ///< each once, at its largest
   bool failed = false;
 };
 
-void add(const Told& told, Outcome* outcome) {
-  Told& known = outcome->told.emplace(std::pair(told.kind, told.whose), told).first->second;
-  known.amount = std::max(known.amount, told.amount);
+void add(const StepWarning& warning, Outcome* outcome) {
+  StepWarning& known =
+      outcome->warnings.emplace(std::pair(warning.kind, warning.whose), warning).first->second;
+  known.amount = std::max(known.amount, warning.amount);
 }
 
 Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
@@ -340,7 +342,7 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
       for (const BodyId id : world->unresolved_bodies())
         outcome.unresolved_bodies.insert(world->body(id).name);
     if (report.unclosed_joints > 0 || report.energy_rise > 0.0)
-      for (const Told& now : told(*world)) add(now, &outcome);
+      for (const StepWarning& now : step_warnings(*world)) add(now, &outcome);
     outcome.failed = report.failed;
     if (csv->is_wanted()) write_csv_rows(*world, csv->stream());
     progress.update(step);
@@ -365,7 +367,7 @@ std::vector<double> list(const Vector& vector) {
 
 std::vector<std::string> warnings_of(const World& world, const Outcome& outcome) {
   std::vector<std::string> lines = warnings(world);
-  for (const auto& [key, told] : outcome.told) lines.push_back(text(told));
+  for (const auto& [key, warning] : outcome.warnings) lines.push_back(to_string(warning));
   return lines;
 }
 
@@ -388,9 +390,10 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
   }
   std::vector<std::string> unclosed_joints;
   double energy_rise = 0.0;
-  for (const auto& [key, told] : outcome.told) {
-    if (told.kind == Told::Kind::kUnclosed) unclosed_joints.push_back(told.whose);
-    if (told.kind == Told::Kind::kEnergyRise) energy_rise = std::max(energy_rise, told.amount);
+  for (const auto& [key, warning] : outcome.warnings) {
+    if (warning.kind == StepWarning::Kind::kUnclosed) unclosed_joints.push_back(warning.whose);
+    if (warning.kind == StepWarning::Kind::kEnergyRise)
+      energy_rise = std::max(energy_rise, warning.amount);
   }
   return {
       {"steps", world.step_count()},
@@ -407,7 +410,7 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
       {"solver_residual", outcome.solver_residual},
       {"unclosed_joints", unclosed_joints},
       {"energy_rise", energy_rise},
-      {"failure", text(world.report().failure)},
+      {"failure", to_string(world.report().failure)},
       {"failed_body", failed_body(world)},
       {"methods", outcome.methods},
       {"unresolved_bodies", outcome.unresolved_bodies},
@@ -461,12 +464,12 @@ int run(const Arguments& arguments) {
   print_summary(world, outcome);
   if (outcome.failed) {
     std::fprintf(stderr, "constraint_sim_run: the physics failed after %g s: %s\n", world.time(),
-                 text(world.report().failure));
+                 to_string(world.report().failure));
     return kPhysicsFailed;
   }
-  for (const auto& [key, told] : outcome.told)
-    std::fprintf(stderr, "constraint_sim_run: warning: %s\n", text(told).c_str());
-  if (stop_signal == 0) return outcome.told.empty() ? 0 : kFinishedButTold;
+  for (const auto& [key, warning] : outcome.warnings)
+    std::fprintf(stderr, "constraint_sim_run: warning: %s\n", to_string(warning).c_str());
+  if (stop_signal == 0) return outcome.warnings.empty() ? 0 : kFinishedWithWarnings;
   std::fprintf(stderr, "constraint_sim_run: stopped after %g s\n", world.time());
   return kSignalled + stop_signal;
 }

@@ -2,8 +2,8 @@
 
 namespace constraint_sim {
 
-/// Something that begins, holds for a while and ends, as ticks that are dropped: each is told once.
-/// What comes again soon after it has ended has not ended.
+/// Something that begins, holds for a while and ends, as ticks that are dropped: each is reported
+/// once. What comes again soon after it has ended has not ended.
 class Condition {
  public:
   enum class Change { kNone, kBegan, kEnded };
@@ -23,7 +23,7 @@ class Condition {
     return Change::kEnded;
   }
   bool has_begun() const { return has_begun_; }
-  /// It is over, and nobody needs to be told.
+  /// Ends the condition without a report.
   void forget() { has_begun_ = false; }
 
  private:

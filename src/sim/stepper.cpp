@@ -19,7 +19,7 @@ double run_time() {
 
 std::string why_failed(const World& world) {
   const engine::StepReport& report = world.report();
-  std::string why = engine::text(report.failure);
+  std::string why = engine::to_string(report.failure);
   if (report.failed_body) why += ": '" + world.body(*report.failed_body).name + "'";
   return why;
 }

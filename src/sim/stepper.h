@@ -50,8 +50,8 @@ struct Boundary {
   std::uint64_t step = 0;  ///< steps since the start
 };
 
-/// What the stepper tells its owner, on the stepping thread, between steps. What these throw makes
-/// the stepper fail.
+/// What the stepper reports to its owner, on the stepping thread, between steps. What these throw
+/// makes the stepper fail.
 struct StepperEvents {
   std::function<void(const World&, double seconds)> stepped;  ///< run time of the step [s]
   std::function<void(const World&)> edited;                   ///< at least one edit took effect
@@ -59,7 +59,7 @@ struct StepperEvents {
   std::function<double(const World&)> passed;
 };
 
-/// Owns a World and the thread's worth of work that carries it on: what is due by the clock, what
+/// Owns a World and advances it, on a thread of its own: what is due by the clock, what
 /// is asked for by step(), and the edits that come from other threads. Edits wait in a queue and
 /// take effect together at a boundary, any moment when no step is running. Nothing else touches the
 /// world.
@@ -117,7 +117,7 @@ class Stepper {
 
   bool is_paused() const { return paused_; }
   bool has_failed() const { return failed_; }
-  /// Why it has, in words; empty where it has not.
+  /// MethodReason it has, in words; empty where it has not.
   std::string failure() const;
   std::uint64_t dropped_ticks() const { return dropped_ticks_; }
   double real_time_factor() const { return options_.real_time_factor; }

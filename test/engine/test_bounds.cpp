@@ -238,7 +238,7 @@ TEST(Bounds, OfSubstepsEndAStepOfBodiesThatTurnTooFast) {
   }
   EXPECT_FALSE(world.step().failed);
   EXPECT_LT(seconds_since(start), 5.0 * kSanitizedShare);
-  for (const Island& island : world.islands()) EXPECT_EQ(island.why, Why::kRefused);
+  for (const Island& island : world.islands()) EXPECT_EQ(island.why, MethodReason::kRefused);
 }
 
 // The system has no room for so many stacks: the work gets done all the same, with the same bits.

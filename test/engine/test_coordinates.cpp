@@ -250,7 +250,7 @@ TEST(AngleLimits, HoldAtTheirEndsByImpulses) {
   law.lower = -0.5;
   law.upper = 0.25;
   Bar bar(Method::kAuto, 0.002, law, 2.0);
-  EXPECT_EQ(bar.world.islands().front().why, Why::kLimit);
+  EXPECT_EQ(bar.world.islands().front().why, MethodReason::kLimit);
   double most = 0.0, least = 0.0;
   for (int i = 0; i < 1000; ++i) {
     bar.world.step();
@@ -277,7 +277,7 @@ TEST(AngleFriction, BrakesEvenlyAndHolds) {
   CoordinateLaw law;
   law.friction = 0.5;
   Bar bar(Method::kAuto, 0.001, law, 1.0);
-  EXPECT_EQ(bar.world.islands().front().why, Why::kFriction);
+  EXPECT_EQ(bar.world.islands().front().why, MethodReason::kFriction);
   bar.run(0.5);
   EXPECT_NEAR(bar.angle().velocity, 1.0 - 0.5 / kInertia * 0.5, 2e-3);  // to ten sweeps
   bar.run(2.0);
@@ -288,7 +288,7 @@ TEST(AngleMotor, GivesWayAtItsForceLimit) {
   CoordinateLaw law = driven(5.0);
   law.motor->max_force = 0.6;
   Bar bar(Method::kAuto, 0.001, law);
-  EXPECT_EQ(bar.world.islands().front().why, Why::kForceLimit);
+  EXPECT_EQ(bar.world.islands().front().why, MethodReason::kForceLimit);
   bar.run(0.4);
   EXPECT_TRUE(bar.world.joint_state(bar.hinge).saturated);
   EXPECT_NEAR(bar.angle().velocity, 0.6 / kInertia * 0.4, 1e-2);
@@ -486,7 +486,7 @@ TEST(AngleMotors, ThatContradictAreTold) {
   bool is_conflict = false;
   for (int i = 0; i < 50; ++i) {
     bar.world.step();
-    is_conflict = is_conflict || bar.world.islands().front().why == Why::kConflict;
+    is_conflict = is_conflict || bar.world.islands().front().why == MethodReason::kInconsistent;
   }
   EXPECT_TRUE(is_conflict);
   EXPECT_GT(bar.world.report().max_constraint_error, 1e-3);

@@ -56,7 +56,7 @@ Record run_exactly(World& world, double duration) {
                           report.islands[index(Method::kSequentialImpulses)] == 0 &&
                           report.max_constraint_error <= round_off(world);
     if (!is_exact) {
-      ADD_FAILURE() << "at t = " << world.time() << ": " << text(world.islands().front().why)
+      ADD_FAILURE() << "at t = " << world.time() << ": " << to_string(world.islands().front().why)
                     << ", joints off by " << report.max_constraint_error;
       return record;
     }
@@ -451,7 +451,7 @@ TEST(EnergyMomentum, IsTakenWhereAnIslandIsStiffAndLeftWhereItIsNot) {
   World world = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
   world.step();
   EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);  // from the first step on
-  EXPECT_EQ(world.islands().front().why, Why::kStiff);
+  EXPECT_EQ(world.islands().front().why, MethodReason::kStiff);
   EXPECT_EQ(world.report().changes, 1u);
   run_exactly(world, 1.0);
 
@@ -650,7 +650,7 @@ TEST(EnergyMomentum, DoubledRodsOfAHeavyChainChangeNothing) {
 
 // ---- joints that contradict each other
 
-Why only_reason(const World& world) { return world.islands().front().why; }
+MethodReason only_reason(const World& world) { return world.islands().front().why; }
 
 TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
   World world = with(World(), 0.01);
@@ -658,7 +658,7 @@ TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
   const JointId shorter = world.add_joint(hang("shorter", bob, rod(1.0)));
   const JointId longer = world.add_joint(hang("longer", bob, rod(1.2)));
   run(world, 100);
-  EXPECT_EQ(only_reason(world), Why::kConflict);
+  EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
   const double middle = 1.1;  // in metres, and of the same mass
   double highest = -kInfinity, lowest = kInfinity;
   for (int i = 0; i < 1000; ++i) {
@@ -669,11 +669,11 @@ TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
     lowest = std::min(lowest, world.energy());
   }
   EXPECT_LE(highest - lowest, 0.05);  // a swing of 10 J: no shaking
-  EXPECT_EQ(only_reason(world), Why::kConflict);
+  EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
 
   world.remove_joint(longer);
   run(world, 100);
-  EXPECT_EQ(only_reason(world), Why::kSmooth);
+  EXPECT_EQ(only_reason(world), MethodReason::kSmooth);
   EXPECT_LE(std::abs(world.joint_state(shorter).error), 1e-12);
 }
 
@@ -684,7 +684,7 @@ TEST(EnergyMomentum, WhatIsOutOfReachIsPulledStraight) {
   world.add_joint(
       make_joint("right", kWorldBody, {3.0, 0.0, 0.0}, bob, Vector3d::Zero(), rod(1.0)));
   run(world, 300);
-  EXPECT_EQ(only_reason(world), Why::kConflict);
+  EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
   // straight, and below the line by its weight over what holds it there
   EXPECT_LE((world.state(bob).position - Vector3d(1.5, 0.0, 0.0)).norm(), 1e-6);
   EXPECT_LE(world.state(bob).linear_velocity.norm(), 1e-6);
@@ -700,7 +700,7 @@ TEST(EnergyMomentum, MotorsAgainstEachOtherShareTheDifference) {
   const JointId a = world.add_joint(out), b = world.add_joint(in);
   for (int i = 0; i < 100; ++i) {
     ASSERT_FALSE(world.step().failed);
-    EXPECT_EQ(only_reason(world), Why::kConflict);
+    EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
   }
   EXPECT_NEAR(world.joint_state(a).error, -0.1, 1e-9);
   EXPECT_NEAR(world.joint_state(b).error, 0.1, 1e-9);

@@ -56,7 +56,7 @@ class Island {
     return join(a, Vector3d::Zero(), b, Vector3d::Zero(), rod(length));
   }
 
-  Progress step(double h) {
+  IntegrationResult step(double h) {
     if (!motion_) compile();
     const JointStep step{t, h, 0.1, kClosingTime};
     std::vector<JointCourse> courses;
@@ -64,7 +64,7 @@ class Island {
       courses.emplace_back(joints[j], step, joint_states[j]);
     equations_->begin_step(joint_states);
     const SmoothSpan span{t, h, gravity_, loads, courses, false, false};
-    const Progress progress = motion_->advance(span, equations_.get(), &states);
+    const IntegrationResult progress = motion_->advance(span, equations_.get(), &states);
     for (std::size_t i = 0; i < states.size(); ++i)
       if (!masses_[i].is_movable()) states[i].position += h * states[i].linear_velocity;
     for (std::size_t l = 0; l < joints.size(); ++l) {
@@ -252,7 +252,7 @@ TEST(Inconsistent, ATumblingNetKeepsItsMomenta) {
     const Vector3d P = island.momentum(), L = island.angular_momentum();
     for (long k = 0; k < ticks(4.0, h); ++k) {
       const double before = island.kinetic_energy();
-      const Progress progress = island.step(h);
+      const IntegrationResult progress = island.step(h);
       ASSERT_TRUE(progress.done);
       if (island.t < kClosingTime + 1.5 * h) continue;
       ASSERT_LE(island.kinetic_energy(), before * (1.0 + 1e-13)) << h << " s, at " << island.t;
@@ -321,7 +321,7 @@ TEST(Inconsistent, RodsOfTwoLengthsSwingAsOneBetween) {
     double lost = 0.0;
     for (long k = 0; k < ticks(3.0, h); ++k) {
       const double before = k > 0 ? island.energy() : 0.0;
-      const Progress progress = island.step(h);
+      const IntegrationResult progress = island.step(h);
       ASSERT_TRUE(progress.done);
       ASSERT_EQ(progress.rejected, 0);
       lost += progress.projected;
@@ -403,7 +403,7 @@ TEST(Inconsistent, HeavyLoadsOnLightLinksGainNothing) {
       }
       for (long k = 0; k < ticks(2.0, h); ++k) {
         const double energy = k > 0 ? island.energy() : 0.0;
-        const Progress progress = island.step(h);
+        const IntegrationResult progress = island.step(h);
         ASSERT_TRUE(progress.done);
         if (island.t < kClosingTime + 1.5 * h) continue;
         ASSERT_LE(island.energy(), energy + progress.corrected + 1e-12 * load * kGravity * 6.0)
@@ -430,7 +430,7 @@ TEST(Inconsistent, StiffSpringsStayBounded) {
       island.join(bob, Vector3d::Zero(), knob, Vector3d::Zero(), spring(0.5, stiffness, 0.1));
       for (long k = 0; k < ticks(2.0, h); ++k) {
         const double energy = k > 0 ? island.energy() : 0.0;
-        const Progress progress = island.step(h);
+        const IntegrationResult progress = island.step(h);
         ASSERT_TRUE(progress.done);
         if (island.t < kClosingTime + 1.5 * h) continue;
         ASSERT_LE(island.energy(), energy + progress.corrected + 1e-9)
@@ -489,7 +489,7 @@ TEST(Inconsistent, RandomIslandsGainNothing) {
     double scale = 1.0;
     for (long k = 0; k < ticks(2.0, h); ++k) {
       const double before = k > 0 ? island.energy() : 0.0;
-      const Progress progress = island.step(h);
+      const IntegrationResult progress = island.step(h);
       ASSERT_TRUE(progress.done);
       if (island.t < kClosingTime + 1.5 * h) {
         scale = std::max(scale, std::abs(island.energy()) + island.kinetic_energy());
@@ -525,10 +525,10 @@ TEST(Inconsistent, AnIslandIsSmoothAgainOnceARodHasGone) {
       ASSERT_LE(world.report().projected_energy, 1e-3) << world.time();  // of 10 J
     }
   }
-  EXPECT_EQ(world.islands().front().why, Why::kConflict);
+  EXPECT_EQ(world.islands().front().why, MethodReason::kInconsistent);
   world.remove_joint(longer);
   run(world, 2);
-  EXPECT_EQ(world.islands().front().why, Why::kSmooth);
+  EXPECT_EQ(world.islands().front().why, MethodReason::kSmooth);
   run(world, 60);
   EXPECT_LE(std::abs(world.joint_state(shorter).error), 1e-12);
 }
@@ -546,10 +546,10 @@ TEST(Inconsistent, AnIslandIsSmoothAgainOnceMotorsAgree) {
     motor.timeout = 0.5;
     world.set_motor(winch, motor);
     run(world, 50);
-    EXPECT_EQ(world.islands().front().why, Why::kConflict);
+    EXPECT_EQ(world.islands().front().why, MethodReason::kInconsistent);
   }
   run(world, 5);
-  EXPECT_EQ(world.islands().front().why, Why::kSmooth);
+  EXPECT_EQ(world.islands().front().why, MethodReason::kSmooth);
   EXPECT_LE(world.report().max_constraint_error, 1e-9);
 }
 

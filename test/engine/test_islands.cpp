@@ -87,14 +87,15 @@ Island only_island(const World& world) {
 TEST(Islands, HaveTheMethodThatTheirJointsAskFor) {
   Joint motor = hang("j", {});
   motor.motor.bias = 0.1;
-  EXPECT_EQ(only_island(hanging(motor)).why, Why::kSmooth);
+  EXPECT_EQ(only_island(hanging(motor)).why, MethodReason::kSmooth);
   motor.motor.max_force = 5.0;
-  EXPECT_EQ(only_island(hanging(motor)).why, Why::kForceLimit);
-  EXPECT_EQ(only_island(hanging(hang("j", {}))).why, Why::kSmooth);
-  EXPECT_EQ(only_island(hanging(hang("j", {}, JointKind::kBall))).why, Why::kSmooth);
-  EXPECT_EQ(only_island(hanging(hang("j", {}, rope(2.0)))).why, Why::kLimit);
-  EXPECT_EQ(only_island(hanging(hang("j", {}, between(0.5, 2.0)))).why, Why::kLimit);
-  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 100.0, 1.0)))).why, Why::kSmooth);
+  EXPECT_EQ(only_island(hanging(motor)).why, MethodReason::kForceLimit);
+  EXPECT_EQ(only_island(hanging(hang("j", {}))).why, MethodReason::kSmooth);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, JointKind::kBall))).why, MethodReason::kSmooth);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, rope(2.0)))).why, MethodReason::kLimit);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, between(0.5, 2.0)))).why, MethodReason::kLimit);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 100.0, 1.0)))).why,
+            MethodReason::kSmooth);
 }
 
 TEST(Islands, SpringsOffCentreAreStifferOnSlimBodies) {
@@ -107,16 +108,19 @@ TEST(Islands, SpringsOffCentreAreStifferOnSlimBodies) {
     world.add_joint(joint);
     return only_island(world).why;
   };
-  EXPECT_EQ(why({0.0, 0.0, 0.0}), Why::kSmooth);
-  EXPECT_EQ(why({0.0, 0.0, 0.5}), Why::kStiff);
+  EXPECT_EQ(why({0.0, 0.0, 0.0}), MethodReason::kSmooth);
+  EXPECT_EQ(why({0.0, 0.0, 0.5}), MethodReason::kStiff);
 }
 
 TEST(Islands, SpringsAreIntegratedWhileSubstepsArePaying) {
   // one spring on one mass: ω = √(2k/m) is the bound, 40 of it in a tick the limit
   const double limit = 0.5 * std::pow(40.0 / 0.01, 2);
-  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 0.99 * limit, 0.0)))).why, Why::kSmooth);
-  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 1.01 * limit, 0.0)))).why, Why::kStiff);
-  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 1.0, 2001.0)))).why, Why::kStiff);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 0.99 * limit, 0.0)))).why,
+            MethodReason::kSmooth);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 1.01 * limit, 0.0)))).why,
+            MethodReason::kStiff);
+  EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 1.0, 2001.0)))).why,
+            MethodReason::kStiff);
   WorldOptions asked = automatic();
   asked.method = Method::kRungeKutta;
   const World world = hanging(hang("j", {}, spring(1.0, 1.01 * limit, 0.0)), asked);
@@ -128,7 +132,7 @@ TEST(Islands, AMethodAskedForByNameIsTaken) {
   asked.method = Method::kSequentialImpulses;
   const Island island = only_island(hanging(hang("j", {}), asked));
   EXPECT_EQ(island.method, Method::kSequentialImpulses);
-  EXPECT_EQ(island.why, Why::kAskedFor);
+  EXPECT_EQ(island.why, MethodReason::kAskedFor);
 }
 
 TEST(Islands, AreMadeAnewWhenJointsComeAndGo) {
@@ -164,8 +168,8 @@ TEST(Islands, AreImpulsesWhileTheyTouchAndTheReportSaysSo) {
     const bool touches = report.contacts > 0;
     has_bounced = has_bounced || touches;
     const std::vector<Island> islands = world.islands();
-    EXPECT_EQ(islands[0].why, touches ? Why::kContact : Why::kSmooth) << i;
-    EXPECT_EQ(islands[1].why, Why::kSmooth);
+    EXPECT_EQ(islands[0].why, touches ? MethodReason::kContact : MethodReason::kSmooth) << i;
+    EXPECT_EQ(islands[1].why, MethodReason::kSmooth);
     EXPECT_EQ(report.islands[static_cast<std::size_t>(Method::kSequentialImpulses)],
               touches ? 1 : 0);
     EXPECT_EQ(report.islands[static_cast<std::size_t>(Method::kRungeKutta)], touches ? 1 : 2);
@@ -181,9 +185,9 @@ TEST(Islands, AreToldAfterABodyInContactIsGone) {
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.09}));
   world.add_body(make_body("far", Sphere{0.1}, 1.0, {9.0, 0.0, 99.0}));
   world.step();
-  EXPECT_EQ(world.islands().front().why, Why::kContact);
+  EXPECT_EQ(world.islands().front().why, MethodReason::kContact);
   world.remove_body(ball);
-  EXPECT_EQ(only_island(world).why, Why::kSmooth);
+  EXPECT_EQ(only_island(world).why, MethodReason::kSmooth);
   world.step();
 }
 

@@ -130,7 +130,7 @@ using Vector = Eigen::Matrix<Real, Eigen::Dynamic, 1>;
 using Matrix = Eigen::Matrix<Real, Eigen::Dynamic, Eigen::Dynamic>;
 using Vector3 = Eigen::Matrix<Real, 3, 1>;
 
-/// The bodies and joints of a world as one island, by LinkedMotion; the world itself is body 0.
+/// The bodies and joints of a world as one island, by RungeKutta; the world itself is body 0.
 class OneIsland {
  public:
   explicit OneIsland(const World& world) : gravity_(world.options().gravity) {
@@ -163,7 +163,7 @@ class OneIsland {
     }
     std::vector<int> all(joints.size());
     std::iota(all.begin(), all.end(), 0);
-    motion_ = std::make_unique<LinkedMotion>(EquationsOfMotion(all, joints, ends, masses));
+    motion_ = std::make_unique<RungeKutta>(EquationsOfMotion(all, joints, ends, masses));
   }
 
   bool step(double h) {
@@ -185,7 +185,7 @@ class OneIsland {
   std::vector<JointCourse> courses_;
   std::vector<JointState> joint_states_;
   double t_ = 0.0;
-  std::unique_ptr<LinkedMotion> motion_;
+  std::unique_ptr<RungeKutta> motion_;
 };
 
 /// Forces and torques of unit impulses on all bodies, a column for each row of a joint, as
@@ -268,8 +268,8 @@ RowVector impulse_of(const EquationsOfMotion& told, const EquationsOfMotion&, st
   return told.impulse(l);
 }
 
-template <class Told>
-Vector by_row(const OneIsland& island, const Told& told) {
+template <class Forces>
+Vector by_row(const OneIsland& island, const Forces& told) {
   std::vector<Real> rows;
   for (std::size_t l = 0; l < island.equations().joints().size(); ++l) {
     const RowVector impulse = impulse_of(told, island.equations(), l);

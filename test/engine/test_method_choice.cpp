@@ -22,60 +22,74 @@ TEST(MethodChoice, NatureOfAnIslandByOptionsJointsAndSprings) {
   struct Case {
     Method asked;
     IslandTraits traits;
-    Why nature;
+    MethodReason nature;
   };
   constexpr double kCalm = 3999.0, kFast = 4001.0;  // h ω of 40 is the limit at a tick of 0.01 s
   const Case cases[] = {
-      {kAuto, {false, Why::kSmooth, 0.0}, Why::kSmooth},
-      {kAuto, {true, Why::kSmooth, kCalm}, Why::kSmooth},
-      {kAuto, {true, Why::kSmooth, kFast}, Why::kStiff},
-      {kAuto, {true, Why::kLimit, 0.0}, Why::kLimit},
-      {kAuto, {true, Why::kLimit, kFast}, Why::kLimit},
-      {kAuto, {true, Why::kForceLimit, 0.0}, Why::kForceLimit},
-      {kRungeKutta, {true, Why::kSmooth, kFast}, Why::kSmooth},
-      {kRungeKutta, {true, Why::kLimit, 0.0}, Why::kLimit},
-      {kGradients, {true, Why::kSmooth, 0.0}, Why::kAskedFor},
-      {kGradients, {false, Why::kSmooth, 0.0}, Why::kSmooth},
-      {kGradients, {true, Why::kForceLimit, 0.0}, Why::kForceLimit},
-      {kImpulses, {true, Why::kLimit, kFast}, Why::kAskedFor},
-      {kImpulses, {false, Why::kSmooth, 0.0}, Why::kAskedFor},
+      {kAuto, {false, MethodReason::kSmooth, 0.0}, MethodReason::kSmooth},
+      {kAuto, {true, MethodReason::kSmooth, kCalm}, MethodReason::kSmooth},
+      {kAuto, {true, MethodReason::kSmooth, kFast}, MethodReason::kStiff},
+      {kAuto, {true, MethodReason::kLimit, 0.0}, MethodReason::kLimit},
+      {kAuto, {true, MethodReason::kLimit, kFast}, MethodReason::kLimit},
+      {kAuto, {true, MethodReason::kForceLimit, 0.0}, MethodReason::kForceLimit},
+      {kRungeKutta, {true, MethodReason::kSmooth, kFast}, MethodReason::kSmooth},
+      {kRungeKutta, {true, MethodReason::kLimit, 0.0}, MethodReason::kLimit},
+      {kGradients, {true, MethodReason::kSmooth, 0.0}, MethodReason::kAskedFor},
+      {kGradients, {false, MethodReason::kSmooth, 0.0}, MethodReason::kSmooth},
+      {kGradients, {true, MethodReason::kForceLimit, 0.0}, MethodReason::kForceLimit},
+      {kImpulses, {true, MethodReason::kLimit, kFast}, MethodReason::kAskedFor},
+      {kImpulses, {false, MethodReason::kSmooth, 0.0}, MethodReason::kAskedFor},
   };
   for (const Case& c : cases)
     EXPECT_EQ(classify(c.traits, with(c.asked)), c.nature)
-        << name(c.asked) << ", jumps: " << text(c.traits.jumps) << ", " << c.traits.fastest_spring;
+        << name(c.asked) << ", jumps: " << to_string(c.traits.jumps) << ", "
+        << c.traits.fastest_spring;
 }
 
 TEST(MethodChoice, EveryReasonHasOneMethod) {
-  const std::pair<Why, Method> cases[] = {
-      {Why::kSmooth, kRungeKutta}, {Why::kStiff, kGradients},   {Why::kConflict, kGradients},
-      {Why::kContact, kImpulses},  {Why::kLimit, kImpulses},    {Why::kForceLimit, kImpulses},
-      {Why::kRefused, kImpulses},  {Why::kAskedFor, kGradients}};
+  const std::pair<MethodReason, Method> cases[] = {
+      {MethodReason::kSmooth, kRungeKutta},      {MethodReason::kStiff, kGradients},
+      {MethodReason::kInconsistent, kGradients}, {MethodReason::kContact, kImpulses},
+      {MethodReason::kLimit, kImpulses},         {MethodReason::kForceLimit, kImpulses},
+      {MethodReason::kRefused, kImpulses},       {MethodReason::kAskedFor, kGradients}};
   for (const auto& [why, method] : cases)
-    EXPECT_EQ(method_for(why, with(kGradients)), method) << text(why);
-  EXPECT_EQ(method_for(Why::kAskedFor, with(kImpulses)), kImpulses);
+    EXPECT_EQ(method_for(why, with(kGradients)), method) << to_string(why);
+  EXPECT_EQ(method_for(MethodReason::kAskedFor, with(kImpulses)), kImpulses);
 }
 
 TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
   struct Case {
     const char* what;
-    Why nature;
+    MethodReason nature;
     bool in_contact, is_refused, is_inconsistent, is_stiff;
-    Why why;
+    MethodReason why;
     Method method;
   };
   const Case cases[] = {
-      {"nothing special", Why::kSmooth, false, false, false, false, Why::kSmooth, kRungeKutta},
-      {"touched", Why::kSmooth, true, false, false, false, Why::kContact, kImpulses},
-      {"touched and stiff", Why::kStiff, true, false, false, true, Why::kContact, kImpulses},
-      {"a rope, touched", Why::kLimit, true, false, false, false, Why::kLimit, kImpulses},
-      {"measured stiff", Why::kSmooth, false, false, false, true, Why::kStiff, kGradients},
-      {"a rope, measured stiff", Why::kLimit, false, false, false, true, Why::kLimit, kImpulses},
-      {"stiff springs", Why::kStiff, false, false, false, false, Why::kStiff, kGradients},
-      {"refused", Why::kSmooth, false, true, false, true, Why::kRefused, kImpulses},
-      {"refused and touched", Why::kSmooth, true, true, false, false, Why::kRefused, kImpulses},
-      {"inconsistent", Why::kSmooth, false, false, true, false, Why::kConflict, kGradients},
-      {"inconsistent, stiff", Why::kStiff, false, false, true, true, Why::kConflict, kGradients},
-      {"inconsistent, touched", Why::kSmooth, true, false, true, false, Why::kContact, kImpulses},
+      {"nothing special", MethodReason::kSmooth, false, false, false, false, MethodReason::kSmooth,
+       kRungeKutta},
+      {"touched", MethodReason::kSmooth, true, false, false, false, MethodReason::kContact,
+       kImpulses},
+      {"touched and stiff", MethodReason::kStiff, true, false, false, true, MethodReason::kContact,
+       kImpulses},
+      {"a rope, touched", MethodReason::kLimit, true, false, false, false, MethodReason::kLimit,
+       kImpulses},
+      {"measured stiff", MethodReason::kSmooth, false, false, false, true, MethodReason::kStiff,
+       kGradients},
+      {"a rope, measured stiff", MethodReason::kLimit, false, false, false, true,
+       MethodReason::kLimit, kImpulses},
+      {"stiff springs", MethodReason::kStiff, false, false, false, false, MethodReason::kStiff,
+       kGradients},
+      {"refused", MethodReason::kSmooth, false, true, false, true, MethodReason::kRefused,
+       kImpulses},
+      {"refused and touched", MethodReason::kSmooth, true, true, false, false,
+       MethodReason::kRefused, kImpulses},
+      {"inconsistent", MethodReason::kSmooth, false, false, true, false,
+       MethodReason::kInconsistent, kGradients},
+      {"inconsistent, stiff", MethodReason::kStiff, false, false, true, true,
+       MethodReason::kInconsistent, kGradients},
+      {"inconsistent, touched", MethodReason::kSmooth, true, false, true, false,
+       MethodReason::kContact, kImpulses},
   };
   for (const Case& c : cases) {
     IslandMemory memory;
@@ -83,7 +97,7 @@ TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
     memory.inconsistent_until = c.is_inconsistent ? kNow + 1 : kNow;
     memory.is_stiff = c.is_stiff;
     const MethodChoice choice = choose(c.nature, c.in_contact, memory, kNow, with(kAuto));
-    EXPECT_EQ(choice.why, c.why) << c.what << ": " << text(choice.why);
+    EXPECT_EQ(choice.why, c.why) << c.what << ": " << to_string(choice.why);
     EXPECT_EQ(choice.method, c.method) << c.what << ": " << name(choice.method);
     EXPECT_EQ(choice.method, method_for(choice.why, with(kAuto))) << c.what;
     remember_choice(choice, c.in_contact, kNow, &memory);
@@ -97,7 +111,7 @@ TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
 TEST(MethodChoice, AJerkDoesNotMakeAnIslandStiffButWhatGoesOnDoes) {
   const WorldOptions options = with(kAuto);
   IslandMemory memory;
-  Progress progress;
+  IntegrationResult progress;
   progress.is_stiff = true;
   progress.substeps = 1000;
   const double cost = gradient_cost(false, memory);
@@ -108,7 +122,7 @@ TEST(MethodChoice, AJerkDoesNotMakeAnIslandStiffButWhatGoesOnDoes) {
 
   IslandMemory jerked;
   learn_from_substeps(cost, kNow, options, &progress, &jerked);
-  Progress calm;
+  IntegrationResult calm;
   learn_from_substeps(cost, kNow, options, &calm, &jerked);
   EXPECT_EQ(jerked.stiff_ticks, 0);
   EXPECT_FALSE(jerked.is_stiff);
@@ -116,7 +130,7 @@ TEST(MethodChoice, AJerkDoesNotMakeAnIslandStiffButWhatGoesOnDoes) {
 
 TEST(MethodChoice, SubstepsThatCostLessThanGradientsAreNotStiff) {
   IslandMemory memory;
-  Progress progress;
+  IntegrationResult progress;
   progress.is_stiff = true;
   progress.substeps = 1;  // 12 evaluations beside 300
   EXPECT_FALSE(

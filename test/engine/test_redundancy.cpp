@@ -195,7 +195,8 @@ TEST(Unresolved, SpinIsReported) {
       bool is_reported = false;
       for (int i = 0; i < 10 && !is_reported; ++i) {
         world.step();
-        for (const Island& island : world.islands()) EXPECT_NE(island.why, Why::kConflict);
+        for (const Island& island : world.islands())
+          EXPECT_NE(island.why, MethodReason::kInconsistent);
         is_reported = world.report().failed || world.report().unresolved_bodies > 0;
         if (is_reported) break;
         ASSERT_LE(std::abs(world.energy() - start), 1e-6 * start) << name(method);

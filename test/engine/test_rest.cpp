@@ -76,7 +76,7 @@ TEST(Rest, LeavesEverythingOutAndStillTellsOfIt) {
   EXPECT_EQ(report.contacts, 0u);
   EXPECT_EQ(report.iterations, 0u);
   EXPECT_EQ(report.broadphase_tests, 0u);
-  for (const Island& island : world.islands()) EXPECT_EQ(island.why, Why::kAtRest);
+  for (const Island& island : world.islands()) EXPECT_EQ(island.why, MethodReason::kAtRest);
 
   // five weights on the floor, 2 + 1 + 1 on boxes; the largest change of the impulses in the step
   // in which they fell asleep was that of 1e-8 m/s

@@ -622,7 +622,7 @@ TEST(RungeKutta, RowsThatContradictEachOtherStayFinite) {
   world.add_joint(hang("short_2", b, rod(1.0)));
   world.add_joint(make_joint("long", a, Vector3d::Zero(), b, Vector3d::Zero(), rod(3.0)));
   run(world, 300);
-  EXPECT_EQ(world.islands().front().why, Why::kConflict);
+  EXPECT_EQ(world.islands().front().why, MethodReason::kInconsistent);
   for (const BodyId id : world.body_ids())
     EXPECT_LE(world.state(id).position.norm(), 3.0);  // in reach of the rods, give or take
 }

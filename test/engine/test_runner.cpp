@@ -299,7 +299,7 @@ TEST_F(Runner, ReportsFailedPhysics) {
   ASSERT_EQ(run("far.yaml --duration 5 --report report.json"), 3) << out() << err();
   EXPECT_EQ(lines_of(err()).size(), 1u) << err();
   EXPECT_EQ(report().at("bodies").at("a").at("position").at(0), 1e20);
-  EXPECT_EQ(report().at("failure"), text(Failure::kOutOfRange));
+  EXPECT_EQ(report().at("failure"), to_string(Failure::kOutOfRange));
   EXPECT_EQ(report().at("failed_body"), "a");
 }
 

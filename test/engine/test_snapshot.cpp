@@ -118,7 +118,8 @@ TEST(Islands, AskedForAfterAnEditAreThoseOfTheNextStep) {
         EXPECT_EQ(asked[i].bodies, taken[i].bodies);
         EXPECT_EQ(asked[i].joints, taken[i].joints);
         EXPECT_EQ(asked[i].method, taken[i].method);
-        EXPECT_EQ(asked[i].why, taken[i].why) << text(asked[i].why) << ", " << text(taken[i].why);
+        EXPECT_EQ(asked[i].why, taken[i].why)
+            << to_string(asked[i].why) << ", " << to_string(taken[i].why);
       }
     }
   }

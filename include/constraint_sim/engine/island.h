@@ -7,22 +7,22 @@
 
 namespace constraint_sim::engine {
 
-/// Why an island is carried by the method it has.
-enum class Why {
-  kSmooth,      ///< nothing in it jumps
-  kAskedFor,    ///< the options name the method
-  kContact,     ///< one of its bodies touches another
-  kLimit,       ///< a joint with limits: rope, strut
-  kForceLimit,  ///< a motor with a force limit
-  kFriction,    ///< friction in a joint
-  kStiff,       ///< joints or springs move its bodies faster than substeps are worth
-  kConflict,    ///< joints contradict each other: met by least squares
-  kRefused,     ///< nothing else could carry it
-  kAtRest,      ///< nothing moves in it: it is left out until something touches it
+/// MethodReason an island is carried by the method it has.
+enum class MethodReason {
+  kSmooth,        ///< nothing in it jumps
+  kAskedFor,      ///< the options name the method
+  kContact,       ///< one of its bodies touches another
+  kLimit,         ///< a joint with limits: rope, strut
+  kForceLimit,    ///< a motor with a force limit
+  kFriction,      ///< friction in a joint
+  kStiff,         ///< joints or springs move its bodies faster than substeps are worth
+  kInconsistent,  ///< joints contradict each other: met by least squares
+  kRefused,       ///< nothing else could carry it
+  kAtRest,        ///< nothing moves in it: it is left out until something touches it
 };
 
 /// In words.
-const char* text(Why why);
+const char* to_string(MethodReason why);
 
 /// Dynamic bodies that joints connect, directly or by others; one on its own is an island too. What
 /// the last step did with it.
@@ -31,7 +31,7 @@ struct Island {
   std::uint32_t bodies = 0;
   std::uint32_t joints = 0;  ///< that are not broken
   Method method = Method::kSequentialImpulses;
-  Why why = Why::kAskedFor;
+  MethodReason why = MethodReason::kAskedFor;
   double local_error = 0.0;  ///< estimate for the step [m]; 0 where the method has none
   std::uint32_t substeps = 0;
   std::uint32_t rejected = 0;           ///< substeps tried in vain

@@ -168,7 +168,7 @@ struct JointState {
   double bias = 0.0;          ///< ζ asked for, mean over the step [m/s]
   double reached_rate = 0.0;  ///< rate of the distance that was reached [m/s]
   bool saturated = false;     ///< the motor is at its force limit, or at the end of its travel
-  bool broken = false;        ///< torn by more than `break_force`; no longer acts
+  bool broken = false;        ///< after more than `break_force`; no longer acts
   bool closing = false;       ///< an edit left an error above 1e-6 m that is not yet closed
 
   std::array<CoordinateState, kMaxCoordinates> coordinates;  ///< of kinds other than kDistance

@@ -17,19 +17,21 @@ std::vector<std::string> left_out(const World& world);
 /// body whose inertia no distribution of mass has.
 std::vector<std::string> warnings(const World& world);
 
-/// What the last step tells of errors that are not closed and of energy without a cause.
-struct Told {
+/// A warning of the last step: an error that is not being closed, or energy that rose without a
+/// cause.
+struct StepWarning {
   enum class Kind { kUnclosed, kEnergyRise };
   Kind kind;
   std::string whose;    ///< a joint, or the first body of an island
   double amount = 0.0;  ///< |error| [m], or the rise [J]
 };
 
-/// Joints in the order of adding, then the island. Nothing between an edit and the next step.
-std::vector<Told> told(const World& world);
+/// Warnings of the last step: joints in the order of adding, then the island. None between an edit
+/// and the next step.
+std::vector<StepWarning> step_warnings(const World& world);
 
 /// One line, beginning with whose it is.
-std::string text(const Told& told);
+std::string to_string(const StepWarning& warning);
 
 /// How far a joint is open now, and how that closes, in words; empty where it fits.
 std::string text_of_opening(const World& world, JointId id);

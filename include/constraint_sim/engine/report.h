@@ -9,7 +9,7 @@
 
 namespace constraint_sim::engine {
 
-/// How an island is carried through a step. Methods not listed do not exist yet.
+/// How an island is advanced by a step. Methods not listed do not exist yet.
 enum class Method {
   kAuto,                ///< the world chooses
   kRungeKutta,          ///< embedded pairs of order 8 and 5, on smooth islands
@@ -35,7 +35,7 @@ inline constexpr std::size_t kStageCount = 7;
 
 const char* name(Stage stage);
 
-/// Why a step has failed. The state before it is kept then.
+/// MethodReason a step has failed. The state before it is kept then.
 enum class Failure {
   kNone,
   kNotFinite,        ///< a number was not finite
@@ -46,7 +46,7 @@ enum class Failure {
 };
 
 /// One line in plain words; empty for kNone.
-const char* text(Failure failure);
+const char* to_string(Failure failure);
 
 /// Largest coordinate of a position [m], velocity [m/s] and angular velocity [rad/s], so that their
 /// squares and cubes, and those times a mass, are finite.
@@ -55,11 +55,11 @@ inline constexpr double kMostMagnitude = 1e20;
 inline constexpr std::size_t kMostPairs = 1000000;
 inline constexpr std::size_t kMostContacts = 300000;
 
-/// Above so much the error of a joint is told that does not fall by a tenth within 0.5 s,
-/// `closing_time` or 20 ticks, whichever is the longest [m].
+/// Error of a joint that is reported as unclosed: above this, and not falling by a tenth within 0.5
+/// s, `closing_time` or 20 ticks, whichever is the longest [m].
 inline constexpr double kUnclosedError = 1e-3;
-/// The same of orientations, so that small bodies tell of it as well: rows have solutions that are
-/// not meant from 90 degrees on [rad].
+/// The same of orientations, so that small bodies are reported as well: rows have solutions that
+/// are not meant from 90 degrees on [rad].
 inline constexpr double kUnclosedAngle = 0.5;
 
 /// What a step did, how wrong it is, and what it cost.
@@ -91,23 +91,23 @@ struct StepReport {
   std::uint32_t torn_joints = 0;  ///< that broke in this step
   double projected_energy = 0.0;  ///< kinetic energy lost where velocities were made to fit the
                                   ///< joints, when a method took over or an edit came [J]
-  double correction_work = 0.0;   ///< of closing errors where impulses carry islands: weight times
-                                  ///< the distance moved for that; and where joints cannot all be
-                                  ///< met, energy that corrections of positions added [J]
-  double driven_work = 0.0;       ///< of wrenches, motors and kinematic bodies on such islands [J]
-  double solver_residual = 0.0;   ///< largest |J V − target| that the sweeps left, of the motion
-                                  ///< or of what closes errors [m/s]
-  bool failed = false;            ///< the state before the step was kept
+  double correction_work = 0.0;  ///< of closing errors where impulses advance islands: weight times
+                                 ///< the distance moved for that; and where joints cannot all be
+                                 ///< met, energy that corrections of positions added [J]
+  double driven_work = 0.0;      ///< of wrenches, motors and kinematic bodies on such islands [J]
+  double solver_residual = 0.0;  ///< largest |J V − target| that the sweeps left, of the motion
+                                 ///< or of what closes errors [m/s]
+  bool failed = false;           ///< the state before the step was kept
   Failure failure = Failure::kNone;   ///< why
   std::optional<BodyId> failed_body;  ///< whose motion it was, where it was one body's
   bool stopped = false;               ///< the stop flag was set: the state before the step was kept
 
   // what it cost
-  std::array<std::uint32_t, kMethodCount> islands{};  ///< carried by each method
+  std::array<std::uint32_t, kMethodCount> islands{};  ///< advanced by each method
   std::uint32_t asleep = 0;                           ///< islands at rest, that were left out
   std::uint32_t changes = 0;           ///< of islands' methods, since the step before or within it
   std::uint32_t substeps = 0;          ///< of all islands
-  std::uint32_t rejected = 0;          ///< substeps tried in vain
+  std::uint32_t rejected = 0;          ///< substeps tried without result
   std::uint32_t iterations = 0;        ///< sweeps over the rows, and Newton's of stiff islands
   std::uint32_t rows = 0;              ///< scalar equations solved
   std::uint32_t contacts = 0;          ///< contact points, but for those of islands at rest

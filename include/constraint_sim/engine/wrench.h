@@ -7,7 +7,7 @@
 
 namespace constraint_sim::engine {
 
-/// A force and torque on a body for a span of simulated time.
+/// A force and torque on a body for an interval of simulated time.
 struct Wrench {
   BodyId body;                                           ///< dynamic
   Eigen::Vector3d force = Eigen::Vector3d::Zero();       ///< at the centre of mass, world axes [N]

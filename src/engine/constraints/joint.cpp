@@ -299,9 +299,9 @@ void note_force(const Joint& joint, const RowVector& impulse, double h, JointSta
   state.force = kind.coordinates > 0 ? state.coordinates[0].effort : separation.norm() / h;
 }
 
-// whether a joint of such a kind is torn by what its rows and coordinates have done
-bool is_torn(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& impulse,
-             double h) {
+// whether a joint of such a kind breaks by what its rows and coordinates have done
+bool breaks(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& impulse,
+            double h) {
   if (joint.break_force == 0.0 && joint.break_torque == 0.0) return false;
   const World::JointWrench wrench = wrench_of(joint, a, b, impulse, h);
   return (joint.break_force > 0.0 && wrench.force.norm() > joint.break_force) ||
@@ -351,7 +351,7 @@ void finish(const Joint& joint, const BodyState& a, const BodyState& b, const Jo
   if (state.closing) state.closing = !is_closed(state, step);
   const bool is_distance = joint.kind == JointKind::kDistance;
   if (is_distance ? joint.break_force > 0.0 && std::abs(state.force) > joint.break_force
-                  : is_torn(joint, a, b, impulse, step.h)) {
+                  : breaks(joint, a, b, impulse, step.h)) {
     state.broken = true;
     state.impulse.setZero();
   }

@@ -89,7 +89,7 @@ std::vector<BodyId> World::body_ids() const {
   return {impl_->body_ids.begin() + 1, impl_->body_ids.end()};
 }
 
-// A body that goes on as it was saved, with a part of its velocity that the next step takes out. A
+// Continues a saved body, of whose velocity the next step takes out a part. A
 // reset returns to the velocity without that part.
 void World::Impl::continue_correction(std::size_t i, const Twist& correction) {
   if (!is_movable(i) || asleep[i]) refuse("correction", "is of a dynamic body that is awake");

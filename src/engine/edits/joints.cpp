@@ -106,7 +106,7 @@ void World::Impl::fill_in(Joint& joint) const {
     joint.distance = DistanceJoint{};
   } else if (distance->frequency > 0.0) {
     const Jacobian J = anchors.along(direction(anchors));
-    const double constraint_mass = inverse_mass_along(J, a, b);
+    const double constraint_mass = inverse_effective_mass(J, a, b);
     const double omega = 2.0 * kPi * distance->frequency;
     distance->stiffness = omega * omega / constraint_mass;
     distance->damping = 2.0 * distance->damping_ratio * omega / constraint_mass;
@@ -157,7 +157,7 @@ void World::Impl::fill_in_laws(Joint& joint) const {
     CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
     const bool is_servo = law.motor && law.motor->servo_frequency > 0.0;
     if (law.frequency == 0.0 && !is_servo) continue;
-    const double inverse_mass = inverse_mass_along(joint, i);
+    const double inverse_mass = inverse_effective_mass(joint, i);
     if (!(inverse_mass > 0.0))
       refuse(law.frequency > 0.0 ? "frequency" : "servo_frequency",
              "nothing can move along this coordinate of " + quoted(std::as_const(joint.name)));
@@ -182,7 +182,7 @@ void World::Impl::fill_in_laws(Joint& joint) const {
 
 // The same along a coordinate, with the joint's own rows held: g W gᵀ with
 // W = M⁻¹ − M⁻¹Gᵀ(G M⁻¹ Gᵀ)⁻¹G M⁻¹.
-double World::Impl::inverse_mass_along(const Joint& joint, int coordinate) const {
+double World::Impl::inverse_effective_mass(const Joint& joint, int coordinate) const {
   const std::size_t a = index(joint.body_a), b = index(joint.body_b);
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, states[a], states[b]);
@@ -208,7 +208,7 @@ double World::Impl::inverse_mass_along(const Joint& joint, int coordinate) const
 }
 
 // J M⁻¹ Jᵀ of one row between two bodies
-double World::Impl::inverse_mass_along(const Jacobian& J, std::size_t a, std::size_t b) const {
+double World::Impl::inverse_effective_mass(const Jacobian& J, std::size_t a, std::size_t b) const {
   const auto turning = [&](std::size_t i, const Vector3d& j) {
     const Vector3d j_B = states[i].orientation.conjugate() * j;
     return j_B.dot(masses[i].inverse_inertia.cwiseProduct(j_B));
@@ -234,7 +234,7 @@ void World::Impl::start_joint(std::size_t j) {
   state.closing_since += elapsed;
 }
 
-// the state of a joint that goes on as it was saved
+// continues a saved joint
 void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   JointState& state = joint_states[j];
   state.travel = saved.travel;

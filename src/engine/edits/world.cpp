@@ -212,7 +212,7 @@ void World::Impl::edit_island_of(BodyId id) {
 // this one, or where edits have not been compiled yet a copy in which they are
 const World::Impl& World::Impl::compiled(std::optional<Impl>* copy) const {
   if (!edited) return *this;
-  copy->emplace(*this).recompile();
+  copy->emplace(*this).rebuild_topology();
   return **copy;
 }
 
@@ -235,7 +235,7 @@ std::vector<std::pair<BodyId, IslandMemory>> World::Impl::next_memories() const 
 
 // whether something that could go on from the step before will not; without it the next step
 // depends on nothing but what is saved
-bool World::Impl::starts_methods_anew(std::size_t i) const {
+bool World::Impl::restarts_methods(std::size_t i) const {
   const IslandParts& parts = island_parts[i];
   if (!parts.is_fresh || options.method == Method::kSequentialImpulses) return false;
   if (!parts.members.joints.empty()) return true;
@@ -308,7 +308,7 @@ const char* name(Method method) {
   return kNames[static_cast<std::size_t>(method)];
 }
 
-const char* text(Failure failure) {
+const char* to_string(Failure failure) {
   switch (failure) {
     case Failure::kNone:
       break;

@@ -10,7 +10,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-// Entries that a front may have in vain where it takes in its children: a share, and so many.
+// Zero entries that a front may have where it takes in its children: a share, and so many.
 constexpr double kInVain = 0.1;
 constexpr std::size_t kFewInVain = 100;
 
@@ -171,7 +171,7 @@ FrontalLu::Groups FrontalLu::find_groups(const std::vector<Body>& bodies,
     const std::size_t b = links[l].other < 0 ? a : place[at(links[l].other)];
     spans.push_back({std::min(a, b), std::max(a, b), l});
   }
-  // those that would be carried furthest have the first choice
+  // rows whose elimination would be delayed most have the first choice
   std::stable_sort(spans.begin(), spans.end(),
                    [](const Span& a, const Span& b) { return a.last > b.last; });
   std::vector<std::size_t> group_of_link(links.size());
@@ -220,7 +220,7 @@ void FrontalLu::find_borders(Groups* groups) {
   }
 }
 
-// A group joins its parent where few entries are then kept in vain.
+// A group joins its parent where few of the entries then kept are zero.
 void FrontalLu::join(Groups* groups) {
   const std::size_t n = groups->own.size();
   groups->is_joined.assign(n, 0);

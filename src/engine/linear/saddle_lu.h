@@ -11,9 +11,9 @@ namespace constraint_sim::engine {
 /// pattern stays. Nodes that form a forest are eliminated from the leaves to the roots, with
 /// partial pivoting within each: O(nodes). Whatever has loops is left to FrontalLu. So is a forest
 /// where a node has more rows than it moves, some of them to the world, since its own block is
-/// singular then; where it has several links, its block may be in some poses: the residual tells,
-/// and FrontalLu solves anew. Nothing is allocated by the solutions of forests, and by others once
-/// their arrays have had their largest size.
+/// singular then; where it has several links, its block may be in some poses: the residual shows
+/// it, and FrontalLu solves again. Nothing is allocated by the solutions of forests, and by others
+/// once their arrays have had their largest size.
 class SaddleLu {
  public:
   /// Where an entry goes in values().

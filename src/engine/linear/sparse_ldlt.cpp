@@ -22,7 +22,7 @@ constexpr double kInVain = 0.2;
 // once, so that neighbours in the order depend little on each other. Empty if there are loops.
 std::vector<int> leaves_first_order(int n, const std::vector<std::pair<int, int>>& entries) {
   const auto size = static_cast<std::size_t>(n);
-  std::vector<int> degree(size, 0), sum_of_neighbours(size, 0);  // the sum tells a leaf's only one
+  std::vector<int> degree(size, 0), sum_of_neighbours(size, 0);  // the sum is a leaf's only one
   for (const auto& [i, j] : entries) {
     const auto a = static_cast<std::size_t>(i);
     const auto b = static_cast<std::size_t>(j);
@@ -145,7 +145,7 @@ void SparseLdlt::find_parents(const std::vector<std::vector<int>>& below) {
   work_.assign(n_, 0.0);
 }
 
-// A column joins the one before, its child, where few entries are then kept in vain.
+// A column joins the one before, its child, where few of the entries then kept are zero.
 void SparseLdlt::join_columns(const std::vector<std::vector<int>>& below) {
   supernodes_.clear();
   supernode_of_.resize(n_);

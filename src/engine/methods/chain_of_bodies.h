@@ -10,10 +10,10 @@
 namespace constraint_sim::engine {
 
 /// An EquationsOfMotion of which is_chain_of_bodies() holds, as a System: bodies that turn, joined
-/// one after the other by ball joints. Both ends are carried towards the middle side by side, each
-/// in a lane: a pass places the bodies, finds the rows of their joints and eliminates them while
-/// they are in registers; a pass back from the middle finds the forces. Where rows depend on each
-/// other the equations take over. For one span: points into the equations.
+/// one after the other by ball joints. Both ends are eliminated towards the middle side by side,
+/// each in a lane: a pass places the bodies, finds the rows of their joints and eliminates them
+/// while they are in registers; a pass back from the middle finds the forces. Where rows depend on
+/// each other the equations take over. For one span: points into the equations.
 class ChainOfBodies {
  public:
   explicit ChainOfBodies(EquationsOfMotion& equations);

@@ -30,7 +30,7 @@ const double kInner = 1.0 - 4.0 * kOuter;
 }  // namespace
 
 bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
-                           std::vector<BodyState>* states, Progress* progress) {
+                           std::vector<BodyState>* states, IntegrationResult* progress) {
   for (auto& unknowns : found_) unknowns.assign(step_equations_.size(), 0.0);
   change_.assign(step_equations_.size(), 0.0);
   numbers_.resize(2 * equations->size());
@@ -56,10 +56,11 @@ int EnergyMomentum::parts_for_turning(double h, bool composes, double tolerance)
   return static_cast<int>(std::clamp(std::ceil(h * spin / longest), 1.0, kMostParts));
 }
 
-Progress EnergyMomentum::advance(const SmoothSpan& span, const Accuracy& accuracy,
-                                 EquationsOfMotion* equations, std::vector<BodyState>* states) {
+IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                          EquationsOfMotion* equations,
+                                          std::vector<BodyState>* states) {
   const ImplicitMode mode = accuracy.mode;
-  Progress progress;
+  IntegrationResult progress;
   bool is_new = !has_started_ || span.is_edited || mode != mode_;
   mode_ = mode;
   stop_ = span.stop;
@@ -127,7 +128,7 @@ Progress EnergyMomentum::advance(const SmoothSpan& span, const Accuracy& accurac
 }
 
 bool EnergyMomentum::composition(double t, double h, EquationsOfMotion* equations,
-                                 Progress* progress) {
+                                 IntegrationResult* progress) {
   for (std::size_t stage = 0; stage < kStages; ++stage) {
     const double part = h * (stage == 2 ? kInner : kOuter);
     if (!step(t, part, stage, equations, progress)) return false;
@@ -137,7 +138,7 @@ bool EnergyMomentum::composition(double t, double h, EquationsOfMotion* equation
 }
 
 bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
-                          Progress* progress) {
+                          IntegrationResult* progress) {
   ImplicitRule rule = ImplicitRule::kMidpoint;
   const bool goes_on = std::abs(h - step_before_) <= 1e-9 * h;
   if (goes_on && mode_ == ImplicitMode::kDissipate) rule = ImplicitRule::kBdf2;

@@ -24,8 +24,8 @@ class EnergyMomentum {
 
   /// As method.h says. The tolerance is for the turning of bodies, whose other motion the span is
   /// short enough for.
-  Progress advance(const SmoothSpan& span, const Accuracy& accuracy, EquationsOfMotion* equations,
-                   std::vector<BodyState>* states);
+  IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                            EquationsOfMotion* equations, std::vector<BodyState>* states);
   /// Whether the last span was made of two halves, as a first one is.
   bool was_first() const { return was_first_; }
   /// Largest ω of the bodies by what held them in the last step [rad/s].
@@ -34,7 +34,7 @@ class EnergyMomentum {
   /// Somebody else has moved the bodies.
   void forget() { has_started_ = false; }
   /// Goes on as one just made.
-  void begin_anew() {
+  void restart() {
     has_started_ = false;
     step_equations_.forget();
   }
@@ -55,11 +55,11 @@ class EnergyMomentum {
   static constexpr std::size_t kStages = 5;
 
   bool start(const SmoothSpan& span, EquationsOfMotion* equations, std::vector<BodyState>* states,
-             Progress* progress);
+             IntegrationResult* progress);
   bool step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
-            Progress* progress);
+            IntegrationResult* progress);
   int parts_for_turning(double h, bool composes, double tolerance) const;
-  bool composition(double t, double h, EquationsOfMotion* equations, Progress* progress);
+  bool composition(double t, double h, EquationsOfMotion* equations, IntegrationResult* progress);
 
   ImplicitStep step_equations_;
   ImplicitStep::Unknowns unknowns_;

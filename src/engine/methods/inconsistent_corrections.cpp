@@ -126,7 +126,8 @@ void InconsistentMotion::find_correction(double share) {
 }
 
 // Levenberg & Marquardt; the weights 1/a stay those of the beginning.
-void InconsistentMotion::meet(Configuration* configuration, Rows* geometry, Progress* progress) {
+void InconsistentMotion::meet(Configuration* configuration, Rows* geometry,
+                              IntegrationResult* progress) {
   rows_.linearize(*geometry, *geometry, *configuration);
   rows_.find_weights(&weights_);
   double sum = errors(*geometry, &values_);
@@ -290,7 +291,7 @@ void InconsistentMotion::scale(const BodyVectors& part, double factor) {
 
 // The parts of velocity_ are orthogonal in kinetic energy: what drives, the motion as one body, and
 // the rest.
-void InconsistentMotion::cap_energy(double allowed, Progress* progress) {
+void InconsistentMotion::cap_energy(double allowed, IntegrationResult* progress) {
   double excess = kinetic_energy(velocity_) - allowed;
   if (excess > 0.0) {
     BodyVectors rest = velocity_;

@@ -140,11 +140,11 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
   if (scale_ == 0.0) scale_ = 1.0;
 }
 
-// ---- a span
+// ---- an interval
 
-Progress InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* equations,
-                                     std::vector<BodyState>* states) {
-  Progress progress;
+IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* equations,
+                                              std::vector<BodyState>* states) {
+  IntegrationResult progress;
   equations_ = equations;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   load(*states);
@@ -208,7 +208,7 @@ int InconsistentMotion::number_of_parts(double h) const {
   return parts < kMostParts ? std::max(static_cast<int>(parts), 1) : static_cast<int>(kMostParts);
 }
 
-void InconsistentMotion::step(double h, double energy_before, Progress* progress) {
+void InconsistentMotion::step(double h, double energy_before, IntegrationResult* progress) {
   velocity_before_ = velocity_;
   drive_before_ = drive_rates_;
   double allowed = 0.0;
@@ -276,7 +276,7 @@ double InconsistentMotion::most_added(double h) const {
 
 // ---- with impulses that lead to where the rows are met
 
-bool InconsistentMotion::midpoint(double h, Progress* progress) {
+bool InconsistentMotion::midpoint(double h, IntegrationResult* progress) {
   std::fill(q_.begin(), q_.end(), 0.0);
   for (std::size_t i = 0; i < q_.size(); ++i)
     compliance_[i] =
@@ -387,7 +387,7 @@ void InconsistentMotion::turn(std::size_t body, double h, const Vector3d& torque
 // ---- without
 
 // v⁺ by Euler's method, implicit in springs, that meets the rates; x⁺ = x + h v⁺, and then meet()
-void InconsistentMotion::explicit_step(double h, Progress* progress) {
+void InconsistentMotion::explicit_step(double h, IntegrationResult* progress) {
   rows_.linearize(at_start_, at_start_, start_);
   rows_.find_weights(&weights_);
   for (std::size_t i = 0; i < bodies_; ++i)

@@ -28,8 +28,8 @@ class InconsistentMotion {
   explicit InconsistentMotion(const EquationsOfMotion& equations);
 
   /// As method.h says, without a tolerance: rows that cannot be met leave an error that is larger.
-  Progress advance(const SmoothSpan& span, EquationsOfMotion* equations,
-                   std::vector<BodyState>* states);
+  IntegrationResult advance(const SmoothSpan& span, EquationsOfMotion* equations,
+                            std::vector<BodyState>* states);
   /// Whether all rows could be met at the end of the last span, and so could their rates.
   bool can_be_met() const { return can_be_met_; }
 
@@ -62,12 +62,12 @@ class InconsistentMotion {
   void ask(double t, EquationsOfMotion* equations, Configuration* configuration);
   int number_of_parts(double h) const;
 
-  void step(double h, double energy_before, Progress* progress);
-  bool midpoint(double h, Progress* progress);
+  void step(double h, double energy_before, IntegrationResult* progress);
+  bool midpoint(double h, IntegrationResult* progress);
   double find_missing(double h);
   void drift(double h);
   void turn(std::size_t body, double h, const Vector3d& torque);
-  void explicit_step(double h, Progress* progress);
+  void explicit_step(double h, IntegrationResult* progress);
   void stop_against_correction();
   void restore_angular_momentum(double h);
   double most_added(double h) const;
@@ -76,7 +76,7 @@ class InconsistentMotion {
   Rigid as_one_body(const Configuration& configuration, const BodyVectors& velocity) const;
 
   // ---- inconsistent_corrections.cpp
-  void meet(Configuration* configuration, Rows* geometry, Progress* progress);
+  void meet(Configuration* configuration, Rows* geometry, IntegrationResult* progress);
   void find_correction(double share);
   double displace(Configuration* configuration) const;
   double errors(const Rows& geometry, Numbers* values) const;
@@ -89,7 +89,7 @@ class InconsistentMotion {
   void fit_velocities();
   void find_drive();
   void solve_drive(double share, const Numbers& rates);
-  void cap_energy(double allowed, Progress* progress);
+  void cap_energy(double allowed, IntegrationResult* progress);
   void scale(const BodyVectors& part, double factor);
   void find_whether_met();
 

@@ -47,7 +47,7 @@ class StageMemory {
 };
 
 /// What came of it.
-struct Progress {
+struct IntegrationResult {
   bool done = true;          ///< else the state is where it came to
   double local_error = 0.0;  ///< estimate, sum of the substeps [m]
   int substeps = 0;
@@ -66,7 +66,7 @@ inline constexpr double kMostGrowth = 5.0;
 inline constexpr double kMostShrinking = 0.2;
 inline constexpr double kLeastShrinking = 0.73;
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
-inline constexpr int kMostFailures = 100;  // of them without any result: rows contradict each other
+inline constexpr int kMostFailures = 100;  // of them without any result: rows are inconsistent
 
 // Weights of the derivatives, as types, so that what is zero costs nothing.
 
@@ -201,13 +201,13 @@ double stretch(double error, double allowed) {
 
 /// Carries state() from t to t + duration. stage 0 of derivatives() is there before and after.
 /// `tolerance` [m] of error per second; 0: one step whatever its error. `step` [s] is what the next
-/// substep is tried with. Beyond `most_attempts` substeps, those in vain included, it gives up,
+/// substep is tried with. Beyond `most_attempts` substeps, rejected ones included, it gives up,
 /// and so it does once `stop` is set.
 template <class Pair, class System>
-Progress integrate(System& system, const StageMemory& memory, double t, double duration,
-                   double tolerance, double& step, int most_attempts = 50000,
-                   StopFlag stop = nullptr) {
-  Progress progress;
+IntegrationResult integrate(System& system, const StageMemory& memory, double t, double duration,
+                            double tolerance, double& step, int most_attempts = 50000,
+                            StopFlag stop = nullptr) {
+  IntegrationResult progress;
   const double end = t + duration;
   double left = duration;
   if (tolerance == 0.0) step = duration;

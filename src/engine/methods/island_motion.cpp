@@ -2,8 +2,9 @@
 
 namespace constraint_sim::engine {
 
-Progress IslandMotion::advance(Integration way, const SmoothSpan& span, const Accuracy& accuracy,
-                               std::vector<BodyState>* states) {
+IntegrationResult IslandMotion::advance(Integration way, const SmoothSpan& span,
+                                        const IntegratorOptions& accuracy,
+                                        std::vector<BodyState>* states) {
   EquationsOfMotion& equations = substeps_.equations();
   switch (way) {
     case Integration::kSubsteps:
@@ -24,9 +25,9 @@ void IslandMotion::forget() {
   if (gradients_) gradients_->forget();
 }
 
-void IslandMotion::begin_anew() {
-  substeps_.begin_anew();
-  if (gradients_) gradients_->begin_anew();
+void IslandMotion::restart() {
+  substeps_.restart();
+  if (gradients_) gradients_->restart();
   inconsistent_.reset();
 }
 

@@ -35,12 +35,12 @@ class IslandMotion {
   /// from the states of all joints.
   void begin_step(const std::vector<JointState>& joints) { substeps_.begin_step(joints); }
   /// As method.h says.
-  Progress advance(Integration way, const SmoothSpan& span, const Accuracy& accuracy,
-                   std::vector<BodyState>* states);
+  IntegrationResult advance(Integration way, const SmoothSpan& span,
+                            const IntegratorOptions& accuracy, std::vector<BodyState>* states);
   /// Somebody else has moved the bodies.
   void forget();
   /// Goes on as one just made, but for what is compiled.
-  void begin_anew();
+  void restart();
   /// What gradients last went by; only after they were used.
   const EnergyMomentum& gradients() const { return *gradients_; }
   /// Whether inconsistent joints could be met at the end of the last span.
@@ -56,7 +56,7 @@ class IslandMotion {
   }
 
  private:
-  LinkedMotion substeps_;  // owns the equations
+  RungeKutta substeps_;  // owns the equations
   std::optional<EnergyMomentum> gradients_;
   std::optional<InconsistentMotion> inconsistent_;
   std::optional<LeastNormForces> least_forces_;

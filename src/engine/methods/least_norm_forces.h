@@ -11,9 +11,9 @@
 
 namespace constraint_sim::engine {
 
-/// The impulses of an island with redundant rows, as they are told. The motion asks for their sum
-/// on each body alone, and many λ have that sum. Told is the one of least Σ a λ² over all rigid
-/// rows, a the diagonal entry of G M⁻¹ Gᵀ, of a ball joint the mean of its three:
+/// The impulses of an island with redundant rows, as they are reported. The motion asks for their
+/// sum on each body alone, and many λ have that sum. StepWarning is the one of least Σ a λ² over
+/// all rigid rows, a the diagonal entry of G M⁻¹ Gᵀ, of a ball joint the mean of its three:
 ///   λ = D⁻¹ G z,  Gᵀ D⁻¹ G z = Gᵀ λ of the motion,  D = diag(a)
 /// Joints that are alike share alike. Nothing here reaches the motion.
 class LeastNormForces {
@@ -60,7 +60,7 @@ class LeastNormForces {
   std::vector<double> permuted_;   // the same, in the order of the elimination
   std::vector<char> is_torque_;    // the same
   std::vector<double> impulses_;   // of the motion: of rows, then of springs [N s]
-  std::vector<double> shares_;     // those told, the same
+  std::vector<double> shares_;     // those reported, the same
 };
 
 }  // namespace constraint_sim::engine

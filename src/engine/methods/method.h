@@ -10,7 +10,7 @@
 namespace constraint_sim::engine {
 
 // What every method that integrates an island is given:
-//   Progress advance(const SmoothSpan&, const Accuracy&, EquationsOfMotion*,
+//   IntegrationResult advance(const SmoothSpan&, const IntegratorOptions&, EquationsOfMotion*,
 //   std::vector<BodyState>*)
 // carries the bodies through the span, adds impulses up in the equations, and leaves the bodies as
 // they are where it cannot.
@@ -36,7 +36,7 @@ enum class ImplicitMode {
 };
 
 /// How an integration is asked for, and where it is to give up.
-struct Accuracy {
+struct IntegratorOptions {
   int order;         ///< of explicit steps, 8 or 5
   double tolerance;  ///< [m] of local error per second; 0: one substep a span
   ImplicitMode mode = ImplicitMode::kOrder4;

@@ -38,14 +38,15 @@ constexpr int kRefinements = 3;
 constexpr double kRowSolved = 1e-11;  // of the scene
 constexpr double kDrift = 1e3;        // of the scene, times the imbalance
 constexpr double kMostDrift = 1e-3;
-constexpr double kMostOff = 1e-5;     // [m]
-constexpr double kConsistent = 1e-6;  // [m] a row that is off by more contradicts the others
-constexpr double kRounding = 1e-13;   // of the scene, where kept rows are independent
+constexpr double kMostOff = 1e-5;  // [m]
+constexpr double kConsistent =
+    1e-6;  // [m] a row that is off by more is inconsistent with the others
+constexpr double kRounding = 1e-13;  // of the scene, where kept rows are independent
 
 // Rows are chosen again when the smallest pivot of the rows kept falls by this factor. Early, since
 // a pivot that passes through zero takes the projection to another solution.
 constexpr double kChooseAgain = 0.1;
-constexpr double kRatesKnown = 1e-6;    // smallest pivot at which rates tell
+constexpr double kRatesKnown = 1e-6;    // smallest pivot at which rates decide
 constexpr double kRatesAgree = 1e-6;    // of the largest speed
 constexpr double kOpenRates = 3.0;      // of the largest speed, times the angle joints are open by
 constexpr double kRateDrift = 1e4;      // of the largest speed, times the imbalance
@@ -266,7 +267,7 @@ double EquationsOfMotion::opening(bool with_motors) const {
 }
 
 // Of the joints that are being closed, open at first by e with arms of L, the largest e²/L: joints
-// that can all be met at the end may contradict each other by some of that on the way [m].
+// that can all be met at the end may be inconsistent by some of that on the way [m].
 double EquationsOfMotion::closing_curvature() const {
   double largest = 0.0;
   for (const auto& [l, course] : courses_) {
@@ -284,7 +285,7 @@ bool EquationsOfMotion::is_closing() const {
 }
 
 // After find_values(), with the rows kept met: sets what the redundant rows may be off by from here
-// on. False where one contradicts the others.
+// on. False where one is inconsistent with the others.
 bool EquationsOfMotion::limit_redundant_rows() {
   if (redundant_rows() == 0) return true;
   const double closing = closing_curvature();

@@ -19,8 +19,8 @@ constexpr double kMostStable = 8.0;
 constexpr double kFarTooStiff = 15.0;
 
 template <class System>
-Progress integrate(System& system, const StageMemory& memory, double t, double h,
-                   const Accuracy& accuracy, StopFlag stop, double& step) {
+IntegrationResult integrate(System& system, const StageMemory& memory, double t, double h,
+                            const IntegratorOptions& accuracy, StopFlag stop, double& step) {
   if (step == 0.0) step = h;
   return accuracy.order == 5 ? integrate<DormandPrince5>(system, memory, t, h, accuracy.tolerance,
                                                          step, accuracy.most_attempts, stop)
@@ -75,18 +75,18 @@ class Turning {
 
 }  // namespace
 
-LinkedMotion::LinkedMotion(EquationsOfMotion equations) : equations_(std::move(equations)) {
+RungeKutta::RungeKutta(EquationsOfMotion equations) : equations_(std::move(equations)) {
   numbers_.resize(StageMemory::kRows * equations_.size());
 }
 
-void LinkedMotion::begin_anew() {
+void RungeKutta::restart() {
   has_started_ = false;
   step_ = 0.0;
   equations_.forget_redundant_rows();
 }
 
-Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
-                               std::vector<BodyState>* states) {
+IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                      std::vector<BodyState>* states) {
   if (span.is_disturbed) has_started_ = false;
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
@@ -97,12 +97,12 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
     equations_.begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   const bool has_jumped = begins && equations_.has_jumped();  // once, not in all spans that follow
   if (!has_started_ || has_jumped || !equations_.keeps_pace(span.t, y)) {
-    const Progress progress = start(span, accuracy, memory);
+    const IntegrationResult progress = start(span, accuracy, memory);
     if (!progress.done) return progress;
     projected = progress.projected;
   }
   const double momentary = equations_.momentary_error();
-  Progress progress = integrate_equations(memory, span, accuracy);
+  IntegrationResult progress = integrate_equations(memory, span, accuracy);
   progress.local_error += equations_.momentary_error() - momentary;
   progress.projected = projected;
   progress.is_inconsistent =
@@ -116,20 +116,20 @@ Progress LinkedMotion::advance(const SmoothSpan& span, const Accuracy& accuracy,
   return progress;
 }
 
-bool LinkedMotion::is_stiff(const Accuracy& accuracy) {
+bool RungeKutta::is_stiff(const IntegratorOptions& accuracy) {
   return std::isfinite(accuracy.most_frequency) && equations_.frequency() > accuracy.most_frequency;
 }
 
 // so stiff that not even a few spans of substeps are to be tried
-bool LinkedMotion::is_far_too_stiff(const Accuracy& accuracy) {
+bool RungeKutta::is_far_too_stiff(const IntegratorOptions& accuracy) {
   const double most =
       accuracy.tolerance > 0.0 ? kFarTooStiff * accuracy.most_frequency : accuracy.most_frequency;
   return std::isfinite(most) && equations_.frequency() > most;
 }
 
-Progress LinkedMotion::start(const SmoothSpan& span, const Accuracy& accuracy,
-                             const StageMemory& memory) {
-  Progress progress;
+IntegrationResult RungeKutta::start(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                    const StageMemory& memory) {
+  IntegrationResult progress;
   const double before = equations_.kinetic_energy(memory.state());
   has_started_ = equations_.start(span.t, memory.state(), memory.derivatives());
   progress.projected = before - equations_.kinetic_energy(memory.state());
@@ -143,8 +143,8 @@ Progress LinkedMotion::start(const SmoothSpan& span, const Accuracy& accuracy,
   return progress;
 }
 
-Progress LinkedMotion::integrate_equations(const StageMemory& memory, const SmoothSpan& span,
-                                           const Accuracy& accuracy) {
+IntegrationResult RungeKutta::integrate_equations(const StageMemory& memory, const SmoothSpan& span,
+                                                  const IntegratorOptions& accuracy) {
   if (equations_.redundant_rows() > 0)  // kernels have all rows
     return integrate(equations_, memory, span.t, span.h, accuracy, span.stop, step_);
   if (equations_.is_point_on_rod()) {
@@ -161,8 +161,10 @@ Progress LinkedMotion::integrate_equations(const StageMemory& memory, const Smoo
   return integrate(chain, memory, span.t, span.h, accuracy, span.stop, step_);
 }
 
-Progress FreeRotation::advance(double h, const Vector3d& torque, const MassProperties& mass,
-                               const Accuracy& accuracy, StopFlag stop, BodyState* state) {
+IntegrationResult FreeRotation::advance(double h, const Vector3d& torque,
+                                        const MassProperties& mass,
+                                        const IntegratorOptions& accuracy, StopFlag stop,
+                                        BodyState* state) {
   const bool is_driven = !torque.isZero(0.0);
   if (!is_driven && mass.is_isotropic()) {
     state->orientation = (rotation(h * state->angular_velocity) * state->orientation).normalized();
@@ -182,7 +184,7 @@ Progress FreeRotation::advance(double h, const Vector3d& torque, const MassPrope
     first_derivative = first_derivative_;
   else
     turning.derivative(0, 0.0, memory.state(), memory.derivatives());
-  const Progress progress = integrate(turning, memory, 0.0, h, accuracy, stop, step_);
+  const IntegrationResult progress = integrate(turning, memory, 0.0, h, accuracy, stop, step_);
   if (!progress.done) return progress;
   state->orientation.coeffs() = q;
   momentum_ += h * torque;
@@ -193,7 +195,7 @@ Progress FreeRotation::advance(double h, const Vector3d& torque, const MassPrope
   return progress;
 }
 
-void fall(double h, const Vector3d& acceleration, BodyState* state) {
+void integrate_ballistic(double h, const Vector3d& acceleration, BodyState* state) {
   state->position += h * (state->linear_velocity + 0.5 * h * acceleration);
   state->linear_velocity += h * acceleration;
 }

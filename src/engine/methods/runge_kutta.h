@@ -14,20 +14,20 @@ namespace constraint_sim::engine {
 /// An island with joints, carried through time by an embedded Runge-Kutta pair: Hairer, Nørsett &
 /// Wanner I, section II.5; projection: Hairer, Lubich & Wanner, Geometric Numerical Integration,
 /// section IV.4.
-class LinkedMotion {
+class RungeKutta {
  public:
-  explicit LinkedMotion(EquationsOfMotion equations);
+  explicit RungeKutta(EquationsOfMotion equations);
 
   const EquationsOfMotion& equations() const { return equations_; }
   EquationsOfMotion& equations() { return equations_; }
   void begin_step(const std::vector<JointState>& joints) { equations_.begin_step(joints); }
   /// As method.h says, with its own equations.
-  Progress advance(const SmoothSpan& span, const Accuracy& accuracy,
-                   std::vector<BodyState>* states);
+  IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                            std::vector<BodyState>* states);
   /// Somebody else has moved the bodies.
   void forget() { has_started_ = false; }
   /// Goes on as one just made.
-  void begin_anew();
+  void restart();
   /// All that the next advance() goes on from, beside the bodies.
   template <class Add>
   void add_memory(Add&& add) const {
@@ -41,12 +41,13 @@ class LinkedMotion {
   }
 
  private:
-  Progress start(const SmoothSpan& span, const Accuracy& accuracy, const StageMemory& memory);
+  IntegrationResult start(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                          const StageMemory& memory);
 
-  bool is_stiff(const Accuracy& accuracy);
-  bool is_far_too_stiff(const Accuracy& accuracy);
-  Progress integrate_equations(const StageMemory& memory, const SmoothSpan& span,
-                               const Accuracy& accuracy);
+  bool is_stiff(const IntegratorOptions& accuracy);
+  bool is_far_too_stiff(const IntegratorOptions& accuracy);
+  IntegrationResult integrate_equations(const StageMemory& memory, const SmoothSpan& span,
+                                        const IntegratorOptions& accuracy);
 
   EquationsOfMotion equations_;
   std::vector<double> numbers_;  // of StageMemory
@@ -62,8 +63,8 @@ class FreeRotation {
   static bool turns(const Eigen::Vector3d& torque, const BodyState& state) {
     return !(state.angular_velocity.isZero(0.0) && torque.isZero(0.0));
   }
-  Progress advance(double h, const Eigen::Vector3d& torque, const MassProperties& mass,
-                   const Accuracy& accuracy, StopFlag stop, BodyState* state);
+  IntegrationResult advance(double h, const Eigen::Vector3d& torque, const MassProperties& mass,
+                            const IntegratorOptions& accuracy, StopFlag stop, BodyState* state);
   /// Whether it has something to go on from.
   bool has_memory() const { return step_ != 0.0; }
   /// The same, beside the body.
@@ -86,6 +87,6 @@ class FreeRotation {
 };
 
 /// x and v of a body that nothing holds, by the parabola.
-void fall(double h, const Eigen::Vector3d& acceleration, BodyState* state);
+void integrate_ballistic(double h, const Eigen::Vector3d& acceleration, BodyState* state);
 
 }  // namespace constraint_sim::engine

@@ -1,4 +1,4 @@
-// What a step tells of itself: errors that are not closed, energy without a cause, and what turns
+// What a step warns of: errors that are not closed, energy without a cause, and what turns
 // too fast; whose it is, when, and that nothing is told of what is well.
 
 #include <gtest/gtest.h>
@@ -21,17 +21,17 @@ constexpr double kPatience = 0.5;  // [s]
 World after(World world, double seconds) {
   const long steps = std::lround(seconds / world.options().time_step);
   for (long i = 0; i < steps; ++i)
-    if (world.step().failed) ADD_FAILURE() << text(world.report().failure);
+    if (world.step().failed) ADD_FAILURE() << to_string(world.report().failure);
   return world;
 }
 
-/// Whether any step within so long tells anything, and what.
-std::vector<std::string> told_within(World world, double seconds) {
+/// Whether any step within so long has a warning, and which.
+std::vector<std::string> warnings_within(World world, double seconds) {
   const long steps = std::lround(seconds / world.options().time_step);
   for (long i = 0; i < steps; ++i) {
-    if (world.step().failed) return {text(world.report().failure)};
+    if (world.step().failed) return {to_string(world.report().failure)};
     std::vector<std::string> lines;
-    for (const Told& told : told(world)) lines.push_back(text(told));
+    for (const StepWarning& warning : step_warnings(world)) lines.push_back(to_string(warning));
     if (!lines.empty()) return lines;
   }
   return {};
@@ -55,31 +55,31 @@ World two_lengths() {
 
 // ---- errors
 
-TEST(Told, NamesRodsThatContradictEachOther) {
+TEST(Warnings, NamesRodsThatContradictEachOther) {
   World world = after(two_lengths(), 2.0);
   EXPECT_EQ(world.report().unclosed_joints, 2u);
   ASSERT_EQ(world.unclosed_joints().size(), 2u);
-  const std::vector<Told> list = told(world);
+  const std::vector<StepWarning> list = step_warnings(world);
   ASSERT_EQ(list.size(), 2u);
   EXPECT_EQ(list[0].whose, "short");
   EXPECT_EQ(list[1].whose, "long");
-  for (const Told& told : list) {
-    EXPECT_EQ(told.kind, Told::Kind::kUnclosed);
-    EXPECT_NEAR(told.amount, 0.1, 1e-9);  // equal shares of least squares
+  for (const StepWarning& warning : list) {
+    EXPECT_EQ(warning.kind, StepWarning::Kind::kUnclosed);
+    EXPECT_NEAR(warning.amount, 0.1, 1e-9);  // equal shares of least squares
   }
-  EXPECT_EQ(text(list[0]), "constraint 'short': its error of 0.1 m is not being closed");
+  EXPECT_EQ(to_string(list[0]), "constraint 'short': its error of 0.1 m is not being closed");
   world.set_motor(world.find_joint("short"), Motor{});
-  EXPECT_TRUE(told(world).empty());  // until the next step
+  EXPECT_TRUE(step_warnings(world).empty());  // until the next step
 }
 
-TEST(Told, NothingWhileAnEditIsBeingClosed) {
+TEST(Warnings, NothingWhileAnEditIsBeingClosed) {
   for (const Method method : {Method::kAuto, Method::kSequentialImpulses}) {
     WorldOptions chosen = options(0.01);
     chosen.method = method;
     World world(chosen);
     const BodyId bob = world.add_body(make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.5}));
     world.add_joint(hang("rod", bob, rod(1.0)));
-    EXPECT_EQ(one_line(told_within(world, 3.0)), "");
+    EXPECT_EQ(one_line(warnings_within(world, 3.0)), "");
     BodyState state = world.state(bob);
     for (int i = 0; i < 5; ++i) {  // and again before it is done
       for (int step = 0; step < 30; ++step)
@@ -89,7 +89,7 @@ TEST(Told, NothingWhileAnEditIsBeingClosed) {
   }
 }
 
-TEST(Told, AnErrorThatStaysIsToldAfterItsTime) {
+TEST(Warnings, AnErrorThatStaysIsToldAfterItsTime) {
   WorldOptions chosen = options(0.01);
   chosen.baumgarte = 0.0;  // closes nothing
   World world(chosen);
@@ -110,7 +110,7 @@ TEST(Told, AnErrorThatStaysIsToldAfterItsTime) {
   EXPECT_EQ(world.report().unclosed_joints, 0u);
 }
 
-TEST(Told, SpringsAndSlackRopesAreOffByNothing) {
+TEST(Warnings, SpringsAndSlackRopesAreOffByNothing) {
   WorldOptions chosen = options(0.01);
   chosen.method = Method::kAuto;
   World world(chosen);
@@ -118,10 +118,10 @@ TEST(Told, SpringsAndSlackRopesAreOffByNothing) {
   world.add_joint(hang("spring", bob, spring(0.5, 20.0, 1.0)));
   const BodyId other = world.add_body(make_body("other", Point{}, 1.0, {1.0, 0.0, 0.0}));
   world.add_joint(hang("rope", other, rope(5.0)));
-  EXPECT_EQ(one_line(told_within(world, 1.0)), "");
+  EXPECT_EQ(one_line(warnings_within(world, 1.0)), "");
 }
 
-TEST(Told, WhatTooFewSweepsCannotHold) {
+TEST(Warnings, WhatTooFewSweepsCannotHold) {
   World world =
       redundant::with(redundant::chain_with_slack_rope(1e4), Method::kSequentialImpulses, 60.0);
   WorldOptions chosen = world.options();
@@ -151,7 +151,7 @@ World gaining_spring() {
   return world;
 }
 
-TEST(Told, EnergyThatImpulsesGain) {
+TEST(Warnings, EnergyThatImpulsesGain) {
   World world = gaining_spring();
   const double start = world.energy();
   double gained = 0.0, least = start;
@@ -166,30 +166,30 @@ TEST(Told, EnergyThatImpulsesGain) {
     }
   }
   ASSERT_GT(gained, 1.0);
-  const std::vector<Told> list = told(world);
+  const std::vector<StepWarning> list = step_warnings(world);
   ASSERT_EQ(list.size(), 1u);
-  EXPECT_EQ(list[0].kind, Told::Kind::kEnergyRise);
+  EXPECT_EQ(list[0].kind, StepWarning::Kind::kEnergyRise);
   EXPECT_EQ(list[0].whose, "left");
 }
 
 // Without a tolerance steps are as long as ticks, and much too long here.
-TEST(Told, EnergyThatTooLongStepsGain) {
+TEST(Warnings, EnergyThatTooLongStepsGain) {
   World world = problems::chain(2);
   WorldOptions chosen = world.options();
   chosen.method = Method::kRungeKutta;
   chosen.tolerance = 0.0;
   chosen.time_step = 0.2;
   world.set_options(chosen);
-  EXPECT_NE(one_line(told_within(world, 10.0)).find("rose by"), std::string::npos);
+  EXPECT_NE(one_line(warnings_within(world, 10.0)).find("rose by"), std::string::npos);
   chosen.tolerance = 1e-8;
   world = problems::chain(2);
   world.set_options(chosen);
-  EXPECT_EQ(one_line(told_within(world, 10.0)), "");
+  EXPECT_EQ(one_line(warnings_within(world, 10.0)), "");
 }
 
 // What is done from outside is a cause: wrenches, motors, kinematic bodies, closings, also where
 // they begin and end between two looks.
-TEST(Told, DrivesAreCauses) {
+TEST(Warnings, DrivesAreCauses) {
   for (const Method method : {Method::kAuto, Method::kEnergyMomentum}) {
     WorldOptions chosen = options(0.01);
     chosen.method = method;
@@ -222,7 +222,8 @@ TEST(Told, DrivesAreCauses) {
         world.set_state(moved, state);
       }
       world.step();
-      ASSERT_TRUE(told(world).empty()) << text(told(world).front()) << " at step " << step;
+      ASSERT_TRUE(step_warnings(world).empty())
+          << to_string(step_warnings(world).front()) << " at step " << step;
     }
   }
 }
@@ -230,16 +231,16 @@ TEST(Told, DrivesAreCauses) {
 // ---- what is well
 
 // The worked example spins in first order, and is off by 1e-3 m again after some seconds.
-TEST(Told, NothingOfShippedScenes) {
+TEST(Warnings, NothingOfShippedScenes) {
   for (const auto& file : std::filesystem::directory_iterator(CONSTRAINT_SIM_SCENE_DIR)) {
     const double seconds = file.path().stem() == "worked_example" ? 2.0 : 4.0;
-    EXPECT_EQ(one_line(told_within(load_scene_file(file.path()), seconds)), "") << file.path();
+    EXPECT_EQ(one_line(warnings_within(load_scene_file(file.path()), seconds)), "") << file.path();
   }
 }
 
 // Energy of random scenes never rises without a cause by any method; joints of those that are
 // integrated throughout stay within 1e-6 m.
-TEST(Told, NothingOfRandomScenes) {
+TEST(Warnings, NothingOfRandomScenes) {
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
     for (const Method method : {Method::kAuto, Method::kRungeKutta, Method::kEnergyMomentum,
                                 Method::kSequentialImpulses}) {
@@ -261,7 +262,7 @@ TEST(Told, NothingOfRandomScenes) {
 // A ball that swings on two rods which cannot both be met: once what does not fit has been closed
 // as far as it goes, its energy rises in some ticks by what corrections of its position add, and by
 // nothing else. The bound is some ulp of the energy of 110 J.
-TEST(Told, EnergyThatCorrectionsOfPositionsAdd) {
+TEST(Warnings, EnergyThatCorrectionsOfPositionsAdd) {
   World world = load_scene(
       "world: {time_step: 0.05, closing_time: 0.5}\n"
       "bodies:\n"
@@ -286,7 +287,7 @@ TEST(Told, EnergyThatCorrectionsOfPositionsAdd) {
 
 // ---- what cannot be resolved
 
-TEST(Told, SpinThatImpulsesCannotFollow) {
+TEST(Warnings, SpinThatImpulsesCannotFollow) {
   World world =
       redundant::with(redundant::fast_box({0.0, 1e3, 1e6}), Method::kSequentialImpulses, 100.0);
   EXPECT_EQ(world.step().unresolved_bodies, 1u);
@@ -298,7 +299,7 @@ TEST(Told, SpinThatImpulsesCannotFollow) {
 
 // A light body under one 1e20 times as heavy falls freely: told from the first step that cannot
 // meet the joints by more than a millimetre.
-TEST(Told, MassesThatCannotBeHeld) {
+TEST(Warnings, MassesThatCannotBeHeld) {
   for (const double rate : {60.0, 1000.0}) {
     World world = redundant::with(redundant::mass_ratio(1.0, 1e20), Method::kAuto, rate);
     for (int step = 0; step < static_cast<int>(rate); ++step) {

@@ -168,4 +168,47 @@ inline CoupledMechanism falling_rack() {
   return made;
 }
 
+/// The mechanism with its couplings as joints: gears by number, a screw for the joint that couples
+/// its own coordinates, a pulley for lengths, whose fixed ends are at (∓1, 0, 0).
+inline Mechanism with_couplings(const CoupledMechanism& made) {
+  Mechanism mechanism = made.mechanism;
+  const std::vector<JointAt> joints = mechanism.joints;
+  const bool is_screw = made.couplings[0].terms[0].joint == made.couplings[0].terms[1].joint &&
+                        made.couplings[0].terms[0].of != CoordinateOf::kLength;
+  if (is_screw) mechanism.joints.clear();
+  mechanism.add_forces = [made, joints, is_screw](World* world) {
+    std::size_t number = 0;
+    for (const Coupling& coupling : made.couplings) {
+      Joint joint;
+      joint.name = "coupling" + std::to_string(number++);
+      const auto& [first, second] = std::tie(coupling.terms[0], coupling.terms[1]);
+      if (is_screw) {
+        joint.kind = JointKind::kScrew;
+        joint.body_b = world->body_ids().front();
+        joint.frame_a = frame_along(joints[0].axis);
+        joint.anchor_a = joints[0].point;
+        joint.anchor_b = joints[0].point - world->state(joint.body_b).position;
+        joint.pitch = -2.0 * static_cast<double>(minimal::kPi) * second.ratio;
+      } else if (first.of == CoordinateOf::kLength) {
+        joint.kind = JointKind::kPulley;
+        for (std::size_t i = 0; i < 2; ++i) {
+          Joint rope;
+          rope.name = "rope" + std::to_string(i);
+          rope.kind = JointKind::kFreeDistance;
+          rope.anchor_a = {i == 0 ? -1.0 : 1.0, 0.0, 0.0};
+          rope.body_b = world->body_ids()[i];
+          (i == 0 ? joint.coupling.first : joint.coupling.second) = world->add_joint(rope);
+        }
+      } else {
+        joint.kind = JointKind::kGear;
+        joint.coupling.first = world->joint_ids()[first.joint];
+        joint.coupling.second = world->joint_ids()[second.joint];
+      }
+      joint.coupling.ratio = second.ratio / first.ratio;
+      world->add_joint(joint);
+    }
+  };
+  return mechanism;
+}
+
 }  // namespace constraint_sim::engine::mechanisms

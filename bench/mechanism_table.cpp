@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cstdio>
 
+#include "coupled_mechanisms.h"
 #include "flat_mechanisms.h"
 
 namespace {
@@ -37,8 +38,13 @@ int main(int argc, char** argv) {
        {mechanisms::double_hinge_pendulum(), mechanisms::spinning_top(), mechanisms::slider_crank(),
         mechanisms::four_bar(), mechanisms::universal_shaft(), mechanisms::bricard(),
         mechanisms::driven_slider_crank(), mechanisms::driven_universal_shaft(),
-        mechanisms::squeezer(), mechanisms::parallelograms(1, 10.0),
-        mechanisms::parallelograms(2, 10.0), mechanisms::parallelograms(40, 20.0)}) {
+        mechanisms::squeezer(), mechanisms::with_couplings(mechanisms::planetary_gear()),
+        mechanisms::with_couplings(mechanisms::falling_nut()),
+        mechanisms::with_couplings(mechanisms::falling_rack()),
+        mechanisms::with_couplings(mechanisms::swinging_atwood(1.0)),
+        mechanisms::with_couplings(mechanisms::swinging_atwood(2.0)),
+        mechanisms::parallelograms(1, 10.0), mechanisms::parallelograms(2, 10.0),
+        mechanisms::parallelograms(40, 20.0)}) {
     if (made.name.find(part) == std::string::npos) continue;
     for (const double step : made.steps) are_met = print(made, step, 0.0) && are_met;
     const double tick = made.is_judged_by_angles ? 1.0 / 1000.0 : 1.0 / 30.0;

@@ -79,6 +79,7 @@ void World::Impl::find_loops() {
   };
   for (std::size_t j = 0; j < joints.size(); ++j) {
     if (joint_states[j].broken || !is_always_rigid(joints[j])) continue;
+    if (couples_joints(joints[j].kind)) continue;
     const auto [a, b] = joint_ends[j];
     if (root(a) == root(b))
       has_loop[at(island_of[is_movable(a) ? a : b])] = true;
@@ -244,7 +245,13 @@ IslandTraits World::Impl::traits_of(const IslandMembers& members,
 }
 
 void World::Impl::compile_island(IslandParts* parts) {
-  EquationsOfMotion equations(parts->members.joints, joints, joint_ends, masses);
+  std::vector<CoupledTerms> couplings;
+  for (const int j : parts->members.joints) {
+    if (!couples(joints[at(j)].kind)) continue;
+    couplings.resize(joints.size());
+    couplings[at(j)] = terms_of(at(j));
+  }
+  EquationsOfMotion equations(parts->members.joints, joints, joint_ends, masses, couplings);
   const std::vector<int>& held = equations.bodies();
   parts->turning_freely.clear();
   for (std::size_t i = equations.turning(); i < held.size(); ++i)

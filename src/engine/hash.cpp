@@ -146,6 +146,10 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i)
     add(hash, joint.coordinates[i], state.coordinates[i]);
   if (joint.break_torque > 0.0) hash.add(joint.break_torque);
+  if (couples(joint.kind))
+    for (const double number : {joint.coupling.ratio, joint.pitch, state.coupling.constant,
+                                state.coupling.impulse, state.coupling.offset})
+      hash.add(number);
   hash.add(joint.baumgarte.value_or(-1.0));
   hash.add(joint.break_force);
   hash.add(std::uint64_t{joint.collide_connected});
@@ -246,6 +250,9 @@ std::uint64_t World::Impl::hash() const {
     hash.add(std::uint64_t{j});
     add(hash, world.joints[j], name_of(world.joints[j].body_a), name_of(world.joints[j].body_b),
         world.joint_states[j]);
+    if (couples_joints(world.joints[j].kind))
+      for (const JointId id : {world.joints[j].coupling.first, world.joints[j].coupling.second})
+        hash.add(world.joints[world.index(id)].name);
     if (world.self_stress[j].is_none()) continue;
     add(hash, world.self_stress[j].share);
     add(hash, world.self_stress[j].impulse);

@@ -193,7 +193,7 @@ void World::Impl::assemble_entering(const JointStep& step) {
     for (const int index : parts.members.joints) {
       const std::size_t j = at(index);
       if (is_rigid(joints[j]) && !fits(joints[j], state_a(j), state_b(j), step, joint_states[j]))
-        begin_joint(joints[j], state_a(j), state_b(j), step.t, joint_states[j]);
+        open_joint(j, step.t);
     }
   }
   courses.resize(joints.size());
@@ -426,6 +426,14 @@ std::uint32_t World::Impl::find_unresolved(std::size_t i, std::vector<std::size_
   return count;
 }
 
+// Of a joint that couples: where the coordinates are by now, and what it did in a step.
+void World::Impl::note_coupling(std::size_t j, double h, double impulse) {
+  CouplingState& coupling = joint_states[j].coupling;
+  if (couples_joints(joints[j].kind)) read_coupling(terms_of(j), joint_states, &coupling);
+  coupling.impulse = impulse;
+  coupling.effort = impulse / h;
+}
+
 void World::Impl::read_smooth_joints(const JointStep& step, const Carried& by_method) {
   for (const int index : changing_courses) {
     const std::size_t j = at(index);
@@ -444,7 +452,14 @@ void World::Impl::read_smooth_joints(const JointStep& step, const Carried& by_me
       const std::size_t j = at(equations.joints()[l]);
       const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;
       const RowVector impulse = shared ? shared->impulse(equations, l) : equations.impulse(l);
+      const bool has_coupling = !equations.coupled_rows().empty() && couples(joints[j].kind);
+      if (has_coupling)
+        note_coupling(
+            j, step.h,
+            shared ? shared->coupled_impulse(equations, l) : equations.coupled_impulse(l));
       read_smooth_joint(joints[j], state_a(j), state_b(j), step, impulse, zeta, joint_states[j]);
+      if (has_coupling)
+        add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
       note_if_broken(j);
     }
   }

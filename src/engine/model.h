@@ -13,6 +13,7 @@
 #include "constraint_sim/engine/id.h"
 #include "constraint_sim/engine/joint.h"
 #include "constraint_sim/engine/world.h"
+#include "engine/constraints/coupling.h"
 #include "engine/mass_properties.h"
 
 namespace constraint_sim::engine {
@@ -45,6 +46,8 @@ struct Model {
   /// The index of a body or joint; throws std::invalid_argument where there is none of this id.
   std::size_t index(BodyId id) const;
   std::size_t index(JointId id) const;
+  /// What a joint of a kind that couples joins.
+  CoupledTerms terms_of(std::size_t joint) const;
 };
 
 }  // namespace constraint_sim::engine

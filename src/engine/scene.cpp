@@ -175,7 +175,7 @@ const YamlElement::Words kLawKeys{"position",  "lower",         "upper",     "li
 YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type) {
   if (type == "distance")
     return {"length",        "min_length", "max_length", "frequency",
-            "damping_ratio", "stiffness",  "damping"};
+            "damping_ratio", "stiffness",  "damping",    "free"};
   if (type == "rope") return {"max_length"};
   if (type == "strut") return {"min_length"};
   if (type == "spring") return {"length", "frequency", "damping_ratio", "stiffness", "damping"};
@@ -189,6 +189,9 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
     keys.push_back("coordinates");
   }
   if (has_frames(*kind) || *kind == JointKind::kBall) keys.push_back("break_torque");
+  if (couples_joints(*kind)) keys.insert(keys.end(), {"joints", "ratio"});
+  if (*kind == JointKind::kScrew) keys.push_back("pitch");
+  if (couples(*kind)) keys.push_back("value");
   return keys;
 }
 
@@ -317,21 +320,54 @@ void read_laws(const YamlElement& item, Joint* joint) {
   }
 }
 
+/// `distance` with `free: true` is a kind of its own.
+std::string type_of_joint(const YamlElement& item) {
+  const auto type = item.find("type");
+  const std::string given = type ? type->word() : "distance";
+  const auto free = item.find("free");
+  if (given != "distance" || !free || !free->flag()) return given;
+  return name(JointKind::kFreeDistance);
+}
+
+/// What a gear, a pulley or a screw has beside the keys of all. Joints have to be there already.
+void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
+  if (joint->kind == JointKind::kScrew) joint->pitch = item.at("pitch").number();
+  if (const auto value = item.find("value")) joint->coupling.value = value->number();
+  if (!couples_joints(joint->kind)) return;
+  const std::vector<YamlElement> names = item.at("joints").items();
+  if (names.size() != 2)
+    item.at("joints").fail("must be the names of two constraints, got " +
+                           std::to_string(names.size()));
+  const auto find = [&](const YamlElement& element) {
+    const std::string name = element.word();
+    if (!world.has_joint(name))
+      element.fail("there is no constraint " + quoted(name) + " before this one");
+    return world.find_joint(name);
+  };
+  joint->coupling.first = find(names[0]);
+  joint->coupling.second = find(names[1]);
+  item.read("ratio", &joint->coupling.ratio);
+}
+
 Joint read_joint(const YamlElement& item, const World& world) {
-  const auto type_element = item.find("type");
-  const std::string type = type_element ? type_element->word() : "distance";
+  const std::string type = type_of_joint(item);
   YamlElement::Words keys = keys_of_type(item, type);
-  keys.insert(keys.end(), {"name", "type", "body_a", "anchor_a", "body_b", "anchor_b", "motor",
-                           "baumgarte", "break_force", "collide_connected", "broken", "state"});
+  keys.insert(keys.end(),
+              {"name", "type", "baumgarte", "break_force", "collide_connected", "broken", "state"});
+  const JointKind kind = joint_kind_named(type).value_or(JointKind::kDistance);  // or a shorthand
+  if (kind == JointKind::kFreeDistance) keys.push_back("free");
+  if (!couples_joints(kind))
+    keys.insert(keys.end(), {"body_a", "anchor_a", "body_b", "anchor_b", "motor"});
   item.expect_keys(keys);
 
   Joint joint;
+  joint.kind = kind;
   joint.name = item.at("name").word();
   joint.body_a = read_body_reference(item, "body_a", world);
   item.read("anchor_a", &joint.anchor_a);
   joint.body_b = read_body_reference(item, "body_b", world);
   item.read("anchor_b", &joint.anchor_b);
-  joint.kind = joint_kind_named(type).value_or(JointKind::kDistance);  // or a shorthand for it
+  if (couples(kind)) read_coupling(item, world, &joint);
   if (joint.kind == JointKind::kDistance) joint.distance = read_distance(item, type, world, joint);
   if (has_frames(joint.kind)) read_frames(item, &joint);
   if (coordinates(joint.kind) > 0)
@@ -363,13 +399,20 @@ SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
 
 /// State that a saved joint continues from.
 JointState read_joint_state(const YamlElement& item, JointKind kind) {
-  item.expect_keys({"travel", "expires_at", "impulse", "self_stress", "self_stress_of", "positions",
-                    "held", "closing_since", "closing_offset", "closing_shift", "closing_turn",
-                    "closing_share", "initial_error"});
+  item.expect_keys({"coupling", "travel", "expires_at", "impulse", "self_stress", "self_stress_of",
+                    "positions", "held", "closing_since", "closing_offset", "closing_shift",
+                    "closing_turn", "closing_share", "initial_error"});
   JointState state;
   item.read("travel", &state.travel);
   if (const auto value = item.find("expires_at")) state.expires_at = value->number_or_infinity();
   read_rows(item, "impulse", kind, &state.impulse);
+  if (couples(kind)) {
+    const Eigen::Vector3d coupling = item.at("coupling").numbers(3);
+    item.attempt([&] { check_finite("coupling", coupling); });
+    state.coupling.constant = coupling[0];
+    state.coupling.impulse = coupling[1];
+    state.coupling.offset = coupling[2];
+  }
   const int size = coordinates(kind);
   const auto read_coordinates = [&](const char* key, double CoordinateState::*field) {
     if (size == 0) return;

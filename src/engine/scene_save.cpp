@@ -230,6 +230,10 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
     write(out, "held", held);
   }
   write_rows(out, "impulse", joint, state.impulse);
+  if (couples(joint.kind))
+    write(out, "coupling",
+          Eigen::VectorXd(Eigen::Vector3d(state.coupling.constant, state.coupling.impulse,
+                                          state.coupling.offset)));
   const SelfStress& self_stress = impl.self_stress[impl.index(id)];
   if (!self_stress.is_none()) {
     write_rows(out, "self_stress", joint, self_stress.share);
@@ -255,17 +259,29 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   };
   *out << YAML::BeginMap;
   write(out, "name", joint.name);
-  write(out, "type", name(joint.kind));
-  write(out, "body_a", body_name(joint.body_a));
-  write(out, "anchor_a", joint.anchor_a);
-  write(out, "body_b", body_name(joint.body_b));
-  write(out, "anchor_b", joint.anchor_b);
+  const bool is_free = joint.kind == JointKind::kFreeDistance;
+  write(out, "type", name(is_free ? JointKind::kDistance : joint.kind));
+  if (is_free) write(out, "free", true);
+  if (couples_joints(joint.kind)) {
+    *out << YAML::Key << "joints" << YAML::Value << YAML::Flow << YAML::BeginSeq;
+    for (const JointId id : {joint.coupling.first, joint.coupling.second})
+      *out << world.joint(id).name;
+    *out << YAML::EndSeq;
+    write(out, "ratio", joint.coupling.ratio);
+  } else {
+    write(out, "body_a", body_name(joint.body_a));
+    write(out, "anchor_a", joint.anchor_a);
+    write(out, "body_b", body_name(joint.body_b));
+    write(out, "anchor_b", joint.anchor_b);
+  }
+  if (joint.kind == JointKind::kScrew) write(out, "pitch", joint.pitch);
+  if (couples(joint.kind)) write(out, "value", state.coupling.constant);
   if (has_frames(joint.kind)) {
     write(out, "frame_a", joint.frame_a.coeffs());
     write(out, "frame_b", joint.frame_b->coeffs());
   }
   if (const auto* distance = if_distance(joint)) write_distance(out, *distance);
-  write_motor(out, joint.motor);
+  if (!couples_joints(joint.kind)) write_motor(out, joint.motor);
   write_laws(out, joint);
   if (joint.baumgarte) write(out, "baumgarte", *joint.baumgarte);
   write(out, "break_force", joint.break_force);

@@ -311,6 +311,19 @@ void validate_coordinates(const Joint& joint) {
   }
 }
 
+void validate_coupling(const Joint& joint) {
+  if (joint.coupling.value) check_finite("value", *joint.coupling.value);
+  if (couples_joints(joint.kind)) {
+    check_finite("ratio", joint.coupling.ratio);
+    if (std::abs(joint.coupling.ratio) < kLeastMagnitude)
+      refuse("ratio", "must not be 0, got " + shortest(joint.coupling.ratio));
+  }
+  if (joint.kind != JointKind::kScrew) return;
+  check_finite("pitch", joint.pitch);
+  if (std::abs(joint.pitch) < kLeastMagnitude)
+    refuse("pitch", "must not be 0 [m a turn], got " + shortest(joint.pitch));
+}
+
 }  // namespace
 
 void validate(const Joint& joint) {
@@ -329,6 +342,7 @@ void validate(const Joint& joint) {
                          " joint needs it: which axis of body B stands at a right angle to axis_a");
   validate_motor(joint);
   validate_coordinates(joint);
+  validate_coupling(joint);
   if (joint.baumgarte) check_share("baumgarte", *joint.baumgarte);
   check_not_negative("break_force", joint.break_force);
   check_not_negative("break_torque", joint.break_torque);

@@ -248,6 +248,7 @@ bool World::Impl::tells_finite_numbers() const {
 
 void World::Impl::note_if_broken(std::size_t j) {
   if (!joint_states[j].broken) return;
+  for (const std::size_t coupling : couplings_of(j)) joint_states[coupling].broken = true;
   topology_edited = true;
   edit_island_of(joints[j].body_a);
   edit_island_of(joints[j].body_b);

@@ -154,6 +154,10 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
+  void check_coupling(const Joint& joint) const;
+  BodyId movable_end(JointId id) const;
+  std::vector<std::size_t> couplings_of(std::size_t joint) const;
+  bool is_held_by(BodyId id, std::size_t joint) const;
   JointId add_joint(const Joint& joint, bool broken);
   void fill_in(Joint& joint) const;
   void fill_in_frames(Joint& joint) const;
@@ -162,6 +166,7 @@ struct World::Impl : Model, State, IslandLists {
   void set_zeros(Joint& joint) const;
   void fill_in_laws(Joint& joint) const;
   void start_joint(std::size_t j);
+  void open_joint(std::size_t j, double t);
   void continue_joint(std::size_t j, const JointState& saved);
   void continue_correction(std::size_t i, const Twist& correction);
   double end_of(const Motor& motor) const;
@@ -191,6 +196,7 @@ struct World::Impl : Model, State, IslandLists {
   void edit_all();
   void edit_island_of(BodyId id);
   void edit_laws(const Joint& joint);
+  void shift_couplings(std::size_t j, int coordinate, double change);
   void check_coordinate(const char* field, const Joint& joint, int coordinate) const;
   void set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set);
   void erase_joint(std::size_t j);
@@ -268,6 +274,7 @@ struct World::Impl : Model, State, IslandLists {
   void finish_step(const Tick& tick, const Carried& by_method);
   void read_smooth_joints(const JointStep& step, const Carried& by_method);
   void note_if_broken(std::size_t j);
+  void note_coupling(std::size_t j, double h, double impulse);
   void tell_contacts();
   void add_contacts(const TouchingPair& pair);
   void drop_spent_wrenches(double now);

@@ -1,5 +1,6 @@
 // Mechanisms by runge_kutta, against minimal coordinates.
 
+#include "coupled_mechanisms.h"
 #include "flat_mechanisms.h"
 #include "support.h"
 
@@ -7,10 +8,20 @@ namespace constraint_sim::engine::mechanisms {
 namespace {
 
 const std::vector<Mechanism>& table() {
-  static const std::vector<Mechanism> kMechanisms{
-      double_hinge_pendulum(), spinning_top(), slider_crank(), four_bar(),
-      universal_shaft(),       bricard(),      squeezer(),     driven_slider_crank(),
-      driven_universal_shaft()};
+  static const std::vector<Mechanism> kMechanisms{double_hinge_pendulum(),
+                                                  spinning_top(),
+                                                  slider_crank(),
+                                                  four_bar(),
+                                                  universal_shaft(),
+                                                  bricard(),
+                                                  squeezer(),
+                                                  driven_slider_crank(),
+                                                  driven_universal_shaft(),
+                                                  with_couplings(planetary_gear()),
+                                                  with_couplings(falling_nut()),
+                                                  with_couplings(falling_rack()),
+                                                  with_couplings(swinging_atwood(1.0)),
+                                                  with_couplings(swinging_atwood(2.0))};
   return kMechanisms;
 }
 
@@ -55,7 +66,7 @@ TEST_P(EachMechanism, MeetsItsTolerance) {
   EXPECT_LE(outcome.error, 1e-8);
 }
 
-INSTANTIATE_TEST_SUITE_P(Mechanisms, EachMechanism, testing::Range<std::size_t>(0, 9), test_name);
+INSTANTIATE_TEST_SUITE_P(Mechanisms, EachMechanism, testing::Range<std::size_t>(0, 14), test_name);
 
 // 40 parallelograms that are in line twice a turn, 20 times in 20 s; 120 rows are redundant, and 40
 // more are where all bars are in line. The benchmark asks for 1e-4 m.

@@ -27,8 +27,12 @@ enum class JointKind : std::uint8_t {
   kWeld,          ///< both frames in one place; nothing is free
   kPointOnLine,   ///< anchor B on A's z axis; rotation is free
   kPointOnPlane,  ///< anchor B in A's x-y plane; rotation is free
+  kFreeDistance,  ///< nothing; ‖d‖ is free, measured, and may have laws
+  kGear,    ///< q₁ + ratio q₂ of the first coordinates of two other joints stays what it is
+  kPulley,  ///< the same of the lengths of two joints of kind kFreeDistance
+  kScrew,   ///< a cylindrical joint that moves along z by `pitch` a turn
 };
-inline constexpr std::size_t kJointKindCount = 10;
+inline constexpr std::size_t kJointKindCount = 14;
 
 /// Settings of a joint of kind kDistance, which holds the distance of the two anchors: as a rod, or
 /// between limits (rope, strut), or as a spring about `length`. C = ‖d‖ − length in metres.
@@ -116,6 +120,15 @@ struct CoordinateLaw {
 
 inline constexpr std::size_t kMaxCoordinates = 3;
 
+/// What a gear or a pulley joins, and how: q₁ + ratio q₂ = value, with the first coordinates of two
+/// joints that are there already, whole turns counted. Of gears the ratio is the teeth of 2 over
+/// those of 1, negative of an internal mesh; of a rack and its pinion it is ±1/radius [1/m].
+struct Coupling {
+  JointId first, second;
+  double ratio = 1.0;           ///< in units of q₁ per unit of q₂, not 0
+  std::optional<double> value;  ///< [m or rad, as q₁]; left out: as they read when it is added
+};
+
 /// A constraint between two bodies, or a body and the world.
 struct Joint {
   std::string name;  ///< as for bodies, unique among joints
@@ -134,6 +147,8 @@ struct Joint {
   Motor motor;             ///< of kind kDistance
   /// Of other kinds, as many as coordinates() tells.
   std::array<CoordinateLaw, kMaxCoordinates> coordinates;
+  Coupling coupling;                ///< of kinds kGear and kPulley; of kScrew its `value` alone [m]
+  double pitch = 0.0;               ///< of kind kScrew [m a turn], not 0
   std::optional<double> baumgarte;  ///< share of the error removed each step, [0, 1]; the world's
   double break_force = 0.0;         ///< [N] beyond which the joint breaks for good; 0: never
   double break_torque = 0.0;        ///< [N m], the same; not of kind kDistance
@@ -154,6 +169,16 @@ struct CoordinateState {
   double held = 0.0;      ///< where the motor holds it [m or rad]
 };
 
+/// The coupling of a joint of a kind that couples() coordinates, in the unit of the first one.
+struct CouplingState {
+  double value = 0.0;     ///< Σ ratio q now
+  double rate = 0.0;      ///< of that
+  double constant = 0.0;  ///< what the value is to be
+  double effort = 0.0;    ///< along the first coordinate, mean over the step [N or N m]
+  double impulse = 0.0;   ///< the same, to warm start [N s or N m s]
+  double offset = 0.0;    ///< what there was to close at `closing_since`
+};
+
 /// What a joint does now; brought up to date by each step.
 struct JointState {
   /// ‖d‖ − length, or beyond a limit [m]. Of other kinds the larger of the distance that has to be
@@ -172,6 +197,7 @@ struct JointState {
   bool closing = false;       ///< an edit left an error above 1e-6 m that is not yet closed
 
   std::array<CoordinateState, kMaxCoordinates> coordinates;  ///< of kinds other than kDistance
+  CouplingState coupling;                                    ///< of kinds that couple
 
   double travel =
       0.0;  ///< ∫ζ dt since the joint was added: what the motor has added to the length [m]
@@ -222,6 +248,14 @@ bool is_angle(JointKind kind, int coordinate);
 
 /// Whether the z axes of both frames are at right angles, so that both have to be given.
 bool has_two_axes(JointKind kind);
+
+/// Whether it couples coordinates of other joints, so that it has no bodies, anchors and axes of
+/// its own.
+inline bool couples_joints(JointKind kind) {
+  return kind == JointKind::kGear || kind == JointKind::kPulley;
+}
+/// Whether it couples any, of other joints or of a screw its own.
+inline bool couples(JointKind kind) { return couples_joints(kind) || kind == JointKind::kScrew; }
 
 /// All kinds.
 const std::array<JointKind, kJointKindCount>& joint_kinds();

@@ -44,8 +44,10 @@ struct Row {
   int coordinate = -1;  ///< of the joint, that it acts along; -1: none
 
   /// Of friction, which always is this row and the next one: the row of the normal, and μ. The two
-  /// impulses together are no longer than μ times that of the normal. -1: not friction.
+  /// impulses together are no longer than μ times that of the normal. -1: not friction. Of a row of
+  /// up to four bodies, which is this one and the next: one of these.
   int normal_row = -1;
+  static constexpr int kCoupled = -2, kCoupledPart = -3;
   double friction = 0.0;
 };
 

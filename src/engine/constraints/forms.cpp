@@ -29,6 +29,17 @@ auto sum(const std::array<AngleForm::Term, 2>& terms, Evaluate evaluate) {
   return evaluate(terms[0].form) * terms[0].weight + evaluate(terms[1].form) * terms[1].weight;
 }
 
+// d/‖d‖; of coincident anchors the x axis of the world
+Eigen::Vector3d unit(const Eigen::Vector3d& d) {
+  const double length = d.norm();
+  return length > 0.0 ? Eigen::Vector3d(d / length) : Eigen::Vector3d::UnitX();
+}
+
+// the Jacobian whose force on B is n
+Jacobian along(const JointVectors& vectors, const Eigen::Vector3d& n) {
+  return {-n, -vectors.r_A.cross(n), n, vectors.r_B.cross(n)};
+}
+
 Jacobian sum_of_jacobians(const std::array<AngleForm::Term, 2>& terms,
                           const JointVectors& vectors) {
   return combined(terms[0].weight, jacobian(terms[0].form, vectors), terms[1].weight,
@@ -56,12 +67,14 @@ CosineAndSine<Jacobian> jacobians(const AngleForm& form, const JointVectors& vec
 }
 
 double value(const ScalarForm& form, const JointVectors& vectors) {
+  if (form.is_length) return vectors.d.norm();
   if (!form.is_angle) return value(form.product, vectors);
   const CosineAndSine<double> at = values(form.angle, vectors);
   return std::atan2(at.s, at.c);
 }
 
 Jacobian jacobian(const ScalarForm& form, const JointVectors& vectors) {
+  if (form.is_length) return along(vectors, unit(vectors.d));
   if (!form.is_angle) return jacobian(form.product, vectors);
   const CosineAndSine<double> at = values(form.angle, vectors);
   const CosineAndSine<Jacobian> J = jacobians(form.angle, vectors);
@@ -70,6 +83,7 @@ Jacobian jacobian(const ScalarForm& form, const JointVectors& vectors) {
 }
 
 double rate(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion) {
+  if (form.is_length) return unit(vectors.d).dot(motion.d_dot);
   if (!form.is_angle) return rate(form.product, vectors, motion);
   const CosineAndSine<double> at = values(form.angle, vectors);
   const auto evaluate = [&](RowForm row) { return rate(row, vectors, motion); };
@@ -77,8 +91,14 @@ double rate(const ScalarForm& form, const JointVectors& vectors, const JointMoti
          (at.c * at.c + at.s * at.s);
 }
 
-// (c γ_s − s γ_c − 2 φ̇ (c ċ + s ṡ))/(c² + s²)
+// (c γ_s − s γ_c − 2 φ̇ (c ċ + s ṡ))/(c² + s²); (‖ḋ‖² + d·β_d − ℓ̇²)/ℓ
 double gamma(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion) {
+  if (form.is_length) {
+    const Eigen::Vector3d n = unit(vectors.d);
+    const double across = (motion.d_dot - n.dot(motion.d_dot) * n).squaredNorm();
+    const double length = vectors.d.norm();
+    return n.dot(motion.d_bias) + (length > 0.0 ? across / length : 0.0);
+  }
   if (!form.is_angle) return gamma(form.product, vectors, motion);
   const CosineAndSine<double> at = values(form.angle, vectors);
   const auto rate_of = [&](RowForm row) { return rate(row, vectors, motion); };
@@ -94,6 +114,10 @@ double gamma(const ScalarForm& form, const JointVectors& vectors, const JointMot
 Jacobian discrete_gradient(const ScalarForm& form, const JointVectors& start,
                            const JointVectors& end) {
   const JointVectors mean = between(start, end, 0.5);
+  if (form.is_length) {
+    const double length = start.d.norm() + end.d.norm();
+    return along(mean, length > 0.0 ? Eigen::Vector3d(2.0 / length * mean.d) : unit(mean.d));
+  }
   if (!form.is_angle) return jacobian(form.product, mean);
   const CosineAndSine<double> at_start = values(form.angle, start),
                               at_end = values(form.angle, end);

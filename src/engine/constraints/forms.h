@@ -8,7 +8,7 @@
 namespace constraint_sim::engine {
 
 // What is free in a joint, as functions of its vectors: a translation z_A·d is a product like any
-// row; an angle is φ = atan2(s, c) with c and s weighted sums of products.
+// row; an angle is φ = atan2(s, c) with c and s weighted sums of products; a length is ‖d‖.
 
 /// The twist φ of a joint's frame on B about an axis. With c = ½(x_A·x_B + y_A·y_B) and
 /// s = ½(y_A·x_B − x_A·y_B) it is regular up to a swing of half a turn.
@@ -20,16 +20,21 @@ struct AngleForm {
   std::array<Term, 2> c, s;
 };
 
+/// The length ‖d‖.
+struct LengthForm {};
+
 /// A scalar function of the vectors of a joint: a row of its kind, or a free coordinate.
 struct ScalarForm {
   bool is_angle = false;
-  RowForm product;  ///< unless an angle
+  bool is_length = false;
+  RowForm product;  ///< unless an angle; of a length ½ d·d
   AngleForm angle;
 
   constexpr ScalarForm() = default;
   // NOLINTNEXTLINE(google-explicit-constructor): a row is one
   constexpr ScalarForm(RowForm form) : product(form) {}
   constexpr explicit ScalarForm(AngleForm form) : is_angle(true), angle(form) {}
+  constexpr explicit ScalarForm(LengthForm /*form*/) : is_length(true) {}
 
   /// Whether it is in metres.
   constexpr bool has_separation() const { return !is_angle && product.has_separation(); }
@@ -44,10 +49,10 @@ struct CosineAndSine {
 CosineAndSine<double> values(const AngleForm& form, const JointVectors& vectors);
 CosineAndSine<Jacobian> jacobians(const AngleForm& form, const JointVectors& vectors);
 
-/// u·v, or φ in (−π, π].
+/// u·v, ‖d‖, or φ in (−π, π].
 double value(const ScalarForm& form, const JointVectors& vectors);
 
-/// Of (v_A, ω_A, v_B, ω_B); of an angle (c ∇s − s ∇c)/(c² + s²).
+/// Of (v_A, ω_A, v_B, ω_B); of an angle (c ∇s − s ∇c)/(c² + s²), of a length ∇(½ d·d)/‖d‖.
 Jacobian jacobian(const ScalarForm& form, const JointVectors& vectors);
 
 double rate(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion);

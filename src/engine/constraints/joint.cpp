@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/constraints/coupling.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint_kinds.h"
@@ -237,12 +238,29 @@ void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState&
   if (kind.coordinates > 0) measure_coordinates(joint, vectors, motion, h, state);
 }
 
+// of a screw, from its coordinates
+void read_own_coupling(const Joint& joint, JointState& state) {
+  if (joint.kind != JointKind::kScrew) return;
+  const CoordinateState &along = state.coordinates[0], &about = state.coordinates[1];
+  state.coupling.value = along.position - lead(joint) * about.position;
+  state.coupling.rate = along.velocity - lead(joint) * about.velocity;
+}
+
+// what the coupling is off by, where that is more than the rows are
+void measure_coupling(const Joint& joint, JointState& state) {
+  read_own_coupling(joint, state);
+  const double off = state.coupling.value - state.coupling.constant;
+  if (joint.kind != JointKind::kScrew) state.reached_rate = state.coupling.rate;
+  if (std::abs(off) <= state.error) return;
+  state.error = std::abs(off);
+  state.error_rate = std::copysign(1.0, off) * state.coupling.rate;
+}
+
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
                    double h, JointState& state) {
-  if (joint.kind == JointKind::kDistance)
-    measure_distance(joint, a, b, zeta, state);
-  else
-    measure_table_rows(joint, a, b, h, state);
+  if (joint.kind == JointKind::kDistance) return measure_distance(joint, a, b, zeta, state);
+  measure_table_rows(joint, a, b, h, state);
+  if (couples(joint.kind)) measure_coupling(joint, state);
 }
 
 // errors of all rows
@@ -297,12 +315,14 @@ void note_force(const Joint& joint, const RowVector& impulse, double h, JointSta
   Eigen::Vector3d separation = impulse.head<3>();
   for (int k = kind.separation_rows; k < 3; ++k) separation[k] = 0.0;
   state.force = kind.coordinates > 0 ? state.coordinates[0].effort : separation.norm() / h;
+  if (couples_joints(joint.kind)) state.force = state.coupling.effort;
 }
 
 // whether a joint of such a kind breaks by what its rows and coordinates have done
 bool breaks(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& impulse,
-            double h) {
+            double h, const JointState& state) {
   if (joint.break_force == 0.0 && joint.break_torque == 0.0) return false;
+  if (couples_joints(joint.kind)) return std::abs(state.coupling.effort) > joint.break_force;
   const World::JointWrench wrench = wrench_of(joint, a, b, impulse, h);
   return (joint.break_force > 0.0 && wrench.force.norm() > joint.break_force) ||
          (joint.break_torque > 0.0 && wrench.torque.norm() > joint.break_torque);
@@ -320,6 +340,11 @@ RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, con
       state.coordinates[at(i)].held += state.coordinates[at(i)].bias * step.h;
   for (const Row* row = rows; row != rows + count; ++row) {
     const double impulse = row->impulse + row->correction_impulse;
+    if (row->coordinate == kOfCoupling) {  // both have the same
+      state.coupling.impulse = row->impulse;
+      state.coupling.effort = impulse / step.h;
+      continue;
+    }
     const int component = row->coordinate < 0 ? row->component : kind.rows + row->coordinate;
     done[component] += impulse;
     if (row->component < 0) continue;
@@ -351,7 +376,7 @@ void finish(const Joint& joint, const BodyState& a, const BodyState& b, const Jo
   if (state.closing) state.closing = !is_closed(state, step);
   const bool is_distance = joint.kind == JointKind::kDistance;
   if (is_distance ? joint.break_force > 0.0 && std::abs(state.force) > joint.break_force
-                  : breaks(joint, a, b, impulse, step.h)) {
+                  : breaks(joint, a, b, impulse, step.h, state)) {
     state.broken = true;
     state.impulse.setZero();
   }
@@ -390,10 +415,42 @@ void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
   }
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, a, b, frame_in(joint, step, state, true));
-  for (int k = 0; k < count; ++k)
+  for (int k = 0; k < count && rows[k].coordinate != kOfCoupling; ++k)
     J[k] = jacobian(rows[k].coordinate < 0 ? kind.function[at(rows[k].component)]
                                            : kind.coordinate[at(rows[k].coordinate)],
                     vectors);
+}
+
+void prepare_coupling(const Joint& joint, const JointStep& step, const JointState& state,
+                      const std::array<Jacobian, 2>& J, std::vector<Row>* rows) {
+  Row row;
+  row.coordinate = kOfCoupling;
+  row.normal_row = Row::kCoupled;
+  row.J = J[0];
+  row.C = state.coupling.value - state.coupling.constant;
+  double rate = 0.0;
+  if (state.closing && step.closing_time > 0.0) {
+    const double begun = step.t - state.closing_since;
+    const double left = state.coupling.offset * closing_course(begun, step.closing_time).value;
+    row.C -= left;
+    rate =
+        (state.coupling.offset * closing_course(begun + step.h, step.closing_time).value - left) /
+        step.h;
+  }
+  aim_rigid(row, joint.baumgarte.value_or(step.beta), step.h);
+  row.correction += rate;
+  row.impulse = state.coupling.impulse;
+  rows->push_back(row);
+  row.normal_row = Row::kCoupledPart;
+  row.J = J[1];
+  rows->push_back(row);
+}
+
+Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyState& b,
+                             const JointStep& step, const JointState& state, int coordinate,
+                             bool at_end) {
+  return jacobian(info(joint.kind).coordinate[at(coordinate)],
+                  JointVectors(joint, a, b, frame_in(joint, step, state, at_end)));
 }
 
 double spring_stretch(const Joint& joint, const JointState& state, const Row& row) {
@@ -432,6 +489,9 @@ void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& 
     if (law.motor && law.motor->is_rigid())
       coordinate.held = law.motor->position.value_or(coordinate.position);
   }
+  if (!couples(joint.kind)) return;
+  read_own_coupling(joint, state);
+  state.coupling.constant = joint.coupling.value.value_or(state.coupling.value);
 }
 
 World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyState& b,
@@ -452,6 +512,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
   state.initial_error = state.error;
   state.closing_since = t;
   state.closing_offset = row_errors(joint, a, b, state);
+  state.coupling.offset = state.coupling.value - state.coupling.constant;
   const JointKindInfo& kind = info(joint.kind);
   if (kind.alignment != Alignment::kFree) {
     const JointVectors vectors(joint, a, b);
@@ -519,6 +580,7 @@ JointCourse::JointCourse(const Joint& joint, const JointStep& span, JointState& 
     closing_since_ = state.closing_since;
     closing_time_ = span.closing_time;
     closing_offset_ = state.closing_offset;
+    coupling_offset_ = state.coupling.offset;
     closing_shift_ = state.closing_shift;
     closing_turn_ = state.closing_turn;
     moves_frame_ = kind.alignment != Alignment::kFree;
@@ -550,6 +612,13 @@ Course JointCourse::target(int function, double t) const {
   return target;
 }
 
+Course JointCourse::coupling(double t) const {
+  if (coupling_offset_ == 0.0) return {};
+  const Course share = share_to_close(t);
+  return {coupling_offset_ * share.value, coupling_offset_ * share.rate,
+          coupling_offset_ * share.acceleration};
+}
+
 Course JointCourse::share_to_close(double t) const {
   return is_closing() ? closing_course(t - closing_since_, closing_time_) : Course{};
 }
@@ -561,6 +630,9 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   if (joint.kind == JointKind::kDistance)
     return std::abs(state.error - share * state.initial_error) <= kFits;
   const JointKindInfo& kind = info(joint.kind);
+  const double coupling = state.coupling.value - state.coupling.constant;
+  if (couples(joint.kind) && !(std::abs(coupling - share * state.coupling.offset) <= kFits))
+    return false;
   // with the frame on B where it is by now, of which the home frame's coordinates tell little
   const JointVectors vectors(joint, a, b, frame_in(joint, step, state, false));
   if (kind.alignment != Alignment::kFree) {

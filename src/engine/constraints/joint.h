@@ -14,6 +14,8 @@
 namespace constraint_sim::engine {
 
 inline constexpr int kMaxDistanceRows = 2;
+/// Of a row of the coupling, in place of a coordinate.
+inline constexpr int kOfCoupling = -2;
 
 /// One step as a joint sees it.
 struct JointStep {
@@ -44,7 +46,18 @@ void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, cons
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
                  JointState& state);
 
-/// Sets where the coordinates of a joint just added are: there, whatever they read then.
+/// Adds the two rows of the coupling of a joint, each with the bodies of one term; `a` and `b` are
+/// those of the joint's own rows. Both have the value and the target of the whole in the first.
+void prepare_coupling(const Joint& joint, const JointStep& step, const JointState& state,
+                      const std::array<Jacobian, 2>& J, std::vector<Row>* rows);
+
+/// The gradient of a coordinate in a step of impulses, at its start or its end.
+Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyState& b,
+                             const JointStep& step, const JointState& state, int coordinate,
+                             bool at_end);
+
+/// Sets where the coordinates of a joint just added are: there, whatever they read then. Of a
+/// coupling of other joints `state` has its value already.
 void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& b,
                        JointState& state);
 
@@ -90,6 +103,9 @@ class JointCourse {
   /// Each row of another kind is to be off by this share of offset().
   Course share_to_close(double t) const;
   const RowVector& offset() const { return closing_offset_; }
+  /// What the coupling is to be off by, and was when it began to be closed.
+  Course coupling(double t) const;
+  double coupling_offset() const { return coupling_offset_; }
   /// Whether the frame on B moves while the joint is being closed.
   bool moves_frame() const { return is_closing() && moves_frame_; }
   /// The frame on B at time t, that is home there.
@@ -121,6 +137,7 @@ class JointCourse {
   double length_ = 0.0;  // then [m]
   double closing_since_ = 0.0, closing_time_ = 0.0;
   RowVector closing_offset_ = RowVector::Zero();
+  double coupling_offset_ = 0.0;
   Eigen::Vector3d closing_shift_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d closing_turn_ = Eigen::Vector3d::Zero();
   bool moves_frame_ = false;

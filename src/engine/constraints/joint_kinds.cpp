@@ -20,6 +20,7 @@ constexpr VectorRef xW{VectorKind::kWorldAxis, 0}, yW{VectorKind::kWorldAxis, 1}
     zW{VectorKind::kWorldAxis, 2};
 constexpr ScalarForm along_x{RowForm{xA, d}}, along_y{RowForm{yA, d}}, along_z{RowForm{zA, d}};
 // of B about z_A; of the cross of a universal joint about z_A, and of B about z_B
+constexpr ScalarForm length{LengthForm{}};
 constexpr ScalarForm angle{
     AngleForm{{{{{xA, xB}, 0.5}, {{yA, yB}, 0.5}}}, {{{{yA, xB}, 0.5}, {{xA, yB}, -0.5}}}}};
 constexpr ScalarForm angle_1{AngleForm{{{{{xA, zB}, 1.0}, {}}}, {{{{yA, zB}, 1.0}, {}}}}};
@@ -41,7 +42,7 @@ constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> ro
     made.separation_rows += row.has_separation() ? 1 : 0;
     made.has_frames = made.has_frames || is_axis(row.u) || is_axis(row.v);
   }
-  if (made.row[0].is_square()) made.form = RowsForm::kDistance;
+  if (made.rows == 1 && made.row[0].is_square()) made.form = RowsForm::kDistance;
   if (made.rows == 3 && made.separation_rows == 3 && !made.has_frames) made.form = RowsForm::kPoint;
   for (const ScalarForm& coordinate : coordinates)
     made.coordinate[static_cast<std::size_t>(made.coordinates++)] = coordinate;
@@ -66,6 +67,10 @@ constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
     kind("weld", {{d, xW}, {d, yW}, {d, zW}, {xA, yB}, {yA, zB}, {zA, xB}}, Alignment::kSame, {}),
     kind("point_on_line", {{xA, d}, {yA, d}}, Alignment::kFree, {along_z}),
     kind("point_on_plane", {{zA, d}}, Alignment::kFree, {along_x, along_y}),
+    kind("free_distance", {}, Alignment::kFree, {length}),
+    kind("gear", {}, Alignment::kFree, {}),
+    kind("pulley", {}, Alignment::kFree, {}),
+    kind("screw", {{xA, d}, {yA, d}, {zA, xB}, {zA, yB}}, Alignment::kParallelZ, {along_z, angle}),
 }};
 // clang-format on
 

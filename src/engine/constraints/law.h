@@ -76,7 +76,7 @@ struct CoordinateStep {
 
 inline constexpr int kMaxLawRows = 4;
 /// For impulses.
-inline constexpr int kMostRowsOfJoint = kMaxJointRows + 3 * kMaxLawRows;
+inline constexpr int kMostRowsOfJoint = kMaxJointRows + 3 * kMaxLawRows + 2;
 
 /// Writes rows for impulses, and returns how many: of a motor, of a soft law, of the limit that is
 /// nearer, of friction. `component`: where the row of a motor that holds keeps its impulse.

@@ -52,9 +52,8 @@ std::vector<std::string> World::remove_body(BodyId id) {
 
   std::vector<std::string> removed;
   for (std::size_t j = impl_->joints.size(); j-- > 0;) {
-    const Joint& joint = impl_->joints[j];
-    if (joint.body_a != id && joint.body_b != id) continue;
-    removed.insert(removed.begin(), joint.name);
+    if (!impl_->is_held_by(id, j)) continue;  // couplings come before what they couple
+    removed.insert(removed.begin(), impl_->joints[j].name);
     impl_->erase_joint(j);
   }
 
@@ -123,10 +122,7 @@ void World::set_state(BodyId id, const BodyState& state) {
   impl_->states[i] = placed;
   impl_->corrections[i].setZero();
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
-    const Joint& joint = impl_->joints[j];
-    if (joint.body_a == id || joint.body_b == id)
-      begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), time(),
-                  impl_->joint_states[j]);
+    if (impl_->is_held_by(id, j)) impl_->open_joint(j, time());
   }
   if (impl_->is_movable(i))
     impl_->edit_island_of(id);

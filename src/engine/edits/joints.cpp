@@ -4,6 +4,7 @@
 #include <sstream>
 #include <utility>
 
+#include "engine/constraints/coupling.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
@@ -28,6 +29,13 @@ std::size_t Model::index(JointId id) const {
   return static_cast<std::size_t>(joint_index[id.value]);
 }
 
+CoupledTerms Model::terms_of(std::size_t j) const {
+  const Joint& joint = joints[j];
+  if (!couples_joints(joint.kind)) return {{{j, 0, 1.0}, {j, 1, -lead(joint)}}};
+  const Coupling& coupling = joint.coupling;
+  return {{{index(coupling.first), 0, 1.0}, {index(coupling.second), 0, coupling.ratio}}};
+}
+
 JointId World::add_joint(const Joint& joint, bool broken) {
   return impl_->add_joint(joint, broken);
 }
@@ -36,8 +44,16 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
   validate(joint);
   if (joint_by_name.count(joint.name) > 0)
     refuse("name", "there is already a constraint named " + quoted(joint.name));
-  check_ends(joint);
   Joint filled = joint;
+  if (couples_joints(joint.kind)) {
+    check_coupling(joint);
+    filled.body_a = movable_end(joint.coupling.first);
+    filled.body_b = movable_end(joint.coupling.second);
+    filled.anchor_a.setZero();
+    filled.anchor_b.setZero();
+  } else {
+    check_ends(joint);
+  }
   fill_in(filled);
 
   const JointId id{static_cast<std::uint32_t>(joint_index.size())};
@@ -79,6 +95,52 @@ void World::Impl::check_ends(const Joint& joint) const {
   };
   check_axes("body_a", a, kind.has_frames);
   check_axes("body_b", b, kind.alignment != Alignment::kFree);
+}
+
+// the joints that it couples, whose first coordinates have to be there
+void World::Impl::check_coupling(const Joint& joint) const {
+  const Coupling& coupling = joint.coupling;
+  const auto check = [&](const char* field, JointId id) {
+    const Joint& of = joints[index(id)];
+    const bool fits = joint.kind == JointKind::kPulley ? of.kind == JointKind::kFreeDistance
+                                                       : coordinates(of.kind) > 0;
+    if (!fits)
+      refuse(field, quoted(of.name) + " is of type " + name(of.kind) + ", a " + name(joint.kind) +
+                        (joint.kind == JointKind::kPulley
+                             ? " joins distance constraints with free: true"
+                             : " joins constraints with a free coordinate, such as hinges"));
+    if (joint_states[index(id)].broken) refuse(field, quoted(of.name) + " is broken");
+  };
+  check("joint_a", coupling.first);
+  check("joint_b", coupling.second);
+  if (coupling.first == coupling.second)
+    refuse("joint_b", "must be another constraint than joint_a, got " +
+                          quoted(joints[index(coupling.first)].name) + " twice");
+}
+
+BodyId World::Impl::movable_end(JointId id) const {
+  const Joint& joint = joints[index(id)];
+  return is_movable(index(joint.body_b)) ? joint.body_b : joint.body_a;
+}
+
+// joints that couple this one with another
+std::vector<std::size_t> World::Impl::couplings_of(std::size_t joint) const {
+  std::vector<std::size_t> found;
+  for (std::size_t j = joint + 1; j < joints.size(); ++j) {
+    if (!couples_joints(joints[j].kind)) continue;
+    const Coupling& coupling = joints[j].coupling;
+    if (coupling.first == joint_ids[joint] || coupling.second == joint_ids[joint])
+      found.push_back(j);
+  }
+  return found;
+}
+
+// whether a joint has this body, or couples joints that have it
+bool World::Impl::is_held_by(BodyId id, std::size_t joint) const {
+  const auto has = [&](std::size_t j) { return joints[j].body_a == id || joints[j].body_b == id; };
+  if (!couples_joints(joints[joint].kind)) return has(joint);
+  const Coupling& coupling = joints[joint].coupling;
+  return has(index(coupling.first)) || has(index(coupling.second));
 }
 
 // the length as it is, the ball joint that a length of zero asks for, and a spring's constants
@@ -217,6 +279,13 @@ double World::Impl::inverse_effective_mass(const Jacobian& J, std::size_t a, std
          masses[b].inverse_mass * J.j3.squaredNorm() + turning(b, J.j4);
 }
 
+// Measures a joint whose bodies were moved, or that was edited; what it is off by is then closed.
+void World::Impl::open_joint(std::size_t j, double t) {
+  if (couples_joints(joints[j].kind))
+    read_coupling(terms_of(j), joint_states, &joint_states[j].coupling);
+  begin_joint(joints[j], state_a(j), state_b(j), t, joint_states[j]);
+}
+
 // the state of a joint just added
 void World::Impl::start_joint(std::size_t j) {
   JointState& state = joint_states[j] = JointState{};
@@ -225,6 +294,7 @@ void World::Impl::start_joint(std::size_t j) {
   state.expires_at = end_of(first_motor(joints[j]));
   const std::size_t a = index(joints[j].body_a), b = index(joints[j].body_b);
   state.radius = std::max(masses[a].radius_of_gyration(), masses[b].radius_of_gyration());
+  if (couples_joints(joints[j].kind)) read_coupling(terms_of(j), joint_states, &state.coupling);
   begin_coordinates(joints[j], states[a], states[b], state);
   begin_joint(joints[j], states[a], states[b], time(), state);
   if (!joint_starts[j].state) return;
@@ -241,12 +311,14 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   state.coordinates = saved.coordinates;
   state.expires_at = saved.expires_at;
   state.impulse = saved.impulse;
-  begin_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)], time(),
-              state);  // measures it with this travel
+  state.coupling.constant = saved.coupling.constant;
+  state.coupling.impulse = saved.coupling.impulse;
+  open_joint(j, time());  // measures it with this travel
   state.closing = saved.closing && is_rigid(joints[j]) && !state.broken;
   if (state.closing) {
     state.closing_since = saved.closing_since;
     state.closing_offset = saved.closing_offset;
+    state.coupling.offset = saved.coupling.offset;
     state.closing_shift = saved.closing_shift;
     state.closing_turn = saved.closing_turn;
     state.closing_share = saved.closing_share;
@@ -267,6 +339,7 @@ bool World::Impl::is_as_added(JointId id) const {
   added.broken = state.broken;
   added.radius = state.radius;
   const BodyState &a = states[index(joint.body_a)], &b = states[index(joint.body_b)];
+  added.coupling.value = state.coupling.value;
   begin_coordinates(joint, a, b, added);
   begin_joint(joint, a, b, time(), added);
   for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
@@ -277,7 +350,10 @@ bool World::Impl::is_as_added(JointId id) const {
       !added.closing ||
       (state.closing_since == added.closing_since && state.closing_offset == added.closing_offset &&
        state.closing_shift == added.closing_shift && state.closing_turn == added.closing_turn &&
-       state.closing_share == added.closing_share && state.initial_error == added.initial_error);
+       state.closing_share == added.closing_share && state.initial_error == added.initial_error &&
+       state.coupling.offset == added.coupling.offset);
+  if (state.coupling.constant != added.coupling.constant || state.coupling.impulse != 0.0)
+    return false;
   return state.travel == 0.0 && state.impulse.isZero(0.0) &&
          state.expires_at == end_of(first_motor(joint)) && state.closing == added.closing &&
          closes_alike && self_stress[j].is_none();
@@ -308,7 +384,15 @@ void World::Impl::erase_joint(std::size_t j) {
   edit_all();  // indices are others now
 }
 
-void World::remove_joint(JointId id) { impl_->erase_joint(impl_->index(id)); }
+void World::remove_joint(JointId id) {
+  const std::size_t j = impl_->index(id);
+  const std::vector<std::size_t> couplings = impl_->couplings_of(j);
+  if (!couplings.empty())
+    refuse("name", quoted(std::as_const(impl_->joints[j].name)) + " is coupled by " +
+                       quoted(std::as_const(impl_->joints[couplings.front()].name)) +
+                       ", remove that first");
+  impl_->erase_joint(j);
+}
 
 bool World::has_joint(std::string_view name) const {
   return impl_->joint_by_name.count(std::string(name)) > 0;
@@ -401,15 +485,29 @@ void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, 
   CoordinateState& of_coordinate = state.coordinates[i];
   of_coordinate.position += joint.coordinates[i].zero - zero;
   of_coordinate.held += joint.coordinates[i].zero - zero;
+  shift_couplings(j, coordinate, joint.coordinates[i].zero - zero);
   const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
   if (coordinate == 0 && is_motor_set) state.expires_at = motor ? end_of(*motor) : kInfinity;
   if (!(before && before->is_rigid() && !before->position))
     of_coordinate.held = of_coordinate.position;
   if (motor && motor->position && motor->is_rigid()) {
     of_coordinate.held = *motor->position;
-    begin_joint(joint, state_a(j), state_b(j), time(), state);
+    open_joint(j, time());
   }
   edit_laws(joint);
+}
+
+// a coordinate reads otherwise than it did, and so do the couplings that have it
+void World::Impl::shift_couplings(std::size_t j, int coordinate, double change) {
+  if (change == 0.0) return;
+  std::vector<std::size_t> affected = couplings_of(j);
+  if (joints[j].kind == JointKind::kScrew) affected.push_back(j);
+  for (const std::size_t coupling : affected)
+    for (const CoupledTerm& term : terms_of(coupling))
+      if (term.joint == j && term.coordinate == coordinate) {
+        joint_states[coupling].coupling.value += term.ratio * change;
+        joint_states[coupling].coupling.constant += term.ratio * change;
+      }
 }
 
 // also what is compiled of them
@@ -422,11 +520,20 @@ void World::Impl::edit_laws(const Joint& joint) {
 
 void World::set_broken(JointId id, bool broken) {
   const Joint& joint = this->joint(id);
-  JointState& state = impl_->joint_states[impl_->index(id)];
+  const std::size_t j = impl_->index(id);
+  if (!broken && couples_joints(joint.kind))
+    for (const JointId coupled : {joint.coupling.first, joint.coupling.second})
+      if (joint_state(coupled).broken)
+        refuse("name", quoted(this->joint(coupled).name) + ", which " + quoted(joint.name) +
+                           " couples, is broken");
+  if (broken)
+    for (const std::size_t coupling : impl_->couplings_of(j))
+      set_broken(impl_->joint_ids[coupling], true);
+  JointState& state = impl_->joint_states[j];
   state.broken = broken;
   state.impulse.setZero();
   impl_->wake_ends(joint);
-  begin_joint(joint, this->state(joint.body_a), this->state(joint.body_b), time(), state);
+  impl_->open_joint(j, time());
   impl_->topology_edited = true;
   impl_->edit_island_of(joint.body_a);
   impl_->edit_island_of(joint.body_b);

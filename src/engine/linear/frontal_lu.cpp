@@ -33,9 +33,14 @@ std::vector<std::size_t> little_fill_order(std::size_t n,
   triplets.reserve(n + 2 * links.size());
   for (int i = 0; i < size; ++i) triplets.emplace_back(i, i, 1.0);
   for (const FrontalLu::Link& link : links) {
-    if (link.other < 0) continue;
-    triplets.emplace_back(link.body, link.other, 1.0);
-    triplets.emplace_back(link.other, link.body, 1.0);
+    const std::array<int, 4> all{link.body, link.other, link.more[0], link.more[1]};
+    for (std::size_t i = 0; i < all.size(); ++i) {
+      for (std::size_t k = 0; k < i; ++k) {
+        if (all[i] < 0 || all[k] < 0) continue;
+        triplets.emplace_back(all[k], all[i], 1.0);
+        triplets.emplace_back(all[i], all[k], 1.0);
+      }
+    }
   }
   Eigen::SparseMatrix<double> pattern(size, size);
   pattern.setFromTriplets(triplets.begin(), triplets.end());
@@ -132,6 +137,9 @@ void FrontalLu::find_pattern(const std::vector<Body>& bodies, const std::vector<
     const Body& body = bodies[at(link.body)];
     couple(link.first, link.rows, link.first, link.rows);
     couple(link.first, link.rows, body.first, body.dofs);
+    for (const int further : link.more)
+      if (further >= 0)
+        couple(link.first, link.rows, bodies[at(further)].first, bodies[at(further)].dofs);
     if (link.other < 0) continue;
     const Body& other = bodies[at(link.other)];
     couple(link.first, link.rows, other.first, other.dofs);
@@ -168,8 +176,13 @@ FrontalLu::Groups FrontalLu::find_groups(const std::vector<Body>& bodies,
   std::vector<Span> spans;
   for (std::size_t l = 0; l < links.size(); ++l) {
     const std::size_t a = place[at(links[l].body)];
-    const std::size_t b = links[l].other < 0 ? a : place[at(links[l].other)];
-    spans.push_back({std::min(a, b), std::max(a, b), l});
+    Span span{a, a, l};
+    for (const int other : {links[l].other, links[l].more[0], links[l].more[1]}) {
+      if (other < 0) continue;
+      span.first = std::min(span.first, place[at(other)]);
+      span.last = std::max(span.last, place[at(other)]);
+    }
+    spans.push_back(span);
   }
   // rows whose elimination would be delayed most have the first choice
   std::stable_sort(spans.begin(), spans.end(),
@@ -190,12 +203,20 @@ FrontalLu::Groups FrontalLu::find_groups(const std::vector<Body>& bodies,
     for (const std::size_t u : groups.own[g]) groups.group_of[u] = g;
   for (const Span& span : spans) {
     const Link& link = links[span.link];
-    if (span.first == span.last) continue;
-    const bool is_last = place[at(link.body)] == span.last;
-    const Body& last = bodies[at(is_last ? link.body : link.other)];
-    for (int k = 0; k < last.dofs; ++k) groups.couples[span.first].push_back(at(last.first + k));
-    if (group_of_link[span.link] == span.last)
-      for (int k = 0; k < link.rows; ++k) groups.couples[span.first].push_back(at(link.first + k));
+    const auto couple = [&](std::size_t group, int begin, int count) {
+      for (int k = 0; k < count; ++k) groups.couples[group].push_back(at(begin + k));
+    };
+    const std::size_t of_rows = group_of_link[span.link];
+    for (const int body : {link.body, link.other, link.more[0], link.more[1]}) {
+      if (body < 0) continue;
+      const std::size_t p = place[at(body)];
+      if (p < of_rows) couple(p, link.first, link.rows);
+      if (p > of_rows) couple(of_rows, bodies[at(body)].first, bodies[at(body)].dofs);
+    }
+    if (link.other < 0) continue;
+    const bool is_other_later = place[at(link.other)] > place[at(link.body)];
+    const Body& later = bodies[at(is_other_later ? link.other : link.body)];
+    couple(place[at(is_other_later ? link.body : link.other)], later.first, later.dofs);
   }
   return groups;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <utility>
 #include <vector>
@@ -21,12 +22,14 @@ class FrontalLu {
     int first = 0;
     int dofs = 0;
   };
-  /// Rows, and as many unknowns, that couple with one body or two.
+  /// Rows, and as many unknowns, that couple with one body or two, and each of these with the
+  /// other; or with up to four, whose pairs others couple where they do.
   struct Link {
     int first = 0;
     int rows = 0;
     int body = -1;
-    int other = -1;  ///< -1: the world
+    int other = -1;                   ///< -1: the world
+    std::array<int, 2> more{-1, -1};  ///< further ones, or -1
   };
 
   void analyze(const std::vector<Body>& bodies, const std::vector<Link>& links);

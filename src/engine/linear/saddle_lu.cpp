@@ -119,6 +119,7 @@ SaddleLu::Shape SaddleLu::shape_of(const std::vector<Node>& nodes, const std::ve
   Shape shape = Shape::kForest;
   for (const Link& link : links) {
     const auto body = static_cast<std::size_t>(link.body);
+    if (link.more[0] >= 0 || link.more[1] >= 0) return Shape::kGeneral;
     if (link.other >= 0 && link.other != nodes[body].parent) return Shape::kGeneral;
     if (nodes[body].parent < 0) continue;
     if (nodes[body].rows > nodes[body].dofs) return Shape::kGeneral;

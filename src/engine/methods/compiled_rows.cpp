@@ -44,7 +44,8 @@ void EquationsOfMotion::find_bodies(const std::vector<Joint>& all_joints, const 
 }
 
 void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const Ends& ends,
-                                  const std::vector<MassProperties>& masses) {
+                                  const std::vector<MassProperties>& masses,
+                                  const std::vector<CoupledTerms>& couplings) {
   std::unordered_map<std::size_t, std::size_t> place_of;  // of movable bodies
   for (std::size_t i = 0; i < bodies_.size(); ++i) place_of[at(bodies_[i])] = i;
   const auto turns_an_end = [&](int j) {
@@ -111,6 +112,7 @@ void EquationsOfMotion::add_links(const std::vector<Joint>& all_joints, const En
     }
     add_rows(links_[l], static_cast<int>(rows_of(l)));
   }
+  add_coupled_rows(all_joints, couplings);
   vectors_.resize(first_spring_ - first_general_);
   motions_.resize(first_spring_ - first_general_);
   for (std::size_t l = first_general_; l < first_spring_; ++l)
@@ -134,22 +136,64 @@ void EquationsOfMotion::add_coordinates(const Joint& joint, Link* link) {
   link->softs = softs_.size() - link->first_soft;
 }
 
+EquationsOfMotion::Row EquationsOfMotion::new_row(const Link& link, std::size_t part) {
+  Row row{};
+  row.a = link.a;
+  row.b = link.b;
+  row.turn_a = row.turn_b = -1;
+  row.inverse_mass = inverse_mass_[link.a] + inverse_mass_[link.b];
+  const auto turn = [&](std::size_t point) {
+    turns_.push_back({point, part, 0});
+    return static_cast<int>(turns_.size()) - 1;
+  };
+  if (turns(link.a)) row.turn_a = turn(link.a);
+  if (turns(link.b)) row.turn_b = turn(link.b);
+  return row;
+}
+
 void EquationsOfMotion::add_rows(const Link& link, int count) {
   for (int k = 0; k < count; ++k) {
-    Row row{};
-    row.a = link.a;
-    row.b = link.b;
-    row.turn_a = row.turn_b = -1;
-    row.inverse_mass = inverse_mass_[link.a] + inverse_mass_[link.b];
-    const auto turn = [&](std::size_t point) {
-      turns_.push_back({point, rows_.size(), 0});
-      return static_cast<int>(turns_.size()) - 1;
-    };
-    if (turns(link.a)) row.turn_a = turn(link.a);
-    if (turns(link.b)) row.turn_b = turn(link.b);
-    rows_.push_back(row);
+    rows_.push_back(new_row(link, rows_.size()));
     const bool is_of_ball = info(link.kind).form == RowsForm::kPoint;
     direction_.emplace_back(is_of_ball ? Vector3d(Vector3d::Unit(k)) : Vector3d(Vector3d::Zero()));
+  }
+}
+
+// Coupled rows with their first parts, then all second ones.
+void EquationsOfMotion::add_coupled_rows(const std::vector<Joint>& all_joints,
+                                         const std::vector<CoupledTerms>& couplings) {
+  const auto link_of = [&](std::size_t joint) {
+    const auto found = std::find(joints_.begin(), joints_.end(), static_cast<int>(joint));
+    return static_cast<std::size_t>(found - joints_.begin());
+  };
+  for (std::size_t l = first_general_; l < first_spring_; ++l) {
+    if (!couples(links_[l].kind)) continue;
+    CoupledRow coupled{};
+    coupled.link = l;
+    for (std::size_t k = 0; k < 2; ++k) {
+      const CoupledTerm& from = couplings[at(joints_[l])][k];
+      const Joint& joint = all_joints[from.joint];
+      const auto i = at(from.coordinate);
+      CoupledRow::Term& term = coupled.terms[k];
+      term.link = link_of(from.joint);
+      term.coordinate = from.coordinate;
+      term.form = info(joint.kind).coordinate[i];
+      term.ratio = from.ratio;
+      term.zero = joint.coordinates[i].zero;
+    }
+    const CoupledRow::Term& first = coupled.terms[0];
+    coupled.metres = first.form.is_angle ? links_[first.link].radius : 1.0;
+    coupled_.push_back(coupled);
+  }
+  for (CoupledRow& coupled : coupled_) {
+    coupled.row = coupled.terms[0].part = rows_.size();
+    rows_.push_back(new_row(links_[coupled.terms[0].link], rows_.size()));
+    direction_.emplace_back(Vector3d::Zero());
+  }
+  for (CoupledRow& coupled : coupled_) {
+    coupled.terms[1].part = parts();
+    parts_.push_back(new_row(links_[coupled.terms[1].link], parts()));
+    direction_.emplace_back(Vector3d::Zero());
   }
 }
 
@@ -161,8 +205,8 @@ void EquationsOfMotion::couple_rows() {
     int turn;
   };
   std::vector<std::vector<End>> ends_on(bodies_.size());
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
-    const Row& row = rows_[i];
+  for (std::size_t i = 0; i < parts(); ++i) {
+    const Row& row = part(i);
     if (row.a < bodies_.size()) ends_on[row.a].push_back({i, -1.0, row.turn_a});
     if (row.b < bodies_.size()) ends_on[row.b].push_back({i, 1.0, row.turn_b});
   }
@@ -170,7 +214,8 @@ void EquationsOfMotion::couple_rows() {
   kept_ = 0;
   for (std::size_t i = 0; i < rows_.size(); ++i)
     if (!is_redundant_[i]) number[i] = static_cast<int>(kept_++);
-  const auto is_kept = [&](const End& end) { return !is_redundant_[end.row]; };
+  const auto is_kept = [&](const End& end) { return !is_redundant_[row_of_part(end.row)]; };
+  const auto number_of = [&](const End& end) { return number[row_of_part(end.row)]; };
 
   std::vector<std::pair<int, int>> pattern;
   std::vector<std::vector<End>> kept_on(bodies_.size());
@@ -179,7 +224,7 @@ void EquationsOfMotion::couple_rows() {
     std::copy_if(ends_on[body].begin(), ends_on[body].end(), std::back_inserter(ends), is_kept);
     for (std::size_t m = 0; m < ends.size(); ++m)
       for (std::size_t n = 0; n < m; ++n)
-        pattern.emplace_back(number[ends[m].row], number[ends[n].row]);
+        pattern.emplace_back(number_of(ends[m]), number_of(ends[n]));
   }
   ldlt_.analyze(static_cast<int>(kept_), pattern);
 
@@ -189,20 +234,22 @@ void EquationsOfMotion::couple_rows() {
     rows_[i].unknown = is_redundant_[i] ? last++ : at(ldlt_.place(number[i]));
     if (!is_redundant_[i]) rows_[i].diagonal = slot(i, i);
   }
-  for (Turn& turn : turns_) turn.unknown = rows_[turn.row].unknown;
+  for (Turn& turn : turns_) turn.unknown = rows_[row_of_part(turn.row)].unknown;
 
   pulls_.clear();
   pulls_end_.clear();
   for (const auto& ends : ends_on) {
-    for (const End& end : ends) pulls_.push_back({end.row, rows_[end.row].unknown, end.sign});
+    for (const End& end : ends)
+      pulls_.push_back({end.row, rows_[row_of_part(end.row)].unknown, end.sign});
     pulls_end_.push_back(pulls_.size());
   }
 
-  const std::size_t first_general_row = rows_.size() - general_rows_.size();
+  const std::size_t first_general = first_general_row(), first_coupled = first_coupled_row();
   const auto are_two_axes = [&](std::size_t i, std::size_t j) {
-    const auto is_general = [&](std::size_t row) { return row >= first_general_row; };
+    const auto is_general = [&](std::size_t row) { return row >= first_general; };
     const auto has_no_force = [&](std::size_t row) {
-      return is_general(row) && !general_rows_[row - first_general_row].form.has_separation();
+      return is_general(row) && row < first_coupled &&
+             !general_rows_[row - first_general].form.has_separation();
     };
     if (has_no_force(i) || has_no_force(j)) return true;
     if (is_general(i) || is_general(j)) return false;
@@ -215,14 +262,19 @@ void EquationsOfMotion::couple_rows() {
     for (std::size_t m = 0; m < ends.size(); ++m) {
       for (std::size_t n = 0; n < m; ++n) {
         if (are_two_axes(ends[m].row, ends[n].row)) continue;
+        const double twice = number_of(ends[m]) == number_of(ends[n]) ? 2.0 : 1.0;
         linear_couplings_.push_back({ends[m].row, ends[n].row,
-                                     ends[m].sign * ends[n].sign * inverse_mass_[body],
-                                     slot(ends[m].row, ends[n].row)});
+                                     twice * ends[m].sign * ends[n].sign * inverse_mass_[body],
+                                     ldlt_.slot(number_of(ends[m]), number_of(ends[n]))});
       }
       if (!turns(body)) continue;
-      for (std::size_t n = 0; n <= m; ++n)
-        angular_couplings_.push_back(
-            {at(ends[m].turn), at(ends[n].turn), slot(ends[m].row, ends[n].row)});
+      for (std::size_t n = 0; n <= m; ++n) {
+        const AngularCoupling coupling{at(ends[m].turn), at(ends[n].turn),
+                                       ldlt_.slot(number_of(ends[m]), number_of(ends[n]))};
+        angular_couplings_.push_back(coupling);
+        if (n < m && number_of(ends[m]) == number_of(ends[n]))  // both parts of one row
+          angular_couplings_.push_back({coupling.q, coupling.p, coupling.slot});
+      }
     }
   }
 }
@@ -255,6 +307,63 @@ void EquationsOfMotion::place_general() {
         turn_response_[at(turn)].noalias() =
             inverse_inertia_[turns_[at(turn)].body] * turn_[at(turn)];
   }
+  if (!coupled_.empty()) place_coupled();
+}
+
+void EquationsOfMotion::place_coupled() {
+  for (const CoupledRow& coupled : coupled_) {
+    for (const CoupledRow::Term& term : coupled.terms) {
+      const Row& row = part(term.part);
+      const Jacobian J = jacobian(term.form, vectors_[term.link - first_general_]);
+      direction_[term.part] = term.ratio * J.j3;
+      if (row.turn_a >= 0) turn_[at(row.turn_a)] = term.ratio * J.j2;
+      if (row.turn_b >= 0) turn_[at(row.turn_b)] = term.ratio * J.j4;
+      for (const int turn : {row.turn_a, row.turn_b})
+        if (turn >= 0)
+          turn_response_[at(turn)].noalias() =
+              inverse_inertia_[turns_[at(turn)].body] * turn_[at(turn)];
+    }
+  }
+}
+
+// ---- couplings
+
+void EquationsOfMotion::ask_coupled(std::size_t l, const JointCourse& course, double t) {
+  for (CoupledRow& coupled : coupled_) {
+    if (coupled.link != l) continue;
+    coupled.closing = course.coupling(t);
+    rate_target_[coupled.row] = coupled.closing.rate;
+    acceleration_target_[coupled.row] = coupled.closing.acceleration;
+  }
+}
+
+double EquationsOfMotion::reading_of(const CoupledRow::Term& term) const {
+  const double there = value(term.form, vectors_[term.link - first_general_]);
+  return reading(term.form, there, term.zero, term.position);
+}
+
+double EquationsOfMotion::value_of(const CoupledRow& coupled) const {
+  double sum = 0.0;
+  for (const CoupledRow::Term& term : coupled.terms) sum += term.ratio * reading_of(term);
+  return sum - coupled.constant - coupled.closing.value;
+}
+
+void EquationsOfMotion::add_coupled_right_hand_side(const Vector3d* free, double* b) const {
+  for (const CoupledRow& coupled : coupled_) {
+    double& sum = b[rows_[coupled.row].unknown] = 0.0;
+    for (const CoupledRow::Term& term : coupled.terms) {
+      const Row& of = part(term.part);
+      const std::size_t g = term.link - first_general_;
+      sum -= term.ratio * gamma(term.form, vectors_[g], motions_[g]) +
+             direction_[term.part].dot(free[of.b] - free[of.a]);
+    }
+  }
+}
+
+double EquationsOfMotion::coupled_impulse(std::size_t l) const {
+  for (const CoupledRow& coupled : coupled_)
+    if (coupled.link == l) return impulses_[rows_[coupled.row].unknown];
+  return 0.0;
 }
 
 // how the vectors of a general joint move

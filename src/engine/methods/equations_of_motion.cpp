@@ -58,7 +58,8 @@ void copy(const double* from, std::size_t n, double* to) {
 // ---- what is compiled
 
 EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<Joint>& all_joints,
-                                     const Ends& ends, const std::vector<MassProperties>& masses)
+                                     const Ends& ends, const std::vector<MassProperties>& masses,
+                                     const std::vector<CoupledTerms>& couplings)
     : joints_(std::move(joints)) {
   find_bodies(all_joints, ends, masses);
   const bool is_in_line = order_as_chain(all_joints, ends, masses);
@@ -74,7 +75,7 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
   q_at_ = 2 * v_at_;
   L_at_ = q_at_ + 4 * turning_;
   size_ = even(L_at_ + 3 * turning_);
-  add_links(all_joints, ends, masses);
+  add_links(all_joints, ends, masses, couplings);
   for (auto* list : {&is_redundant_, &is_needed_, &is_verified_}) list->assign(rows_.size(), 0);
   for (auto* list : {&imbalance_, &redundant_off_}) list->assign(rows_.size(), 0.0);
   couple_rows();
@@ -178,6 +179,7 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
       else if (frame_b(l).moves)
         set_frame(l, {links_[l].anchor_b, links_[l].frame_b});
       fixed_scale_ = std::max(fixed_scale_, links_[l].radius);
+      if (couples(links_[l].kind)) ask_coupled(l, course, t);
       for (std::size_t k = 0; k < rows_of(l); ++k) {
         double& target = value_target_[first_row(l) + k];
         target = course.target(links_[l].function[k], t).value;
@@ -188,6 +190,9 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
     if (turns(links_[l].a)) fixed_scale_ = std::max(fixed_scale_, links_[l].anchor_a.norm());
     if (turns(links_[l].b)) fixed_scale_ = std::max(fixed_scale_, links_[l].anchor_b.norm());
   }
+  for (const CoupledRow& coupled : coupled_)
+    for (const CoupledRow::Term& term : coupled.terms)
+      fixed_scale_ = std::max(fixed_scale_, coupled.metres * std::abs(term.ratio * term.position));
   place_fixed_points(t);
   for (std::size_t p = bodies_.size(); p < position_.size(); ++p)
     fixed_scale_ = std::max(fixed_scale_, position_[p].cwiseAbs().maxCoeff());
@@ -256,6 +261,11 @@ void EquationsOfMotion::begin_step(const std::vector<JointState>& states) {
     const auto i = at(soft.function - info(links_[soft.link].kind).rows);
     const CoordinateState& state = states[at(joints_[soft.link])].coordinates[i];
     soft.position = state.position;
+  }
+  for (CoupledRow& coupled : coupled_) {
+    coupled.constant = states[at(joints_[coupled.link])].coupling.constant;
+    for (CoupledRow::Term& term : coupled.terms)
+      term.position = states[at(joints_[term.link])].coordinates[at(term.coordinate)].position;
   }
   std::fill(impulses_.begin(), impulses_.end(), 0.0);
   dependent_rows_ = 0;
@@ -383,10 +393,9 @@ double EquationsOfMotion::frequency() {
     for (const auto& [point, torque] : {std::pair(link.a, J.j2), {link.b, J.j4}})
       if (turns(point)) squares_[point] += force * torque.norm() / inertia_[point].minCoeff();
   }
-  for (const GeneralRow& general : general_rows_) {
-    const Row& row = rows_[general.row];
-    const double force = std::abs(forces[row.unknown]);
-    for (const int turn : {row.turn_a, row.turn_b}) {
+  for (std::size_t i = first_general_row(); i < parts(); ++i) {
+    const double force = std::abs(forces[rows_[row_of_part(i)].unknown]);
+    for (const int turn : {part(i).turn_a, part(i).turn_b}) {
       if (turn < 0) continue;
       const std::size_t body = turns_[at(turn)].body;
       squares_[body] += force * turn_[at(turn)].norm() / inertia_[body].minCoeff();
@@ -422,6 +431,7 @@ void EquationsOfMotion::ask(double t) {
       continue;
     }
     const Course share = length_[l] = course.share_to_close(t);
+    if (couples(links_[l].kind)) ask_coupled(l, course, t);
     if (course.moves_frame()) set_frame(l, course.frame(t, links_[l].anchor_b, links_[l].frame_b));
     for (std::size_t k = 0; is_general(l) && k < rows_of(l); ++k) {
       const Course target = course.target(links_[l].function[k], t);
@@ -459,7 +469,7 @@ void EquationsOfMotion::place(double t, const double* y) {
   if (fixed_points_move_) place_fixed_points(t);
   place_links();
   if (turning_ > 0) place_arms();
-  if (!general_rows_.empty()) place_general();
+  if (first_general_ < first_spring_) place_general();
 }
 
 void EquationsOfMotion::place_bodies(const double* y) {
@@ -530,6 +540,9 @@ void EquationsOfMotion::find_matrix() {
   for (std::size_t i = 0; i < rows_.size(); ++i)
     if (!is_redundant_[i])
       A[rows_[i].diagonal] = rows_[i].inverse_mass * direction_[i].squaredNorm();
+  for (std::size_t i = rows_.size(); i < parts(); ++i)
+    if (!is_redundant_[row_of_part(i)])
+      A[rows_[row_of_part(i)].diagonal] += part(i).inverse_mass * direction_[i].squaredNorm();
   for (const LinearCoupling& c : linear_couplings_)
     A[c.slot] += c.inverse_mass * direction_[c.i].dot(direction_[c.j]);
   for (const AngularCoupling& c : angular_couplings_)
@@ -617,6 +630,8 @@ void EquationsOfMotion::note_positions() {
     const JointVectors& vectors = vectors_[soft.link - first_general_];
     soft.position = reading(soft.form, value(soft.form, vectors), soft.zero, soft.position);
   }
+  for (CoupledRow& coupled : coupled_)
+    for (CoupledRow::Term& term : coupled.terms) term.position = reading_of(term);
 }
 
 // C̈_target − γ − G a_free
@@ -644,6 +659,7 @@ void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) co
     b[of.unknown] = -gamma(row.form, vectors_[g], motions_[g]) -
                     direction_[row.row].dot(free[of.b] - free[of.a]);
   }
+  if (!coupled_.empty()) add_coupled_right_hand_side(free, b);
   for (std::size_t p = 0; p < turns_.size(); ++p)
     b[turns_[p].unknown] -= turn_[p].dot(spin_acceleration_[turns_[p].body]);
   if (courses_.empty()) return;
@@ -716,8 +732,12 @@ double EquationsOfMotion::find_values() {
   for (const auto& [l, course] : courses_)
     for (std::size_t k = 0; is_ball(l) && k < rows_of(l); ++k)
       value_[first_row(l) + k] -= length_[l].value * course.offset()[static_cast<Eigen::Index>(k)];
-  const std::size_t first_general_row = rows_.size() - general_rows_.size();
-  for (std::size_t i = first_ball_; i < first_general_row; ++i) consider(i, std::abs(value_[i]));
+  const std::size_t first_general = first_general_row();
+  for (std::size_t i = first_ball_; i < first_general; ++i) consider(i, std::abs(value_[i]));
+  for (const CoupledRow& coupled : coupled_) {
+    value_[coupled.row] = value_of(coupled);
+    consider(coupled.row, coupled.metres * std::abs(value_[coupled.row]));
+  }
   for (const GeneralRow& row : general_rows_)
     consider(row.row, row.metres * std::abs(value_[row.row]));
   return worst;
@@ -737,6 +757,12 @@ void EquationsOfMotion::find_rates() {
   for (const GeneralRow& row : general_rows_)
     rate_[row.row] =
         rate(row.form, vectors_[row.link - first_general_], motions_[row.link - first_general_]);
+  for (const CoupledRow& coupled : coupled_) {
+    rate_[coupled.row] = 0.0;
+    for (const CoupledRow::Term& term : coupled.terms)
+      rate_[coupled.row] += term.ratio * rate(term.form, vectors_[term.link - first_general_],
+                                              motions_[term.link - first_general_]);
+  }
 }
 
 // largest speed of a point that a joint holds [m/s]
@@ -832,7 +858,7 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
     note_left_out();
   }
   if (left_out_ > 0) factor(kLeastPivotOfForces);
-  if (!softs_.empty()) note_positions();
+  if (!softs_.empty() || !coupled_.empty()) note_positions();
   accelerate(0, y, dydt);
   return true;
 }
@@ -890,6 +916,11 @@ void EquationsOfMotion::find_residual(const double* b, const double* lambda, dou
     const Row& row = rows_[i];
     const Vector3d a = inverse_mass_[row.b] * push_[row.b] - inverse_mass_[row.a] * push_[row.a];
     residual[row.unknown] = b[row.unknown] - direction_[i].dot(a);
+  }
+  for (std::size_t i = rows_.size(); i < parts(); ++i) {
+    const Row& row = part(i);
+    const Vector3d a = inverse_mass_[row.b] * push_[row.b] - inverse_mass_[row.a] * push_[row.a];
+    residual[rows_[row_of_part(i)].unknown] -= direction_[i].dot(a);
   }
   for (std::size_t p = 0; p < turns_.size(); ++p)
     residual[turns_[p].unknown] -= turn_response_[p].dot(twist_[turns_[p].body]);

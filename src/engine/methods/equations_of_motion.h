@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/body.h"
+#include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/linear/block_pivot.h"
@@ -46,14 +47,17 @@ struct ChainPair {
 ///   v̇ = F/m + G_linᵀλ/m,  L̇ = τ + G_angᵀλ,  q̇ = ½ (0, ω) ⊗ q,  ω = I_W⁻¹ L
 ///   A λ = C̈_target − γ − G a_free,  A = G M⁻¹ Gᵀ,  γ = C̈ − G V̇
 /// A rod is C = ½(d·d − ℓ(t)²), a ball joint C = d, other joints have the rows of their kind, and
-/// springs are forces. A body whose joints all act on its centre alone does not turn here. The
-/// state: x and v of all bodies, then q (x, y, z, w) and L of those that turn.
+/// springs are forces. A coupling of coordinates is a row of up to four bodies. A body whose joints
+/// all act on its centre alone does not turn here. The state: x and v of all bodies, then q (x, y,
+/// z, w) and L of those that turn.
 class EquationsOfMotion {
  public:
-  /// Of these joints, given by index. Only this allocates.
+  /// Of these joints, given by index. `couplings`: the terms of joints that couple, by index; empty
+  /// where none does. Only this allocates.
   EquationsOfMotion(std::vector<int> joints, const std::vector<Joint>& all_joints,
                     const std::vector<std::pair<std::size_t, std::size_t>>& ends,
-                    const std::vector<MassProperties>& masses);
+                    const std::vector<MassProperties>& masses,
+                    const std::vector<CoupledTerms>& couplings = {});
 
   /// Rods first, those between centres before all others, then ball joints, general ones, springs.
   const std::vector<int>& joints() const { return joints_; }
@@ -95,6 +99,29 @@ class EquationsOfMotion {
     SoftLaw law;
     double zero = 0.0, position = 0.0;  ///< as CoordinateState has them; of angles near enough
   };
+  /// The row Σ ratio q − constant of a joint that couples coordinates of general ones. It acts in
+  /// two parts, one a term, each between the two bodies of that joint.
+  struct CoupledRow {
+    struct Term {
+      std::size_t link;
+      int coordinate;  ///< of its joint
+      ScalarForm form;
+      double ratio;
+      double zero = 0.0, position = 0.0;  ///< as SoftCoordinate has them
+      std::size_t part = 0;               ///< in direction_
+    };
+    std::size_t link;  ///< whose it is
+    std::size_t row;
+    double metres;  ///< of a unit of the row
+    std::array<Term, 2> terms;
+    double constant = 0.0;
+    Course closing;  ///< what the row is to be off by
+  };
+  const std::vector<CoupledRow>& coupled_rows() const { return coupled_; }
+  /// Where a term reads; angles are taken for those nearest to it from then on.
+  void set_position(std::size_t coupled, std::size_t term, double position) {
+    coupled_[coupled].terms[term].position = position;
+  }
   /// As joints().
   const std::vector<Link>& links() const { return links_; }
   bool is_rod(std::size_t l) const { return l < first_ball_; }
@@ -147,6 +174,9 @@ class EquationsOfMotion {
                               const std::vector<Eigen::Quaterniond>& orientations);
   /// Of its rigid rows.
   void add_impulse(std::size_t l, const RowVector& impulse);
+  void add_coupled_impulse(std::size_t coupled, double impulse) {
+    impulses_[rows_[coupled_[coupled].row].unknown] += impulse;
+  }
   void add_soft_impulse(std::size_t soft, double impulse) {
     impulses_[soft_force(soft)] += impulse;
   }
@@ -206,6 +236,8 @@ class EquationsOfMotion {
   RowVector impulse(std::size_t l) const;
   /// Of its rigid rows alone.
   RowVector row_impulse(std::size_t l) const;
+  /// Of its coupling, 0 where it has none.
+  double coupled_impulse(std::size_t l) const;
   /// The same in the order of its rows and coordinates.
   RowVector by_function(std::size_t l, const RowVector& of_rows) const;
   /// What momentary rows were off by since begin_step(): rate times substep, summed up [m].
@@ -246,11 +278,11 @@ class EquationsOfMotion {
     SparseLdlt::Slot diagonal = 0;
     int turn_a = -1, turn_b = -1;
   };
-  /// Where a row turns a body.
+  /// Where a row or part turns a body.
   struct Turn {
     std::size_t body, row, unknown;
   };
-  /// A row that acts on a body; the sign is -1 where the body is its A.
+  /// A row or part that acts on a body; the sign is -1 where the body is its A.
   struct Pull {
     std::size_t row, unknown;
     double sign;
@@ -294,10 +326,24 @@ class EquationsOfMotion {
   void turn_along_chain();
   void mirror_chain();
   void add_links(const std::vector<Joint>& all_joints, const Ends& ends,
-                 const std::vector<MassProperties>& masses);
+                 const std::vector<MassProperties>& masses,
+                 const std::vector<CoupledTerms>& couplings);
   void add_coordinates(const Joint& joint, Link* link);
   void add_rows(const Link& link, int count);
+  Row new_row(const Link& link, std::size_t part);
+  void add_coupled_rows(const std::vector<Joint>& all_joints,
+                        const std::vector<CoupledTerms>& couplings);
   void couple_rows();
+  std::size_t first_coupled_row() const { return rows_.size() - coupled_.size(); }
+  std::size_t first_general_row() const { return first_coupled_row() - general_rows_.size(); }
+  /// Rows, and then the second parts of coupled ones, are parts.
+  std::size_t parts() const { return rows_.size() + parts_.size(); }
+  const Row& part(std::size_t i) const {
+    return i < rows_.size() ? rows_[i] : parts_[i - rows_.size()];
+  }
+  std::size_t row_of_part(std::size_t i) const {
+    return i < rows_.size() ? i : first_coupled_row() + i - rows_.size();
+  }
   std::size_t first_row(std::size_t l) const {
     return is_ball(l) ? first_ball_ + 3 * (l - first_ball_) : links_[l].first_row;
   }
@@ -312,6 +358,7 @@ class EquationsOfMotion {
   void place_links();
   void place_arms();
   void place_general();
+  void place_coupled();
   void find_matrix();
   void factor(double least);
   void set_velocities(const double* y);
@@ -320,6 +367,10 @@ class EquationsOfMotion {
   void pull_softs(double* forces);
   void note_positions();
   double value_of(const GeneralRow& row) const;
+  double reading_of(const CoupledRow::Term& term) const;
+  double value_of(const CoupledRow& row) const;
+  void ask_coupled(std::size_t l, const JointCourse& course, double t);
+  void add_coupled_right_hand_side(const Eigen::Vector3d* free, double* b) const;
   std::size_t soft_force(std::size_t soft) const {
     return rows_.size() + links_.size() - first_spring_ + soft;
   }
@@ -381,7 +432,8 @@ class EquationsOfMotion {
   void set_frame(std::size_t link, const MovingFrame& frame);
   double row_length(std::size_t row) const {
     if (row < first_ball_) return length_[row].value;
-    const std::size_t first = rows_.size() - general_rows_.size();
+    if (row >= first_coupled_row()) return 1.0 / coupled_[row - first_coupled_row()].metres;
+    const std::size_t first = first_general_row();
     return row < first ? 1.0 : 1.0 / general_rows_[row - first].metres;
   }
   double largest_speed() const;
@@ -398,8 +450,10 @@ class EquationsOfMotion {
   std::size_t v_at_ = 0, q_at_ = 0, L_at_ = 0, size_ = 0;
   std::vector<Link> links_;
   std::size_t first_armed_ = 0, first_ball_ = 0, first_general_ = 0, first_spring_ = 0;  // links_
-  std::vector<Row> rows_;  // of rods one each, of ball joints three, then of general ones
+  std::vector<Row> rows_;   // of rods one each, of ball joints three, then of general ones, coupled
+  std::vector<Row> parts_;  // second ones of coupled rows
   std::vector<GeneralRow> general_rows_;
+  std::vector<CoupledRow> coupled_;
   std::vector<SoftCoordinate> softs_;
   std::vector<Turn> turns_;
   std::vector<Pull> pulls_;  // on one body after the other
@@ -437,7 +491,7 @@ class EquationsOfMotion {
   std::vector<MovingFrame> frames_;                        // the same, on B
   std::vector<JointMotion> motions_;                       // of these, since set_velocities()
   std::vector<Eigen::Matrix3d> fixed_axes_;                // of fixed points, where they have axes
-  std::vector<Eigen::Vector3d> direction_;                 // of rows: d of rods, an axis of balls
+  std::vector<Eigen::Vector3d> direction_;                 // of parts: d of rods, an axis of balls
   std::vector<double> value_, rate_;                       // of rows
   std::vector<double> value_target_;                       // of rows of general joints
   std::vector<double> rate_target_, acceleration_target_;  // of rows

@@ -168,6 +168,24 @@ void ImplicitStep::evaluate_form(const ScalarForm& form, const Link& link,
             motion.at_end[row.u].transpose() * slopes.of(row.v, f))
         .eval();
   };
+  if (form.is_length) {
+    // Ḡ = ∇̄(½ d·d)/ℓ̄
+    const double end_length = motion.at_end.d.norm();
+    const double length = (1.0 - share_) * start.d.norm() + share_ * end_length;
+    const Vector3d n =
+        end_length > 0.0 ? Vector3d(motion.at_end.d / end_length) : Vector3d(Vector3d::UnitX());
+    if (length > 0.0)
+      there->J = combined(1.0 / length, jacobian(form.product, motion.at_force), 0.0, {});
+    there->value = end_length;
+    for (std::size_t f = 0; f < 2; ++f) {
+      if (link.ends[f].dofs == 0) continue;
+      there->gradient[f] = n.transpose() * motion.slopes[f].d;
+      if (length == 0.0) continue;
+      add_slopes(form.product, 0.5 * lambda / length, f, &there->slopes[f]);
+      there->slopes[f].add(there->J, -lambda / length * there->gradient[f]);
+    }
+    return;
+  }
   if (!form.is_angle) {
     there->J = jacobian(form.product, motion.at_force);
     there->value = value(form.product, motion.at_end);
@@ -237,8 +255,8 @@ void ImplicitStep::evaluate_general(const Link& link, Shape* shape, const Unknow
     } else {
       const std::size_t s = link.first_soft + at(k - link.rigid_rows);
       SoftRow& soft = softs_[s];
-      soft.end = form.is_angle ? soft.start + there.value
-                               : soft.start + there.value - value(form.product, start);
+      soft.end =
+          form.is_angle ? soft.start + there.value : soft.start + there.value - value(form, start);
       forces.value[k] = soft.given * lambda + soft.taken * soft.end - soft.target;
     }
     const Jacobian& J = there.J;
@@ -311,6 +329,140 @@ void ImplicitStep::write_general(const Link& link, const Shape& shape,
                  softs_[link.first_soft + at(k - link.rigid_rows)].given;
     values[slots_[slot++]] += diagonal;
     residual_[at(link.unknown + k)] = is_in ? forces.value[k] : 0.0;
+  }
+}
+
+// ---- couplings
+
+void ImplicitStep::add_coupled(const EquationsOfMotion& equations) {
+  for (const EquationsOfMotion::CoupledRow& from : equations.coupled_rows()) {
+    CoupledRow coupled;
+    coupled.row = from.row;
+    coupled.metres = from.metres;
+    for (std::size_t k = 0; k < 2; ++k) {
+      coupled.terms[k].link = from.terms[k].link;
+      coupled.terms[k].form = from.terms[k].form;
+      coupled.terms[k].ratio = from.terms[k].ratio;
+    }
+    coupled_.push_back(coupled);
+  }
+}
+
+// as write_coupled() has them; those of the bodies' blocks are among those of the links
+void ImplicitStep::find_coupled_slots() {
+  for (CoupledRow& coupled : coupled_) {
+    coupled.first_slot = slots_.size();
+    for (const CoupledRow::Term& term : coupled.terms) {
+      for (const End& row : links_[term.link].ends) {
+        for (const End& column : links_[term.link].ends)
+          for (int i = 0; i < row.dofs; ++i)
+            for (int j = 0; j < column.dofs; ++j)
+              slots_.push_back(lu_.slot(row.unknown + i, column.unknown + j));
+        for (int i = 0; i < row.dofs; ++i) {
+          slots_.push_back(lu_.slot(row.unknown + i, coupled.unknown));
+          slots_.push_back(lu_.slot(coupled.unknown, row.unknown + i));
+        }
+      }
+    }
+    slots_.push_back(lu_.slot(coupled.unknown, coupled.unknown));
+  }
+}
+
+// after begin_general() of all links
+void ImplicitStep::begin_coupled(const EquationsOfMotion& equations) {
+  for (std::size_t c = 0; c < coupled_.size(); ++c) {
+    CoupledRow& coupled = coupled_[c];
+    const EquationsOfMotion::CoupledRow& from = equations.coupled_rows()[c];
+    coupled.target = from.constant + from.closing.value;
+    double sum = 0.0;
+    for (std::size_t k = 0; k < 2; ++k) {
+      CoupledRow::Term& term = coupled.terms[k];
+      const JointVectors vectors = start_of(shapes_[term.link]);
+      term.start = term.end =
+          reading(term.form, value(term.form, vectors), from.terms[k].zero, from.terms[k].position);
+      const Jacobian J = jacobian(term.form, vectors);
+      for (std::size_t e = 0; e < 2; ++e) {
+        const End& end = links_[term.link].ends[e];
+        if (end.dofs == 0) continue;
+        sum += term.ratio * term.ratio * J.j3.squaredNorm() / mass_[end.point];
+        if (end.dofs == 6)
+          sum += term.ratio * term.ratio * (e == 0 ? J.j2 : J.j4).squaredNorm() /
+                 inertia_[end.point].mean();
+      }
+    }
+    coupled.scale = sum > 0.0 ? 1.0 / std::sqrt(sum) : 1.0;
+    left_[at(coupled.unknown)] = coupled.scale;
+    right_[at(coupled.unknown)] = coupled.scale / s_;
+  }
+}
+
+void ImplicitStep::evaluate_coupled(CoupledRow* coupled, const Unknowns& unknowns) {
+  const double lambda = coupled->is_left_out ? 0.0 : unknowns[at(coupled->unknown)];
+  const double scale = coupled->is_left_out ? 0.0 : coupled->scale;
+  double off = -coupled->target;
+  std::size_t slot = coupled->first_slot;
+  for (CoupledRow::Term& term : coupled->terms) {
+    const Link& link = links_[term.link];
+    Shape& shape = shapes_[term.link];
+    GeneralMotion motion;
+    move_general(link, shape, unknowns, &motion);
+    const JointVectors start = start_of(shape);
+    FormInStep there;
+    evaluate_form(term.form, link, start, motion, term.ratio * lambda, &there);
+    term.end = term.form.is_angle ? term.start + there.value
+                                  : term.start + there.value - value(term.form, start);
+    off += term.ratio * term.end;
+    const double force = term.ratio * lambda;
+    for (std::size_t e = 0; e < 2; ++e) {
+      const End& end = link.ends[e];
+      if (end.dofs == 0) continue;
+      Vector(residual_.data() + end.unknown) -= s_ * end.sign * force * there.J.j3;
+      if (end.dofs < 6) continue;
+      const Vector3d torque = force * (e == 0 ? there.J.j2 : there.J.j4);
+      Turning& turn = turn_[end.point];
+      Vector(residual_.data() + end.unknown + 3) -= s_ * (turn.C * torque);
+      turn.torque += torque;
+      shape.swing[e] += torque.norm();
+    }
+    write_coupled(term, there, scale, &slot);
+  }
+  double& worst = coupled->is_left_out ? worst_momentary_row_ : worst_row_;
+  if (!(coupled->metres * std::abs(off) <= worst) && !coupled->is_redundant)
+    worst = coupled->metres * std::abs(off);  // a NaN stays
+  lu_.values()[slots_[slot]] += coupled->is_left_out ? 1.0 : 0.0;
+  residual_[at(coupled->unknown)] = coupled->is_left_out ? 0.0 : off;
+}
+
+// The blocks of one term in the derivative, in the order of its slots.
+void ImplicitStep::write_coupled(const CoupledRow::Term& term, const FormInStep& there,
+                                 double scale, std::size_t* slot) {
+  double* const values = lu_.values().data();
+  const Link& link = links_[term.link];
+  for (std::size_t e = 0; e < 2; ++e) {
+    const End& row = link.ends[e];
+    if (row.dofs == 0) continue;
+    const double* const left = left_.data() + row.unknown;
+    const Matrix3d C = row.dofs == 6 ? turn_[row.point].C : Matrix3d(Matrix3d::Zero());
+    for (std::size_t f = 0; f < 2; ++f) {
+      const End& column = link.ends[f];
+      if (column.dofs == 0) continue;
+      const JacobianSlopes& slopes = there.slopes[f];
+      Eigen::Matrix<double, 6, 6> K;
+      K.topRows<3>() = (-s_ * share_ * row.sign) * slopes.force;
+      K.bottomRows<3>() = (-s_ * share_) * C * (e == 0 ? slopes.torque_A : slopes.torque_B);
+      const double* const right = right_.data() + column.unknown;
+      for (int i = 0; i < row.dofs; ++i)
+        for (int j = 0; j < column.dofs; ++j)
+          values[slots_[(*slot)++]] += left[i] * K(i, j) * right[j];
+    }
+    Eigen::Matrix<double, 6, 1> push;
+    push.head<3>() = -row.sign * term.ratio * there.J.j3;
+    push.tail<3>() = -term.ratio * (C * (e == 0 ? there.J.j2 : there.J.j4));
+    for (int i = 0; i < row.dofs; ++i) {
+      values[slots_[(*slot)++]] += left[i] * push[i] * scale;
+      values[slots_[(*slot)++]] +=
+          scale * term.ratio * there.gradient[e][i] * right_[at(row.unknown + i)];
+    }
   }
 }
 

@@ -72,6 +72,7 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
     has_dampers_ = has_dampers_ || link.damping > 0.0;
     links_.push_back(link);
   }
+  if (!equations.coupled_rows().empty()) add_coupled(equations);
   make_nodes(equations);
   find_slots();
 
@@ -142,6 +143,11 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
     }
     rows_of[lower].push_back(l);
   }
+  std::vector<std::vector<std::size_t>> coupled_of(bodies_);
+  for (std::size_t c = 0; c < coupled_.size(); ++c) {
+    const auto& ends = links_[coupled_[c].terms[0].link].ends;
+    coupled_of[ends[1].dofs > 0 ? ends[1].point : ends[0].point].push_back(c);
+  }
   first_unknown_.assign(bodies_, 0);
   int unknown = 0;
   for (std::size_t k = bodies_; k-- > 0;) {
@@ -156,7 +162,11 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
       unknown += links_[l].rows;
       node.rows += links_[l].rows;
     }
-    may_depend_ = may_depend_ || rows_of[body].size() > 1;
+    for (const std::size_t c : coupled_of[body]) {
+      coupled_[c].unknown = unknown++;
+      ++node.rows;
+    }
+    may_depend_ = may_depend_ || rows_of[body].size() > 1 || !coupled_of[body].empty();
   }
   may_depend_ = (may_depend_ || has_loops) && equations.rows() > 0;
   for (Link& link : links_)
@@ -170,6 +180,20 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
       const End& other = ends[ends[0].point == body ? 1 : 0];
       links[l] = {links_[l].unknown, links_[l].rows, node_of(body),
                   other.dofs > 0 ? node_of(other.point) : -1};
+    }
+  }
+  for (std::size_t body = 0; body < bodies_; ++body) {
+    for (const std::size_t c : coupled_of[body]) {
+      std::vector<int> others;  // than this one
+      for (const CoupledRow::Term& term : coupled_[c].terms) {
+        for (const End& end : links_[term.link].ends) {
+          if (end.dofs == 0 || end.point == body) continue;
+          const int node = node_of(end.point);
+          if (std::find(others.begin(), others.end(), node) == others.end()) others.push_back(node);
+        }
+      }
+      others.resize(3, -1);
+      links.push_back({coupled_[c].unknown, 1, node_of(body), others[0], {others[1], others[2]}});
     }
   }
   lu_.analyze(nodes, links);
@@ -207,6 +231,7 @@ void ImplicitStep::find_slots() {
     for (int k = 0; k < link.rows; ++k)
       slots_.push_back(lu_.slot(link.unknown + k, link.unknown + k));
   }
+  if (!coupled_.empty()) find_coupled_slots();
   for (std::size_t i = 0; i < bodies_; ++i) {
     const int first = first_unknown_[i];
     for (int k = 0; k < 3; ++k) diagonal_.push_back(lu_.slot(first + k, first + k));
@@ -343,6 +368,7 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
     if (link.kind == Kind::kRod) shape.scale /= shape.d0.norm();
     shape.is_left_out = shape.is_redundant = {};
   }
+  for (CoupledRow& coupled : coupled_) coupled.is_left_out = coupled.is_redundant = false;
   if (may_depend_ && !leave_out_dependent(t, equations)) return false;
 
   equations->move_with_time(t + h);
@@ -411,6 +437,7 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
       right_[at(links_[l].unknown + k)] = scale / s_;
     }
   }
+  if (!coupled_.empty()) begin_coupled(*equations);
   return true;
 }
 
@@ -424,6 +451,10 @@ bool ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
       shapes_[l].is_left_out[k] = is_dependent_[row + k] != 0;
       shapes_[l].is_redundant[k] = is_dependent_[row + k] == EquationsOfMotion::kRedundant;
     }
+  }
+  for (CoupledRow& coupled : coupled_) {
+    coupled.is_left_out = is_dependent_[coupled.row] != 0;
+    coupled.is_redundant = is_dependent_[coupled.row] == EquationsOfMotion::kRedundant;
   }
   return true;
 }
@@ -440,6 +471,7 @@ void ImplicitStep::evaluate(const Unknowns& unknowns) {
     else
       evaluate_link(links_[l], &shapes_[l], unknowns);
   }
+  for (CoupledRow& coupled : coupled_) evaluate_coupled(&coupled, unknowns);
   // of ½ŵ T, now that all of T is known
   std::size_t slot = 0;
   for (std::size_t i = 0; i < turning_; ++i) {
@@ -710,6 +742,11 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
         squares_[end.point] +=
             shape.force.norm() * shape.r0[e].norm() / inertia_[end.point].minCoeff();
     }
+  }
+  for (std::size_t c = 0; c < coupled_.size(); ++c) {
+    const CoupledRow& coupled = coupled_[c];
+    if (!coupled.is_left_out) equations->add_coupled_impulse(c, h_ * unknowns[at(coupled.unknown)]);
+    for (std::size_t k = 0; k < 2; ++k) equations->set_position(c, k, coupled.terms[k].end);
   }
   frequency_ = std::sqrt(*std::max_element(squares_.begin(), squares_.end()));
 

@@ -128,6 +128,23 @@ class ImplicitStep {
     int rigid_rows = 1;
     std::size_t first_soft = 0;  // as EquationsOfMotion::soft_coordinates()
   };
+  /// A row that couples coordinates of general links.
+  struct CoupledRow {
+    struct Term {
+      std::size_t link = 0;
+      ScalarForm form;
+      double ratio = 0.0;
+      double start = 0.0, end = 0.0;  // q at both ends of the step
+    };
+    std::array<Term, 2> terms;
+    std::size_t row = 0;  // as EquationsOfMotion has it
+    int unknown = 0;
+    double metres = 1.0;
+    std::size_t first_slot = 0;
+    // in a step
+    bool is_left_out = false, is_redundant = false;
+    double scale = 1.0, target = 0.0;
+  };
   /// The law of a soft row in a step: given λ + taken q₁ = target.
   struct SoftRow {
     double given = 0.0, taken = 1.0, target = 0.0;
@@ -236,6 +253,14 @@ class ImplicitStep {
   void evaluate_form(const ScalarForm& form, const Link& link, const JointVectors& start,
                      const GeneralMotion& motion, double lambda, FormInStep* at) const;
   void write_general(const Link& link, const Shape& shape, const GeneralForces& forces);
+
+  // ---- of couplings (implicit_joints.cpp)
+  void add_coupled(const EquationsOfMotion& equations);
+  void find_coupled_slots();
+  void begin_coupled(const EquationsOfMotion& equations);
+  void evaluate_coupled(CoupledRow* coupled, const Unknowns& unknowns);
+  void write_coupled(const CoupledRow::Term& term, const FormInStep& there, double scale,
+                     std::size_t* slot);
   void note_row(const Shape& shape, std::size_t k, double error) {
     double& worst = shape.is_left_out[k] ? worst_momentary_row_ : worst_row_;
     if (!(error <= worst) && !shape.is_redundant[k]) worst = error;  // a NaN stays
@@ -268,6 +293,7 @@ class ImplicitStep {
   std::vector<Turning> turn_;
   std::vector<Shape> shapes_;
   std::vector<SoftRow> softs_;
+  std::vector<CoupledRow> coupled_;
   std::vector<double> left_, right_;  // scales of equations and unknowns
   std::vector<double> residual_;
   double worst_row_ = 0.0, worst_momentary_row_ = 0.0, scale_ = 1.0, frequency_ = 0.0;

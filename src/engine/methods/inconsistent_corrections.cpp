@@ -67,9 +67,22 @@ double InconsistentMotion::rate_asked_for(std::size_t i) const {
   return offset.normalized().dot(components(target_.rate, i)) * d.normalized()[row.axis];
 }
 
+// of a coordinate that is coupled
+double InconsistentMotion::reading_of(const EquationsOfMotion::CoupledRow::Term& term,
+                                      const Rows& geometry) const {
+  return reading(term.form, value(term.form, geometry[term.link].vectors()), term.zero,
+                 term.position);
+}
+
 // of a row of a general joint [m]; of an angle the whole turns do not count
 double InconsistentMotion::general_error(std::size_t i, const Rows& geometry) const {
   const RegularizedRows::Row& row = rows_.rows()[i];
+  if (row.coupled >= 0) {
+    double sum = 0.0;
+    for (const auto& term : equations_->coupled_rows()[static_cast<std::size_t>(row.coupled)].terms)
+      sum += term.ratio * reading_of(term, geometry);
+    return row.metres * sum - target_.length[i];
+  }
   const double there = value(row.form, geometry[row.joint].vectors());
   if (!row.form.is_angle) return row.metres * there - target_.length[i];
   return row.metres * unwound(there - target_.length[i] / row.metres, 0.0);

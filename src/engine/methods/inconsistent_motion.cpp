@@ -134,6 +134,13 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
           rows_.rows()[k].metres * equations->soft_coordinates()[link.first_soft + s].law.R;
     }
   }
+  for (std::size_t i = rows_.rows().size() - equations->coupled_rows().size();
+       i < rows_.rows().size(); ++i) {
+    const RegularizedRows::Row& row = rows_.rows()[i];
+    const EquationsOfMotion::CoupledRow& coupled = equations->coupled_rows()[at(row.coupled)];
+    target_.length[i] = row.metres * (coupled.constant + coupled.closing.value);
+    target_.rate[i] = row.metres * coupled.closing.rate;
+  }
   scale_ = largest(target_.length);
   for (const Vector3d& x : configuration->position)
     scale_ = std::max(scale_, x.cwiseAbs().maxCoeff());
@@ -172,6 +179,10 @@ IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsO
       if (rows_.rows()[i].soft >= 0)
         equations->set_position(at(rows_.rows()[i].soft),
                                 extent(i, at_end_) / rows_.rows()[i].metres);
+    for (std::size_t c = 0; c < equations->coupled_rows().size(); ++c)
+      for (std::size_t term = 0; term < 2; ++term)
+        equations->set_position(c, term,
+                                reading_of(equations->coupled_rows()[c].terms[term], at_end_));
   }
   progress.projected = std::max(progress.projected, 0.0);
   find_whether_met();
@@ -183,6 +194,8 @@ IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsO
     const double impulse = row.metres * impulses_[i];
     if (row.soft >= 0)
       equations->add_soft_impulse(at(row.soft), impulse);
+    else if (row.coupled >= 0)
+      equations->add_coupled_impulse(at(row.coupled), impulse);
     else
       equations->add_impulse(row.joint, impulse * RowVector::Unit(row.index));
   }

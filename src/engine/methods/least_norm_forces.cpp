@@ -47,6 +47,7 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
     });
     links_.push_back(link);
   }
+  if (!equations.coupled_rows().empty()) add_coupled(equations, &pattern);
   const int n = unknowns_before(bodies);
   ldlt_.analyze(n, pattern);
   for (Link& link : links_) {
@@ -55,12 +56,52 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
       slots_.push_back(ldlt_.slot(add(link.unknown[e], i), add(link.unknown[f], k)));
     });
   }
+  for (CoupledRow& coupled : coupled_) {
+    coupled.first_slot = slots_.size();
+    for_each_entry(coupled, [&](const CoupledRow::End& end, std::size_t i,
+                                const CoupledRow::End& other, std::size_t k) {
+      slots_.push_back(ldlt_.slot(add(end.unknown, i), add(other.unknown, k)));
+    });
+  }
   for (int u = 0; u < n; ++u) diagonal_.push_back(ldlt_.slot(u, u));
   for (auto* list : {&stiffness_, &missing_, &permuted_}) list->assign(at(n), 0.0);
   is_torque_.assign(at(n), 0);
   for (std::size_t i = 0; i < turning; ++i) std::fill_n(&is_torque_[6 * i + 3], 3, 1);
   inverse_weights_.assign(rows_.size(), 0.0);
   impulses_.assign(rows_.size() + equations.links().size() - links_.size(), 0.0);
+}
+
+// The bodies of coupled rows, each once.
+void LeastNormForces::add_coupled(const EquationsOfMotion& equations,
+                                  std::vector<std::pair<int, int>>* pattern) {
+  for (const EquationsOfMotion::CoupledRow& from : equations.coupled_rows()) {
+    CoupledRow& coupled = coupled_.emplace_back();
+    for (const auto& term : from.terms) {
+      const EquationsOfMotion::Link& of = equations.links()[term.link];
+      for (std::size_t e = 0; e < 2; ++e) {
+        const std::size_t point = e == 0 ? of.a : of.b;
+        const Link& link = links_[term.link];
+        const bool is_there =
+            std::any_of(coupled.ends.begin(), coupled.ends.end(),
+                        [&](const CoupledRow::End& end) { return end.point == point; });
+        if (link.unknowns[e] > 0 && !is_there)
+          coupled.ends.push_back({link.unknown[e], link.unknowns[e], point, {}});
+      }
+    }
+    for_each_entry(coupled, [&](const CoupledRow::End& end, std::size_t i,
+                                const CoupledRow::End& other, std::size_t k) {
+      pattern->emplace_back(end.unknown + static_cast<int>(i), other.unknown + static_cast<int>(k));
+    });
+  }
+}
+
+template <class Visit>
+void LeastNormForces::for_each_entry(const CoupledRow& coupled, Visit visit) {
+  for (std::size_t e = 0; e < coupled.ends.size(); ++e)
+    for (std::size_t i = 0; i < coupled.ends[e].unknowns; ++i)
+      for (std::size_t f = 0; f <= e; ++f)
+        for (std::size_t k = 0; k < (f == e ? i + 1 : coupled.ends[f].unknowns); ++k)
+          visit(coupled.ends[e], i, coupled.ends[f], k);
 }
 
 // The lower triangle of the unknowns of both ends: end and number of the row, then of the column.
@@ -75,10 +116,13 @@ void LeastNormForces::for_each_entry(const Link& link, Visit visit) const {
 void LeastNormForces::share(const EquationsOfMotion& equations,
                             const std::vector<BodyState>& states) {
   place(equations, states);
+  if (!coupled_.empty()) place_coupled(equations, states);
   factor();
   load(equations);
   find_shares();
-  if (!has_same_sum()) shares_ = impulses_;
+  if (has_same_sum()) return;
+  shares_ = impulses_;
+  for (CoupledRow& coupled : coupled_) coupled.share = coupled.impulse;
 }
 
 RowVector LeastNormForces::impulse(const EquationsOfMotion& equations, std::size_t l) const {
@@ -111,6 +155,12 @@ JointVectors LeastNormForces::vectors_of(const EquationsOfMotion& equations,
   return vectors;
 }
 
+double LeastNormForces::coupled_impulse(const EquationsOfMotion& equations, std::size_t l) const {
+  for (std::size_t c = 0; c < coupled_.size(); ++c)
+    if (equations.coupled_rows()[c].link == l) return coupled_[c].share;
+  return 0.0;
+}
+
 // directions, torques and weights of the rows where the step ends
 void LeastNormForces::place(const EquationsOfMotion& equations,
                             const std::vector<BodyState>& states) {
@@ -120,20 +170,7 @@ void LeastNormForces::place(const EquationsOfMotion& equations,
     const std::array<std::size_t, 2> points{from.a, from.b};
     std::array<Vector3d, 2> arm{Vector3d::Zero(), Vector3d::Zero()};
     Vector3d d = Vector3d::Zero();
-    for (std::size_t e = 0; e < 2; ++e) {
-      if (link.unknowns[e] == 0) {
-        d += kSign[e] * equations.position(points[e]);
-        continue;
-      }
-      const BodyState& state = states[at(equations.bodies()[points[e]])];
-      if (link.unknowns[e] == 6)
-        arm[e] = state.orientation * (e == 0                    ? from.anchor_a
-                                      : equations.is_general(l) ? equations.frame_b(l).anchor
-                                                                : from.anchor_b);
-      d += kSign[e] * (state.position + arm[e]);
-    }
-    JointVectors vectors;
-    if (equations.is_general(l)) vectors = vectors_of(equations, states, l, arm, d);
+    const JointVectors vectors = place_ends(equations, states, l, &arm, &d);
     double sum = 0.0;
     for (int k = 0; k < link.rows; ++k) {
       std::array<Vector3d, 2> push, turn;  // for an impulse of 1
@@ -169,6 +206,60 @@ void LeastNormForces::place(const EquationsOfMotion& equations,
   }
 }
 
+// Arms and d of a joint; returns the vectors of a general one.
+JointVectors LeastNormForces::place_ends(const EquationsOfMotion& equations,
+                                         const std::vector<BodyState>& states, std::size_t l,
+                                         std::array<Vector3d, 2>* arm, Vector3d* d) const {
+  const EquationsOfMotion::Link& from = equations.links()[l];
+  for (std::size_t e = 0; e < 2; ++e) {
+    const std::size_t point = e == 0 ? from.a : from.b;
+    if (links_[l].unknowns[e] == 0) {
+      *d += kSign[e] * equations.position(point);
+      continue;
+    }
+    const BodyState& state = states[at(equations.bodies()[point])];
+    if (links_[l].unknowns[e] == 6)
+      (*arm)[e] = state.orientation * (e == 0                    ? from.anchor_a
+                                       : equations.is_general(l) ? equations.frame_b(l).anchor
+                                                                 : from.anchor_b);
+    *d += kSign[e] * (state.position + (*arm)[e]);
+  }
+  return equations.is_general(l) ? vectors_of(equations, states, l, *arm, *d) : JointVectors();
+}
+
+void LeastNormForces::place_coupled(const EquationsOfMotion& equations,
+                                    const std::vector<BodyState>& states) {
+  for (std::size_t c = 0; c < coupled_.size(); ++c) {
+    CoupledRow& coupled = coupled_[c];
+    for (CoupledRow::End& end : coupled.ends) end.row.fill(0.0);
+    for (const auto& term : equations.coupled_rows()[c].terms) {
+      std::array<Vector3d, 2> arm{Vector3d::Zero(), Vector3d::Zero()};
+      Vector3d d = Vector3d::Zero();
+      const JointVectors vectors = place_ends(equations, states, term.link, &arm, &d);
+      const Jacobian J = jacobian(term.form, vectors);
+      const EquationsOfMotion::Link& of = equations.links()[term.link];
+      for (CoupledRow::End& end : coupled.ends) {
+        Eigen::Map<Vector3d> force(end.row.data()), torque(end.row.data() + 3);
+        if (end.point == of.a) force += term.ratio * J.j1;
+        if (end.point == of.b) force += term.ratio * J.j3;
+        if (end.unknowns < 6) continue;
+        if (end.point == of.a) torque += term.ratio * J.j2;
+        if (end.point == of.b) torque += term.ratio * J.j4;
+      }
+    }
+    double weight = 0.0;
+    for (const CoupledRow::End& end : coupled.ends) {
+      const Eigen::Map<const Vector3d> force(end.row.data()), torque(end.row.data() + 3);
+      weight += equations.inverse_mass(end.point) * force.squaredNorm();
+      if (end.unknowns < 6) continue;
+      const Vector3d in_body =
+          states[at(equations.bodies()[end.point])].orientation.conjugate() * torque;
+      weight += in_body.dot(in_body.cwiseQuotient(equations.inertia(end.point)));
+    }
+    coupled.inverse_weight = 1.0 / weight;
+  }
+}
+
 void LeastNormForces::factor() {
   std::vector<double>& K = ldlt_.values();
   std::fill(K.begin(), K.end(), 0.0);
@@ -179,6 +270,13 @@ void LeastNormForces::factor() {
       for (std::size_t r = link.first_row; r < link.first_row + at(link.rows); ++r)
         sum += inverse_weights_[r] * rows_[r][e][i] * rows_[r][f][k];
       K[*slot++] += sum;
+    });
+  }
+  for (const CoupledRow& coupled : coupled_) {
+    const SparseLdlt::Slot* slot = slots_.data() + coupled.first_slot;
+    for_each_entry(coupled, [&](const CoupledRow::End& end, std::size_t i,
+                                const CoupledRow::End& other, std::size_t k) {
+      K[*slot++] += coupled.inverse_weight * end.row[i] * other.row[k];
     });
   }
   for (std::size_t u = 0; u < diagonal_.size(); ++u) {
@@ -199,6 +297,10 @@ void LeastNormForces::load(const EquationsOfMotion& equations) {
   }
   shares_ = impulses_;
   std::fill_n(shares_.begin(), rows_.size(), 0.0);
+  for (std::size_t c = 0; c < coupled_.size(); ++c) {
+    coupled_[c].impulse = equations.coupled_impulse(equations.coupled_rows()[c].link);
+    coupled_[c].share = 0.0;
+  }
 }
 
 // Solutions with kAdded, until what is missing is rounding.
@@ -223,6 +325,10 @@ double LeastNormForces::find_missing() {
           missing_[at(link.unknown[e]) + k] += impulse * rows_[r][e][k];
     }
   }
+  for (const CoupledRow& coupled : coupled_)
+    for (const CoupledRow::End& end : coupled.ends)
+      for (std::size_t k = 0; k < end.unknowns; ++k)
+        missing_[at(end.unknown) + k] += (coupled.impulse - coupled.share) * end.row[k];
   double largest = 0.0;
   for (std::size_t u = 0; u < missing_.size(); ++u)
     if (stiffness_[u] > 0.0)
@@ -246,6 +352,13 @@ void LeastNormForces::add_shares() {
       shares_[r] += inverse_weights_[r] * sum;
     }
   }
+  for (CoupledRow& coupled : coupled_) {
+    double sum = 0.0;
+    for (const CoupledRow::End& end : coupled.ends)
+      for (std::size_t k = 0; k < end.unknowns; ++k)
+        sum += end.row[k] * missing_[at(end.unknown) + k];
+    coupled.share += coupled.inverse_weight * sum;
+  }
 }
 
 // Whether what is missing is rounding: the shares have the force and torque of the impulses on each
@@ -257,6 +370,13 @@ bool LeastNormForces::has_same_sum() const {
     force = std::max(force, most);
     for (const auto& end : rows_[r])
       torque = std::max(torque, most * Eigen::Map<const Vector3d>(end.data() + 3).norm());
+  }
+  for (const CoupledRow& coupled : coupled_) {
+    const double most = std::max(std::abs(coupled.impulse), std::abs(coupled.share));
+    for (const CoupledRow::End& end : coupled.ends) {
+      force = std::max(force, most * Eigen::Map<const Vector3d>(end.row.data()).norm());
+      torque = std::max(torque, most * Eigen::Map<const Vector3d>(end.row.data() + 3).norm());
+    }
   }
   for (std::size_t u = 0; u < missing_.size(); ++u)
     if (!(std::abs(missing_[u]) <= kSameSum * (is_torque_[u] ? torque : force))) return false;

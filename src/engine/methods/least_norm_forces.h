@@ -12,7 +12,7 @@
 namespace constraint_sim::engine {
 
 /// The impulses of an island with redundant rows, as they are reported. The motion asks for their
-/// sum on each body alone, and many λ have that sum. StepWarning is the one of least Σ a λ² over
+/// sum on each body alone, and many λ have that sum. The one told is that of least Σ a λ² over
 /// all rigid rows, a the diagonal entry of G M⁻¹ Gᵀ, of a ball joint the mean of its three:
 ///   λ = D⁻¹ G z,  Gᵀ D⁻¹ G z = Gᵀ λ of the motion,  D = diag(a)
 /// Joints that are alike share alike. Nothing here reaches the motion.
@@ -25,6 +25,7 @@ class LeastNormForces {
   void share(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
   /// As EquationsOfMotion::impulse(), of joints()[l].
   RowVector impulse(const EquationsOfMotion& equations, std::size_t l) const;
+  double coupled_impulse(const EquationsOfMotion& equations, std::size_t l) const;
 
  private:
   /// One rigid joint; slots_ has the lower triangle of its bodies' unknowns.
@@ -37,7 +38,26 @@ class LeastNormForces {
   /// What a unit impulse of a row does to its ends A and B: force and torque.
   using Row = std::array<std::array<double, 6>, 2>;
 
+  /// A row of up to four bodies.
+  struct CoupledRow {
+    struct End {
+      int unknown;
+      std::size_t unknowns, point;
+      std::array<double, 6> row;
+    };
+    std::vector<End> ends;
+    std::size_t first_slot = 0;
+    double inverse_weight = 0.0, impulse = 0.0, share = 0.0;
+  };
+
+  void add_coupled(const EquationsOfMotion& equations, std::vector<std::pair<int, int>>* pattern);
+  template <class Visit>
+  static void for_each_entry(const CoupledRow& coupled, Visit visit);
   void place(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
+  void place_coupled(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
+  JointVectors place_ends(const EquationsOfMotion& equations, const std::vector<BodyState>& states,
+                          std::size_t l, std::array<Eigen::Vector3d, 2>* arm,
+                          Eigen::Vector3d* d) const;
   JointVectors vectors_of(const EquationsOfMotion& equations, const std::vector<BodyState>& states,
                           std::size_t l, const std::array<Eigen::Vector3d, 2>& arm,
                           const Eigen::Vector3d& d) const;
@@ -52,6 +72,7 @@ class LeastNormForces {
 
   std::vector<Link> links_;  // rigid ones, as joints()
   std::vector<Row> rows_;
+  std::vector<CoupledRow> coupled_;      // as EquationsOfMotion::coupled_rows()
   std::vector<double> inverse_weights_;  // 1/a of rows
   std::vector<SparseLdlt::Slot> slots_, diagonal_;
   SparseLdlt ldlt_;                // of Gᵀ D⁻¹ G

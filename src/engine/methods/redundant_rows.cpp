@@ -193,6 +193,8 @@ double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
   for (const GeneralRow& row : general_rows_)  // of a row between axes its torque over an arm
     if (!row.form.has_separation())
       force = std::max(force, std::abs(stress_[rows_[row.row].unknown]) / row.metres);
+  for (const CoupledRow& coupled : coupled_)
+    force = std::max(force, std::abs(stress_[rows_[coupled.row].unknown]) / coupled.metres);
   for (std::size_t p = 0; p < turns_.size(); ++p) {
     const Turn& turn = turns_[p];
     const double arm = radius_of_gyration_[turn.body] * direction_[turn.row].norm();
@@ -243,7 +245,11 @@ double EquationsOfMotion::offset_of(std::size_t l, const JointCourse& course,
     if (with_motors || links_[l].function[k] < info(links_[l].kind).rows)
       offset[static_cast<Eigen::Index>(k)] =
           course.offset()[links_[l].function[k]] / row_length(first_row(l) + k);
-  return std::hypot(offset.norm(), by_frame);
+  double by_coupling = 0.0;
+  if (couples(links_[l].kind))
+    for (const CoupledRow& coupled : coupled_)
+      if (coupled.link == l) by_coupling = coupled.metres * course.coupling_offset();
+  return std::hypot(offset.norm(), by_frame, by_coupling);
 }
 
 // What turns such an opening into an angle [m].

@@ -23,16 +23,11 @@ RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
   for (std::size_t p = 0; p < equations.points(); ++p)
     inverse_mass_.push_back(equations.inverse_mass(p));
   for (std::size_t i = 0; i < turning_; ++i) inertia_.push_back(equations.inertia(i));
-  std::vector<std::vector<std::pair<std::size_t, std::size_t>>> ends_on(bodies_);  // row, end
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     first_row_.push_back(rows_.size());
     const bool is_ball = equations.is_ball(l);
     const int rigid_rows = static_cast<int>(equations.rows_of(l));
     for (int k = 0; k < rigid_rows + static_cast<int>(joints_[l].softs); ++k) {
-      for (std::size_t e = 0; e < 2; ++e) {
-        const std::size_t point = end_of(joints_[l], e);
-        if (point < bodies_) ends_on[point].emplace_back(rows_.size(), e);
-      }
       Row row;
       row.joint = l;
       row.index = k;
@@ -53,6 +48,14 @@ RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
       rows_.push_back(row);
     }
   }
+  add_coupled(equations);
+  std::vector<std::vector<std::pair<std::size_t, std::size_t>>> ends_on(bodies_);  // part, end
+  for (std::size_t i = 0; i < rows_.size() + parts_.size(); ++i) {
+    for (std::size_t e = 0; e < 2; ++e) {
+      const std::size_t point = end_of(joints_[part(i).joint], e);
+      if (point < bodies_) ends_on[point].emplace_back(i, e);
+    }
+  }
   std::vector<std::pair<int, int>> pattern;
   for (std::size_t body = 0; body < bodies_; ++body) {
     const auto& ends = ends_on[body];
@@ -60,16 +63,34 @@ RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
       for (std::size_t n = 0; n <= m; ++n) {
         couplings_.push_back(
             {ends[m].first, ends[n].first, ends[m].second, ends[n].second, body, 0});
-        pattern.emplace_back(static_cast<int>(ends[m].first), static_cast<int>(ends[n].first));
+        pattern.emplace_back(static_cast<int>(row_of_part(ends[m].first)),
+                             static_cast<int>(row_of_part(ends[n].first)));
       }
   }
   ldlt_.analyze(static_cast<int>(rows_.size()), pattern);
   const auto slot = [&](std::size_t i, std::size_t j) {
     return ldlt_.slot(static_cast<int>(i), static_cast<int>(j));
   };
-  for (Coupling& c : couplings_) c.slot = slot(c.i, c.j);
+  for (Coupling& c : couplings_) c.slot = slot(row_of_part(c.i), row_of_part(c.j));
   for (std::size_t i = 0; i < rows_.size(); ++i) rows_[i].diagonal = slot(i, i);
   permuted_.assign(rows_.size(), 0.0);
+}
+
+void RegularizedRows::add_coupled(const EquationsOfMotion& equations) {
+  for (std::size_t c = 0; c < equations.coupled_rows().size(); ++c) {
+    const EquationsOfMotion::CoupledRow& from = equations.coupled_rows()[c];
+    for (std::size_t k = 0; k < 2; ++k) {
+      Row row;
+      row.joint = from.terms[k].link;
+      row.is_general = true;
+      row.form = from.terms[k].form;
+      row.metres = from.metres * from.terms[k].ratio;
+      row.coupled = static_cast<int>(c);
+      row.angular.fill(Vector3d::Zero());
+      row.response = row.angular;
+      (k == 0 ? rows_ : parts_).push_back(row);
+    }
+  }
 }
 
 void RegularizedRows::measure(const Configuration& configuration, Geometry* geometry) const {
@@ -97,7 +118,7 @@ void RegularizedRows::measure(const Configuration& configuration, Geometry* geom
         if (point >= bodies_) g.axes[e] = configuration.fixed_axes[point - bodies_] * g.axes[e];
       }
     }
-    if (rows_[first_row_[l]].axis < 0 || !is_between_bodies(l)) continue;
+    if (info(joint.kind).form != RowsForm::kPoint || !is_between_bodies(l)) continue;
     g.arm[0] += 0.5 * g.d;
     g.arm[1] -= 0.5 * g.d;
   }
@@ -110,6 +131,8 @@ void RegularizedRows::linearize(const Geometry& a, const Geometry& b,
     const Matrix3d R = inertia.orientation[i].toRotationMatrix();
     inverse_inertia[i] = R * inertia_[i].cwiseInverse().asDiagonal() * R.transpose();
   }
+  for (Row& row : parts_)
+    linearize(a[row.joint].vectors(), b[row.joint].vectors(), inverse_inertia, &row);
   for (Row& row : rows_) {
     const JointGeometry& g = a[row.joint];
     const JointGeometry& h = b[row.joint];
@@ -162,18 +185,19 @@ void RegularizedRows::linearize(const JointVectors& a, const JointVectors& b,
 }
 
 double RegularizedRows::product(const Coupling& c) const {
-  const Row& i = rows_[c.i];
-  const Row& j = rows_[c.j];
+  const Row& i = part(c.i);
+  const Row& j = part(c.j);
   const double sign = kSign[c.end_i] * kSign[c.end_j];
   double sum = sign * inverse_mass_[c.body] * i.direction.dot(j.direction);
   if (c.body < turning_) sum += i.angular[c.end_i].dot(j.response[c.end_j]);
-  return sum;
+  const bool is_across = c.i != c.j && row_of_part(c.i) == row_of_part(c.j);
+  return is_across ? 2.0 * sum : sum;
 }
 
 void RegularizedRows::find_weights(std::vector<double>* weights) const {
   weights->assign(rows_.size(), 0.0);
   for (const Coupling& c : couplings_)
-    if (c.i == c.j) (*weights)[c.i] += product(c);
+    if (row_of_part(c.i) == row_of_part(c.j)) (*weights)[row_of_part(c.i)] += product(c);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     if (rows_[i].axis != 0) continue;
     double* const w = weights->data() + i;
@@ -186,7 +210,7 @@ void RegularizedRows::factor(double share, const std::vector<double>& weights,
   std::vector<double>& A = ldlt_.values();
   std::fill(A.begin(), A.end(), 0.0);
   for (const Coupling& c : couplings_)
-    if (compliance != nullptr || (!rows_[c.i].is_spring && !rows_[c.j].is_spring))
+    if (compliance != nullptr || (!part(c.i).is_spring && !part(c.j).is_spring))
       A[c.slot] += product(c);
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     const bool is_off = rows_[i].is_spring && compliance == nullptr;
@@ -207,22 +231,27 @@ void RegularizedRows::solve(std::vector<double>* b) {
 }
 
 double RegularizedRows::apply(const Row& row, const BodyVectors& u) const {
-  double sum = 0.0;
-  for (std::size_t e = 0; e < 2; ++e) {
-    const std::size_t point = end_of(joints_[row.joint], e);
-    sum += kSign[e] * row.direction.dot(u.linear[point]);
-    if (point < turning_) sum += row.angular[e].dot(u.angular[point]);
-  }
-  return sum;
+  const auto of_part = [&](const Row& one) {
+    double sum = 0.0;
+    for (std::size_t e = 0; e < 2; ++e) {
+      const std::size_t point = end_of(joints_[one.joint], e);
+      sum += kSign[e] * one.direction.dot(u.linear[point]);
+      if (point < turning_) sum += one.angular[e].dot(u.angular[point]);
+    }
+    return sum;
+  };
+  if (row.coupled < 0) return of_part(row);
+  return of_part(row) + of_part(parts_[static_cast<std::size_t>(row.coupled)]);
 }
 
 void RegularizedRows::add_response(const std::vector<double>& lambda, BodyVectors* u) const {
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
-    const Row& row = rows_[i];
+  for (std::size_t i = 0; i < rows_.size() + parts_.size(); ++i) {
+    const Row& row = part(i);
+    const double force = lambda[row_of_part(i)];
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[row.joint], e);
-      u->linear[point] += kSign[e] * inverse_mass_[point] * lambda[i] * row.direction;
-      if (point < turning_) u->angular[point] += lambda[i] * row.response[e];
+      u->linear[point] += kSign[e] * inverse_mass_[point] * force * row.direction;
+      if (point < turning_) u->angular[point] += force * row.response[e];
     }
   }
 }
@@ -230,12 +259,13 @@ void RegularizedRows::add_response(const std::vector<double>& lambda, BodyVector
 void RegularizedRows::apply_transpose(const std::vector<double>& lambda, BodyVectors* u) const {
   for (auto* list : {&u->linear, &u->angular})
     std::fill(list->begin(), list->end(), Vector3d::Zero());
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
-    const Row& row = rows_[i];
+  for (std::size_t i = 0; i < rows_.size() + parts_.size(); ++i) {
+    const Row& row = part(i);
+    const double force = lambda[row_of_part(i)];
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[row.joint], e);
-      u->linear[point] += kSign[e] * lambda[i] * row.direction;
-      if (point < turning_) u->angular[point] += lambda[i] * row.angular[e];
+      u->linear[point] += kSign[e] * force * row.direction;
+      if (point < turning_) u->angular[point] += force * row.angular[e];
     }
   }
 }

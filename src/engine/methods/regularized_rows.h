@@ -42,6 +42,7 @@ class RegularizedRows {
     ScalarForm form;
     int soft = -1;  ///< of a spring along a coordinate: as EquationsOfMotion::soft_coordinates()
     double metres = 1.0;  ///< of a unit of the row
+    int coupled = -1;     ///< as EquationsOfMotion::coupled_rows(); -1: of one joint alone
     SparseLdlt::Slot diagonal = 0;
     Eigen::Vector3d direction = Eigen::Vector3d::UnitX();
     std::array<Eigen::Vector3d, 2> angular, response;  ///< of ends A and B: J_ang, I⁻¹ J_angᵀ
@@ -88,7 +89,13 @@ class RegularizedRows {
   void apply_transpose(const std::vector<double>& lambda, BodyVectors* u) const;
 
  private:
-  /// Two rows on one body, or one row and itself.
+  /// A row with the second term of a coupling behind it: rows_ and parts_ are parts.
+  const Row& part(std::size_t i) const {
+    return i < rows_.size() ? rows_[i] : parts_[i - rows_.size()];
+  }
+  std::size_t row_of_part(std::size_t i) const { return i < rows_.size() ? i : i - parts_.size(); }
+  void add_coupled(const EquationsOfMotion& equations);
+  /// Two parts on one body, or one part and itself.
   struct Coupling {
     std::size_t i, j, end_i, end_j, body;
     SparseLdlt::Slot slot;
@@ -102,7 +109,8 @@ class RegularizedRows {
   std::size_t bodies_, turning_;
   std::vector<double> inverse_mass_;
   std::vector<Eigen::Vector3d> inertia_;
-  std::vector<Row> rows_;
+  std::vector<Row> rows_;   // coupled ones last
+  std::vector<Row> parts_;  // second ones of these
   std::vector<std::size_t> first_row_;
   std::vector<Coupling> couplings_;
   SparseLdlt ldlt_;

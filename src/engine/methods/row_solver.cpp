@@ -92,11 +92,18 @@ void RowSolver::prepare_bodies(const std::vector<int>& moved, const Bodies& bodi
 
 // which bodies rows connect
 void RowSolver::connect(const std::vector<Row>& rows) {
-  for (const Row& row : rows) {
-    if (!inertias_[at(row.body_a)].is_moved || !inertias_[at(row.body_b)].is_moved) continue;
-    const int a = component_of(row.body_a);
-    const int b = component_of(row.body_b);
+  const auto join = [this](int body_a, int body_b) {
+    const int a = component_of(body_a);
+    const int b = component_of(body_b);
     parents_[at(std::max(a, b))] = std::min(a, b);
+  };
+  const auto moved_body = [this](const Row& row) {
+    return inertias_[at(row.body_a)].is_moved ? row.body_a : row.body_b;
+  };
+  for (const Row& row : rows) {
+    if (row.normal_row == Row::kCoupledPart) join(moved_body(*(&row - 1)), moved_body(row));
+    if (!inertias_[at(row.body_a)].is_moved || !inertias_[at(row.body_b)].is_moved) continue;
+    join(row.body_a, row.body_b);
   }
 }
 
@@ -128,6 +135,7 @@ void RowSolver::respond(const std::vector<Row>& rows) {
     r.response_a = apply_inverse_mass(a, r.J_A);
     r.response_b = apply_inverse_mass(b, r.J_B);
     r.K = r.J_A.dot(r.response_a) + r.J_B.dot(r.response_b);
+    if (row.normal_row == Row::kCoupledPart) join_parts(rows[i - 1], row, &r);
     const double constraint_mass = r.K + row.softness;
     r.effective_mass = constraint_mass > 0.0 ? 1.0 / constraint_mass : 0.0;
     r.component = component_of(a.is_moved ? row.body_a : row.body_b);
@@ -137,6 +145,18 @@ void RowSolver::respond(const std::vector<Row>& rows) {
   }
   for (Response& r : responses_)
     r.corrects = any_corrections_ && components_[at(r.component)].corrects;
+}
+
+// Of both parts of a coupled row: K = J M⁻¹ Jᵀ of their sum.
+void RowSolver::join_parts(const Row& first, const Row& second, Response* of_second) {
+  Response& of_first = *(of_second - 1);
+  double across = 0.0;
+  if (first.body_a == second.body_a) across += of_first.J_A.dot(of_second->response_a);
+  if (first.body_a == second.body_b) across += of_first.J_A.dot(of_second->response_b);
+  if (first.body_b == second.body_a) across += of_first.J_B.dot(of_second->response_a);
+  if (first.body_b == second.body_b) across += of_first.J_B.dot(of_second->response_b);
+  of_first.K = of_second->K += of_first.K + 2.0 * across;
+  of_first.effective_mass = of_first.K > 0.0 ? 1.0 / of_first.K : 0.0;
 }
 
 [[gnu::always_inline]] inline double RowSolver::velocity_along(
@@ -239,11 +259,14 @@ RowSolver::Outcome RowSolver::solve(const std::vector<int>& moved, std::vector<R
   for (int sweep = 0; sweep < iterations && !is_set(stop); ++sweep) {
     const Response* response = responses_.data();
     for (Row* row = rows.data(); row != end; ++row, ++response) {
-      if (row->normal_row < 0) {
+      if (row->normal_row == -1) {
         solve_row(*row, *response);
         continue;
       }
-      solve_friction(rows[at(row->normal_row)].impulse, row, response);
+      if (row->normal_row == Row::kCoupled)
+        solve_coupled(row, response);
+      else
+        solve_friction(rows[at(row->normal_row)].impulse, row, response);
       ++row;
       ++response;
     }
@@ -254,8 +277,7 @@ RowSolver::Outcome RowSolver::solve(const std::vector<int>& moved, std::vector<R
 }
 
 [[gnu::always_inline]] inline double RowSolver::wanted_correction(const Row& row, const Response& r,
-                                                                  double J_V) const {
-  const double J_W = velocity_along(row, r, corrections_);
+                                                                  double J_V, double J_W) const {
   const double lower = row.lower == 0.0 ? 0.0 : row.lower - row.impulse;
   const double upper = row.upper == 0.0 ? 0.0 : row.upper - row.impulse;
   return std::clamp(wanted_impulse(row, row.correction_impulse, correction_target(row, J_V), J_W,
@@ -264,7 +286,7 @@ RowSolver::Outcome RowSolver::solve(const std::vector<int>& moved, std::vector<R
 }
 
 [[gnu::always_inline]] inline void RowSolver::correct(Row& row, const Response& r, double J_V) {
-  const double b = wanted_correction(row, r, J_V);
+  const double b = wanted_correction(row, r, J_V, velocity_along(row, r, corrections_));
   if (b == row.correction_impulse) return;
   push(row, r, b - row.correction_impulse, &corrections_);
   row.correction_impulse = b;
@@ -278,6 +300,26 @@ void RowSolver::solve_row(Row& row, const Response& r) {
   if (change != 0.0) push(row, r, change, &velocities_);
   row.impulse = p;
   if (r.corrects) correct(row, r, J_V + change * r.K);
+}
+
+// A row of two parts, which get the same impulse.
+void RowSolver::solve_coupled(Row* row, const Response* r) {
+  const auto rate = [&](const std::vector<Twist>& velocities) {
+    return velocity_along(row[0], r[0], velocities) + velocity_along(row[1], r[1], velocities);
+  };
+  const auto push_both = [&](double impulse, std::vector<Twist>* velocities) {
+    push(row[0], r[0], impulse, velocities);
+    push(row[1], r[1], impulse, velocities);
+  };
+  const double J_V = rate(velocities_);
+  const double p = wanted_impulse(row[0], row[0].impulse, row[0].target, J_V, r[0].effective_mass);
+  const double change = p - row[0].impulse;
+  push_both(change, &velocities_);
+  row[0].impulse = row[1].impulse = p;
+  if (!r[0].corrects) return;
+  const double b = wanted_correction(row[0], r[0], J_V + change * r[0].K, rate(corrections_));
+  push_both(b - row[0].correction_impulse, &corrections_);
+  row[0].correction_impulse = row[1].correction_impulse = b;
 }
 
 // Both tangents by one mass, or sliding would not be braked straight against its direction; then
@@ -325,12 +367,20 @@ RowSolver::Outcome RowSolver::account(const std::vector<int>& moved, const std::
     const Row& row = rows[i];
     const Response& r = responses_[i];
     const double J_V = velocity_along(row, r, velocities_);
-    if (row.normal_row < 0) {
-      const double p = wanted_impulse(row, row.impulse, row.target, J_V, r.effective_mass);
+    if (row.normal_row == -1 || row.normal_row == Row::kCoupled) {
+      const bool is_coupled = row.normal_row == Row::kCoupled;
+      const auto rate_of_all = [&](const std::vector<Twist>& velocities, double of_row) {
+        return is_coupled ? of_row + velocity_along(rows[i + 1], responses_[i + 1], velocities)
+                          : of_row;
+      };
+      const double J_all = rate_of_all(velocities_, J_V);
+      const double p = wanted_impulse(row, row.impulse, row.target, J_all, r.effective_mass);
       double change = std::abs(std::clamp(p, row.lower, row.upper) - row.impulse);
-      if (r.corrects)
-        change =
-            std::max(change, std::abs(wanted_correction(row, r, J_V) - row.correction_impulse));
+      if (r.corrects) {
+        const double J_W = rate_of_all(corrections_, velocity_along(row, r, corrections_));
+        change = std::max(change,
+                          std::abs(wanted_correction(row, r, J_all, J_W) - row.correction_impulse));
+      }
       outcome.residual = std::max(outcome.residual, change * (r.K + row.softness));
     }
     const bool is_given = row.lower == row.upper;  // a force, as those from outside

@@ -137,7 +137,9 @@ class RowSolver {
   void warm_start(const std::vector<int>& moved, std::vector<Row>& rows);
   void solve_row(Row& row, const Response& response);
   void correct(Row& row, const Response& response, double J_V);
-  double wanted_correction(const Row& row, const Response& response, double J_V) const;
+  double wanted_correction(const Row& row, const Response& response, double J_V, double J_W) const;
+  static void join_parts(const Row& first, const Row& second, Response* of_second);
+  void solve_coupled(Row* row, const Response* response);
   void solve_friction(double normal_impulse, Row* row, const Response* response);
   static double velocity_along(const Row& row, const Response& response,
                                const std::vector<Twist>& velocities);

@@ -80,7 +80,9 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
                   state->joint_states[j], &rows_);
     const bool is_in_loop =
         model.options.warm_starting && step.is_in_loop[j] && is_always_rigid(model.joints[j]);
-    for (std::size_t k = first; k < rows_.size(); ++k) {
+    const std::size_t end = rows_.size();
+    if (couples(model.joints[j].kind)) add_coupling(model, step, *state, j);
+    for (std::size_t k = first; k < end; ++k) {
       rows_[k].body_a = static_cast<int>(a);
       rows_[k].body_b = static_cast<int>(b);
       if (is_in_loop) loop_rows_.push_back({k, j, static_cast<int>(k - first), 0.0, 0.0});
@@ -96,6 +98,36 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
     }
   }
   return deepest;
+}
+
+std::array<Jacobian, 2> SequentialImpulses::coupled_jacobians(const Model& model,
+                                                              const ImpulseStep& step,
+                                                              const State& state, std::size_t j,
+                                                              bool at_end) {
+  std::array<Jacobian, 2> J;
+  const CoupledTerms terms = model.terms_of(j);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const std::size_t of = terms[k].joint;
+    const auto [a, b] = step.joint_ends[of];
+    const Jacobian gradient =
+        coordinate_jacobian(model.joints[of], state.states[a], state.states[b], step.span,
+                            state.joint_states[of], terms[k].coordinate, at_end);
+    J[k] = combined(terms[k].ratio, gradient, 0.0, gradient);
+  }
+  return J;
+}
+
+void SequentialImpulses::add_coupling(const Model& model, const ImpulseStep& step,
+                                      const State& state, std::size_t j) {
+  prepare_coupling(model.joints[j], step.span, state.joint_states[j],
+                   coupled_jacobians(model, step, state, j, false), &rows_);
+  const CoupledTerms terms = model.terms_of(j);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const auto [a, b] = step.joint_ends[terms[k].joint];
+    Row& row = rows_[rows_.size() - 2 + k];
+    row.body_a = static_cast<int>(a);
+    row.body_b = static_cast<int>(b);
+  }
 }
 
 void SequentialImpulses::prepare_contact(const Model& model, const State& state,
@@ -149,8 +181,13 @@ double SequentialImpulses::finish(const Model& model, const ImpulseStep& step, S
     const std::size_t j = at(step.joints[k]);
     const auto [a, b] = step.joint_ends[j];
     const int count = static_cast<int>(joint_rows_[k + 1] - joint_rows_[k]);
+    JointState& of_joint = state->joint_states[j];
+    const bool is_coupling = couples_joints(model.joints[j].kind);
+    if (is_coupling) read_coupling(model.terms_of(j), state->joint_states, &of_joint.coupling);
     read_joint(model.joints[j], state->states[a], state->states[b], step.span,
-               rows_.data() + joint_rows_[k], count, state->joint_states[j]);
+               rows_.data() + joint_rows_[k], count, of_joint);
+    if (is_coupling)
+      add_coupled_effort(model.terms_of(j), of_joint.coupling.effort, &state->joint_states);
   }
   read_contacts(&state->touching);
   return solver_.is_to_finish() ? finish_corrections(model, step, state) : 0.0;
@@ -167,6 +204,10 @@ double SequentialImpulses::finish_corrections(const Model& model, const ImpulseS
     const JointState& of_joint = state->joint_states[j];
     joint_jacobians(model.joints[j], state->states[a], state->states[b], step.span, of_joint,
                     rows_.data() + first, count, J.data());
+    if (couples(model.joints[j].kind)) {
+      const std::array<Jacobian, 2> coupled = coupled_jacobians(model, step, *state, j, true);
+      std::copy(coupled.begin(), coupled.end(), J.begin() + count - 2);
+    }
     for (std::size_t r = first; r < joint_rows_[k + 1]; ++r)
       solver_.finish_row(r, rows_[r], J[r - first],
                          spring_stretch(model.joints[j], of_joint, rows_[r]));

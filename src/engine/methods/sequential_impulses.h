@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <utility>
@@ -60,6 +61,11 @@ class SequentialImpulses {
 
  private:
   double prepare_rows(const Model& model, const ImpulseStep& step, State* state);
+  void add_coupling(const Model& model, const ImpulseStep& step, const State& state,
+                    std::size_t joint);
+  static std::array<Jacobian, 2> coupled_jacobians(const Model& model, const ImpulseStep& step,
+                                                   const State& state, std::size_t joint,
+                                                   bool at_end);
   void prepare_contact(const Model& model, const State& state, const TouchingPair& pair,
                        std::size_t point);
   void update_velocities(const Model& model, const ImpulseStep& step, State* state);

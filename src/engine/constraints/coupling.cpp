@@ -1,0 +1,29 @@
+#include "engine/constraints/coupling.h"
+
+namespace constraint_sim::engine {
+
+double lead(const Joint& screw) {
+  constexpr double kTurn = 2.0 * 3.14159265358979323846;
+  return screw.pitch / kTurn;
+}
+
+void read_coupling(const CoupledTerms& terms, const std::vector<JointState>& states,
+                   CouplingState* coupling) {
+  coupling->value = coupling->rate = 0.0;
+  for (const CoupledTerm& term : terms) {
+    const CoordinateState& coordinate =
+        states[term.joint].coordinates[static_cast<std::size_t>(term.coordinate)];
+    coupling->value += term.ratio * coordinate.position;
+    coupling->rate += term.ratio * coordinate.velocity;
+  }
+}
+
+void add_coupled_effort(const CoupledTerms& terms, double effort, std::vector<JointState>* states) {
+  for (const CoupledTerm& term : terms) {
+    JointState& state = (*states)[term.joint];
+    state.coordinates[static_cast<std::size_t>(term.coordinate)].effort += term.ratio * effort;
+    state.force = state.coordinates[0].effort;
+  }
+}
+
+}  // namespace constraint_sim::engine

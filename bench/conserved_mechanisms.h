@@ -123,6 +123,77 @@ inline Conserved hanging_pair(JointKind kind, double mass_ratio) {
 /// A mechanism on the world, for 2000 steps of 5 ms.
 inline Conserved loop(const Mechanism& mechanism) { return {mechanism, 0.005, 2000, 0.0, false}; }
 
+/// Two wheels on a free carrier, one on a skew axis, geared so that both have turned many times.
+inline Conserved free_gears(double mass_ratio) {
+  Conserved scene = pair_of(JointKind::kHinge, mass_ratio);
+  Mechanism& made = scene.mechanism;
+  made.name = mass_ratio > 100.0 ? "gears, heavy load" : "gears on a free carrier";
+  Body c = bar("c", 0.7, {0.3, 0.2, 0.3});
+  c.state.position = {-0.4, 0.3, 0.2};
+  c.state.angular_velocity = {0.5, -2.0, 1.0};
+  made.bodies.push_back(c);
+  made.joints.push_back(
+      {JointKind::kHinge, 0, 2, {-0.3, 0.2, 0.1}, {0.2, 1.0, -0.4}, std::nullopt});
+  made.add_forces = [](World* world) {
+    Joint gear;
+    gear.name = "gear";
+    gear.kind = JointKind::kGear;
+    gear.coupling.first = world->joint_ids()[0];
+    gear.coupling.second = world->joint_ids()[1];
+    gear.coupling.ratio = std::sqrt(2.0);
+    world->add_joint(gear);
+  };
+  if (mass_ratio > 100.0) scene.steps = 2000;
+  return scene;
+}
+
+inline Conserved free_screw() {
+  Conserved scene = pair_of(JointKind::kCylindrical);
+  Mechanism& made = scene.mechanism;
+  made.name = "screw";
+  const JointAt along = made.joints[0];
+  made.joints.clear();
+  made.add_forces = [along](World* world) {
+    Joint screw;
+    screw.name = "screw";
+    screw.kind = JointKind::kScrew;
+    screw.body_a = world->body_ids()[0];
+    screw.body_b = world->body_ids()[1];
+    screw.anchor_a = along.point - world->state(screw.body_a).position;
+    screw.anchor_b = along.point - world->state(screw.body_b).position;
+    screw.frame_a = frame_along(along.axis);
+    screw.pitch = 0.4;
+    world->add_joint(screw);
+  };
+  return scene;
+}
+
+/// Two boxes on a rope over two corners of a third one.
+inline Conserved free_pulley() {
+  Conserved scene = free_gears(2.0);
+  Mechanism& made = scene.mechanism;
+  made.name = "pulley";
+  made.joints.clear();
+  made.add_forces = [](World* world) {
+    Joint pulley;
+    pulley.name = "pulley";
+    pulley.kind = JointKind::kPulley;
+    for (std::size_t i = 0; i < 2; ++i) {
+      Joint rope;
+      rope.name = "rope" + std::to_string(i);
+      rope.kind = JointKind::kFreeDistance;
+      rope.body_a = world->body_ids()[0];
+      rope.anchor_a = {i == 0 ? 0.1 : -0.1, 0.2, 0.3};
+      rope.body_b = world->body_ids()[i + 1];
+      rope.anchor_b = {0.1, -0.1, 0.05};
+      (i == 0 ? pulley.coupling.first : pulley.coupling.second) = world->add_joint(rope);
+    }
+    pulley.coupling.ratio = 1.7;
+    world->add_joint(pulley);
+  };
+  return scene;
+}
+
 inline std::vector<Conserved> conserved() {
   std::vector<Conserved> all;
   for (const JointKind kind :
@@ -130,6 +201,9 @@ inline std::vector<Conserved> conserved() {
         JointKind::kSlider, JointKind::kCylindrical, JointKind::kPlanar, JointKind::kPointOnLine,
         JointKind::kPointOnPlane})
     all.push_back(pair_of(kind));
+  for (const double ratio : {2.0, 1e6}) all.push_back(free_gears(ratio));
+  all.push_back(free_screw());
+  all.push_back(free_pulley());
   for (const JointKind kind : {JointKind::kHinge, JointKind::kSlider, JointKind::kUniversal})
     for (const double ratio : {2.0, 1e6}) all.push_back(hanging_pair(kind, ratio));
   for (const Mechanism& mechanism : {slider_crank(), four_bar(), universal_shaft(), bricard()})

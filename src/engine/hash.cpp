@@ -147,8 +147,8 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
     add(hash, joint.coordinates[i], state.coordinates[i]);
   if (joint.break_torque > 0.0) hash.add(joint.break_torque);
   if (couples(joint.kind))
-    for (const double number : {joint.coupling.ratio, joint.pitch, state.coupling.constant,
-                                state.coupling.impulse, state.coupling.offset})
+    for (const double number :
+         {joint.coupling.ratio, joint.pitch, state.coupling.constant, state.coupling.impulse})
       hash.add(number);
   hash.add(joint.baumgarte.value_or(-1.0));
   hash.add(joint.break_force);
@@ -156,6 +156,7 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   hash.add(std::uint64_t{state.broken});
   if (!state.closing) return;
   hash.add(state.closing_since);
+  if (couples(joint.kind)) hash.add(state.coupling.offset);
   add(hash, state.closing_offset);
   if (info(joint.kind).alignment != Alignment::kFree) {
     hash.add(state.closing_shift);

@@ -399,20 +399,17 @@ SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
 
 /// State that a saved joint continues from.
 JointState read_joint_state(const YamlElement& item, JointKind kind) {
-  item.expect_keys({"coupling", "travel", "expires_at", "impulse", "self_stress", "self_stress_of",
-                    "positions", "held", "closing_since", "closing_offset", "closing_shift",
-                    "closing_turn", "closing_share", "initial_error"});
+  item.expect_keys({"coupling_constant", "coupling_impulse", "closing_coupling", "travel",
+                    "expires_at", "impulse", "self_stress", "self_stress_of", "positions", "held",
+                    "closing_since", "closing_offset", "closing_shift", "closing_turn",
+                    "closing_share", "initial_error"});
   JointState state;
   item.read("travel", &state.travel);
   if (const auto value = item.find("expires_at")) state.expires_at = value->number_or_infinity();
   read_rows(item, "impulse", kind, &state.impulse);
-  if (couples(kind)) {
-    const Eigen::Vector3d coupling = item.at("coupling").numbers(3);
-    item.attempt([&] { check_finite("coupling", coupling); });
-    state.coupling.constant = coupling[0];
-    state.coupling.impulse = coupling[1];
-    state.coupling.offset = coupling[2];
-  }
+  item.read("coupling_constant", &state.coupling.constant);
+  item.read("coupling_impulse", &state.coupling.impulse);
+  item.read("closing_coupling", &state.coupling.offset);
   const int size = coordinates(kind);
   const auto read_coordinates = [&](const char* key, double CoordinateState::*field) {
     if (size == 0) return;
@@ -436,6 +433,9 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
   }
   item.attempt([&] {
     check_finite("travel", state.travel);
+    check_finite("coupling_constant", state.coupling.constant);
+    check_finite("coupling_impulse", state.coupling.impulse);
+    check_finite("closing_coupling", state.coupling.offset);
     if (std::isfinite(state.expires_at)) check_finite("expires_at", state.expires_at);
     check_finite("closing_since", state.closing_since);
     check_finite("initial_error", state.initial_error);

@@ -230,10 +230,10 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
     write(out, "held", held);
   }
   write_rows(out, "impulse", joint, state.impulse);
-  if (couples(joint.kind))
-    write(out, "coupling",
-          Eigen::VectorXd(Eigen::Vector3d(state.coupling.constant, state.coupling.impulse,
-                                          state.coupling.offset)));
+  if (couples(joint.kind)) {
+    write(out, "coupling_constant", state.coupling.constant);
+    write(out, "coupling_impulse", state.coupling.impulse);
+  }
   const SelfStress& self_stress = impl.self_stress[impl.index(id)];
   if (!self_stress.is_none()) {
     write_rows(out, "self_stress", joint, self_stress.share);
@@ -247,6 +247,7 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
       write(out, "closing_turn", state.closing_turn);
       write(out, "closing_share", state.closing_share);
     }
+    if (couples(joint.kind)) write(out, "closing_coupling", state.coupling.offset);
     write(out, "initial_error", state.initial_error);
   }
   *out << YAML::EndMap;

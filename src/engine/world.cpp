@@ -247,7 +247,11 @@ bool World::Impl::tells_finite_numbers() const {
 }
 
 void World::Impl::note_if_broken(std::size_t j) {
-  if (!joint_states[j].broken) return;
+  if (joint_states[j].broken) give_up(j);
+}
+
+// A joint that broke in this step, and what couples it, which is read after it.
+void World::Impl::give_up(std::size_t j) {
   for (const std::size_t coupling : couplings_of(j)) joint_states[coupling].broken = true;
   topology_edited = true;
   edit_island_of(joints[j].body_a);

@@ -274,6 +274,7 @@ struct World::Impl : Model, State, IslandLists {
   void finish_step(const Tick& tick, const Carried& by_method);
   void read_smooth_joints(const JointStep& step, const Carried& by_method);
   void note_if_broken(std::size_t j);
+  void give_up(std::size_t j);
   void note_coupling(std::size_t j, double h, double impulse);
   void tell_contacts();
   void add_contacts(const TouchingPair& pair);

@@ -15,6 +15,7 @@ inline Joint random_joint(JointKind kind, Random* random) {
   joint.anchor_b = random->vector();
   joint.frame_a = random->orientation();
   joint.frame_b = random->orientation();
+  if (kind == JointKind::kScrew) joint.pitch = 0.4;
   return joint;
 }
 

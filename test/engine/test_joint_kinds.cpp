@@ -224,11 +224,44 @@ World free_pair(JointKind kind, Method method, double h) {
   return world;
 }
 
+/// The same of a coupling: a third box, and hinges or free distances between it and the first two.
+World free_triple(JointKind kind, Method method, double h) {
+  Random random;
+  const JointKind of = kind == JointKind::kPulley ? JointKind::kFreeDistance : JointKind::kHinge;
+  World world = free_pair(of, method, h);
+  const BodyId a = world.find_body("a");
+  Joint second = random_joint(of, &random);
+  second.name = "second";
+  second.anchor_a *= 0.3;
+  second.anchor_b *= 0.3;
+  Body c = make_body("c", Box{{0.4, 0.6, 0.3}}, 1.5, Vector3d::Zero());
+  c.no_collision = true;
+  c.state = attached(second, world.state(a), &random);
+  c.state.linear_velocity =
+      world.state(a).linear_velocity +
+      world.state(a).angular_velocity.cross(c.state.position - world.state(a).position);
+  c.state.angular_velocity = world.state(a).angular_velocity;
+  second.body_a = a;
+  second.body_b = world.add_body(c);
+  Joint coupling;
+  coupling.name = "coupling";
+  coupling.kind = kind;
+  coupling.coupling.first = world.find_joint("joint");
+  coupling.coupling.second = world.add_joint(second);
+  coupling.coupling.ratio = -1.3;
+  world.add_joint(coupling);
+  return world;
+}
+
+World free_joint(JointKind kind, Method method, double h) {
+  return couples_joints(kind) ? free_triple(kind, method, h) : free_pair(kind, method, h);
+}
+
 class EachKind : public testing::TestWithParam<JointKind> {};
 
 TEST_P(EachKind, KeepsRowsEnergyAndMomentaInFreeSpace) {
   for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
-    World world = free_pair(GetParam(), method, 0.01);
+    World world = free_joint(GetParam(), method, 0.01);
     world.step();  // the start takes out what the joint does not let through
     const double energy = world.energy();
     const Vector3d p = momentum(world), L = angular_momentum(world);
@@ -251,7 +284,7 @@ TEST_P(EachKind, KeepsRowsEnergyAndMomentaInFreeSpace) {
 // impulses, which halves with the tick.
 TEST_P(EachKind, MovesAlikeByEachMethod) {
   const auto end = [&](Method method, double h) {
-    World world = free_pair(GetParam(), method, h);
+    World world = free_joint(GetParam(), method, h);
     const int steps = static_cast<int>(std::lround(0.5 / h));
     for (int i = 0; i < steps; ++i) world.step();
     std::vector<Vector3d> points;
@@ -277,7 +310,7 @@ TEST_P(EachKind, MovesAlikeByEachMethod) {
 
 TEST_P(EachKind, IsSavedAndLoadedAsItIs) {
   for (const Method method : {Method::kRungeKutta, Method::kSequentialImpulses}) {
-    World world = free_pair(GetParam(), method, 0.01);
+    World world = free_joint(GetParam(), method, 0.01);
     for (int i = 0; i < 20; ++i) world.step();
     const std::string saved = save_scene(world);
     World loaded = load_scene(saved, "saved");

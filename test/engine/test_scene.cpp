@@ -413,10 +413,24 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{with_constraints("  - body_b: a\n"), "s:4: constraints[0]: missing key 'name'"},
         BadScene{with_constraints("  - name: j\n    body_b: b\n"),
                  "s:5: constraints[0].body_b: there is no body 'b'"},
-        BadScene{with_constraints("  - name: j\n    type: gear\n    body_b: a\n"),
-                 "s:5: constraints[0].type: there is no 'gear' (yet); there are distance, rope, "
+        BadScene{with_constraints("  - name: j\n    type: cog\n    body_b: a\n"),
+                 "s:5: constraints[0].type: there is no 'cog' (yet); there are distance, rope, "
                  "strut, spring, ball, hinge, slider, cylindrical, planar, universal, weld, "
-                 "point_on_line, point_on_plane"},
+                 "point_on_line, point_on_plane, free_distance, gear, pulley, screw"},
+        BadScene{with_constraints("  - name: j\n    type: gear\n    body_b: a\n"),
+                 "s:6: constraints[0]: unknown key 'body_b'"},
+        BadScene{with_constraints("  - name: j\n    type: gear\n"),
+                 "s:4: constraints[0]: missing key 'joints'"},
+        BadScene{with_constraints("  - name: j\n    type: gear\n    joints: [k]\n"),
+                 "s:6: constraints[0].joints: must be the names of two constraints, got 1"},
+        BadScene{with_constraints("  - name: j\n    type: gear\n    joints: [k, l]\n"),
+                 "s:6: constraints[0].joints[0]: there is no constraint 'k' before this one"},
+        BadScene{with_constraints("  - {name: h, free: true, body_b: a}\n  - {name: i, free: true, "
+                                  "body_b: a}\n  - name: j\n    type: pulley\n    joints: [h, i]\n"
+                                  "    ratio: 0\n"),
+                 "s:9: constraints[2].ratio: must not be 0, got 0"},
+        BadScene{with_constraints("  - name: j\n    type: screw\n    body_b: a\n"),
+                 "s:4: constraints[0]: missing key 'pitch'"},
         BadScene{with_constraints("  - name: j\n    type: rope\n    body_b: a\n    length: 1\n"),
                  "s:7: constraints[0]: unknown key 'length'"},
         BadScene{with_constraints("  - name: j\n    body_b: a\n    length: -1\n"),

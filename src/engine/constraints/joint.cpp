@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <tuple>
 
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/course.h"
@@ -36,6 +37,8 @@ Motor drive(const DistanceJoint& distance, const JointStep& step, Motor motor, J
 }
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+const MovingFrame kHome;  // which does not move
 
 // Sets the mean bias of a coordinate, and returns its motor as it acts throughout the step.
 Motor drive(const CoordinateLaw& law, const JointStep& step, double expires_at,
@@ -97,6 +100,20 @@ Course turn_to_close(const JointState& state, const JointStep& step, double beta
     return closing_course(step.t - state.closing_since + (at_end ? step.h : 0.0),
                           step.closing_time);
   return {at_end ? (1.0 - beta) * state.closing_share : state.closing_share, 0.0, 0.0};
+}
+
+// Where the frame on B would meet the rows, of a joint that keeps axes: shift and turn.
+std::pair<Eigen::Vector3d, Eigen::Vector3d> opening_of(const Joint& joint, const BodyState& a,
+                                                       const BodyState& b) {
+  const JointKindInfo& kind = info(joint.kind);
+  const JointVectors vectors(joint, a, b);
+  Eigen::Vector3d open = Eigen::Vector3d::Zero();
+  for (int k = 0; k < kind.separation_rows; ++k) {
+    const RowForm& form = kind.row[at(k)];
+    open +=
+        value(form, vectors) * vectors[form.u.kind == VectorKind::kSeparation ? form.v : form.u];
+  }
+  return {-(b.orientation.conjugate() * open), misalignment(kind.alignment, vectors)};
 }
 
 // The frame on B at the start or the end of a step. By a share of the error a step only the turn
@@ -212,9 +229,9 @@ void measure_coordinates(const Joint& joint, const JointVectors& vectors, const 
   if (kind.coordinates > 0) state.reached_rate = state.coordinates[0].velocity;
 }
 
-// the same of every other kind
+// The same of every other kind: rows by the frame on B at home, coordinates by where it is now.
 void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState& b, double h,
-                        JointState& state) {
+                        const MovingFrame& frame, JointState& state) {
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, a, b);
   const JointMotion motion(vectors, a, b);
@@ -235,7 +252,12 @@ void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState&
       state.error_rate = state.radius * angle.rate();
     }
   }
-  if (kind.coordinates > 0) measure_coordinates(joint, vectors, motion, h, state);
+  if (kind.coordinates == 0) return;
+  if (!frame.moves) return measure_coordinates(joint, vectors, motion, h, state);
+  const JointVectors now(joint, a, b, frame);
+  JointMotion moves(now, a, b);
+  moves.add(frame, b.orientation.toRotationMatrix());
+  measure_coordinates(joint, now, moves, h, state);
 }
 
 // of a screw, from its coordinates
@@ -257,9 +279,9 @@ void measure_coupling(const Joint& joint, JointState& state) {
 }
 
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
-                   double h, JointState& state) {
+                   double h, const MovingFrame& frame, JointState& state) {
   if (joint.kind == JointKind::kDistance) return measure_distance(joint, a, b, zeta, state);
-  measure_table_rows(joint, a, b, h, state);
+  measure_table_rows(joint, a, b, h, frame, state);
   if (couples(joint.kind)) measure_coupling(joint, state);
 }
 
@@ -370,11 +392,16 @@ bool is_closed(const JointState& state, const JointStep& step) {
 // what is left to do once it is known what the rows have done
 void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
             double zeta, const RowVector& impulse, JointState& state) {
-  measure_joint(joint, a, b, zeta, step.h, state);
+  const bool is_distance = joint.kind == JointKind::kDistance;
+  if (is_distance)
+    measure_distance(joint, a, b, zeta, state);
+  else if (state.closing)
+    measure_joint(joint, a, b, zeta, step.h, frame_in(joint, step, state, true), state);
+  else
+    measure_joint(joint, a, b, zeta, step.h, kHome, state);
   if (state.closing && step.closing_time == 0.0)
     state.closing_share *= 1.0 - joint.baumgarte.value_or(step.beta);
   if (state.closing) state.closing = !is_closed(state, step);
-  const bool is_distance = joint.kind == JointKind::kDistance;
   if (is_distance ? joint.break_force > 0.0 && std::abs(state.force) > joint.break_force
                   : breaks(joint, a, b, impulse, step.h, state)) {
     state.broken = true;
@@ -474,6 +501,14 @@ void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, cons
   finish(joint, a, b, step, state.bias, impulse, state);
 }
 
+MovingFrame frame_where_met(const Joint& joint, const BodyState& a, const BodyState& b,
+                            double radius) {
+  if (info(joint.kind).alignment == Alignment::kFree) return {};
+  const auto [shift, turn] = opening_of(joint, a, b);
+  if (std::max(shift.norm(), radius * turn.norm()) <= kFits) return {};
+  return {joint.anchor_b, joint.frame_b->toRotationMatrix(), shift, turn, Course{1.0, 0.0, 0.0}};
+}
+
 double reading(const ScalarForm& form, double value, double zero, double reference) {
   return form.is_angle ? unwound(value + zero, reference) : value + zero;
 }
@@ -481,7 +516,7 @@ double reading(const ScalarForm& form, double value, double zero, double referen
 void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& b,
                        JointState& state) {
   const JointKindInfo& kind = info(joint.kind);
-  const JointVectors vectors(joint, a, b);
+  const JointVectors vectors(joint, a, b, frame_where_met(joint, a, b, state.radius));
   for (int i = 0; i < kind.coordinates; ++i) {
     CoordinateState& coordinate = state.coordinates[at(i)];
     const CoordinateLaw& law = joint.coordinates[at(i)];
@@ -508,26 +543,25 @@ World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyS
 
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
                  JointState& state) {
-  measure_joint(joint, a, b, state.bias, 0.0, state);
+  const JointKindInfo& kind = info(joint.kind);
+  MovingFrame frame;
+  if (kind.alignment != Alignment::kFree && !state.broken) {
+    std::tie(state.closing_shift, state.closing_turn) = opening_of(joint, a, b);
+    state.closing_share = 1.0;
+    frame = frame_where_met(joint, a, b, state.radius);
+  }
+  measure_joint(joint, a, b, state.bias, 0.0, frame, state);
   state.initial_error = state.error;
   state.closing_since = t;
   state.closing_offset = row_errors(joint, a, b, state);
   state.coupling.offset = state.coupling.value - state.coupling.constant;
-  const JointKindInfo& kind = info(joint.kind);
-  if (kind.alignment != Alignment::kFree) {
-    const JointVectors vectors(joint, a, b);
-    Eigen::Vector3d open = Eigen::Vector3d::Zero();
-    for (int k = 0; k < kind.separation_rows; ++k) {
-      const RowForm& form = kind.row[at(k)];
-      open +=
-          value(form, vectors) * vectors[form.u.kind == VectorKind::kSeparation ? form.v : form.u];
-    }
-    state.closing_shift = -(b.orientation.conjugate() * open);
-    state.closing_turn = misalignment(kind.alignment, vectors);
-    state.closing_share = 1.0;
-    state.closing_offset.head(kind.rows).setZero();
-  }
+  if (kind.alignment != Alignment::kFree) state.closing_offset.head(kind.rows).setZero();
   state.closing = !state.broken && is_rigid(joint) && std::abs(state.error) > kFits;
+}
+
+void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& now,
+                   JointState& state) {
+  measure_joint(joint, a, b, state.bias, 0.0, frame_in(joint, now, state, false), state);
 }
 
 double elastic_energy(const Joint& joint, const JointState& state) {

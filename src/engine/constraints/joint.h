@@ -56,6 +56,15 @@ Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyS
                              const JointStep& step, const JointState& state, int coordinate,
                              bool at_end);
 
+/// Measures a joint that goes on being closed, or not, as its state says.
+void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& now,
+                   JointState& state);
+
+/// The frame on B where it would meet the rows of a joint that keeps axes; it does not move where
+/// they are met. By that frame coordinates read while the joint is open. `radius`: JointState's.
+MovingFrame frame_where_met(const Joint& joint, const BodyState& a, const BodyState& b,
+                            double radius);
+
 /// Sets where the coordinates of a joint just added are: there, whatever they read then. Of a
 /// coupling of other joints `state` has its value already.
 void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& b,

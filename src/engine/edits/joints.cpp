@@ -100,22 +100,23 @@ void World::Impl::check_ends(const Joint& joint) const {
 // the joints that it couples, whose first coordinates have to be there
 void World::Impl::check_coupling(const Joint& joint) const {
   const Coupling& coupling = joint.coupling;
-  const auto check = [&](const char* field, JointId id) {
+  const auto check = [&](JointId id) {
     const Joint& of = joints[index(id)];
     const bool fits = joint.kind == JointKind::kPulley ? of.kind == JointKind::kFreeDistance
                                                        : coordinates(of.kind) > 0;
     if (!fits)
-      refuse(field, quoted(of.name) + " is of type " + name(of.kind) + ", a " + name(joint.kind) +
-                        (joint.kind == JointKind::kPulley
-                             ? " joins distance constraints with free: true"
-                             : " joins constraints with a free coordinate, such as hinges"));
-    if (joint_states[index(id)].broken) refuse(field, quoted(of.name) + " is broken");
+      refuse("joints", quoted(of.name) + " is of type " + name(of.kind) + ", a " +
+                           name(joint.kind) +
+                           (joint.kind == JointKind::kPulley
+                                ? " joins distance constraints with free: true"
+                                : " joins constraints with a free coordinate, such as hinges"));
+    if (joint_states[index(id)].broken) refuse("joints", quoted(of.name) + " is broken");
   };
-  check("joint_a", coupling.first);
-  check("joint_b", coupling.second);
+  check(coupling.first);
+  check(coupling.second);
   if (coupling.first == coupling.second)
-    refuse("joint_b", "must be another constraint than joint_a, got " +
-                          quoted(joints[index(coupling.first)].name) + " twice");
+    refuse("joints",
+           "must be two constraints, got " + quoted(joints[index(coupling.first)].name) + " twice");
 }
 
 BodyId World::Impl::movable_end(JointId id) const {
@@ -205,7 +206,10 @@ void World::Impl::fill_in_frames(Joint& joint) const {
 // from what the coordinates are to read now
 void World::Impl::set_zeros(Joint& joint) const {
   const JointKindInfo& kind = info(joint.kind);
-  const JointVectors vectors(joint, states[index(joint.body_a)], states[index(joint.body_b)]);
+  const std::size_t a = index(joint.body_a), b = index(joint.body_b);
+  const double radius = std::max(masses[a].radius_of_gyration(), masses[b].radius_of_gyration());
+  const JointVectors vectors(joint, states[a], states[b],
+                             frame_where_met(joint, states[a], states[b], radius));
   for (std::size_t i = 0; i < static_cast<std::size_t>(kind.coordinates); ++i) {
     CoordinateLaw& law = joint.coordinates[i];
     if (law.position) law.zero = *law.position - value(kind.coordinate[i], vectors);
@@ -249,10 +253,14 @@ double World::Impl::inverse_effective_mass(const Joint& joint, int coordinate) c
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, states[a], states[b]);
   using Row = Eigen::Matrix<double, 1, 12>;
-  Eigen::Matrix<double, Eigen::Dynamic, 12> G(kind.rows + 1, 12);  // times the root of M⁻¹
-  for (int k = 0; k <= kind.rows; ++k) {
-    const int function = k < kind.rows ? k : kind.rows + coordinate;
-    const Jacobian J = jacobian(kind.function[static_cast<std::size_t>(function)], vectors);
+  const int rows = kind.rows + (joint.kind == JointKind::kScrew ? 1 : 0);
+  Eigen::Matrix<double, Eigen::Dynamic, 12> G(rows + 1, 12);  // times the root of M⁻¹
+  for (int k = 0; k <= rows; ++k) {
+    const int function = k < rows ? k : kind.rows + coordinate;
+    Jacobian J = jacobian(kind.function[static_cast<std::size_t>(function)], vectors);
+    if (k == kind.rows && k < rows)
+      J = combined(1.0, jacobian(kind.coordinate[0], vectors), -lead(joint),
+                   jacobian(kind.coordinate[1], vectors));
     const auto turned = [&](std::size_t i, const Vector3d& j) -> Vector3d {
       return (states[i].orientation.conjugate() * j)
           .cwiseProduct(masses[i].inverse_inertia.cwiseSqrt());
@@ -262,8 +270,9 @@ double World::Impl::inverse_effective_mass(const Joint& joint, int coordinate) c
         std::sqrt(masses[b].inverse_mass) * J.j3.transpose(), turned(b, J.j4).transpose();
     G.row(k) = row;
   }
-  const Eigen::MatrixXd held = G.topRows(kind.rows).transpose();
   const Eigen::VectorXd g = G.bottomRows(1).transpose();
+  if (rows == 0) return g.squaredNorm();
+  const Eigen::MatrixXd held = G.topRows(rows).transpose();
   const Eigen::VectorXd part = held.completeOrthogonalDecomposition().solve(g);
   const double left = (g - held * part).squaredNorm();
   return left > 1e-20 * g.squaredNorm() ? left : 0.0;
@@ -283,7 +292,8 @@ double World::Impl::inverse_effective_mass(const Jacobian& J, std::size_t a, std
 void World::Impl::open_joint(std::size_t j, double t) {
   if (couples_joints(joints[j].kind))
     read_coupling(terms_of(j), joint_states, &joint_states[j].coupling);
-  begin_joint(joints[j], state_a(j), state_b(j), t, joint_states[j]);
+  begin_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)], t,
+              joint_states[j]);
 }
 
 // the state of a joint just added
@@ -324,6 +334,11 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
     state.closing_share = saved.closing_share;
     state.initial_error = saved.initial_error;
   }
+  state.coordinates = saved.coordinates;  // read by the frame that is being closed, or by none
+  measure_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)],
+                span_from(time(), options.time_step), state);
+  for (std::size_t i = 0; i < kMaxCoordinates; ++i)
+    state.coordinates[i].position = saved.coordinates[i].position;  // to the bit
   joint_starts[j].state = state;
   joint_starts[j].time = time();
   edit_island_of(joints[j].body_a);

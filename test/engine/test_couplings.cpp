@@ -1,0 +1,347 @@
+// Gears, racks, pulleys and screws as users have them: edits, refusals, whole turns,
+// contradictions, and what their forces do. Their motion is held in test_mechanisms.cpp and
+// test_joint_kinds.cpp.
+
+#include <functional>
+
+#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/scene.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr Method kSmooth[] = {Method::kRungeKutta, Method::kEnergyMomentum};
+
+std::string refusal(const std::function<void()>& attempt) {
+  try {
+    attempt();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// Wheels on hinges to the world about z, a metre apart, 0.5 kg m² each; none touches another.
+struct Wheels {
+  World world;
+  std::vector<BodyId> bodies;
+  std::vector<JointId> hinges;
+
+  explicit Wheels(int count, Method method = Method::kRungeKutta, double h = 0.01)
+      : world([&] {
+          WorldOptions chosen = weightless(h);
+          chosen.method = method;
+          chosen.tolerance = 1e-11;
+          chosen.iterations = 100;
+          return chosen;
+        }()) {
+    for (int i = 0; i < count; ++i) {
+      Body wheel =
+          make_body("wheel_" + std::to_string(i), Box{{0.6, 0.6, 0.1}}, 1.0, Vector3d(i, 0.0, 0.0));
+      wheel.inertia = {0.3, 0.3, 0.5};
+      wheel.no_collision = true;
+      bodies.push_back(world.add_body(wheel));
+      Joint hinge;
+      hinge.name = "hinge_" + std::to_string(i);
+      hinge.kind = JointKind::kHinge;
+      hinge.anchor_a = Vector3d(i, 0.0, 0.0);
+      hinge.body_b = bodies.back();
+      hinges.push_back(world.add_joint(hinge));
+    }
+  }
+
+  JointId gear(int first, int second, double ratio) {
+    Joint joint;
+    joint.name = "gear_" + std::to_string(first) + "_" + std::to_string(second);
+    joint.kind = JointKind::kGear;
+    joint.coupling = {hinges[static_cast<std::size_t>(first)],
+                      hinges[static_cast<std::size_t>(second)],
+                      ratio,
+                      {}};
+    return world.add_joint(joint);
+  }
+
+  void spin(int wheel, double rate) {
+    BodyState state = world.state(bodies[static_cast<std::size_t>(wheel)]);
+    state.angular_velocity = {0.0, 0.0, rate};
+    world.set_state(bodies[static_cast<std::size_t>(wheel)], state);
+  }
+
+  double angle(int wheel) const {
+    return world.joint_state(hinges[static_cast<std::size_t>(wheel)]).coordinates[0].position;
+  }
+};
+
+// A torque τ on the first of two wheels of inertia I turns it by ½ τ/(I + I/ratio²) t², and what
+// the gear does along q₁ is −τ/(1 + ratio²) of it, by Newton's law of the second wheel. Cayley's
+// turns of hω = 0.05 rad are off by (hω)²/12 of themselves: composed to order 4 they leave 1e-10
+// rad of two, and of the mean force as many shares as of one turn.
+TEST(Gear, SharesATorqueByItsRatio) {
+  for (const double ratio : {2.0, -0.5, std::sqrt(2.0)}) {
+    for (const Method method :
+         {Method::kRungeKutta, Method::kEnergyMomentum, Method::kSequentialImpulses}) {
+      Wheels wheels(2, method);
+      const JointId gear = wheels.gear(0, 1, ratio);
+      Wrench wrench;
+      wrench.body = wheels.bodies[0];
+      wrench.torque = {0.0, 0.0, 3.0};
+      wheels.world.add_wrench(wrench);
+      for (int i = 0; i < 100; ++i) wheels.world.step();
+      const double rate = 3.0 / (0.5 + 0.5 / (ratio * ratio));
+      const bool is_first_order = method == Method::kSequentialImpulses;  // off by ½ h t
+      const bool is_order_4 = method == Method::kEnergyMomentum;
+      const double allowed = is_first_order ? 0.011 * rate : (is_order_4 ? 3e-10 : 1e-11);
+      const double of_force = is_order_4 ? 4e-4 : 1e-9;
+      EXPECT_NEAR(wheels.angle(0), 0.5 * rate, allowed) << name(method);
+      EXPECT_NEAR(wheels.angle(1), -0.5 * rate / ratio, allowed / std::abs(ratio)) << name(method);
+      const double effort = 0.5 * rate - 3.0;  // on the first wheel
+      const JointState& state = wheels.world.joint_state(gear);
+      EXPECT_NEAR(state.coupling.effort, effort, of_force) << name(method);
+      EXPECT_NEAR(state.force, effort, of_force) << name(method);
+      EXPECT_NEAR(wheels.world.joint_state(wheels.hinges[1]).coordinates[0].effort, ratio * effort,
+                  of_force)
+          << name(method);
+    }
+  }
+}
+
+// A gear of √2 for hundreds of turns: its constant is kept to rounding of the angles, saved with
+// the turns, and taken anew by a reset.
+TEST(Gear, CountsWholeTurns) {
+  for (const Method method : kSmooth) {
+    Wheels wheels(2, method);
+    wheels.spin(0, 40.0);
+    for (int i = 0; i < 300; ++i) wheels.world.step();
+    wheels.gear(0, 1, std::sqrt(2.0));  // the first has turned 19 times
+    EXPECT_NEAR(wheels.angle(0), 120.0, 1e-8);
+    const double constant = wheels.angle(0) + std::sqrt(2.0) * wheels.angle(1);
+    for (int i = 0; i < 1000; ++i) {
+      ASSERT_FALSE(wheels.world.step().failed);
+      ASSERT_NEAR(wheels.angle(0) + std::sqrt(2.0) * wheels.angle(1), constant,
+                  8.0 * kEpsilon * 600.0);
+    }
+    // both share the angular momentum along the first: ω₁ = 40/(1 + 1/2)
+    EXPECT_NEAR(wheels.angle(0), 120.0 + 10.0 * 40.0 / 1.5, 1e-6);
+
+    World loaded = load_scene(save_scene(wheels.world), "saved");
+    for (int i = 0; i < 100; ++i) loaded.step();
+    EXPECT_LE(loaded.report().max_constraint_error, 8.0 * kEpsilon * 700.0);
+
+    wheels.world.reset();
+    EXPECT_EQ(wheels.world.joint_state(wheels.world.find_joint("gear_0_1")).closing, false);
+    EXPECT_FALSE(wheels.world.step().failed);
+  }
+}
+
+// Where a body is put elsewhere the gear closes by the world's course, both wheels giving way.
+TEST(Gear, ClosesWhatAnEditLeavesOpen) {
+  for (const Method method :
+       {Method::kRungeKutta, Method::kEnergyMomentum, Method::kSequentialImpulses}) {
+    Wheels wheels(2, method);
+    const JointId gear = wheels.gear(0, 1, 2.0);
+    BodyState turned = wheels.world.state(wheels.bodies[1]);
+    turned.orientation = Eigen::AngleAxisd(0.3, Vector3d::UnitZ());
+    wheels.world.set_state(wheels.bodies[1], turned);
+    EXPECT_NEAR(wheels.world.joint_state(gear).error, 0.6, 1e-12);
+    EXPECT_TRUE(wheels.world.joint_state(gear).closing);
+    for (int i = 0; i < 100; ++i) wheels.world.step();
+    EXPECT_FALSE(wheels.world.joint_state(gear).closing) << name(method);
+    EXPECT_LE(wheels.world.joint_state(gear).error,
+              method == Method::kSequentialImpulses ? 6e-3 : 1e-12);
+    if (method == Method::kSequentialImpulses) continue;
+    // M⁻¹Jᵀ: the first turns by −0.6/(1 + 4), the second by twice that
+    EXPECT_NEAR(wheels.angle(0), -0.12, 1e-9) << name(method);
+    EXPECT_NEAR(wheels.angle(1), 0.3 - 0.24, 1e-9) << name(method);
+  }
+}
+
+// One gear twice is one; of a loop of three that fit each other nothing more can turn.
+TEST(Gear, MayBeRedundantOrLock) {
+  for (const Method method : kSmooth) {
+    Wheels twice(2, method);
+    twice.spin(0, 3.0);
+    const JointId one = twice.gear(0, 1, 2.0);
+    twice.gear(1, 0, 0.5);
+    for (int i = 0; i < 100; ++i) ASSERT_FALSE(twice.world.step().failed);
+    EXPECT_EQ(twice.world.report().dependent_rows, 1u);
+    EXPECT_NEAR(twice.angle(0), 3.0 / 1.25, 1e-9);
+    EXPECT_LE(twice.world.report().max_constraint_error, 1e-13);
+    // of the start's impulse nothing; by Cayley's turns a share of rounding over h
+    EXPECT_NEAR(twice.world.joint_state(one).force, 0.0, 1e-4);
+
+    Wheels locked(3, method);
+    locked.spin(0, 3.0);
+    locked.gear(0, 1, 1.0);
+    locked.gear(1, 2, 1.0);
+    locked.gear(0, 2, 1.0);
+    for (int i = 0; i < 10; ++i) ASSERT_FALSE(locked.world.step().failed);
+    for (int i = 0; i < 3; ++i) EXPECT_NEAR(locked.angle(i), 0.0, 1e-12);
+  }
+}
+
+// Where a motor drives what gears lock, nobody can have what he asks for, and it is told.
+TEST(Gear, TellsALoopThatContradictsAMotor) {
+  for (const Method method : kSmooth) {
+    Wheels wheels(3, method);
+    wheels.gear(0, 1, 1.0);
+    wheels.gear(1, 2, 1.0);
+    wheels.gear(0, 2, 1.0);
+    CoordinateMotor motor;
+    motor.bias = 1.0;
+    wheels.world.set_motor(wheels.hinges[0], 0, motor);
+    const double energy = wheels.world.energy();
+    bool is_told = false;
+    for (int i = 0; i < 300; ++i) {
+      wheels.world.step();
+      is_told = is_told || !step_warnings(wheels.world).empty();
+    }
+    EXPECT_TRUE(is_told) << name(method);
+    EXPECT_EQ(wheels.world.islands().front().why, MethodReason::kInconsistent) << name(method);
+    EXPECT_LE(wheels.world.energy(), energy + 10.0);
+  }
+}
+
+// A hinge and a slider as rack and pinion, driven by a motor on the hinge.
+TEST(Gear, DrivesARack) {
+  for (const Method method :
+       {Method::kRungeKutta, Method::kEnergyMomentum, Method::kSequentialImpulses}) {
+    Wheels wheels(1, method);
+    Body rack = make_body("rack", Box{{1.0, 0.1, 0.1}}, 2.0, Vector3d(0.0, 0.5, 0.0));
+    rack.no_collision = true;
+    Joint rail;
+    rail.name = "rail";
+    rail.kind = JointKind::kSlider;
+    rail.frame_a = frame_along(Vector3d::UnitX());
+    rail.anchor_a = {0.0, 0.5, 0.0};
+    rail.body_b = wheels.world.add_body(rack);
+    wheels.hinges.push_back(wheels.world.add_joint(rail));
+    wheels.gear(0, 1, -2.0);  // 1/radius
+    CoordinateMotor motor;
+    motor.bias = 0.8;
+    wheels.world.set_motor(wheels.hinges[0], 0, motor);
+    for (int i = 0; i < 100; ++i) wheels.world.step();
+    EXPECT_NEAR(wheels.world.state(rail.body_b).position.x(), 0.4,
+                method == Method::kSequentialImpulses ? 1e-6 : 1e-11)
+        << name(method);
+  }
+}
+
+TEST(Coupling, EndsWithWhatItCouples) {
+  Wheels wheels(3);
+  wheels.gear(0, 1, 1.0);
+  wheels.gear(1, 2, 1.0);
+  EXPECT_EQ(refusal([&] { wheels.world.remove_joint(wheels.hinges[0]); }),
+            "name: 'hinge_0' is coupled by 'gear_0_1', remove that first");
+  EXPECT_EQ(wheels.world.remove_body(wheels.bodies[0]),
+            (std::vector<std::string>{"hinge_0", "gear_0_1"}));
+  wheels.world.set_broken(wheels.hinges[1], true);
+  const JointId other = wheels.world.find_joint("gear_1_2");
+  EXPECT_TRUE(wheels.world.joint_state(other).broken);
+  EXPECT_EQ(refusal([&] { wheels.world.set_broken(other, false); }),
+            "name: 'hinge_1', which 'gear_1_2' couples, is broken");
+  EXPECT_FALSE(wheels.world.step().failed);
+  wheels.world.set_broken(wheels.hinges[1], false);
+  wheels.world.set_broken(other, false);
+  EXPECT_FALSE(wheels.world.step().failed);
+  wheels.world.remove_joint(other);
+  wheels.world.remove_joint(wheels.hinges[1]);
+  EXPECT_FALSE(wheels.world.step().failed);
+}
+
+TEST(Coupling, BreaksByItsEffortOrWithAHinge) {
+  for (const Method method :
+       {Method::kRungeKutta, Method::kEnergyMomentum, Method::kSequentialImpulses}) {
+    Wheels wheels(2, method);
+    Joint gear;
+    gear.name = "gear";
+    gear.kind = JointKind::kGear;
+    gear.coupling = {wheels.hinges[0], wheels.hinges[1], 1.0, {}};
+    gear.break_force = 1.0;  // N m
+    const JointId id = wheels.world.add_joint(gear);
+    Wrench wrench;
+    wrench.body = wheels.bodies[0];
+    wrench.torque = {0.0, 0.0, 1.9};  // half of it goes through the gear
+    const auto pull = [&] {
+      wheels.world.add_wrench(wrench);
+      for (int i = 0; i < 5; ++i) wheels.world.step();
+    };
+    pull();
+    EXPECT_FALSE(wheels.world.joint_state(id).broken) << name(method);
+    wrench.torque.z() = 0.3;  // and 1.9 that still act
+    pull();
+    EXPECT_TRUE(wheels.world.joint_state(id).broken) << name(method);
+  }
+}
+
+TEST(Coupling, RefusesWhatItCannotCouple) {
+  Wheels wheels(2);
+  Body point = make_body("point", Point{}, 1.0, Vector3d(0.0, 0.0, 2.0));
+  Joint rod;
+  rod.name = "rod";
+  rod.body_b = wheels.world.add_body(point);
+  const JointId rod_id = wheels.world.add_joint(rod);
+  Joint joint;
+  joint.name = "joint";
+  joint.kind = JointKind::kGear;
+  const auto added = [&](JointId first, JointId second, double ratio = 1.0) {
+    joint.coupling = {first, second, ratio, {}};
+    return refusal([&] { wheels.world.add_joint(joint); });
+  };
+  const std::size_t before = wheels.world.joint_ids().size();
+  EXPECT_EQ(added(wheels.hinges[0], rod_id),
+            "joints: 'rod' is of type distance, a gear joins constraints with a free coordinate, "
+            "such as hinges");
+  EXPECT_EQ(added(wheels.hinges[0], wheels.hinges[0]),
+            "joints: must be two constraints, got 'hinge_0' twice");
+  EXPECT_EQ(added(wheels.hinges[0], JointId{77}), "constraint: there is none with id 77");
+  EXPECT_EQ(added(wheels.hinges[0], wheels.hinges[1], 0.0), "ratio: must not be 0, got 0");
+  joint.kind = JointKind::kPulley;
+  EXPECT_EQ(added(wheels.hinges[0], wheels.hinges[1]),
+            "joints: 'hinge_0' is of type hinge, a pulley joins distance constraints with free: "
+            "true");
+  joint.kind = JointKind::kScrew;
+  joint.body_b = wheels.bodies[0];
+  EXPECT_EQ(refusal([&] { wheels.world.add_joint(joint); }),
+            "pitch: must not be 0 [m a turn], got 0");
+  EXPECT_EQ(wheels.world.joint_ids().size(), before);
+}
+
+// Free lengths measure, and may have laws: a spring along one is the spring of a distance joint.
+TEST(FreeDistance, HasLawsOfItsOwn) {
+  for (const Method method : kSmooth) {
+    const auto swing = [&](bool is_free) {
+      WorldOptions chosen;
+      chosen.method = method;
+      chosen.time_step = 0.005;
+      chosen.tolerance = 1e-11;
+      World world(chosen);
+      Body bob = make_body("bob", Box{{0.2, 0.3, 0.1}}, 1.0, Vector3d(0.7, 0.0, -0.8));
+      Joint joint;
+      joint.name = "joint";
+      joint.body_b = world.add_body(bob);
+      joint.anchor_b = {0.05, 0.1, 0.0};
+      if (is_free) {
+        joint.kind = JointKind::kFreeDistance;
+        joint.coordinates[0].stiffness = 40.0;
+        joint.coordinates[0].damping = 0.5;
+        joint.coordinates[0].rest = 0.9;
+      } else {
+        joint.distance.length = 0.9;
+        joint.distance.stiffness = 40.0;
+        joint.distance.damping = 0.5;
+      }
+      const JointId id = world.add_joint(joint);
+      for (int i = 0; i < 200; ++i) world.step();
+      EXPECT_NEAR(world.joint_state(id).force,
+                  -40.0 * (world.anchors(id).p_a - world.anchors(id).p_b).norm() + 36.0, 2.0);
+      return world.state(joint.body_b).position;
+    };
+    EXPECT_LE((swing(true) - swing(false)).norm(), 1e-9) << name(method);
+  }
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

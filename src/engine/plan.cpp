@@ -253,6 +253,15 @@ std::vector<std::string> open_parts(const World& world, const Joint& joint,
 
 }  // namespace
 
+namespace {
+
+// whether the unit of a coupling is that of an angle
+bool starts_with_angle(const World& world, const Joint& joint) {
+  return couples_joints(joint.kind) && is_angle(world.joint(joint.coupling.first).kind, 0);
+}
+
+}  // namespace
+
 std::string text_of_opening(const World& world, JointId id) {
   const Joint& joint = world.joint(id);
   const JointState& state = world.joint_state(id);
@@ -262,6 +271,9 @@ std::string text_of_opening(const World& world, JointId id) {
     parts.push_back("length " + shown_figure(std::abs(state.error)) + " m off");
   else
     parts = open_parts(world, joint, state);
+  if (couples(joint.kind) && std::abs(state.coupling.offset) > 1e-6)
+    parts.push_back("coupling " + shown_figure(std::abs(state.coupling.offset)) +
+                    (starts_with_angle(world, joint) ? " rad off" : " m off"));
   std::string line;
   for (const std::string& part : parts) line += (line.empty() ? "" : ", ") + part;
   const WorldOptions& options = world.options();

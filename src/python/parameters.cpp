@@ -308,6 +308,25 @@ void read_laws(Keywords* reading, engine::Joint* joint) {
 
 }  // namespace
 
+namespace {
+
+/// What a gear, a pulley or a screw has beside the keywords of all.
+void read_coupling(Keywords* reading, const engine::World& world, engine::Joint* joint) {
+  reading->read("value", &joint->coupling.value);
+  if (joint->kind == engine::JointKind::kScrew) reading->read("pitch", &joint->pitch);
+  if (!engine::couples_joints(joint->kind)) return;
+  reading->read("ratio", &joint->coupling.ratio);
+  const py::object names = reading->find("joints");
+  if (!names || !py::isinstance<py::sequence>(names) || py::isinstance<py::str>(names) ||
+      py::len(names) != 2)
+    throw std::invalid_argument("joints: must be the names of two constraints");
+  const auto list = names.cast<py::sequence>();
+  joint->coupling.first = world.find_joint(list[0].cast<std::string>());
+  joint->coupling.second = world.find_joint(list[1].cast<std::string>());
+}
+
+}  // namespace
+
 engine::Joint joint_from(const py::dict& keywords, const engine::World& world, bool* broken) {
   Keywords reading("add_joint", keywords);
   engine::Joint joint;
@@ -319,11 +338,15 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
   reading.read("broken", broken);
   joint.body_a = body_named(world, body_a);
   joint.body_b = body_named(world, body_b);
+  bool is_free = false;
+  reading.read("free", &is_free);
+  if (is_free && type == "distance") type = engine::name(engine::JointKind::kFreeDistance);
   const std::optional<engine::JointKind> kind = engine::joint_kind_named(type);
   if (!kind)
     throw std::invalid_argument("type: there is no '" + type + "'; there are distance" +
                                 engine::names_of_further_kinds());
   joint.kind = *kind;
+  if (engine::couples(joint.kind)) read_coupling(&reading, world, &joint);
   if (engine::if_distance(joint) != nullptr) visit_distance(joint.distance, reader(&reading));
   if (engine::has_frames(joint.kind)) {
     const auto is_given = [&](const char* key) { return static_cast<bool>(reading.find(key)); };
@@ -357,6 +380,15 @@ py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool
   }
   dict["body_a"] = body_name(world, joint.body_a);
   dict["body_b"] = body_name(world, joint.body_b);
+  if (engine::couples_joints(joint.kind)) {
+    for (const char* key : {"body_a", "body_b", "anchor_a", "anchor_b"}) dict.attr("pop")(key);
+    dict["joints"] = py::make_tuple(world.joint(joint.coupling.first).name,
+                                    world.joint(joint.coupling.second).name);
+    dict["ratio"] = joint.coupling.ratio;
+  }
+  if (joint.kind == engine::JointKind::kScrew) dict["pitch"] = joint.pitch;
+  if (engine::couples(joint.kind))
+    dict["value"] = world.joint_state(world.find_joint(joint.name)).coupling.constant;
   if (const auto* distance = engine::if_distance(joint)) {
     visit_distance(*distance, writer(&dict));
     dict["motor"] = motor_dict(joint.motor);

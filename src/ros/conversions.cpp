@@ -75,6 +75,12 @@ void read_keys(const Constraint& msg, engine::Joint& joint) {
       distance->damping = msg.values[i];
     else if (key == "break_torque" && distance == nullptr)
       joint.break_torque = msg.values[i];
+    else if (key == "ratio" && engine::couples_joints(joint.kind))
+      joint.coupling.ratio = msg.values[i];
+    else if (key == "value" && engine::couples(joint.kind))
+      joint.coupling.value = msg.values[i];
+    else if (key == "free" && distance != nullptr && msg.type == "distance" && msg.values[i] == 0.0)
+      continue;
     else
       refuse("keys", "constraints of type '" + msg.type + "' have no '" + key + "'");
   }
@@ -220,6 +226,33 @@ engine::JointId find_joint(const engine::World& world, const std::string& field,
 
 namespace {
 
+// of a gear or a pulley, whose fields for bodies name constraints
+engine::Joint coupling_between(const Constraint& msg, const engine::World& world) {
+  engine::Joint joint;
+  joint.name = msg.name;
+  const auto find = [&](const char* field, const std::string& name) {
+    if (!world.has_joint(name)) refuse(field, "there is no constraint '" + name + "'");
+    return world.find_joint(name);
+  };
+  joint.coupling.first = find("body_a", msg.body_a);
+  joint.coupling.second = find("body_b", msg.body_b);
+  const Eigen::Vector3d none = Eigen::Vector3d::Zero();
+  for (const auto& [field, value] :
+       {std::pair("anchor_a", from_msg(msg.anchor_a)), {"anchor_b", from_msg(msg.anchor_b)}})
+    if (value != none) refuse(field, "constraints of type '" + msg.type + "' have none");
+  return joint;
+}
+
+// the kind, of which `distance` with the key `free` is one of its own
+engine::JointKind kind_of(const Constraint& msg) {
+  const auto free = std::find(msg.keys.begin(), msg.keys.end(), "free");
+  const bool is_free = msg.type == "distance" && free != msg.keys.end();
+  const auto i = static_cast<std::size_t>(free - msg.keys.begin());
+  if (is_free && i < msg.values.size() && msg.values[i] == 1.0)
+    return engine::JointKind::kFreeDistance;
+  return engine::joint_kind_named(msg.type).value_or(engine::JointKind::kDistance);
+}
+
 /// With the name and ends that both messages for constraints have.
 template <class Message>
 engine::Joint joint_between(const Message& message, const engine::World& world) {
@@ -245,8 +278,10 @@ engine::Joint from_msg(const AddDistanceConstraintRequest& request, const engine
 }
 
 engine::Joint from_msg(const Constraint& msg, const engine::World& world) {
-  engine::Joint joint = joint_between(msg, world);
-  joint.kind = engine::joint_kind_named(msg.type).value_or(engine::JointKind::kDistance);
+  const engine::JointKind kind = kind_of(msg);
+  engine::Joint joint =
+      engine::couples_joints(kind) ? coupling_between(msg, world) : joint_between(msg, world);
+  joint.kind = kind;
   if (engine::if_distance(joint) == nullptr)
     read_axes(msg, &joint);
   else

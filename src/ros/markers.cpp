@@ -154,10 +154,15 @@ Marker Markers::constraint(const engine::World& world, engine::JointId id) const
   Marker marker = make("constraints", static_cast<std::int32_t>(id.value), Marker::LINE_LIST);
   marker.scale.x = kLineWidth;
   marker.color = error_colour(world.joint_state(id).error);
+  const engine::Joint& joint = world.joint(id);
+  if (engine::couples_joints(joint.kind)) {  // from one of the joints to the other
+    marker.points = {to_point(world.anchors(joint.coupling.first).p_b),
+                     to_point(world.anchors(joint.coupling.second).p_b)};
+    return marker;
+  }
   const engine::World::Anchors anchors = world.anchors(id);
   marker.points = {to_point(anchors.p_a), to_point(anchors.p_b)};
-  const engine::Joint& joint = world.joint(id);
-  if (engine::if_distance(joint) == nullptr) {
+  if (engine::if_distance(joint) == nullptr && joint.kind != engine::JointKind::kFreeDistance) {
     // no length to see: arms from the centres of the bodies instead
     for (const auto& [body, anchor] :
          {std::pair{joint.body_a, anchors.p_a}, std::pair{joint.body_b, anchors.p_b}}) {

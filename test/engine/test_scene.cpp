@@ -913,6 +913,11 @@ const Shipped kShipped[] = {
     {"peaucellier", 1e-13},
     {"stewart_platform", 1e-13},
     {"crane", 1e-13},
+    {"gear_train", 1e-13},
+    {"atwood", 1e-13},
+    {"screw", 1e-13},
+    {"gripper", 1e-13},
+    {"squeezer", 1e-13},
 };
 
 INSTANTIATE_TEST_SUITE_P(All, ShippedScene, testing::ValuesIn(kShipped),

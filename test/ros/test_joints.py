@@ -109,6 +109,49 @@ class Joints(unittest.TestCase):
         # runge_kutta holds motors to rounding
         self.reaches({"j": (0.0, 0.0, 0.0), "j/1": (0.5, 0.5, 0.0)}, 3 * [1e-9])
 
+    def test_a_gear_turns_a_second_wheel(self):
+        wheel = Body(name="wheel", mass=1.0,
+                     shape=Shape(type=Shape.BOX, dimensions=[0.2, 0.2, 0.1]))
+        wheel.pose.position.y = 2.0
+        self.good("add_body", body=wheel)
+        self.good("add_constraint", constraint=self.joint(laws={"motor": 1.0}))
+        self.good("add_constraint", constraint=Constraint(
+            name="k", type="hinge", anchor_a=Point(0, 2, 0), body_b="wheel"))
+        gear = dict(name="train", type="gear", body_a="j", body_b="k", keys=["ratio"])
+        self.bad(["body_b", "'nobody'"], "add_constraint",
+                 constraint=Constraint(**{**gear, "body_b": "nobody"}, values=[2.0]))
+        self.bad(["ratio", "0"], "add_constraint", constraint=Constraint(**gear, values=[0.0]))
+        self.bad(["axis_a"], "add_constraint",
+                 constraint=Constraint(**gear, values=[2.0], axis_a=Vector3(0, 0, 1)))
+        self.good("add_constraint", constraint=Constraint(**gear, values=[-2.0]))
+        self.good("set_motor_bias", constraint="j", bias=0.5)
+        self.good("step", steps=100)
+        self.reaches({"j": (0.5, 0.5, 0.0), "k": (0.25, 0.25, 0.0)}, 3 * [1e-9])
+        self.bad(["'j'", "'train'"], "remove_constraint", name="j")
+        text = self.good("save_scene").text
+        for line in ("type: gear", "joints: [j, k]", "ratio: -2"):
+            self.assertIn(line, text)
+        self.good("remove_constraint", name="train")
+        self.good("remove_constraint", name="j")
+        self.good("remove_constraint", name="k")
+
+    def test_a_screw_and_a_pulley_by_service(self):
+        self.good("add_constraint", constraint=self.joint(
+            "screw", {"pitch": 0.5, "1/bias": 2.0 * math.pi}, anchor_a=Point(0.5, 0, 0),
+            anchor_b=Point()))
+        self.good("step", steps=100)  # a turn, and half a metre
+        self.reaches({"j": (0.5, 0.5, 0.0), "j/1": (2.0 * math.pi, 2.0 * math.pi, 0.0)}, 3 * [1e-8])
+        self.good("remove_constraint", name="j")
+        for name, y in (("left", 1.0), ("right", -1.0)):
+            self.good("add_constraint", constraint=Constraint(
+                name=name, type="distance", anchor_a=Point(0.5, y, 3), body_b="bar",
+                anchor_b=Point(0, 0, 0), keys=["free"], values=[1.0]))
+        self.good("add_constraint", constraint=Constraint(
+            name="hoist", type="pulley", body_a="left", body_b="right"))
+        self.good("step", steps=10)
+        self.bad(["keys", "'free'"], "add_constraint", constraint=Constraint(
+            name="x", type="rope", body_b="bar", keys=["free"], values=[1.0]))
+
     def test_what_is_open_is_said_in_words(self):
         answer = self.good("add_constraint", constraint=self.joint(
             anchor_a=Point(0, 0.12, 0), axis_a=Vector3(0, 0, 1),

@@ -36,6 +36,7 @@ Proxy World::Impl::proxy(int body) const {
 
 const std::vector<TouchingPair>& World::Impl::find_contacts(
     const std::vector<Broadphase::Pair>& near) {
+  if (near.empty() && touching.empty() && touching_before.empty()) return touching;
   collide_pairs(near);
   while (wake_touched()) {
     std::swap(touching, touching_before);  // back to the contacts of the step before

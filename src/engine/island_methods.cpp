@@ -120,7 +120,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
   const std::vector<int>& smooth = by_method->smooth;
   if (smooth.empty()) return;
   const StageTimer timer(clock, Stage::kIntegration, &report.stage_times);
-  assemble_entering(joint_step(tick));
+  if (!entering.empty()) assemble_entering(joint_step(tick));
   if (smooth_changed) list_changing_courses(smooth);
   for (const int i : smooth) {
     Island& island = islands[at(i)];
@@ -136,20 +136,21 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
   for (std::size_t k = 0; k + 1 < span_ends.size(); ++k) {
     const double t = span_ends[k];
     const JointStep span = span_from(t, span_ends[k + 1] - t);
-    find_loads(t, span_ends[k + 1]);
+    if (!wrenches.empty() || !loads.empty()) find_loads(t, span_ends[k + 1]);
     const bool is_disturbed = had_wrenches || !loads.empty() || k > 0;
     for (const int j : changing_courses)
-      if (is_integrated(at(j)))
-        courses[at(j)] = JointCourse(joints[at(j)], span, joint_states[at(j)]);
+      if (is_integrated(at(j))) courses[at(j)].begin(joints[at(j)], span, joint_states[at(j)]);
     const double since = t - tick.start;
     const SmoothSpan continued{t,    span.h, options.gravity, loads, courses, is_disturbed, k > 0,
                                stop, since};
-    const SmoothSpan fresh{t, span.h, options.gravity, loads, courses, true, true, stop, since};
     workers.run(threads_worth_it(smooth), smooth.size(), [&](std::size_t s) {
       const std::size_t i = at(smooth[s]);
-      if (!island_parts[i].has_failed)
-        island_parts[i].has_failed =
-            !integrate_island(i, island_parts[i].is_fresh ? fresh : continued);
+      IslandParts& parts = island_parts[i];
+      if (parts.has_failed) return;
+      if (parts.is_fresh)
+        parts.has_failed = !integrate_island(i, continued.after_edit());
+      else
+        parts.has_failed = !integrate_island(i, continued);
     });
     for (const int i : smooth)
       if (island_parts[at(i)].has_failed && islands[at(i)].method != Method::kSequentialImpulses)
@@ -187,7 +188,6 @@ bool World::Impl::gather_changes(const std::vector<int>& smooth) {
 // islands that were not integrated in the step before, or were edited: what does not fit begins to
 // be closed
 void World::Impl::assemble_entering(const JointStep& step) {
-  if (entering.empty()) return;
   for (const int i : entering) {
     IslandParts& parts = island_parts[at(i)];
     for (const int index : parts.members.joints) {
@@ -199,7 +199,7 @@ void World::Impl::assemble_entering(const JointStep& step) {
   courses.resize(joints.size());
   for (const int i : entering)
     for (const int index : island_parts[at(i)].members.joints)
-      courses[at(index)] = JointCourse(joints[at(index)], step, joint_states[at(index)]);
+      courses[at(index)].begin(joints[at(index)], step, joint_states[at(index)]);
 }
 
 // joints of smooth islands that time moves, also those that stand still for now, at the end of
@@ -217,7 +217,9 @@ void World::Impl::list_changing_courses(const std::vector<int>& smooth) {
 
 // where forces or biases jump within the step
 void World::Impl::split_step(const Tick& tick) {
-  span_ends.assign({tick.start, tick.end});
+  span_ends.resize(2);
+  span_ends[0] = tick.start;
+  span_ends[1] = tick.end;
   if (wrenches.empty() && changing_courses.empty()) return;
   const double margin = 1e-9 * options.time_step;  // nearer to the ends is at the ends
   const auto split_at = [&](double time) {
@@ -232,6 +234,7 @@ void World::Impl::split_step(const Tick& tick) {
     if (joint_states[at(j)].closing)
       split_at(joint_states[at(j)].closing_since + options.closing_time);
   }
+  if (span_ends.size() == 2) return;
   std::sort(span_ends.begin(), span_ends.end());
   span_ends.erase(std::unique(span_ends.begin(), span_ends.end()), span_ends.end());
 }

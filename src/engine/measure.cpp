@@ -17,7 +17,7 @@ void World::Impl::measure() {
   report.max_penetration = std::max(report.max_penetration, resting_report.max_penetration);
   report.max_constraint_error = resting_report.max_constraint_error;
   report.worst_joint = resting_report.worst_joint;
-  find_worst_joint(awake_joints, &report);
+  const bool is_any_askew = find_worst_joint(awake_joints, &report);
   const Energy now = energy(awake_bodies, awake_joints);
   largest_kinetic_energy = std::max(largest_kinetic_energy, now.kinetic);
   report.energy = now.kinetic + now.potential + resting_energy.potential;
@@ -27,24 +27,25 @@ void World::Impl::measure() {
     report.energy_drift = std::clamp(drift, -kMost, kMost);  // what moves least may divide by least
   }
   if (report.failed || report.stopped) return;
-  bool any_askew = false;
-  for (const int j : awake_joints)
-    any_askew |= joint_states[static_cast<std::size_t>(j)].angle_error > kUnclosedAngle;
-  if (any_askew || report.max_constraint_error > kUnclosedError || !watch.open.empty())
+  if (is_any_askew || report.max_constraint_error > kUnclosedError || !watch.open.empty())
     watch_joints();
   if (!carried.impulse_joints.empty()) watch_spin();
   watch_energy();
 }
 
-void World::Impl::find_worst_joint(const std::vector<int>& among, StepReport* worst) const {
+// returns whether one is off by a larger angle than is left unclosed without a word
+bool World::Impl::find_worst_joint(const std::vector<int>& among, StepReport* worst) const {
+  bool is_any_askew = false;
   for (const int index : among) {
     const auto j = static_cast<std::size_t>(index);
+    is_any_askew |= joint_states[j].angle_error > kUnclosedAngle;
     const double error = std::abs(joint_states[j].error);
     if (joint_states[j].broken || !is_rigid(joints[j])) continue;
     if (worst->worst_joint && error <= worst->max_constraint_error) continue;
     worst->max_constraint_error = error;
     worst->worst_joint = joint_ids[j];
   }
+  return is_any_askew;
 }
 
 Energy World::Impl::energy() const {

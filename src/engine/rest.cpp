@@ -128,8 +128,8 @@ bool World::Impl::is_quiet(std::size_t island) const {
   const double limit = by_impulses ? options.sleep_speed * options.sleep_speed : 0.0;
   for (const int body : island_parts[island].members.bodies) {
     const BodyState& state = states[at(body)];
-    const double radius = masses[at(body)].radius_of_gyration();
     if (state.linear_velocity.squaredNorm() > limit) return false;
+    const double radius = masses[at(body)].radius_of_gyration();
     if (radius * radius * state.angular_velocity.squaredNorm() > limit) return false;
     if (!by_impulses || !any_corrections) continue;
     // a load that corrections lift by what it sinks in each step does not rest

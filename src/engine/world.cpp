@@ -179,8 +179,9 @@ void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
   const Failure failure = failure_of_motion();
   if (failure != Failure::kNone) fail(failure);
   finish_impulses(tick, by_method);
-  if (!motions.empty()) read_smooth_joints(joint_step(tick), by_method);
-  tell_contacts();
+  if (!motions.empty() && !by_method.smooth.empty())
+    read_smooth_joints(joint_step(tick), by_method);
+  if (!touching.empty() || !contacts.empty()) tell_contacts();
   if (!tells_finite_numbers()) fail(Failure::kNotFinite);
   ++step_count;
   drop_spent_wrenches(tick.end);

@@ -288,7 +288,7 @@ struct World::Impl : Model, State, IslandLists {
   void look_at_energy();
   double look_at_island(std::size_t island, double* allowed);
   void tell_of_gain(const IslandParts& parts, double gain, double allowed);
-  void find_worst_joint(const std::vector<int>& among, StepReport* worst) const;
+  bool find_worst_joint(const std::vector<int>& among, StepReport* worst) const;
   [[noreturn]] static void fail(Failure why);
   void keep_state_before(Failure why);
   Failure failure_of_motion();

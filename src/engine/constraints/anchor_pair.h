@@ -13,7 +13,7 @@ namespace constraint_sim::engine {
 struct AnchorPair {
   Eigen::Vector3d r_A, r_B, p_A, d;
 
-  AnchorPair(const Joint& joint, const BodyState& a, const BodyState& b)
+  [[gnu::always_inline]] AnchorPair(const Joint& joint, const BodyState& a, const BodyState& b)
       : r_A(arm(a, joint.anchor_a)),
         r_B(arm(b, joint.anchor_b)),
         p_A(a.position + r_A),

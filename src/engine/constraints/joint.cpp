@@ -590,40 +590,46 @@ bool is_always_rigid(const Joint& joint) {
 
 // ---- for methods that take time and its derivatives
 
-JointCourse::JointCourse(const Joint& joint, const JointStep& span, JointState& state)
-    : start_(span.t) {
+void JointCourse::begin(const Joint& joint, const JointStep& span, JointState& state) {
+  if (is_closing()) *this = JointCourse{};
   const JointKindInfo& kind = info(joint.kind);
-  if (const auto* distance = if_distance(joint)) {
-    motor_ = drive(*distance, span, joint.motor, state);
-    length_ = distance->length.value_or(0.0) + state.travel;
-    is_driven_ = motor_.is_moving();
-  }
+  start_ = span.t;
+  is_driven_ = false;
   rows_ = kind.rows;
-  coordinates_ = kind.coordinates;
+  count_ = at(kind.coordinates);
+  if (const auto* distance = if_distance(joint)) {
+    count_ = 1;
+    rows_ = 0;
+    const Motor motor = drive(*distance, span, joint.motor, state);
+    hold(0, distance->length.value_or(0.0) + state.travel, motor);
+  }
   for (std::size_t i = 0; i < at(kind.coordinates); ++i) {
     CoordinateState& coordinate = state.coordinates[i];
     coordinate.bias = 0.0;
+    held_[i] = Held{};
     if (!is_held(joint.coordinates[i])) continue;
     const Motor motor = drive(joint.coordinates[i], span, state.expires_at, &coordinate);
-    held_[i] = {coordinate.held - joint.coordinates[i].zero, motor.bias, motor.amplitude,
-                motor.frequency, motor.phase};
-    is_driven_ = is_driven_ || motor.is_moving();
+    hold(i, coordinate.held - joint.coordinates[i].zero, motor);
   }
   if (kind.coordinates > 0) state.bias = state.coordinates[0].bias;
-  if (state.closing) {
-    closing_since_ = state.closing_since;
-    closing_time_ = span.closing_time;
-    closing_offset_ = state.closing_offset;
-    coupling_offset_ = state.coupling.offset;
-    closing_shift_ = state.closing_shift;
-    closing_turn_ = state.closing_turn;
-    moves_frame_ = kind.alignment != Alignment::kFree;
-  }
+  if (!state.closing) return;
+  closing_since_ = state.closing_since;
+  closing_time_ = span.closing_time;
+  closing_offset_ = state.closing_offset;
+  coupling_offset_ = state.coupling.offset;
+  closing_shift_ = state.closing_shift;
+  closing_turn_ = state.closing_turn;
+  moves_frame_ = kind.alignment != Alignment::kFree;
+}
+
+void JointCourse::hold(std::size_t i, double value, const Motor& motor) {
+  held_[i] = {value, motor};
+  is_driven_ = is_driven_ || motor.is_moving();
 }
 
 Course JointCourse::length(double t) const {
-  const Course travel = motor_course(motor_, start_, t - start_);
-  Course length{length_ + travel.value, travel.rate, travel.acceleration};
+  const Course travel = motor_course(held_[0].motor, start_, t - start_);
+  Course length{held_[0].value + travel.value, travel.rate, travel.acceleration};
   if (!is_closing()) return length;
   const Course share = share_to_close(t);
   length.value += closing_offset_[0] * share.value;
@@ -638,8 +644,7 @@ Course JointCourse::target(int function, double t) const {
   Course target{offset * share.value, offset * share.rate, offset * share.acceleration};
   if (function < rows_) return target;
   const Held& held = held_[at(function - rows_)];
-  const Motor motor{held.bias, held.amplitude, held.frequency, held.phase, 0.0, 0.0};
-  const Course moved = motor_course(motor, start_, t - start_);
+  const Course moved = motor_course(held.motor, start_, t - start_);
   target.value += held.value + moved.value;
   target.rate += moved.rate;
   target.acceleration += moved.acceleration;

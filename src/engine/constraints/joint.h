@@ -91,19 +91,22 @@ bool is_always_rigid(const Joint& joint);
 class JointCourse {
  public:
   JointCourse() = default;
-  /// Sets bias (the mean of the span) and saturated of `state`.
-  JointCourse(const Joint& joint, const JointStep& span, JointState& state);
+  JointCourse(const Joint& joint, const JointStep& span, JointState& state) {
+    begin(joint, span, state);
+  }
+  /// Takes the course of the next span. Sets bias (the mean of the span) and saturated of `state`.
+  void begin(const Joint& joint, const JointStep& span, JointState& state);
 
   bool is_driven() const { return is_driven_; }
   /// Whether the motors go on as those of the span before.
   bool is_driven_as(const JointCourse& before) const {
-    const auto are_same = [](const auto& a, const auto& b) {
-      return a.bias == b.bias && a.amplitude == b.amplitude && a.frequency == b.frequency &&
-             a.phase == b.phase;
-    };
-    for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates_); ++i)
-      if (!are_same(held_[i], before.held_[i])) return false;
-    return coordinates_ > 0 || are_same(motor_, before.motor_);
+    for (std::size_t i = 0; i < count_; ++i) {
+      const Motor &a = held_[i].motor, &b = before.held_[i].motor;
+      if (a.bias != b.bias || a.amplitude != b.amplitude || a.frequency != b.frequency ||
+          a.phase != b.phase)
+        return false;
+    }
+    return true;
   }
   bool is_closing() const { return closing_time_ > 0.0; }
   bool is_constant() const { return !is_driven() && !is_closing(); }
@@ -128,22 +131,23 @@ class JointCourse {
   }
   /// Of another kind: what a row is to be off by, or what the form of a coordinate is to be.
   Course target(int function, double t) const;
-  /// The bias alone [m/s].
-  double zeta(double t) const { return motor_course(motor_, start_, t - start_).rate; }
+  /// The bias of a distance joint alone [m/s].
+  double zeta(double t) const { return motor_course(held_[0].motor, start_, t - start_).rate; }
 
  private:
-  /// Of a coordinate that a motor holds.
+  /// What a motor holds: the length of a distance joint, or a coordinate of another kind.
   struct Held {
     double value = 0.0;  // at the start
-    double bias = 0.0, amplitude = 0.0, frequency = 0.0, phase = 0.0;
+    Motor motor;
   };
 
-  Motor motor_;  // of a distance joint
+  void hold(std::size_t i, double value, const Motor& motor);
+
   std::array<Held, kMaxCoordinates> held_;
-  int rows_ = 0, coordinates_ = 0;  // of its kind
+  std::size_t count_ = 0;  // of these
+  int rows_ = 0;           // of its kind, before these
   bool is_driven_ = false;
-  double start_ = 0.0;   // [s]
-  double length_ = 0.0;  // then [m]
+  double start_ = 0.0;  // [s]
   double closing_since_ = 0.0, closing_time_ = 0.0;
   RowVector closing_offset_ = RowVector::Zero();
   double coupling_offset_ = 0.0;

@@ -366,6 +366,16 @@ double EquationsOfMotion::coupled_impulse(std::size_t l) const {
   return 0.0;
 }
 
+// no force of rows that are redundant
+void EquationsOfMotion::clear_redundant(double* lambda) const {
+  std::fill(lambda + kept_, lambda + rows_.size(), 0.0);
+}
+
+void EquationsOfMotion::move_general() {
+  for (std::size_t l = first_general_; l < first_spring_; ++l)
+    motions_[l - first_general_] = motion_of(l);
+}
+
 // how the vectors of a general joint move
 JointMotion EquationsOfMotion::motion_of(std::size_t l) const {
   const Link& link = links_[l];

@@ -423,11 +423,14 @@ double EquationsOfMotion::kinetic_energy(const double* y) const {
 // lengths and offsets at t, of the links where they change
 void EquationsOfMotion::ask(double t) {
   for (const auto& [l, course] : courses_) {
-    if (!is_by_offset(l)) {
+    if (is_rod(l)) {
       const Course length = length_[l] = course.length(t);
-      if (!is_rod(l)) continue;
       rate_target_[l] = length.value * length.rate;
       acceleration_target_[l] = length.rate * length.rate + length.value * length.acceleration;
+      continue;
+    }
+    if (l >= first_spring_) {
+      length_[l] = course.length(t);
       continue;
     }
     const Course share = length_[l] = course.share_to_close(t);
@@ -513,14 +516,17 @@ void EquationsOfMotion::place_links() {
 }
 
 void EquationsOfMotion::place_arms() {
-  for (std::size_t l = 0; l < links_.size(); ++l) {
+  const auto place_arm = [&](std::size_t l, const Vector3d& anchor_b) {
     const Link& link = links_[l];
-    if (!link.has_arms) continue;
     Vector3d& d = is_rod(l) ? direction_[l] : d_[l];
     if (turns(link.a)) d -= arm_a_[l] = orientation_[link.a] * link.anchor_a;
-    const Vector3d& anchor_b = is_general(l) ? frame_b(l).anchor : link.anchor_b;
     if (turns(link.b)) d += arm_b_[l] = orientation_[link.b] * anchor_b;
-    if (l >= first_general_) continue;
+  };
+  for (std::size_t l = first_general_; l < first_spring_; ++l) place_arm(l, frame_b(l).anchor);
+  for (std::size_t l = first_spring_; l < links_.size(); ++l) place_arm(l, links_[l].anchor_b);
+  for (std::size_t l = first_armed_; l < first_general_; ++l) {
+    if (!links_[l].has_arms) continue;
+    place_arm(l, links_[l].anchor_b);
     const std::size_t begin = is_rod(l) ? l : first_row(l);
     const std::size_t end = is_rod(l) ? l + 1 : begin + 3;
     for (std::size_t i = begin; i < end; ++i) {
@@ -565,8 +571,7 @@ void EquationsOfMotion::set_velocities(const double* y) {
     spin_[i].noalias() = inverse_inertia_[i] * momentum;
     spin_acceleration_[i] = momentum.cross(spin_[i]);  // without torque, and times I⁻¹ to come
   }
-  for (std::size_t l = first_general_; l < first_spring_; ++l)
-    motions_[l - first_general_] = motion_of(l);
+  if (!motions_.empty()) move_general();
 }
 
 Vector3d EquationsOfMotion::d_dot(std::size_t l) const {
@@ -902,11 +907,9 @@ void EquationsOfMotion::respond(const double* lambda) {
 
 // λ in place of b; 0 of rows without a force
 void EquationsOfMotion::solve(double* b) {
-  if (rows_.empty()) return;
   if (left_out_ > dependent_rows_) dependent_rows_ = left_out_;
-  if (kept_ == rows_.size()) return ldlt_.solve(b);
+  if (kept_ < value_.size()) clear_redundant(b);
   ldlt_.solve(b);
-  std::fill(b + kept_, b + rows_.size(), 0.0);
 }
 
 // b − A λ of all rows, redundant ones as well

@@ -428,6 +428,7 @@ class EquationsOfMotion {
   bool choose_again(double t, const double* y);
   void verify_left_out(double least);
   void note_left_out();
+  void move_general();
   JointMotion motion_of(std::size_t link) const;
   void set_frame(std::size_t link, const MovingFrame& frame);
   double row_length(std::size_t row) const {
@@ -440,6 +441,7 @@ class EquationsOfMotion {
 
   // ---- the linear system
   void solve(double* b);
+  void clear_redundant(double* lambda) const;
   void find_residual(const double* b, const double* lambda, double* residual);
   void respond(const double* lambda);
 

@@ -19,13 +19,18 @@ namespace constraint_sim::engine {
 struct SmoothSpan {
   double t;  ///< its start, simulated [s]
   double h;  ///< its length [s]
-  Eigen::Vector3d gravity;
+  const Eigen::Vector3d& gravity;
   const std::vector<Load>& loads;
   const std::vector<JointCourse>& courses;  ///< of all joints of the world
   bool is_disturbed;                        ///< something may have jumped since the last span
   bool is_edited;                           ///< also positions or velocities may have
   StopFlag stop = nullptr;
   double since_tick = 0.0;  ///< from the tick's start, where bodies that move by themselves are [s]
+
+  /// The same for an island that was edited since the last step.
+  SmoothSpan after_edit() const {
+    return {t, h, gravity, loads, courses, true, true, stop, since_tick};
+  }
 };
 
 /// What is asked of implicit steps.

@@ -58,10 +58,11 @@ void World::Impl::watch_joints() {
       now.age += h;
     }
     watch.open.push_back(now);
-    // that joints cannot be met is known before any time has passed
+    // that joints cannot be met, or rest as they are, is known before any time has passed
     const auto [a, b] = joint_ends[j];
     const MethodReason why = islands[at(island_of[is_movable(a) ? a : b])].why;
-    if (now.age < patience && (why != MethodReason::kInconsistent || state.closing)) continue;
+    const bool stays = why == MethodReason::kInconsistent || why == MethodReason::kAtRest;
+    if (now.age < patience && (!stays || state.closing)) continue;
     watch.unclosed.push_back(now.id);
     if (error <= worst) continue;
     worst = error;

@@ -129,18 +129,15 @@ class Contradiction : public testing::TestWithParam<double> {};
 TEST_P(Contradiction, OfFiveRodsEndsAtRestAndGainsNothing) {
   World world = with(redundant::tetra(), kAuto, GetParam());
   double peak = 0.0, gain = 0.0, before = world.energy();
-  bool is_reported = false;
   while (world.time() < 4.0 - 0.5 / GetParam()) {
     const StepReport& report = world.step();
     ASSERT_FALSE(report.failed);
     peak = std::max(peak, kinetic_energy(world));
-    if (world.time() > 1.0) {
-      gain = std::max(gain, world.energy() - before);
-      is_reported = is_reported || has_conflict(world);
-    }
+    if (world.time() > 1.0) gain = std::max(gain, world.energy() - before);
     before = world.energy();
+    if (world.time() < 0.6) continue;  // closed, as far as it can be; by a long tick it rests then
+    ASSERT_GT(report.unclosed_joints, 0u) << "at t = " << world.time();
   }
-  EXPECT_TRUE(is_reported);
   EXPECT_LE(peak, 71.0);
   EXPECT_LE(gain, 7e-8);
   EXPECT_LE(kinetic_energy(world), 1e-12);

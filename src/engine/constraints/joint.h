@@ -131,6 +131,12 @@ class JointCourse {
   }
   /// Of another kind: what a row is to be off by, or what the form of a coordinate is to be.
   Course target(int function, double t) const;
+  /// The same without what closes an error: the rate that a motor asks of a row, or of the length.
+  double driven_rate(int function, double t) const {
+    if (function < rows_) return 0.0;
+    const Held& held = held_[static_cast<std::size_t>(function - rows_)];
+    return motor_course(held.motor, start_, t - start_).rate;
+  }
   /// The bias of a distance joint alone [m/s].
   double zeta(double t) const { return motor_course(held_[0].motor, start_, t - start_).rate; }
 

@@ -312,16 +312,18 @@ RowVector EquationsOfMotion::offset(std::size_t of) const {
   return RowVector::Zero();
 }
 
-RowVector EquationsOfMotion::offset_rate(std::size_t of) const {
-  if (is_general(of)) {
-    RowVector rates = RowVector::Zero();
-    for (std::size_t k = 0; k < rows_of(of); ++k)
-      rates[static_cast<Eigen::Index>(k)] = rate_target_[first_row(of) + k];
-    return rates;
-  }
+RowVector EquationsOfMotion::driven_rate(std::size_t of, double t) const {
+  RowVector rates = RowVector::Zero();
   for (const auto& [l, course] : courses_)
-    if (l == of) return length_[l].rate * course.offset();
-  return RowVector::Zero();
+    for (std::size_t k = 0; l == of && k < rows_of(l); ++k)
+      rates[static_cast<Eigen::Index>(k)] = course.driven_rate(links_[l].function[k], t);
+  return rates;
+}
+
+Vector3d EquationsOfMotion::body_velocity(std::size_t fixed_point, double t) const {
+  const BodyState& body = fixed_points_[fixed_point - bodies_.size()].start;
+  const Vector3d centre = body.position + (t - tick_start_) * body.linear_velocity;
+  return body.linear_velocity + body.angular_velocity.cross(position_[fixed_point] - centre);
 }
 
 void EquationsOfMotion::read_pose(const std::vector<Vector3d>& positions,

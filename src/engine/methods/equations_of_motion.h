@@ -158,7 +158,10 @@ class EquationsOfMotion {
   /// What the rows of a joint that is no rod and no spring are to be off by, or where a coordinate
   /// is to be.
   RowVector offset(std::size_t l) const;
-  RowVector offset_rate(std::size_t l) const;
+  /// What motors alone ask of the rates of rigid rows at t, and how fast the body of a fixed point
+  /// moves there: without what closes errors.
+  RowVector driven_rate(std::size_t l, double t) const;
+  Eigen::Vector3d body_velocity(std::size_t fixed_point, double t) const;
   /// Axes of a fixed point that a general joint holds on to, and how it turns [rad/s].
   const Eigen::Matrix3d& fixed_axes(std::size_t fixed_point) const {
     return fixed_axes_[fixed_point - bodies_.size()];

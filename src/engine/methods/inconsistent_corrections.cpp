@@ -57,16 +57,6 @@ double InconsistentMotion::share_off(std::size_t row, const Vector3d& d) const {
   return distance > offset ? 1.0 - offset / distance : 0.0;
 }
 
-// of C, at end_ [m/s]
-double InconsistentMotion::rate_asked_for(std::size_t i) const {
-  const RegularizedRows::Row& row = rows_.rows()[i];
-  if (row.axis < 0 || !rows_.is_between_bodies(row.joint)) return target_.rate[i];
-  const Vector3d offset = components(target_.length, i);
-  const Vector3d& d = at_end_[row.joint].d;
-  if (offset.isZero(0.0) || d.isZero(0.0)) return 0.0;
-  return offset.normalized().dot(components(target_.rate, i)) * d.normalized()[row.axis];
-}
-
 // of a coordinate that is coupled
 double InconsistentMotion::reading_of(const EquationsOfMotion::CoupledRow::Term& term,
                                       const Rows& geometry) const {
@@ -203,7 +193,7 @@ void InconsistentMotion::find_drive() {
   Numbers rates(b_.size(), 0.0);
   for (std::size_t i = 0; i < rates.size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
-    if (!row.is_spring) rates[i] = rate_asked_for(i) - rows_.apply(row, target_.fixed);
+    if (!row.is_spring) rates[i] = target_.rate[i] - rows_.apply(row, target_.fixed);
   }
   solve_drive(kLeastShare, rates);
   double off = 0.0;
@@ -345,7 +335,7 @@ void InconsistentMotion::find_whether_met() {
   for (std::size_t i = 0; i < values_.size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
     if (row.is_spring) continue;
-    const double rate = rate_asked_for(i) - rows_.apply(row, target_.fixed);
+    const double rate = target_.rate[i] - rows_.apply(row, target_.fixed);
     speed = std::max(speed, std::abs(rate));
     off = std::max(off, std::abs(rate - rows_.apply(row, velocity_)));
   }

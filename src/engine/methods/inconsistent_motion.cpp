@@ -97,13 +97,14 @@ void InconsistentMotion::store(std::vector<BodyState>* states) const {
   }
 }
 
-// lengths, offsets, their rates, and immovable points at time t
+// Lengths, offsets, the rates of motors, and immovable points at time t. What closes errors asks
+// for no rate: corrections of positions follow it, and do no work but on weights and springs.
 void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configuration* configuration) {
   equations->move_with_time(t);
   target_.is_driven = equations->varies();
   for (std::size_t p = bodies_; p < points_; ++p) {
     configuration->position[p] = equations->position(p);
-    target_.fixed.linear[p] = equations->velocity(p);
+    target_.fixed.linear[p] = equations->body_velocity(p, t);
     configuration->fixed_axes[p - bodies_] = equations->fixed_axes(p);
   }
   configuration->frames_b.clear();
@@ -117,11 +118,12 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
                 : MovingFrame(equations->links()[k].anchor_b, Matrix3d::Identity()));
     if (!equations->is_ball(l) && !equations->is_general(l)) {
       target_.length[i] = equations->length(l).value;
-      target_.rate[i] = equations->length(l).rate;
+      target_.rate[i] =
+          equations->is_rod(l) ? equations->driven_rate(l, t)[0] : equations->length(l).rate;
       continue;
     }
     const RowVector offset = equations->offset(l);
-    const RowVector rate = equations->offset_rate(l);
+    const RowVector rate = equations->driven_rate(l, t);
     for (std::size_t k = 0; k < equations->rows_of(l); ++k) {
       const double metres = rows_.rows()[i + k].metres;
       target_.length[i + k] = metres * offset[static_cast<Eigen::Index>(k)];
@@ -139,7 +141,7 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
     const RegularizedRows::Row& row = rows_.rows()[i];
     const EquationsOfMotion::CoupledRow& coupled = equations->coupled_rows()[at(row.coupled)];
     target_.length[i] = row.metres * (coupled.constant + coupled.closing.value);
-    target_.rate[i] = row.metres * coupled.closing.rate;
+    target_.rate[i] = 0.0;
   }
   scale_ = largest(target_.length);
   for (const Vector3d& x : configuration->position)

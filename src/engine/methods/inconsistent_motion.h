@@ -14,7 +14,8 @@ namespace constraint_sim::engine {
 
 /// The motion of an island with inconsistent constraints: rigid rows that cannot all be met.
 /// Positions go where Σ C²/a is least, a the diagonal entry of G M⁻¹ Gᵀ; velocities meet the rates
-/// asked for in the sense of least squares. A step is
+/// that motors ask for in the sense of least squares. What closes errors moves positions alone:
+/// rows near contradiction would turn its rates into velocities without bound. A step is
 ///   1. the midpoint rule with the discrete gradients of implicit_step.h, with the impulses along
 ///      Ḡ that lead to 2; it keeps energy and both momenta
 ///   2. Levenberg & Marquardt on Σ C²/a from there, which moves positions alone
@@ -85,7 +86,6 @@ class InconsistentMotion {
   static double largest(const Numbers& list);
   Vector3d components(const Numbers& list, std::size_t row) const;
   double share_off(std::size_t row, const Vector3d& d) const;
-  double rate_asked_for(std::size_t row) const;
 
   void fit_velocities();
   void find_drive();

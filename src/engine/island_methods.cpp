@@ -304,15 +304,21 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
     if (is_met) switch_method(i, Method::kEnergyMomentum, why);
   }
   // a jerk: what no step of ordinary length gets across, substeps may; they begin with velocities
-  // that fit the joints, and what energy that takes is bounded, or else all that can be had
+  // that fit the joints, and what energy that takes is bounded. Steps as short as it takes need no
+  // such velocities; only where these fail, too, is any energy taken, and told
   const IntegratorOptions ordinary = accuracy_within(kInfinity);
-  IntegratorOptions bounded = ordinary, longer = ordinary;
-  bounded.most_projected = kMostProjected;
+  IntegratorOptions substeps = ordinary, longer = ordinary;
+  // one substep a tick, whatever its error, is asked of runge_kutta and not of what it stands in
+  // for
+  if (substeps.tolerance == 0.0 && options.method != Method::kRungeKutta)
+    substeps.tolerance = WorldOptions{}.tolerance;
+  IntegratorOptions bounded = substeps;
+  bounded.most_projected = longer.most_projected = kMostProjected;
   longer.most_halvings *= 2;
   const MethodReason why = island.why;
   for (const auto& [way, accuracy] :
        {std::pair{Integration::kGradients, ordinary}, std::pair{Integration::kSubsteps, bounded},
-        std::pair{Integration::kGradients, longer}, std::pair{Integration::kSubsteps, ordinary}}) {
+        std::pair{Integration::kGradients, longer}, std::pair{Integration::kSubsteps, substeps}}) {
     if (!is_met) break;
     const Method method =
         way == Integration::kSubsteps ? Method::kRungeKutta : Method::kEnergyMomentum;

@@ -27,6 +27,13 @@ constexpr int kSpansUntilLonger = 4;
 const double kOuter = 1.0 / (4.0 - std::cbrt(4.0));
 const double kInner = 1.0 - 4.0 * kOuter;
 
+std::vector<BodyState> states_of(const EquationsOfMotion& equations,
+                                 const std::vector<BodyState>& states) {
+  std::vector<BodyState> of;
+  for (const int body : equations.bodies()) of.push_back(states[static_cast<std::size_t>(body)]);
+  return of;
+}
+
 }  // namespace
 
 bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
@@ -67,11 +74,20 @@ IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const Integrat
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   was_first_ = is_new = is_new || equations->has_jumped();
   if (is_new) {
+    std::vector<BodyState> before;
+    if (std::isfinite(accuracy.most_projected)) before = states_of(*equations, *states);
     has_started_ = start(span, equations, states, &progress);
     if (!has_started_) {
       progress.done = false;
       progress.is_inconsistent = true;
       return progress;
+    }
+    const double left = equations->kinetic_energy(numbers_.data());
+    if (progress.projected > accuracy.most_projected * (left + progress.projected)) {
+      // too much: the midpoint rule goes on from velocities that do not fit as well
+      for (std::size_t i = 0; i < before.size(); ++i)
+        (*states)[static_cast<std::size_t>(equations->bodies()[i])] = before[i];
+      progress.projected = 0.0;
     }
   }
   const bool composes = mode == ImplicitMode::kOrder4 && !step_equations_.has_dampers();

@@ -30,6 +30,7 @@ add_library(constraint_sim_ros STATIC
   src/ros/scenes.cpp
   src/ros/services.cpp
   src/ros/simulator_node.cpp
+  src/ros/wrench_topics.cpp
 )
 constraint_sim_own_code(constraint_sim_ros)
 set_target_properties(constraint_sim_ros PROPERTIES POSITION_INDEPENDENT_CODE ON)

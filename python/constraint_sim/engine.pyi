@@ -280,7 +280,8 @@ class World:
                   min_length: float = ..., max_length: float = ..., frequency: float = ...,
                   damping_ratio: float = ..., stiffness: float = ..., damping: float = ...,
                   baumgarte: Optional[float] = ..., break_force: float = ...,
-                  break_torque: float = ..., collide_connected: bool = ..., broken: bool = ...,
+                  break_torque: float = ..., collide_connected: bool = ..., enabled: bool = ...,
+                  broken: bool = ...,
                   motor: Optional[Mapping[str, Optional[float]]] = ..., lower: float = ...,
                   upper: float = ..., limit_restitution: float = ..., friction: float = ...,
                   rest: float = ..., position: Optional[float] = ..., zero: float = ...,
@@ -299,7 +300,16 @@ class World:
                   servo_damping_ratio: float = ..., servo_stiffness: float = ...,
                   servo_damping: float = ..., force: Optional[float] = ...,
                   removed: bool = ...) -> None: ...
+    def set_joint(self, name: str, *, baumgarte: Optional[float] = ..., break_force: float = ...,
+                  break_torque: float = ..., collide_connected: bool = ..., enabled: bool = ...,
+                  length: Optional[float] = ..., min_length: float = ..., max_length: float = ...,
+                  frequency: float = ..., damping_ratio: float = ..., stiffness: float = ...,
+                  damping: float = ..., coordinate: int = ..., lower: float = ...,
+                  upper: float = ..., limit_restitution: float = ..., friction: float = ...,
+                  rest: float = ..., position: Optional[float] = ..., zero: float = ...,
+                  motor: Optional[Mapping[str, Optional[float]]] = ...) -> str: ...
     def set_broken(self, name: str, broken: bool) -> None: ...
+    def set_enabled(self, name: str, enabled: bool) -> str: ...  # opening(), once it acts again
 
     def add_wrench(self, body: str, *, force: Vector = ..., torque: Vector = ...,
                    start: float = ..., duration: float = ...) -> None: ...

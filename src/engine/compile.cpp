@@ -15,6 +15,13 @@ using Eigen::Vector3d;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
+// what a joint that does not act no longer does
+void release(JointState* state) {
+  state->force = state->bias = 0.0;
+  state->saturated = false;
+  for (CoordinateState& coordinate : state->coordinates) coordinate.effort = coordinate.bias = 0.0;
+}
+
 }  // namespace
 
 void World::Impl::rebuild_topology() {
@@ -26,8 +33,8 @@ void World::Impl::rebuild_topology() {
   unpaired.clear();
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const auto [a, b] = joint_ends.emplace_back(ends_of(joints[j]));
-    if (joint_states[j].broken) joint_states[j].force = joint_states[j].bias = 0.0;
-    if (!joints[j].collide_connected && !joint_states[j].broken)
+    if (!acts(joints[j], joint_states[j])) release(&joint_states[j]);
+    if (!joints[j].collide_connected && acts(joints[j], joint_states[j]))
       unpaired.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
   }
   std::sort(unpaired.begin(), unpaired.end());
@@ -78,7 +85,7 @@ void World::Impl::find_loops() {
     return body;
   };
   for (std::size_t j = 0; j < joints.size(); ++j) {
-    if (joint_states[j].broken || !is_always_rigid(joints[j])) continue;
+    if (!acts(joints[j], joint_states[j]) || !is_always_rigid(joints[j])) continue;
     if (couples_joints(joints[j].kind)) continue;
     const auto [a, b] = joint_ends[j];
     if (root(a) == root(b))
@@ -124,7 +131,8 @@ std::pair<std::size_t, std::size_t> World::Impl::ends_of(const Joint& joint) con
 std::vector<IslandMembers> World::Impl::group_bodies(const std::vector<JointEnds>& ends) const {
   std::vector<bool> movable, acting;
   for (std::size_t i = 0; i < bodies.size(); ++i) movable.push_back(is_movable(i));
-  for (const JointState& state : joint_states) acting.push_back(!state.broken);
+  for (std::size_t j = 0; j < joints.size(); ++j)
+    acting.push_back(acts(joints[j], joint_states[j]));
   return find_islands(movable, acting, ends);
 }
 
@@ -196,7 +204,7 @@ std::vector<double> World::Impl::fastest_springs(const std::vector<JointEnds>& e
   std::vector<double> fastest_spring(bodies.size(), 0.0);
   std::vector<double> damping;
   for (std::size_t j = 0; j < joints.size(); ++j) {
-    if (joint_states[j].broken) continue;
+    if (!acts(joints[j], joint_states[j])) continue;
     const Joint& joint = joints[j];
     const auto add = [&](bool is_turn, double stiffness, double of_damper) {
       if (damping.empty()) damping.assign(bodies.size(), 0.0);

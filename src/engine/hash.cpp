@@ -129,6 +129,10 @@ void add(Fnv1a& hash, const CoordinateLaw& law, const CoordinateState& state) {
   hash.add(std::uint64_t{motor.force.has_value()});
 }
 
+double first_end(const Joint& joint, const JointState& state) {
+  return coordinates(joint.kind) > 0 ? state.coordinates[0].expires_at : state.expires_at;
+}
+
 void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::string& body_b,
          const JointState& state) {
   hash.add(joint.name);
@@ -140,11 +144,13 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   add_settings(hash, joint);
   const Motor& motor = joint.motor;
   for (const double value : {motor.bias, motor.amplitude, motor.frequency, motor.phase,
-                             motor.max_force, motor.timeout, state.expires_at, state.travel})
+                             motor.max_force, motor.timeout, first_end(joint, state), state.travel})
     hash.add(value);
   add(hash, state.impulse);
   for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i)
     add(hash, joint.coordinates[i], state.coordinates[i]);
+  for (std::size_t i = 1; i < kMaxCoordinates; ++i)
+    if (std::isfinite(state.coordinates[i].expires_at)) hash.add(state.coordinates[i].expires_at);
   if (joint.break_torque > 0.0) hash.add(joint.break_torque);
   if (couples(joint.kind))
     for (const double number :
@@ -154,6 +160,7 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   hash.add(joint.break_force);
   hash.add(std::uint64_t{joint.collide_connected});
   hash.add(std::uint64_t{state.broken});
+  if (!joint.enabled) hash.add(std::string("disabled"));
   if (!state.closing) return;
   hash.add(state.closing_since);
   if (couples(joint.kind)) hash.add(state.coupling.offset);

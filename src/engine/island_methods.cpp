@@ -112,7 +112,8 @@ void World::Impl::list_by_method() {
       carried.impulse_bodies.push_back(body);
   }
   for (const int j : awake_joints)
-    if (!joint_states[at(j)].broken && !is_integrated(at(j))) carried.impulse_joints.push_back(j);
+    if (acts(joints[at(j)], joint_states[at(j)]) && !is_integrated(at(j)))
+      carried.impulse_joints.push_back(j);
 }
 
 // Carries the smooth islands to the end of the tick; one that cannot be goes to the impulses.
@@ -230,7 +231,8 @@ void World::Impl::split_step(const Tick& tick) {
     split_at(wrench.end);
   }
   for (const int j : changing_courses) {
-    split_at(joint_states[at(j)].expires_at);
+    visit_motors(joints[at(j)], joint_states[at(j)],
+                 [&](const Motor&, double end) { split_at(end); });
     if (joint_states[at(j)].closing)
       split_at(joint_states[at(j)].closing_since + options.closing_time);
   }

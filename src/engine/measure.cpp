@@ -40,7 +40,7 @@ bool World::Impl::find_worst_joint(const std::vector<int>& among, StepReport* wo
     const auto j = static_cast<std::size_t>(index);
     is_any_askew |= joint_states[j].angle_error > kUnclosedAngle;
     const double error = std::abs(joint_states[j].error);
-    if (joint_states[j].broken || !is_rigid(joints[j])) continue;
+    if (!acts(joints[j], joint_states[j]) || !is_rigid(joints[j])) continue;
     if (worst->worst_joint && error <= worst->max_constraint_error) continue;
     worst->max_constraint_error = error;
     worst->worst_joint = joint_ids[j];

@@ -22,7 +22,7 @@ namespace constraint_sim::engine {
 struct JointStart {
   Motor motor;  ///< also after continue_from() with the phase of the scene, right from time 0
   std::array<CoordinateLaw, kMaxCoordinates> coordinates;  ///< the same
-  bool broken = false;
+  bool broken = false, enabled = true;
   std::optional<JointState> state;  ///< of a joint that goes on as saved
   double time = 0.0;                ///< when it had that state [s]
 };

@@ -23,7 +23,7 @@ struct Counts {
   int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
   int points = 0, spheres = 0, boxes = 0, planes = 0;
   int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, rough = 0, turning = 0;
-  int rods = 0, limited = 0, springs = 0, motors = 0, broken = 0;
+  int rods = 0, limited = 0, springs = 0, motors = 0, broken = 0, disabled = 0;
   int rubbing = 0;                            // coordinates with friction
   std::array<int, kJointKindCount> joints{};  // by kind
   std::array<int, kMethodCount> islands{};    // that are awake
@@ -64,6 +64,7 @@ void count_law(const CoordinateLaw& law, Counts* counts) {
 void count_joint(const Joint& joint, const JointState& state, Counts* counts) {
   counts->motors += joint.motor.bias != 0.0 || joint.motor.amplitude != 0.0;
   counts->broken += state.broken;
+  counts->disabled += !joint.enabled;
   ++counts->joints[static_cast<std::size_t>(joint.kind)];
   for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i)
     count_law(joint.coordinates[i], counts);
@@ -145,6 +146,7 @@ std::string explain(const World& world) {
       out << ", " << name(kind) << ": " << number;
   }
   if (counts.rubbing > 0) out << ", friction: " << counts.rubbing;
+  if (counts.disabled > 0) out << ", disabled: " << counts.disabled;
   out << ", motor: " << counts.motors << ", broken: " << counts.broken << "}\n";
   out << "wrenches: " << world.wrenches().size() << "\n";
   out << std::boolalpha << "collision: " << counts.collides() << "\n";

@@ -144,11 +144,12 @@ bool World::Impl::is_quiet(std::size_t island) const {
 bool World::Impl::is_driven(std::size_t island) const {
   for (const int index : island_parts[island].members.joints) {
     const std::size_t j = at(index);
-    const Motor& motor = joints[j].motor;
-    if (motor.amplitude != 0.0 || joint_states[j].closing) return true;
-    if (motor.bias != 0.0 && time() < joint_states[j].expires_at) return true;
-    if (any_coordinate(joints[j], [&](const CoordinateLaw& law) {
-          return law.motor && drives(*law.motor, time() < joint_states[j].expires_at);
+    if (joint_states[j].closing) return true;
+    bool is_moving = false;
+    visit_motors(joints[j], joint_states[j],
+                 [&](const Motor& motor, double end) { is_moving |= drives(motor, time() < end); });
+    if (is_moving || any_coordinate(joints[j], [](const CoordinateLaw& law) {
+          return law.motor && law.motor->force.value_or(0.0) != 0.0;
         }))
       return true;
     for (const std::size_t end : {joint_ends[j].first, joint_ends[j].second})

@@ -353,7 +353,7 @@ Joint read_joint(const YamlElement& item, const World& world) {
   const std::string type = type_of_joint(item);
   YamlElement::Words keys = keys_of_type(item, type);
   keys.insert(keys.end(),
-              {"name", "type", "baumgarte", "break_force", "collide_connected", "broken", "state"});
+              {"name", "type", "baumgarte", "break_force", "collide_connected", "enabled", "broken", "state"});
   const JointKind kind = joint_kind_named(type).value_or(JointKind::kDistance);  // or a shorthand
   if (kind == JointKind::kFreeDistance) keys.push_back("free");
   if (!couples_joints(kind))
@@ -378,6 +378,7 @@ Joint read_joint(const YamlElement& item, const World& world) {
   item.read("break_force", &joint.break_force);
   item.read("break_torque", &joint.break_torque);
   item.read("collide_connected", &joint.collide_connected);
+  item.read("enabled", &joint.enabled);
   return joint;
 }
 
@@ -397,6 +398,19 @@ SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
   return self_stress;
 }
 
+/// When biases end: of each coordinate in a list; of the first, or of the length, one time.
+void read_expiry(const YamlElement& item, int count, JointState* state) {
+  if (!item.is_list()) {
+    (count > 0 ? state->coordinates[0].expires_at : state->expires_at) = item.number_or_infinity();
+    return;
+  }
+  const std::vector<YamlElement> ends = item.items();
+  if (static_cast<int>(ends.size()) != count)
+    item.fail("must be one for each coordinate, got " + std::to_string(ends.size()));
+  for (std::size_t i = 0; i < ends.size(); ++i)
+    state->coordinates[i].expires_at = ends[i].number_or_infinity();
+}
+
 /// State that a saved joint continues from.
 JointState read_joint_state(const YamlElement& item, JointKind kind) {
   item.expect_keys({"coupling_constant", "coupling_impulse", "closing_coupling", "travel",
@@ -405,7 +419,6 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
                     "closing_share", "initial_error"});
   JointState state;
   item.read("travel", &state.travel);
-  if (const auto value = item.find("expires_at")) state.expires_at = value->number_or_infinity();
   read_rows(item, "impulse", kind, &state.impulse);
   item.read("coupling_constant", &state.coupling.constant);
   item.read("coupling_impulse", &state.coupling.impulse);
@@ -421,6 +434,7 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
   };
   read_coordinates("positions", &CoordinateState::position);
   read_coordinates("held", &CoordinateState::held);
+  if (const auto value = item.find("expires_at")) read_expiry(*value, size, &state);
   if (const auto since = item.find("closing_since")) {
     state.closing = true;
     state.closing_since = since->number();

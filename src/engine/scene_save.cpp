@@ -5,6 +5,7 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/law.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
 
@@ -21,9 +22,9 @@ void write(YAML::Emitter* out, const char* key, const char* value) {
 
 void write(YAML::Emitter* out, const char* key, Method value) { write(out, key, name(value)); }
 
-void write(YAML::Emitter* out, const char* key, double value) {
-  write(out, key, std::isinf(value) ? ".inf" : shortest(value));
-}
+std::string number(double value) { return std::isinf(value) ? ".inf" : shortest(value); }
+
+void write(YAML::Emitter* out, const char* key, double value) { write(out, key, number(value)); }
 
 void write(YAML::Emitter* out, const char* key, bool value) {
   *out << YAML::Key << key << YAML::Value << value;
@@ -211,6 +212,23 @@ void write_rows(YAML::Emitter* out, const char* key, const Joint& joint, const R
             rows.head(std::max(info(joint.kind).rows + info(joint.kind).coordinates, 3))));
 }
 
+/// Of the length or the only motor with a timeout on the first coordinate one time; else a list.
+void write_expiry(YAML::Emitter* out, const Joint& joint, const JointState& state) {
+  std::vector<double> ends;
+  visit_motors(joint, state, [&](const Motor& motor, double end) {
+    if (motor.timeout > 0.0) ends.push_back(end);
+  });
+  if (ends.empty()) return;
+  const int count = coordinates(joint.kind);
+  const auto& first = joint.coordinates[0].motor;
+  if (count == 0 || (ends.size() == 1 && first && first->timeout > 0.0))
+    return write(out, "expires_at", ends.front());
+  *out << YAML::Key << "expires_at" << YAML::Value << YAML::Flow << YAML::BeginSeq;
+  for (int i = 0; i < count; ++i)
+    *out << number(state.coordinates[static_cast<std::size_t>(i)].expires_at);
+  *out << YAML::EndSeq;
+}
+
 /// State that a joint continues from; nothing where adding the joint would give the same state.
 void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
                  const JointState& state) {
@@ -219,7 +237,7 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
   if (impl.is_as_added(id)) return;
   *out << YAML::Key << "state" << YAML::Value << YAML::Flow << YAML::BeginMap;
   write(out, "travel", state.travel);
-  if (first_motor(joint).timeout > 0.0) write(out, "expires_at", state.expires_at);
+  write_expiry(out, joint, state);
   if (const int count = coordinates(joint.kind)) {
     Eigen::VectorXd positions(count), held(count);
     for (int i = 0; i < count; ++i) {
@@ -288,6 +306,7 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   write(out, "break_force", joint.break_force);
   if (joint.break_torque > 0.0) write(out, "break_torque", joint.break_torque);
   write(out, "collide_connected", joint.collide_connected);
+  if (!joint.enabled) write(out, "enabled", false);
   if (state.broken) write(out, "broken", true);
   write_state(out, world, joint, state);
   *out << YAML::EndMap;

@@ -299,9 +299,6 @@ void validate_motor(const Joint& joint) {
 void validate_coordinates(const Joint& joint) {
   for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
     const CoordinateLaw& law = joint.coordinates[i];
-    if (i > 0 && law.motor && law.motor->timeout > 0.0)
-      refuse("motor.timeout", "only the first coordinate of a joint has one, got " +
-                                  shortest(law.motor->timeout) + " of number " + std::to_string(i));
     if (static_cast<int>(i) < coordinates(joint.kind))
       validate(law);
     else if (!law.is_none())

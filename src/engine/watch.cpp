@@ -48,7 +48,7 @@ void World::Impl::watch_joints() {
     const JointState& state = joint_states[j];
     const double error = std::abs(state.error);
     const bool is_off = error > kUnclosedError || state.angle_error > kUnclosedAngle;
-    if (!is_off || state.broken || !is_rigid(joints[j])) continue;
+    if (!is_off || !acts(joints[j], state) || !is_rigid(joints[j])) continue;
     Watch::Open now{joint_ids[j], error, 0.0, state.closing ? state.closing_since : 0.0};
     while (before != watch.open_before.end() && before->id.value < now.id.value) ++before;
     const bool is_known = before != watch.open_before.end() && before->id == now.id;

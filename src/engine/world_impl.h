@@ -107,7 +107,7 @@ struct World::Impl : Model, State, IslandLists {
   bool awake_changed = true;
   std::vector<int> awake_islands;
   std::vector<int> awake_bodies;   // dynamic ones, and kinematic ones that move
-  std::vector<int> awake_joints;   // broken ones as well
+  std::vector<int> awake_joints;   // those that do not act as well
   std::vector<int> kinematic;      // bodies that move
   std::vector<int> moving_shapes;  // bodies that may touch something; empty where none can
   StepReport resting_report;
@@ -155,6 +155,7 @@ struct World::Impl : Model, State, IslandLists {
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
   void check_coupling(const Joint& joint) const;
+  void check_coupled_act(std::size_t j, bool enabled) const;
   BodyId movable_end(JointId id) const;
   std::vector<std::size_t> couplings_of(std::size_t joint) const;
   bool is_held_by(BodyId id, std::size_t joint) const;
@@ -170,7 +171,10 @@ struct World::Impl : Model, State, IslandLists {
   void continue_joint(std::size_t j, const JointState& saved);
   void continue_correction(std::size_t i, const Twist& correction);
   double end_of(const Motor& motor) const;
+  void set_ends(const Joint& joint, JointState* state) const;
   void wake_ends(const Joint& joint);
+  void restart_joint(std::size_t j);
+  void hold_from_here(std::size_t j);
   void forget_contacts();
   void continue_asleep(const std::vector<BodyId>& ids);
   void continue_contact(TouchingPair pair);
@@ -199,6 +203,12 @@ struct World::Impl : Model, State, IslandLists {
   void shift_couplings(std::size_t j, int coordinate, double change);
   void check_coordinate(const char* field, const Joint& joint, int coordinate) const;
   void set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set);
+  struct LawChange {
+    bool law = false, motor = false;  ///< whose timeout begins now
+  };
+  void replace_joint(std::size_t j, const Joint& joint,
+                     const std::array<LawChange, kMaxCoordinates>& changes);
+  bool follow_law(std::size_t j, std::size_t i, const CoordinateLaw& before, bool is_motor_set);
   void erase_joint(std::size_t j);
   void erase_wrenches(BodyId id);
 

@@ -113,6 +113,8 @@ YamlElement::Words YamlElement::keys() const {
   return words;
 }
 
+bool YamlElement::is_list() const { return node_->kind == Kind::kList; }
+
 std::vector<YamlElement> YamlElement::items() const {
   if (node_->kind != Kind::kList) fail_expecting("a list");
   std::vector<YamlElement> elements;

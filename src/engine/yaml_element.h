@@ -30,6 +30,7 @@ class YamlElement {
   YamlElement at(const std::string& key) const;
   /// The keys of this map, in their order.
   Words keys() const;
+  bool is_list() const;
   /// The elements of this list.
   std::vector<YamlElement> items() const;
 

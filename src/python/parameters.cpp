@@ -68,15 +68,22 @@ void visit_law(Law& law, Visit visit) {
   visit("zero", law.zero);
 }
 
+/// What can change while the joint acts, beside visit_distance() and visit_law().
+template <class Joint, class Visit>
+void visit_settings(Joint& joint, Visit visit) {
+  visit("baumgarte", joint.baumgarte);
+  visit("break_force", joint.break_force);
+  visit("break_torque", joint.break_torque);
+  visit("collide_connected", joint.collide_connected);
+  visit("enabled", joint.enabled);
+}
+
 template <class Joint, class Visit>
 void visit_joint(Joint& joint, Visit visit) {
   visit("name", joint.name);
   visit("anchor_a", joint.anchor_a);
   visit("anchor_b", joint.anchor_b);
-  visit("baumgarte", joint.baumgarte);
-  visit("break_force", joint.break_force);
-  visit("break_torque", joint.break_torque);
-  visit("collide_connected", joint.collide_connected);
+  visit_settings(joint, visit);
 }
 
 template <class Distance, class Visit>
@@ -368,6 +375,31 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
     motor_from(as_dict("motor", motor), &joint.motor);
   reading.expect_no_more();
   return joint;
+}
+
+void change_joint(const py::dict& keywords, engine::Joint* joint) {
+  Keywords reading("set_joint", keywords);
+  visit_settings(*joint, reader(&reading));
+  if (auto* distance = engine::if_distance(*joint)) {
+    visit_distance(*distance, reader(&reading));
+    if (const py::object motor = reading.find("motor")) {
+      joint->motor = engine::Motor{};
+      if (!motor.is_none()) motor_from(as_dict("motor", motor), &joint->motor);
+    }
+  }
+  if (const int count = engine::coordinates(joint->kind)) {
+    int coordinate = 0;
+    reading.read("coordinate", &coordinate);
+    if (coordinate < 0 || coordinate >= count)
+      throw std::invalid_argument("coordinate: a " + std::string(engine::name(joint->kind)) +
+                                  " joint has " + std::to_string(count) + ", got number " +
+                                  std::to_string(coordinate));
+    engine::CoordinateLaw& law = joint->coordinates[static_cast<std::size_t>(coordinate)];
+    const py::object motor = reading.find("motor");
+    if (motor) law.motor.reset();
+    read_law(&reading, &law);
+  }
+  reading.expect_no_more();
 }
 
 py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool broken) {

@@ -29,6 +29,8 @@ py::dict motor_dict(const engine::CoordinateMotor& motor);
 
 /// Bodies are looked up in `world`. `broken`: whether the joint starts broken.
 engine::Joint joint_from(const py::dict& keywords, const engine::World& world, bool* broken);
+/// Sets what is named, of what can change while the joint acts, and keeps the rest.
+void change_joint(const py::dict& keywords, engine::Joint* joint);
 py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool broken);
 
 /// Name of a body; "world" is the world itself.

@@ -204,7 +204,8 @@ void define_joints(Class* world) {
       "present distance, "
       "min_length=0, max_length=inf [m], frequency [Hz] and damping_ratio, or stiffness [N/m] and "
       "damping [N s/m], baumgarte=None, break_force=0 [N], break_torque=0 [N m], "
-      "collide_connected=False, broken=False, motor={}; of types with free coordinates, for the "
+      "collide_connected=False, enabled=True, broken=False, motor={}; of types with free "
+      "coordinates, for the "
       "first: lower, upper [m or rad], limit_restitution=0, friction, damping, stiffness, rest, "
       "frequency, damping_ratio, position, motor; or coordinates=[{...}, ...], these for each)"
       "\n\nAdds a joint; the motor's keywords are those of set_motor.");
@@ -279,12 +280,43 @@ void define_joint_states(Class* world) {
       "servo_damping=0, force=None [N or N m], removed=False: free from now on\n\nReplaces the "
       "motor; its timeout counts from now.");
   world->def(
+      "set_joint",
+      [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
+        return self.edit([&](engine::World& edited) {
+          const engine::JointId id = edited.find_joint(name);
+          engine::Joint joint = edited.joint(id);
+          change_joint(keywords, &joint);
+          edited.set_joint(id, joint);
+          return engine::text_of_opening(edited, id);
+        });
+      },
+      py::arg("name"),
+      "set_joint(name, *, baumgarte, break_force, break_torque, collide_connected, enabled; of a "
+      "distance joint length, min_length, max_length, frequency, damping_ratio, stiffness, "
+      "damping, "
+      "motor; of types with free coordinates coordinate=0, and of that one lower, upper, "
+      "limit_restitution, friction, damping, stiffness, rest, frequency, damping_ratio, position, "
+      "motor={...} or None)\n\nSets what is named and keeps the rest; returns opening(): what the "
+      "joint is then off by closes.");
+  world->def(
       "set_broken",
       [](SharedWorld& self, const std::string& name, bool is_broken) {
         self.edit(
             [&](engine::World& edited) { edited.set_broken(edited.find_joint(name), is_broken); });
       },
       py::arg("name"), py::arg("broken"), "Marks a joint as broken, or whole again.");
+  world->def(
+      "set_enabled",
+      [](SharedWorld& self, const std::string& name, bool is_enabled) {
+        return self.edit([&](engine::World& edited) {
+          const engine::JointId id = edited.find_joint(name);
+          edited.set_enabled(id, is_enabled);
+          return engine::text_of_opening(edited, id);
+        });
+      },
+      py::arg("name"), py::arg("enabled"),
+      "Disables a joint, which then does not act, or enables it again, and returns opening(): what "
+      "it is then off by closes.");
 }
 
 void define_wrenches(Class* world) {

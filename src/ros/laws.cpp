@@ -147,4 +147,101 @@ void read_laws(const Constraint& msg, engine::Joint* joint) {
   read_motor_fields(msg, &joint->coordinates[0]);
 }
 
+namespace {
+
+using engine::Joint;
+
+struct JointKey {
+  const char* name;
+  void (*set)(Joint& joint, double value);
+};
+
+bool flag(double value, const char* field) {
+  if (value != 0.0 && value != 1.0) refuse(field, "must be 0 or 1, got " + std::to_string(value));
+  return value == 1.0;
+}
+
+constexpr JointKey kJointKeys[] = {
+    {"enabled", [](Joint& joint, double value) { joint.enabled = flag(value, "enabled"); }},
+    {"collide_connected",
+     [](Joint& joint, double value) {
+       joint.collide_connected = flag(value, "collide_connected");
+     }},
+    {"break_force", [](Joint& joint, double value) { joint.break_force = value; }},
+    {"break_torque", [](Joint& joint, double value) { joint.break_torque = value; }},
+    {"baumgarte", [](Joint& joint, double value) { joint.baumgarte = value; }},
+};
+
+constexpr JointKey kDistanceKeys[] = {
+    {"length", [](Joint& joint, double value) { joint.distance.length = value; }},
+    {"min_length", [](Joint& joint, double value) { joint.distance.min_length = value; }},
+    {"max_length", [](Joint& joint, double value) { joint.distance.max_length = value; }},
+    {"frequency", [](Joint& joint, double value) { joint.distance.frequency = value; }},
+    {"damping_ratio", [](Joint& joint, double value) { joint.distance.damping_ratio = value; }},
+    {"stiffness", [](Joint& joint, double value) { joint.distance.stiffness = value; }},
+    {"damping", [](Joint& joint, double value) { joint.distance.damping = value; }},
+    {"bias", [](Joint& joint, double value) { joint.motor.bias = value; }},
+    {"amplitude", [](Joint& joint, double value) { joint.motor.amplitude = value; }},
+    {"motor_frequency", [](Joint& joint, double value) { joint.motor.frequency = value; }},
+    {"phase", [](Joint& joint, double value) { joint.motor.phase = value; }},
+    {"max_force", [](Joint& joint, double value) { joint.motor.max_force = value; }},
+    {"timeout", [](Joint& joint, double value) { joint.motor.timeout = value; }},
+};
+
+// A motor goes by velocity, to a position or with a force: what names one of these takes the place
+// of the others.
+void choose_motor(const std::string& key, CoordinateLaw* law) {
+  const bool is_rate = key == "bias" || key == "amplitude";
+  if (!law->motor || !(is_rate || key == "motor_position" || key == "motor_force")) return;
+  CoordinateMotor& motor = *law->motor;
+  if (!is_rate) motor.bias = motor.amplitude = 0.0;
+  if (key != "motor_force") motor.force.reset();
+  if (key == "motor_position") return;
+  motor.position.reset();
+  motor.servo_stiffness = motor.servo_damping = 0.0;
+}
+
+template <class Keys>
+bool set_by_key(const Keys& keys, const std::string& name, double value, Joint* joint) {
+  const auto* const key = find_key(keys, name);
+  if (key == std::end(keys)) return false;
+  key->set(*joint, value);
+  return true;
+}
+
+bool set_property(const std::string& given, double value, Joint* joint) {
+  if (set_by_key(kJointKeys, given, value, joint)) return true;
+  if (engine::if_distance(*joint) != nullptr) return set_by_key(kDistanceKeys, given, value, joint);
+  std::string name = given;
+  const std::size_t i = take_coordinate(&name);
+  if (i >= static_cast<std::size_t>(engine::coordinates(joint->kind))) return false;
+  CoordinateLaw& law = joint->coordinates[i];
+  if (name != "motor") return set_key(law, name, value);
+  if (!flag(value, given.c_str()))
+    law.motor.reset();
+  else if (!law.motor)
+    law.motor.emplace();
+  return true;
+}
+
+}  // namespace
+
+void change_properties(const std::vector<std::string>& keys, const std::vector<double>& values,
+                       engine::Joint* joint) {
+  if (keys.size() != values.size())
+    refuse("values", "must be as many as keys, got " + std::to_string(values.size()) + " for " +
+                         std::to_string(keys.size()));
+  std::set<std::string> seen;
+  for (const std::string& key : keys) {
+    if (!seen.insert(key).second) refuse("keys", "'" + key + "' is there twice");
+    std::string name = key;
+    const std::size_t i = take_coordinate(&name);
+    if (i < joint->coordinates.size()) choose_motor(name, &joint->coordinates[i]);
+  }
+  for (std::size_t k = 0; k < keys.size(); ++k)
+    if (!set_property(keys[k], values[k], joint))
+      refuse("keys", "constraints of type '" + std::string(engine::name(joint->kind)) +
+                         "' have no '" + keys[k] + "' to change");
+}
+
 }  // namespace constraint_sim

@@ -102,7 +102,7 @@ visualization_msgs::MarkerArray Markers::update(const engine::World& world, cons
 
   present.clear();
   for (const engine::JointId id : world.joint_ids()) {
-    if (world.joint_state(id).broken) continue;
+    if (world.joint_state(id).broken || !world.joint(id).enabled) continue;
     present.insert(static_cast<std::int32_t>(id.value));
     array.markers.push_back(constraint(world, id));
   }

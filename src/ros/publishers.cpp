@@ -34,6 +34,8 @@ std::int64_t wall_now() { return static_cast<std::int64_t>(ros::WallTime::now().
 Publishers::Publishers(const Parameters& parameters, ros::NodeHandle& handle,
                        ros::NodeHandle& private_handle)
     : parameters_(parameters),
+      wrench_topics_(parameters, private_handle,
+                     [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
       stamps_(
           parameters.stamps_simulated_time() ? Stamps::Source::kSimulated : Stamps::Source::kWall,
           parameters.real_time_factor),
@@ -138,7 +140,7 @@ bool Publishers::anybody_listens() const {
        {&transforms_topic_, &markers_topic_, &body_states_topic_, &constraint_states_topic_,
         &contact_states_topic_, &joint_states_topic_, &statistics_topic_})
     if (topic->getNumSubscribers() > 0) return true;
-  return false;
+  return wrench_topics_.anybody_listens();
 }
 
 void Publishers::take_snapshot(const World& world, const Stepper& stepper, double now) {
@@ -218,7 +220,11 @@ void Publishers::publish(const Snapshot& snapshot) {
   if (constraint_states_topic_.getNumSubscribers() > 0) publish_constraint_states(snapshot);
   if (contact_states_topic_.getNumSubscribers() > 0) publish_contact_states(snapshot);
   if (joint_states_topic_.getNumSubscribers() > 0) publish_joint_states(snapshot);
-  if (snapshot.plan_changed) publish_plan(snapshot);
+  if (snapshot.plan_changed) {
+    publish_plan(snapshot);
+    wrench_topics_.update(snapshot.world);
+  }
+  if (wrench_topics_.anybody_listens()) publish_wrenches(snapshot);
   if (markers_topic_.getNumSubscribers() > 0)
     markers_topic_.publish(markers_.update(snapshot.world, snapshot.stamp, snapshot.for_newcomer));
   else
@@ -277,6 +283,14 @@ void Publishers::publish_joint_states(const Snapshot& snapshot) {
   for (const engine::JointId id : snapshot.world.joint_ids())
     add_coordinates(snapshot.world.joint(id), snapshot.world.joint_state(id), &message);
   joint_states_topic_.publish(message);
+}
+
+// the frames too, where frames are published
+void Publishers::publish_wrenches(const Snapshot& snapshot) {
+  tf2_msgs::TFMessage frames;
+  frames.transforms = wrench_topics_.publish(snapshot.world, snapshot.stamp);
+  if (parameters_.publish_tf && transforms_topic_.getNumSubscribers() > 0)
+    transforms_topic_.publish(frames);
 }
 
 void Publishers::publish_plan(const Snapshot& snapshot) {

@@ -14,6 +14,7 @@
 
 #include "ros/markers.h"
 #include "ros/parameters.h"
+#include "ros/wrench_topics.h"
 #include "sim/stamps.h"
 #include "sim/statistics.h"
 #include "sim/stepper.h"
@@ -65,6 +66,7 @@ class Publishers {
   void publish_contact_states(const Snapshot& snapshot);
   void publish_joint_states(const Snapshot& snapshot);
   void publish_plan(const Snapshot& snapshot);
+  void publish_wrenches(const Snapshot& snapshot);
 
   Parameters parameters_;
   ros::Publisher transforms_topic_;
@@ -73,6 +75,7 @@ class Publishers {
   ros::Publisher constraint_states_topic_;
   ros::Publisher contact_states_topic_;
   ros::Publisher joint_states_topic_;
+  WrenchTopics wrench_topics_;
   ros::Publisher statistics_topic_;
   ros::Publisher plan_topic_;
   ros::Publisher clock_topic_;

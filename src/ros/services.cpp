@@ -7,6 +7,7 @@
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
 #include "ros/conversions.h"
+#include "ros/laws.h"
 #include "ros/scenes.h"
 #include "ros/time_conversions.h"
 #include "sim/files.h"
@@ -83,6 +84,7 @@ Services::Services(Stepper& stepper, const Publishers& publishers, const Paramet
   advertise("add_constraint", &Services::add_constraint);
   advertise("remove_constraint", &Services::remove_constraint);
   advertise("set_motor_bias", &Services::set_motor_bias);
+  advertise("set_constraint_properties", &Services::set_constraint_properties);
   advertise("apply_body_wrench", &Services::apply_body_wrench);
   advertise("clear_body_wrenches", &Services::clear_body_wrenches);
   advertise_on(handles.queries, "get_body_state", &Services::get_body_state);
@@ -136,6 +138,17 @@ bool Services::remove_constraint(RemoveConstraintRequest& request,
 bool Services::set_motor_bias(SetMotorBiasRequest& request, SetMotorBiasResponse& response) {
   return answer_edit(stepper_, response, [&](World& world) {
     set_bias(world, request.constraint, request.bias, request.max_force, request.timeout);
+  });
+}
+
+bool Services::set_constraint_properties(SetConstraintPropertiesRequest& request,
+                                         SetConstraintPropertiesResponse& response) {
+  return answer_edit(stepper_, response, [&](World& world) {
+    const engine::JointId id = find_joint(world, "name", request.name);
+    engine::Joint joint = world.joint(id);
+    change_properties(request.keys, request.values, &joint);
+    world.set_joint(id, joint);
+    response.status_message = engine::text_of_opening(world, id);
   });
 }
 

@@ -13,6 +13,7 @@
 #include <constraint_sim/RemoveConstraint.h>
 #include <constraint_sim/SaveScene.h>
 #include <constraint_sim/SetBodyState.h>
+#include <constraint_sim/SetConstraintProperties.h>
 #include <constraint_sim/SetMotorBias.h>
 #include <constraint_sim/Step.h>
 #include <ros/node_handle.h>
@@ -51,6 +52,8 @@ class Services {
   bool add_constraint(AddConstraintRequest& request, AddConstraintResponse& response);
   bool remove_constraint(RemoveConstraintRequest& request, RemoveConstraintResponse& response);
   bool set_motor_bias(SetMotorBiasRequest& request, SetMotorBiasResponse& response);
+  bool set_constraint_properties(SetConstraintPropertiesRequest& request,
+                                 SetConstraintPropertiesResponse& response);
   void on_motor_bias(const MotorBias& message);
   void tell_of_motor(const char* why);
   bool apply_body_wrench(ApplyBodyWrenchRequest& request, ApplyBodyWrenchResponse& response);

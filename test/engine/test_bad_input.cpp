@@ -279,23 +279,6 @@ TEST(BadInput, JointsThatCannotBe) {
   refused("motor", "0.75", driven);
 }
 
-// Their state has room for the end of one motor.
-TEST(BadInput, TimeoutsOfFurtherCoordinates) {
-  Victim victim;
-  Joint joint = make_joint("ice", kWorldBody, {0.0, 0.0, 2.0}, victim.ball, Vector3d::Zero(),
-                           JointKind::kPlanar);
-  const JointId ice = victim.world.add_joint(joint);
-  joint.name = "again";
-  CoordinateMotor motor;
-  motor.timeout = 2.5;
-  for (const int i : {1, 2}) {
-    victim.expect_refused("motor.timeout", "2.5", [&](World& w) { w.set_motor(ice, i, motor); });
-    Joint driven = joint;
-    driven.coordinates[static_cast<std::size_t>(i)].motor = motor;
-    victim.expect_refused("motor.timeout", "2.5", [&](World& w) { w.add_joint(driven); });
-  }
-}
-
 // The distance of these is beyond that of any coordinate.
 TEST(BadInput, LengthThatIsTooLong) {
   Victim victim;

@@ -212,6 +212,7 @@ TEST(Hash, SeesOneUlpInEveryField) {
       {"break_force", [](Parts& p) { p.joint.break_force = up(p.joint.break_force); }},
       {"collide_connected", [](Parts& p) { p.joint.collide_connected = true; }},
       {"broken", [](Parts& p) { p.broken = true; }},
+      {"enabled", [](Parts& p) { p.joint.enabled = false; }},
       {"wrench start", [](Parts& p) { p.wrench.start = up(p.wrench.start); }},
       {"wrench end", [](Parts& p) { p.wrench.end = up(p.wrench.end); }},
       {"no wrench end", [](Parts& p) { p.wrench.end = kInfinity; }},

@@ -100,6 +100,16 @@ TEST(LocalEdits, ABrokenJointPartsItsIslandAlone) {
             (Names{"upper_1", "lower_1"}));
 }
 
+TEST(LocalEdits, ADisabledJointPartsItsIslandAlone) {
+  EXPECT_EQ(changed_by([](World& w) { w.set_enabled(w.find_joint("low_3"), false); }),
+            (Names{"upper_3", "lower_3"}));
+  EXPECT_EQ(changed_by([](World& w) {
+              w.set_enabled(w.find_joint("top_1"), false);
+              w.set_enabled(w.find_joint("top_1"), true);
+            }),
+            (Names{"upper_1", "lower_1"}));
+}
+
 TEST(LocalEdits, WhatIsAddedChangesNothingElse) {
   EXPECT_EQ(changed_by([](World& w) {
               const BodyId id = w.add_body(make_body("new", Point{}, 1.0, {0.0, -5.0, 0.0}));

@@ -127,7 +127,6 @@ void add_laws(Laws laws, Random* random, Joint* joint) {
     if (below(3, random) == 0) continue;
     law = laws == Laws::kOneSided ? one_sided_law(random) : soft_law(random);
     if (laws == Laws::kMotors && below(2, random) == 0) law.motor = rigid_motor(random);
-    if (law.motor && i > 0) law.motor->timeout = 0.0;  // the first coordinate alone has one
   }
 }
 

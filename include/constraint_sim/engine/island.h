@@ -29,7 +29,7 @@ const char* to_string(MethodReason why);
 struct Island {
   BodyId first_body;  ///< the first of them to be added
   std::uint32_t bodies = 0;
-  std::uint32_t joints = 0;  ///< that are not broken
+  std::uint32_t joints = 0;  ///< that are enabled and not broken
   Method method = Method::kSequentialImpulses;
   MethodReason why = MethodReason::kAskedFor;
   double local_error = 0.0;  ///< estimate for the step [m]; 0 where the method has none

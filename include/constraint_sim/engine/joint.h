@@ -153,6 +153,7 @@ struct Joint {
   double break_force = 0.0;         ///< [N] beyond which the joint breaks for good; 0: never
   double break_torque = 0.0;        ///< [N m], the same; not of kind kDistance
   bool collide_connected = false;   ///< whether the two bodies may touch
+  bool enabled = true;              ///< else it does not act; World::set_enabled()
 };
 
 inline constexpr int kMaxJointRows = 6;
@@ -167,6 +168,7 @@ struct CoordinateState {
   double effort = 0.0;    ///< of what acts along it, mean over the step [N or N m]
   double bias = 0.0;      ///< asked for by its motor, mean over the step [m/s or rad/s]
   double held = 0.0;      ///< where the motor holds it [m or rad]
+  double expires_at = std::numeric_limits<double>::infinity();  ///< end of the bias, simulated [s]
 };
 
 /// The coupling of a joint of a kind that couples() coordinates, in the unit of the first one.
@@ -210,15 +212,10 @@ struct JointState {
   Eigen::Vector3d closing_shift = Eigen::Vector3d::Zero();
   Eigen::Vector3d closing_turn = Eigen::Vector3d::Zero();
   double closing_share = 0.0;  ///< of that turn, where it goes by a share a step
-  double expires_at = std::numeric_limits<double>::infinity();  ///< end of the bias, simulated [s]
+  /// Of a distance joint, end of the bias, simulated [s].
+  double expires_at = std::numeric_limits<double>::infinity();
   double initial_error = 0.0;             ///< when last looked for what is to be closed [m]
   RowVector impulse = RowVector::Zero();  ///< of its rows, to warm start [N s or N m s]
-
-  /// For how long after `now` the motor keeps its bias [s]: to the bit its timeout when it was set
-  /// now; negative when it ended before; infinite without a timeout.
-  double time_left(const Motor& motor, double now) const {
-    return expires_at == now + motor.timeout ? motor.timeout : expires_at - now;
-  }
 };
 
 /// As in scene files: `distance`, `ball`, `hinge` ...

@@ -77,9 +77,9 @@ class World {
   // ---- joints
 
   /// Adds a joint and returns its id. A rigid distance joint of length zero, given or measured, is
-  /// added as a ball joint; a broken joint does not act. Throws for settings out of range, for a
-  /// name that another joint has, for ends that are one body or not dynamic, and for anchors or
-  /// axes on a point mass without inertia.
+  /// added as a ball joint; a broken or disabled joint does not act. Throws for settings out of
+  /// range, for a name that another joint has, for ends that are one body or not dynamic, and for
+  /// anchors or axes on a point mass without inertia.
   JointId add_joint(const Joint& joint, bool broken = false);
   /// Removes the joint.
   void remove_joint(JointId id);
@@ -118,8 +118,18 @@ class World {
   /// Replaces all that acts on the coordinate. Without a `position` it reads on as it did; a motor
   /// that was there keeps its timeout. Throws for settings out of range.
   void set_law(JointId id, int coordinate, const CoordinateLaw& law);
+  /// Replaces springs, limits, laws and motors of the joint, what it breaks at, `baumgarte`,
+  /// `collide_connected` and `enabled`, at once; what it is then off by is closed. A motor whose
+  /// settings change begins its timeout now, a new length counts without what a motor has added,
+  /// and a frequency replaces the stiffness and damping that were there. Throws for settings out of
+  /// range, and where name, kind, bodies, anchors or frames are others.
+  void set_joint(JointId id, const Joint& joint);
   /// Breaks the joint, or repairs it: an error that it then has is closed.
   void set_broken(JointId id, bool broken);
+  /// Disables the joint, which then does not act, or enables it again: an error that it then has is
+  /// closed. Meanwhile timeouts run on and whole turns are not counted; a motor by velocity starts
+  /// from where the coordinate is. Bodies that a disabled joint connects may touch.
+  void set_enabled(JointId id, bool enabled);
 
   // ---- wrenches
 
@@ -163,7 +173,7 @@ class World {
   /// Kinetic energy plus the potential energy of gravity (0 at the origin) and of springs [J], now.
   double energy() const;
   /// Returns every body and joint to the state it was added or loaded with: pose, twist, motor,
-  /// travel, broken or whole; timeouts count from now. Adds and removes no body and no joint,
+  /// travel, broken, enabled; timeouts count from now. Adds and removes no body and no joint,
   /// clears wrenches, keeps options, and lets time go on; a motor's sinusoid stays one of simulated
   /// time. set_time(0, 0) afterwards makes the motion that of a new world, bit for bit. A joint
   /// that was added later, and that its bodies then do not fit, is closed.

@@ -41,10 +41,10 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 const MovingFrame kHome;  // which does not move
 
 // Sets the mean bias of a coordinate, and returns its motor as it acts throughout the step.
-Motor drive(const CoordinateLaw& law, const JointStep& step, double expires_at,
-            CoordinateState* state) {
+Motor drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* state) {
   Motor motor = *law.motor;
-  if (motor.timeout > 0.0) motor.bias *= std::clamp((expires_at - step.t) / step.h, 0.0, 1.0);
+  if (motor.timeout > 0.0)
+    motor.bias *= std::clamp((state->expires_at - step.t) / step.h, 0.0, 1.0);
   if (law.motor->position) {
     motor = Motor{};
     state->held = *law.motor->position;
@@ -160,7 +160,7 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
     CoordinateStep asked{step.h, beta, 0.0, coordinate.held};
     const Closing closing(state, step, kind.rows + i);
     if (law.motor && law.motor->is_rigid()) {
-      drive(law, step, state.expires_at, &coordinate);
+      drive(law, step, &coordinate);
       asked.bias = coordinate.bias + closing.rate;
       asked.target = coordinate.held + closing.offset;
     }
@@ -556,7 +556,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
   state.closing_offset = row_errors(joint, a, b, state);
   state.coupling.offset = state.coupling.value - state.coupling.constant;
   if (kind.alignment != Alignment::kFree) state.closing_offset.head(kind.rows).setZero();
-  state.closing = !state.broken && is_rigid(joint) && std::abs(state.error) > kFits;
+  state.closing = acts(joint, state) && is_rigid(joint) && std::abs(state.error) > kFits;
 }
 
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& now,
@@ -565,7 +565,7 @@ void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, c
 }
 
 double elastic_energy(const Joint& joint, const JointState& state) {
-  if (state.broken) return 0.0;
+  if (!acts(joint, state)) return 0.0;
   if (const auto* distance = if_distance(joint))
     return 0.5 * distance->stiffness * state.error * state.error;
   double energy = 0.0;
@@ -608,7 +608,7 @@ void JointCourse::begin(const Joint& joint, const JointStep& span, JointState& s
     coordinate.bias = 0.0;
     held_[i] = Held{};
     if (!is_held(joint.coordinates[i])) continue;
-    const Motor motor = drive(joint.coordinates[i], span, state.expires_at, &coordinate);
+    const Motor motor = drive(joint.coordinates[i], span, &coordinate);
     hold(i, coordinate.held - joint.coordinates[i].zero, motor);
   }
   if (kind.coordinates > 0) state.bias = state.coordinates[0].bias;

@@ -84,6 +84,11 @@ bool is_rigid(const Joint& joint);
 /// Whether it does so both ways and with any force.
 bool is_always_rigid(const Joint& joint);
 
+/// Whether the joint is enabled and not broken.
+inline bool acts(const Joint& joint, const JointState& state) {
+  return joint.enabled && !state.broken;
+}
+
 // ---- for methods that take time and its derivatives
 
 /// What time asks of a joint in a span in which nothing jumps: by its motor, and by an error to be

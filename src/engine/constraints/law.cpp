@@ -59,11 +59,6 @@ SoftLaw soft_law(const CoordinateLaw& law) {
   return soft;
 }
 
-Motor first_motor(const Joint& joint) {
-  if (joint.kind == JointKind::kDistance) return joint.motor;
-  return joint.coordinates[0].motor.value_or(CoordinateMotor{});
-}
-
 bool has_moving_motor(const Joint& joint) {
   return joint.motor.is_moving() || any_coordinate(joint, [](const CoordinateLaw& law) {
            return law.motor && law.motor->is_moving();

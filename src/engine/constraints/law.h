@@ -45,13 +45,19 @@ bool any_coordinate(const Joint& joint, Holds holds) {
   return false;
 }
 
-/// The motor of a distance joint, or of the first coordinate; at rest where there is none.
-Motor first_motor(const Joint& joint);
+/// For each motor of the joint: `visit(motor, expires_at)`, with the end of its bias in `state`.
+template <class State, class Visit>
+void visit_motors(const Joint& joint, State& state, Visit visit) {
+  const auto count = static_cast<std::size_t>(info(joint.kind).coordinates);
+  if (joint.kind == JointKind::kDistance) visit(joint.motor, state.expires_at);
+  for (std::size_t i = 0; i < count; ++i)
+    if (const auto& motor = joint.coordinates[i].motor)
+      visit(static_cast<const Motor&>(*motor), state.coordinates[i].expires_at);
+}
 
-/// Whether a motor does more than to hold; `is_in_time`: its timeout is not over.
-inline bool drives(const CoordinateMotor& motor, bool is_in_time) {
-  return motor.amplitude != 0.0 || motor.force.value_or(0.0) != 0.0 ||
-         (motor.bias != 0.0 && (motor.timeout == 0.0 || is_in_time));
+/// Whether a motor by velocity does more than to hold; `is_in_time`: its timeout is not over.
+inline bool drives(const Motor& motor, bool is_in_time) {
+  return motor.amplitude != 0.0 || (motor.bias != 0.0 && (motor.timeout == 0.0 || is_in_time));
 }
 
 /// Whether a motor of the joint moves what it holds.

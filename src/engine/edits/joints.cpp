@@ -8,6 +8,7 @@
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/law.h"
 #include "engine/edits/find_named.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
@@ -18,7 +19,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kCoincident = 1e-9;  // of the anchors' coordinates: nearer than this is one point
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kPi = 3.14159265358979323846;
 
 }  // namespace
@@ -59,7 +59,7 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
   const JointId id{static_cast<std::uint32_t>(joint_index.size())};
   joint_index.push_back(static_cast<int>(joints.size()));
   joints.push_back(filled);
-  joint_starts.push_back({filled.motor, filled.coordinates, broken, {}, 0.0});
+  joint_starts.push_back({filled.motor, filled.coordinates, broken, filled.enabled, {}, 0.0});
   joint_states.emplace_back();
   self_stress.emplace_back();
   start_joint(joints.size() - 1);
@@ -111,6 +111,7 @@ void World::Impl::check_coupling(const Joint& joint) const {
                                 ? " joins distance constraints with free: true"
                                 : " joins constraints with a free coordinate, such as hinges"));
     if (joint_states[index(id)].broken) refuse("joints", quoted(of.name) + " is broken");
+    if (joint.enabled && !of.enabled) refuse("joints", quoted(of.name) + " is disabled");
   };
   check(coupling.first);
   check(coupling.second);
@@ -301,7 +302,7 @@ void World::Impl::start_joint(std::size_t j) {
   JointState& state = joint_states[j] = JointState{};
   state.broken = joint_starts[j].broken;
   self_stress[j] = SelfStress{};
-  state.expires_at = end_of(first_motor(joints[j]));
+  set_ends(joints[j], &state);
   const std::size_t a = index(joints[j].body_a), b = index(joints[j].body_b);
   state.radius = std::max(masses[a].radius_of_gyration(), masses[b].radius_of_gyration());
   if (couples_joints(joints[j].kind)) read_coupling(terms_of(j), joint_states, &state.coupling);
@@ -310,7 +311,7 @@ void World::Impl::start_joint(std::size_t j) {
   if (!joint_starts[j].state) return;
   state = *joint_starts[j].state;
   const double elapsed = time() - joint_starts[j].time;
-  state.expires_at += elapsed;
+  visit_motors(joints[j], state, [&](const Motor&, double& end) { end += elapsed; });
   state.closing_since += elapsed;
 }
 
@@ -324,7 +325,7 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   state.coupling.constant = saved.coupling.constant;
   state.coupling.impulse = saved.coupling.impulse;
   open_joint(j, time());  // measures it with this travel
-  state.closing = saved.closing && is_rigid(joints[j]) && !state.broken;
+  state.closing = saved.closing && is_rigid(joints[j]) && acts(joints[j], state);
   if (state.closing) {
     state.closing_since = saved.closing_since;
     state.closing_offset = saved.closing_offset;
@@ -352,6 +353,7 @@ bool World::Impl::is_as_added(JointId id) const {
   const JointState& state = joint_states[j];
   JointState added;
   added.broken = state.broken;
+  set_ends(joint, &added);
   added.radius = state.radius;
   const BodyState &a = states[index(joint.body_a)], &b = states[index(joint.body_b)];
   added.coupling.value = state.coupling.value;
@@ -359,7 +361,8 @@ bool World::Impl::is_as_added(JointId id) const {
   begin_joint(joint, a, b, time(), added);
   for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
     const CoordinateState &now = state.coordinates[i], &then = added.coordinates[i];
-    if (now.position != then.position || now.held != then.held) return false;
+    if (now.position != then.position || now.held != then.held || now.expires_at != then.expires_at)
+      return false;
   }
   const bool closes_alike =
       !added.closing ||
@@ -370,13 +373,18 @@ bool World::Impl::is_as_added(JointId id) const {
   if (state.coupling.constant != added.coupling.constant || state.coupling.impulse != 0.0)
     return false;
   return state.travel == 0.0 && state.impulse.isZero(0.0) &&
-         state.expires_at == end_of(first_motor(joint)) && state.closing == added.closing &&
+         state.expires_at == added.expires_at && state.closing == added.closing &&
          closes_alike && self_stress[j].is_none();
 }
 
 // when a motor set now loses its bias
 double World::Impl::end_of(const Motor& motor) const {
   return motor.timeout > 0.0 ? time() + motor.timeout : std::numeric_limits<double>::infinity();
+}
+
+// of motors that are all set now
+void World::Impl::set_ends(const Joint& joint, JointState* state) const {
+  visit_motors(joint, *state, [&](const Motor& motor, double& end) { end = end_of(motor); });
 }
 
 void World::Impl::wake_ends(const Joint& joint) {
@@ -486,30 +494,13 @@ void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, 
   const std::size_t j = index(id);
   Joint joint = joints[j];
   const auto i = static_cast<std::size_t>(coordinate);
-  const std::optional<CoordinateMotor> before = joint.coordinates[i].motor;
-  const double zero = joint.coordinates[i].zero;
   joint.coordinates[i] = law;
   validate(joint);
   set_zeros(joint);
   fill_in_laws(joint);
-
-  wake_ends(joint);
-  topology_edited |= is_always_rigid(joint) != is_always_rigid(joints[j]);  // loops
-  joints[j] = joint;
-  JointState& state = joint_states[j];
-  CoordinateState& of_coordinate = state.coordinates[i];
-  of_coordinate.position += joint.coordinates[i].zero - zero;
-  of_coordinate.held += joint.coordinates[i].zero - zero;
-  shift_couplings(j, coordinate, joint.coordinates[i].zero - zero);
-  const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
-  if (coordinate == 0 && is_motor_set) state.expires_at = motor ? end_of(*motor) : kInfinity;
-  if (!(before && before->is_rigid() && !before->position))
-    of_coordinate.held = of_coordinate.position;
-  if (motor && motor->position && motor->is_rigid()) {
-    of_coordinate.held = *motor->position;
-    open_joint(j, time());
-  }
-  edit_laws(joint);
+  std::array<LawChange, kMaxCoordinates> changes{};
+  changes[i] = {true, is_motor_set};
+  replace_joint(j, joint, changes);
 }
 
 // a coordinate reads otherwise than it did, and so do the couplings that have it
@@ -534,8 +525,8 @@ void World::Impl::edit_laws(const Joint& joint) {
 }
 
 void World::set_broken(JointId id, bool broken) {
-  const Joint& joint = this->joint(id);
   const std::size_t j = impl_->index(id);
+  const Joint& joint = impl_->joints[j];
   if (!broken && couples_joints(joint.kind))
     for (const JointId coupled : {joint.coupling.first, joint.coupling.second})
       if (joint_state(coupled).broken)
@@ -544,14 +535,8 @@ void World::set_broken(JointId id, bool broken) {
   if (broken)
     for (const std::size_t coupling : impl_->couplings_of(j))
       set_broken(impl_->joint_ids[coupling], true);
-  JointState& state = impl_->joint_states[j];
-  state.broken = broken;
-  state.impulse.setZero();
-  impl_->wake_ends(joint);
-  impl_->open_joint(j, time());
-  impl_->topology_edited = true;
-  impl_->edit_island_of(joint.body_a);
-  impl_->edit_island_of(joint.body_b);
+  impl_->joint_states[j].broken = broken;
+  impl_->restart_joint(j);
 }
 
 }  // namespace constraint_sim::engine

@@ -101,7 +101,10 @@ void World::set_time(double time, std::uint64_t step_count) {
   const double now = this->time();
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     JointState& state = impl_->joint_states[j];
-    state.expires_at = time + state.time_left(first_motor(impl_->joints[j]), now);
+    // to the bit the timeout of a motor set now
+    visit_motors(impl_->joints[j], state, [&](const Motor& motor, double& end) {
+      end = time + (end == now + motor.timeout ? motor.timeout : end - now);
+    });
     state.closing_since = time + (state.closing_since - now);
   }
   for (Wrench& wrench : impl_->wrenches) {
@@ -252,6 +255,7 @@ void World::reset() {
   for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
     impl_->joints[j].motor = impl_->joint_starts[j].motor;
     impl_->joints[j].coordinates = impl_->joint_starts[j].coordinates;
+    impl_->joints[j].enabled = impl_->joint_starts[j].enabled;
     impl_->start_joint(j);
   }
   impl_->wrenches.clear();

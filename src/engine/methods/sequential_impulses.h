@@ -27,8 +27,8 @@ struct ActingWrench {
 /// Which bodies and joints impulses carry in a step, and what acts on them; all by index.
 struct ImpulseStep {
   JointStep span;
-  const std::vector<int>& bodies;                                      ///< dynamic ones
-  const std::vector<int>& joints;                                      ///< on them, none broken
+  const std::vector<int>& bodies;  ///< dynamic ones
+  const std::vector<int>& joints;  ///< on them, all of which act
   const std::vector<std::pair<std::size_t, std::size_t>>& joint_ends;  ///< of all joints
   const std::vector<bool>& is_in_loop;  ///< joints of an island that has a loop of joints
   const std::vector<ActingWrench>& wrenches;

@@ -1,0 +1,201 @@
+// Settings of a joint changed while it acts: laws, springs, limits, motors, and whether it acts.
+
+#include <limits>
+#include <tuple>
+#include <utility>
+
+#include "engine/constraints/joint.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/validate.h"
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+// by one that has been checked and filled in
+void World::Impl::replace_joint(std::size_t j, const Joint& joint,
+                                const std::array<LawChange, kMaxCoordinates>& changes) {
+  wake_ends(joint);
+  topology_edited |= is_always_rigid(joint) != is_always_rigid(joints[j]);  // loops
+  const Joint before = std::exchange(joints[j], joint);
+  bool begins = false;
+  for (std::size_t i = 0; i < changes.size(); ++i)
+    if (changes[i].law)
+      begins = follow_law(j, i, before.coordinates[i], changes[i].motor) || begins;
+  if (begins) open_joint(j, time());
+  edit_laws(joint);
+}
+
+// the state of a coordinate whose law is another; true where that has to be closed
+bool World::Impl::follow_law(std::size_t j, std::size_t i, const CoordinateLaw& before,
+                             bool is_motor_set) {
+  const CoordinateLaw& law = joints[j].coordinates[i];
+  CoordinateState& coordinate = joint_states[j].coordinates[i];
+  coordinate.position += law.zero - before.zero;
+  coordinate.held += law.zero - before.zero;
+  shift_couplings(j, static_cast<int>(i), law.zero - before.zero);
+  if (is_motor_set) coordinate.expires_at = law.motor ? end_of(*law.motor) : kInfinity;
+  if (!(before.motor && before.motor->is_rigid() && !before.motor->position))
+    coordinate.held = coordinate.position;
+  if (!law.motor || !law.motor->position || !law.motor->is_rigid()) return false;
+  coordinate.held = *law.motor->position;
+  return true;
+}
+
+namespace {
+
+auto numbers_of(const Motor& m) {
+  return std::tie(m.bias, m.amplitude, m.frequency, m.phase, m.max_force, m.timeout);
+}
+
+bool are_same(const Motor& a, const Motor& b) { return numbers_of(a) == numbers_of(b); }
+
+bool are_same(const std::optional<CoordinateMotor>& a, const std::optional<CoordinateMotor>& b) {
+  if (!a || !b) return a.has_value() == b.has_value();
+  const auto further = [](const CoordinateMotor& m) {
+    return std::tie(m.position, m.servo_frequency, m.servo_damping_ratio, m.servo_stiffness,
+                    m.servo_damping, m.force);
+  };
+  return numbers_of(*a) == numbers_of(*b) && further(*a) == further(*b);
+}
+
+bool are_same(const CoordinateLaw& a, const CoordinateLaw& b) {
+  const auto numbers = [](const CoordinateLaw& law) {
+    return std::tie(law.lower, law.upper, law.limit_restitution, law.friction, law.damping,
+                    law.stiffness, law.rest, law.frequency, law.damping_ratio, law.position,
+                    law.zero);
+  };
+  return numbers(a) == numbers(b) && are_same(a.motor, b.motor);
+}
+
+bool have_same_length(const DistanceJoint& a, const DistanceJoint& b) {
+  return std::tie(a.length, a.min_length, a.max_length) ==
+         std::tie(b.length, b.min_length, b.max_length);
+}
+
+// a new frequency beside what followed from the one before
+template <class Spring>
+void replace_spring(const Spring& before, Spring* spring) {
+  if (spring->frequency == 0.0 || spring->stiffness != before.stiffness ||
+      spring->damping != before.damping)
+    return;
+  spring->stiffness = spring->damping = 0.0;
+}
+
+void replace_servo(const std::optional<CoordinateMotor>& before, CoordinateMotor* motor) {
+  if (motor->servo_frequency == 0.0 || !before ||
+      motor->servo_stiffness != before->servo_stiffness ||
+      motor->servo_damping != before->servo_damping)
+    return;
+  motor->servo_stiffness = motor->servo_damping = 0.0;
+}
+
+void check_same_place(const Joint& joint, const Joint& before) {
+  const auto check = [](const char* field, bool is_same) {
+    if (!is_same) refuse(field, "cannot be changed; remove the constraint and add another");
+  };
+  check("name", joint.name == before.name);
+  check("type", joint.kind == before.kind);
+  check("body_a", joint.body_a == before.body_a);
+  check("body_b", joint.body_b == before.body_b);
+  check("anchor_a", joint.anchor_a == before.anchor_a);
+  check("anchor_b", joint.anchor_b == before.anchor_b);
+  check("frame_a", joint.frame_a.coeffs() == before.frame_a.coeffs());
+  const bool has_frame = before.frame_b.has_value();
+  check("frame_b", joint.frame_b.has_value() == has_frame &&
+                       (!has_frame || joint.frame_b->coeffs() == before.frame_b->coeffs()));
+  check("joints", joint.coupling.first == before.coupling.first &&
+                      joint.coupling.second == before.coupling.second);
+  check("ratio", joint.coupling.ratio == before.coupling.ratio);
+  check("value", joint.coupling.value == before.coupling.value);
+  check("pitch", joint.pitch == before.pitch);
+}
+
+}  // namespace
+
+void World::set_joint(JointId id, const Joint& joint) {
+  const std::size_t j = impl_->index(id);
+  const Joint before = impl_->joints[j];
+  check_same_place(joint, before);
+  Joint changed = joint;
+  replace_spring(before.distance, &changed.distance);
+  std::array<Impl::LawChange, kMaxCoordinates> changes{};
+  for (std::size_t i = 0; i < changes.size(); ++i) {
+    CoordinateLaw& law = changed.coordinates[i];
+    changes[i] = {!are_same(law, before.coordinates[i]),
+                  !are_same(law.motor, before.coordinates[i].motor)};
+    replace_spring(before.coordinates[i], &law);
+    if (law.motor) replace_servo(before.coordinates[i].motor, &*law.motor);
+  }
+  validate(changed);
+  if (changed.enabled != before.enabled) impl_->check_coupled_act(j, changed.enabled);
+  const bool is_distance = joint.kind == JointKind::kDistance;
+  if (is_distance) {
+    impl_->fill_in(changed);
+    if (changed.kind != joint.kind)
+      refuse("length", "a rod does not become a ball joint; remove it and add another, got 0");
+  } else {
+    impl_->set_zeros(changed);
+    impl_->fill_in_laws(changed);
+  }
+
+  impl_->replace_joint(j, changed, changes);
+  JointState& state = impl_->joint_states[j];
+  if (!are_same(changed.motor, before.motor)) state.expires_at = impl_->end_of(changed.motor);
+  const bool is_resized = is_distance && !have_same_length(changed.distance, before.distance);
+  if (is_resized) state.travel = 0.0;
+  if (is_resized || changed.enabled != before.enabled) impl_->restart_joint(j);
+  if (changed.enabled && !before.enabled) impl_->hold_from_here(j);
+}
+
+// what a coupling couples acts as long as the coupling does
+void World::Impl::check_coupled_act(std::size_t j, bool enabled) const {
+  if (enabled && couples_joints(joints[j].kind))
+    for (const JointId id : {joints[j].coupling.first, joints[j].coupling.second})
+      if (!joints[index(id)].enabled)
+        refuse("enabled", quoted(joints[index(id)].name) + ", which it couples, is disabled");
+  if (enabled) return;
+  for (const std::size_t coupling : couplings_of(j))
+    if (joints[coupling].enabled)
+      refuse("enabled", "it is coupled by " + quoted(joints[coupling].name) + ", disable that first");
+}
+
+void World::set_enabled(JointId id, bool enabled) {
+  Joint changed = joint(id);
+  if (changed.enabled == enabled) return;
+  changed.enabled = enabled;
+  set_joint(id, changed);
+}
+
+// one that begins to act, or to act no longer
+void World::Impl::restart_joint(std::size_t j) {
+  const Joint& joint = joints[j];
+  JointState& state = joint_states[j];
+  state.impulse.setZero();
+  self_stress[j] = SelfStress{};
+  wake_ends(joint);
+  open_joint(j, time());
+  topology_edited = true;
+  edit_island_of(joint.body_a);
+  edit_island_of(joint.body_b);
+}
+
+// motors by velocity of a joint that has just been measured
+void World::Impl::hold_from_here(std::size_t j) {
+  const Joint& joint = joints[j];
+  JointState& state = joint_states[j];
+  bool is_held = false;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i) {
+    const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
+    if (!motor || !motor->is_rigid() || motor->position) continue;
+    state.coordinates[i].held = state.coordinates[i].position;
+    is_held = true;
+  }
+  if (is_held) open_joint(j, time());
+}
+
+}  // namespace constraint_sim::engine

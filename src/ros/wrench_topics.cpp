@@ -1,0 +1,106 @@
+#include "ros/wrench_topics.h"
+
+#include <geometry_msgs/WrenchStamped.h>
+#include <ros/console.h>
+#include <ros/names.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "ros/conversions.h"
+
+namespace constraint_sim {
+namespace {
+
+// Names of constraints may have characters that those of topics have not.
+std::string topic_of(std::string constraint) {
+  for (char& c : constraint)
+    if (c == '.' || c == '-') c = '_';
+  return ros::names::clean("force_torque/" + constraint);
+}
+
+geometry_msgs::WrenchStamped to_msg(const engine::World::JointWrench& wrench) {
+  geometry_msgs::WrenchStamped message;
+  message.wrench.force = to_vector(wrench.force);
+  message.wrench.torque = to_vector(wrench.torque);
+  return message;
+}
+
+// the joint's frame on B, of kinds without axes that of B, at its anchor
+geometry_msgs::Transform frame_of(const engine::Joint& joint) {
+  engine::BodyState frame;
+  frame.position = joint.anchor_b;
+  if (engine::has_frames(joint.kind)) frame.orientation = *joint.frame_b;
+  return to_transform(frame);
+}
+
+}  // namespace
+
+WrenchTopics::WrenchTopics(const Parameters& parameters, const ros::NodeHandle& private_handle,
+                           ros::SubscriberStatusCallback welcome)
+    : parameters_(parameters), private_handle_(private_handle), welcome_(std::move(welcome)) {}
+
+void WrenchTopics::update(const engine::World& world) {
+  Topics next;
+  std::set<std::string> taken;
+  std::size_t count = 0;
+  for (const engine::JointId id : world.joint_ids()) {
+    const std::string& name = world.joint(id).name;
+    if (++count > kMost) {
+      if (without_.insert("").second)
+        ROS_INFO("force_torque: the first %zu constraints have a topic, %zu have none", kMost,
+                 world.joint_ids().size() - kMost);
+      break;
+    }
+    const auto known = topics_.find(name);
+    ros::Publisher topic = known != topics_.end() ? known->second : advertise(name, taken);
+    if (!topic) continue;
+    taken.insert(topic_of(name));
+    next.emplace(name, std::move(topic));
+  }
+  const std::lock_guard<std::mutex> lock(mutex_);
+  std::swap(topics_, next);
+}
+
+// none where the name cannot be that of a topic, or is that of another one
+ros::Publisher WrenchTopics::advertise(const std::string& constraint,
+                                       const std::set<std::string>& taken) {
+  const std::string topic = topic_of(constraint);
+  std::string why;
+  if (ros::names::validate(topic, why) && taken.count(topic) == 0)
+    return private_handle_.advertise<geometry_msgs::WrenchStamped>(topic, 100, welcome_);
+  if (without_.insert(constraint).second)
+    ROS_WARN("constraint '%s' has no topic %s: %s", constraint.c_str(), topic.c_str(),
+             why.empty() ? "another constraint has it" : why.c_str());
+  return {};
+}
+
+bool WrenchTopics::anybody_listens() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return std::any_of(topics_.begin(), topics_.end(),
+                     [](const auto& topic) { return topic.second.getNumSubscribers() > 0; });
+}
+
+std::vector<geometry_msgs::TransformStamped> WrenchTopics::publish(const engine::World& world,
+                                                                   const ros::Time& stamp) const {
+  std::vector<geometry_msgs::TransformStamped> frames;
+  for (const auto& [constraint, topic] : topics_) {
+    if (topic.getNumSubscribers() == 0 || !world.has_joint(constraint)) continue;
+    const engine::JointId id = world.find_joint(constraint);
+    const engine::Joint& joint = world.joint(id);
+    geometry_msgs::TransformStamped& frame = frames.emplace_back();
+    frame.header.stamp = stamp;
+    frame.header.frame_id = joint.body_b == engine::kWorldBody
+                                ? parameters_.world_frame
+                                : parameters_.frame_prefix + world.body(joint.body_b).name;
+    frame.child_frame_id = parameters_.frame_prefix + "force_torque/" + constraint;
+    frame.transform = frame_of(joint);
+    geometry_msgs::WrenchStamped message = to_msg(world.joint_wrench(id));
+    message.header.stamp = stamp;
+    message.header.frame_id = frame.child_frame_id;
+    topic.publish(message);
+  }
+  return frames;
+}
+
+}  // namespace constraint_sim

@@ -1,0 +1,291 @@
+// Settings changed while a joint acts: whether it acts at all, laws, lengths, and motors with
+// timeouts on every coordinate.
+
+#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/scene.h"
+#include "random_joints.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr std::array<Method, 3> kMethods{Method::kRungeKutta, Method::kEnergyMomentum,
+                                         Method::kSequentialImpulses};
+
+/// Two boxes in a joint of this kind that is met, in free space.
+World pair(JointKind kind, Method method, double h, bool enabled = true) {
+  Random random;
+  WorldOptions chosen = weightless(h);
+  chosen.method = method;
+  chosen.tolerance = 1e-11;
+  Joint joint = random_joint(kind, &random);
+  joint.anchor_a *= 0.3;
+  joint.anchor_b *= 0.3;
+  joint.enabled = enabled;
+  Body a = make_body("a", Box{{0.3, 0.5, 0.9}}, 2.0, Vector3d::Zero());
+  Body b = make_body("b", Box{{0.8, 0.2, 0.4}}, 3.0, Vector3d::Zero());
+  a.state = random.state();
+  b.state = attached(joint, a.state, &random);
+  a.no_collision = b.no_collision = true;
+  World world(chosen);
+  joint.body_a = world.add_body(a);
+  joint.body_b = world.add_body(b);
+  world.add_joint(joint);
+  return world;
+}
+
+bool are_equal(const World& a, const World& b) {
+  for (const BodyId id : a.body_ids()) {
+    const BodyState& x = a.state(id);
+    const BodyState& y = b.state(b.find_body(a.body(id).name));
+    if (x.position != y.position || x.orientation.coeffs() != y.orientation.coeffs() ||
+        x.linear_velocity != y.linear_velocity || x.angular_velocity != y.angular_velocity)
+      return false;
+  }
+  return true;
+}
+
+TEST(DisabledJoint, DoesNotAct) {
+  for (const Method method : kMethods) {
+    World world = pair(JointKind::kHinge, method, 0.01, false);
+    World without = pair(JointKind::kHinge, method, 0.01);
+    without.remove_joint(without.joint_ids().front());
+    run(world, 20);
+    run(without, 20);
+    EXPECT_TRUE(are_equal(world, without)) << name(method);
+    EXPECT_EQ(world.islands().size(), 2u);
+    EXPECT_EQ(world.report().max_constraint_error, 0.0);
+    const JointId id = world.joint_ids().front();
+    EXPECT_EQ(world.joint_wrench(id).force, Vector3d(Vector3d::Zero()));
+    EXPECT_TRUE(world.unclosed_joints().empty());
+    EXPECT_NE(explain(world).find("disabled: 1"), std::string::npos);
+  }
+}
+
+TEST(DisabledJoint, HasNoEnergyAndLetsItsBodiesTouch) {
+  World world(weightless(0.01));
+  const BodyId a = world.add_body(make_body("a", Sphere{0.5}, 1.0, Vector3d::Zero()));
+  const BodyId b = world.add_body(make_body("b", Sphere{0.5}, 1.0, {0.9, 0.0, 0.0}));
+  const JointId id =
+      world.add_joint(make_joint("s", a, Vector3d::Zero(), b, Vector3d::Zero(), spring(2, 50, 0)));
+  EXPECT_DOUBLE_EQ(world.energy(), 0.5 * 50.0 * 1.1 * 1.1);
+  world.step();
+  EXPECT_TRUE(world.contacts().empty());
+  world.set_enabled(id, false);
+  world.step();
+  EXPECT_FALSE(world.contacts().empty());
+  world.reset();
+  world.set_enabled(id, false);
+  EXPECT_EQ(world.energy(), 0.0);
+}
+
+class EnabledJoint : public testing::TestWithParam<JointKind> {};
+
+// What has opened in 0.1 s closes from where the bodies are: at the end joints are kept to the
+// rounding of their coordinates, and free bodies have kept their momenta (of energy_momentum: to
+// Newton's tolerance over 60 steps; a ball closes by offsets that keep the first alone).
+TEST_P(EnabledJoint, ClosesWhatHasOpened) {
+  for (const Method method : kMethods) {
+    World world = pair(GetParam(), method, 0.01);
+    const JointId id = world.joint_ids().front();
+    run(world, 10);
+    const double error = world.joint_state(id).error;
+    world.set_enabled(id, false);
+    run(world, 10);
+    EXPECT_EQ(world.joint_state(id).error, error) << "is not looked at meanwhile";
+    world.set_enabled(id, true);
+    EXPECT_TRUE(world.joint_state(id).closing) << name(method);
+    EXPECT_GT(world.joint_state(id).error, 1e-4) << name(method);
+    EXPECT_NE(text_of_opening(world, id).find("closes"), std::string::npos);
+    const BodyState before = world.state(world.find_body("b"));
+    world.step();
+    const BodyState after = world.state(world.find_body("b"));
+    EXPECT_LE((after.position - before.position).norm(), 0.2) << "bodies never jump";
+    const Vector3d p = momentum(world);
+    run(world, method == Method::kSequentialImpulses ? 400 : 60);
+    EXPECT_LE((momentum(world) - p).norm(), 1e-10) << name(method);
+    // impulses remove a tenth of it a step, and leave what the bodies move by at first order
+    const double allowed = method == Method::kSequentialImpulses ? 5e-3 : 1e-12;
+    EXPECT_LE(world.joint_state(id).error, allowed) << name(method);
+    if (method != Method::kSequentialImpulses) {
+      EXPECT_FALSE(world.joint_state(id).closing);
+      EXPECT_EQ(text_of_opening(world, id), "");
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Kinds, EnabledJoint, testing::ValuesIn(joint_kinds()),
+                         [](const auto& kind) { return std::string(name(kind.param)); });
+
+TEST(DisabledJoint, IsSavedHashedAndReset) {
+  World world = pair(JointKind::kSlider, Method::kRungeKutta, 0.01);
+  const JointId id = world.joint_ids().front();
+  const std::uint64_t before = world.state_hash();
+  world.set_enabled(id, true);
+  EXPECT_EQ(world.state_hash(), before) << "nothing has changed";
+  world.set_enabled(id, false);
+  EXPECT_NE(world.state_hash(), before);
+  const std::string saved = save_scene(world);
+  EXPECT_NE(saved.find("enabled: false"), std::string::npos);
+  World loaded = load_scene(saved, "saved");
+  EXPECT_FALSE(loaded.joint(loaded.joint_ids().front()).enabled);
+  EXPECT_EQ(save_scene(loaded), saved);
+  run(world, 10);
+  run(loaded, 10);
+  EXPECT_EQ(world.state_hash(), loaded.state_hash());
+  loaded.set_enabled(loaded.joint_ids().front(), true);
+  loaded.reset();
+  EXPECT_FALSE(loaded.joint(loaded.joint_ids().front()).enabled) << "as it was loaded";
+  world.reset();
+  EXPECT_TRUE(world.joint(id).enabled) << "as it was added";
+}
+
+// A motor by velocity goes on from where the coordinate is, not to where it would have been.
+TEST(EnabledJoint, ItsMotorStartsFromHere) {
+  for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
+    World world = pair(JointKind::kHinge, method, 0.01);
+    const JointId id = world.joint_ids().front();
+    CoordinateMotor motor;
+    motor.bias = 0.5;
+    world.set_motor(id, 0, motor);
+    run(world, 10);
+    world.set_enabled(id, false);
+    run(world, 10);
+    world.set_enabled(id, true);
+    const CoordinateState& angle = world.joint_state(id).coordinates[0];
+    EXPECT_EQ(angle.held, angle.position);
+    const double start = angle.position;
+    run(world, 60);
+    EXPECT_NEAR(angle.position, start + 0.3, 1e-12) << name(method);
+  }
+}
+
+// ---- timeouts of all coordinates
+
+/// A box on a cylindrical joint along and about z, both driven, with times that no tick divides.
+World driven_box(Method method, double h) {
+  WorldOptions chosen = weightless(h);
+  chosen.method = method;
+  World world(chosen);
+  const BodyId box = world.add_body(make_body("box", Box{{0.3, 0.5, 0.9}}, 2.0, Vector3d::Zero()));
+  Joint joint = hang("rod", box, JointKind::kCylindrical);
+  const std::array<std::pair<double, double>, 2> motors{{{0.7, 0.123}, {-1.3, 0.0777}}};
+  for (std::size_t i = 0; i < 2; ++i) {
+    CoordinateMotor& motor = joint.coordinates[i].motor.emplace();
+    motor.bias = motors[i].first;
+    motor.timeout = motors[i].second;
+  }
+  world.add_joint(joint);
+  return world;
+}
+
+// bias · timeout to rounding, at any tick; impulses to what their sweeps leave.
+TEST(Timeouts, OfEachCoordinateEndInTime) {
+  for (const Method method : kMethods) {
+    for (const double h : {0.05, 0.01, 0.003}) {
+      World world = driven_box(method, h);
+      run(world, static_cast<int>(std::lround(0.3 / h)));
+      const JointState& state = world.joint_state(world.joint_ids().front());
+      const double allowed = method == Method::kSequentialImpulses ? 1e-6 : 1e-13;
+      EXPECT_NEAR(state.coordinates[0].position, 0.7 * 0.123, allowed) << name(method) << h;
+      EXPECT_NEAR(state.coordinates[1].position, -1.3 * 0.0777, allowed) << name(method) << h;
+      EXPECT_NEAR(state.coordinates[1].velocity, 0.0, 1e-6) << name(method) << h;
+    }
+  }
+}
+
+TEST(Timeouts, OfEachCoordinateAreSavedMovedAndSetApart) {
+  World world = driven_box(Method::kRungeKutta, 0.01);
+  run(world, 3);
+  World loaded = load_scene(save_scene(world), "saved");
+  EXPECT_EQ(save_scene(loaded), save_scene(world));
+  loaded.set_time(100.0, 7);
+  CoordinateMotor motor = *world.joint(world.joint_ids().front()).coordinates[1].motor;
+  motor.timeout = 0.05;  // from now, of this one alone
+  world.set_motor(world.joint_ids().front(), 1, motor);
+  run(world, 20);
+  run(loaded, 20);
+  const auto position = [](const World& w, std::size_t i) {
+    return w.joint_state(w.joint_ids().front()).coordinates[i].position;
+  };
+  for (const World* w : {&world, &loaded}) EXPECT_NEAR(position(*w, 0), 0.7 * 0.123, 1e-12);
+  EXPECT_NEAR(position(loaded, 1), -1.3 * 0.0777, 1e-12);
+  EXPECT_NEAR(position(world, 1), -1.3 * 0.08, 1e-12);
+}
+
+// ---- what is changed while a joint acts
+
+TEST(SetJoint, ChangesLengthsAndSprings) {
+  World world(weightless(0.01));
+  WorldOptions chosen = world.options();
+  chosen.method = Method::kRungeKutta;
+  world.set_options(chosen);
+  const BodyId bob = world.add_body(make_body("bob", Point{}, 2.0, {1.0, 0.0, 0.0}));
+  const JointId id = world.add_joint(hang("rod", bob));
+  Joint joint = world.joint(id);
+  joint.distance.length = 1.5;
+  world.set_joint(id, joint);
+  EXPECT_EQ(text_of_opening(world, id), "length 0.5 m off; closes in 0.5 s");
+  run(world, 60);
+  EXPECT_NEAR(world.state(bob).position.norm(), 1.5, 1e-14);
+  joint = world.joint(id);
+  joint.distance.frequency = 2.0;
+  world.set_joint(id, joint);
+  const double omega = 4.0 * kPi;
+  EXPECT_NEAR(world.joint(id).distance.stiffness, 2.0 * omega * omega, 1e-9);
+  joint = world.joint(id);
+  joint.distance.frequency = 1.0;  // in place of the stiffness that followed from the other
+  world.set_joint(id, joint);
+  EXPECT_NEAR(world.joint(id).distance.stiffness, 0.5 * omega * omega, 1e-9);
+}
+
+// The laws of one coordinate leave the others, and their timeouts, as they are.
+TEST(SetJoint, ChangesLawsApart) {
+  World world = driven_box(Method::kRungeKutta, 0.01);
+  const JointId id = world.joint_ids().front();
+  run(world, 3);
+  Joint joint = world.joint(id);
+  joint.coordinates[1].motor.reset();
+  joint.coordinates[1].stiffness = 50.0;
+  joint.break_torque = 1e6;
+  world.set_joint(id, joint);
+  EXPECT_EQ(world.joint(id).break_torque, 1e6);
+  run(world, 27);
+  EXPECT_NEAR(world.joint_state(id).coordinates[0].position, 0.7 * 0.123, 1e-12);
+  EXPECT_FALSE(world.joint(id).coordinates[1].motor);
+  EXPECT_NE(world.joint_state(id).coordinates[1].velocity, 0.0);
+}
+
+TEST(SetJoint, RefusesWhatCannotBe) {
+  World world = driven_box(Method::kRungeKutta, 0.01);
+  const JointId id = world.joint_ids().front();
+  const std::uint64_t before = world.state_hash();
+  const auto refused = [&](const std::string& field, auto change) {
+    Joint joint = world.joint(id);
+    change(joint);
+    try {
+      world.set_joint(id, joint);
+      ADD_FAILURE() << field << " was accepted";
+    } catch (const std::invalid_argument& error) {
+      EXPECT_EQ(std::string(error.what()).find(field), 0u) << error.what();
+    }
+    EXPECT_EQ(world.state_hash(), before);
+  };
+  refused("name", [](Joint& j) { j.name = "other"; });
+  refused("type", [](Joint& j) { j.kind = JointKind::kSlider; });
+  refused("body_a", [](Joint& j) { j.body_a = j.body_b; });
+  refused("anchor_b", [](Joint& j) { j.anchor_b.x() = 1.0; });
+  refused("frame_b", [](Joint& j) { j.frame_b.reset(); });
+  refused("upper", [](Joint& j) {
+    j.coordinates[0].lower = 1.0;
+    j.coordinates[0].upper = -1.0;
+  });
+  refused("friction", [](Joint& j) { j.coordinates[1].friction = kNaN; });
+  refused("break_force", [](Joint& j) { j.break_force = -1.0; });
+  refused("coordinates", [](Joint& j) { j.coordinates[2].stiffness = 1.0; });
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -124,13 +124,19 @@ class Mechanics {
     const Ends e = ends(joint, poses);
     const Real d = e.d.norm();
     const auto* distance = if_distance(joint);
-    if (distance == nullptr) return d;
+    if (distance == nullptr) return further_error(joint, e, poses);
     if (distance->is_soft()) return 0;
     const Real s = travel(joint.motor, t).s;
     if (!distance->is_limited()) return std::abs(d - static_cast<Real>(*distance->length) - s);
     return std::max(
         {Real{0}, d - static_cast<Real>(distance->max_length) - s,
          distance->min_length > 0 ? static_cast<Real>(distance->min_length) + s - d : Real{0}});
+  }
+
+  /// Smallest of the pivots that are kept, of rows scaled to 1: sin² of the angle between a row and
+  /// those before it, in the metric of the masses.
+  double smallest_pivot(const std::vector<Pose>& poses, Real t) const {
+    return static_cast<double>(Factors(matrix(poses, make_rows(poses, t))).smallest_pivot());
   }
 
   /// Largest error of a joint, and whose it is.
@@ -274,6 +280,7 @@ class Mechanics {
         Eigen::Index best = 0;
         if (L_.diagonal().tail(n - rank_).maxCoeff(&best) < kDependent) break;
         swap(rank_, rank_ + best);
+        smallest_pivot_ = std::min(smallest_pivot_, L_(rank_, rank_));
         L_(rank_, rank_) = std::sqrt(L_(rank_, rank_));
         const Eigen::Index left = n - rank_ - 1;
         L_.col(rank_).tail(left) /= L_(rank_, rank_);
@@ -283,6 +290,7 @@ class Mechanics {
         }
       }
     }
+    Real smallest_pivot() const { return smallest_pivot_; }
     std::vector<Eigen::Index> kept() const { return {order_.begin(), order_.begin() + rank_}; }
     VectorX solve(const VectorX& b) const {
       VectorX x = VectorX::Zero(b.size());
@@ -310,6 +318,7 @@ class Mechanics {
     }
 
     VectorX scale_;
+    Real smallest_pivot_ = 1;
     MatrixX L_;
     std::vector<Eigen::Index> order_;
     Eigen::Index rank_ = 0;
@@ -334,6 +343,150 @@ class Mechanics {
     return e;
   }
 
+  /// A vector of a joint: fixed in A (0) or B (1), the separation d (2), or constant (3); with its
+  /// rate, and its second derivative without accelerations.
+  struct Vector {
+    Vector3 value, rate, gamma;
+    int fixed_in;
+  };
+
+  static Vector axis(const Quaternion& frame, int k, const std::vector<Pose>& poses, int body,
+                     int fixed_in) {
+    const Vector3 u = frame * Vector3(Vector3::Unit(k));
+    if (body < 0) return {u, Vector3(0, 0, 0), Vector3(0, 0, 0), 3};
+    const Vector3& w = at(poses, body).w;
+    return {u, w.cross(u), w.cross(w.cross(u)), fixed_in};
+  }
+
+  /// u·v = 0.
+  static Row product(const Ends& e, const Vector& u, const Vector& v) {
+    const Vector3 zero(0, 0, 0);
+    Row row{e.a, e.b, zero, zero, zero, zero};
+    row.C = u.value.dot(v.value);
+    row.gamma = u.gamma.dot(v.value) + 2 * u.rate.dot(v.rate) + u.value.dot(v.gamma);
+    for (const auto& [moving, other] : {std::pair(&u, &v), std::pair(&v, &u)}) {
+      const Vector3& n = other->value;
+      const Vector3 turning = moving->value.cross(n);
+      if (moving->fixed_in == 0) row.w_A += turning;
+      if (moving->fixed_in == 1) row.w_B += turning;
+      if (moving->fixed_in != 2) continue;
+      row.v_A -= n;
+      row.w_A -= e.r_A.cross(n);
+      row.v_B += n;
+      row.w_B += e.r_B.cross(n);
+    }
+    return row;
+  }
+
+  struct Frames {
+    Quaternion A, B;
+  };
+  Frames frames(const Joint& joint, const Ends& e, const std::vector<Pose>& poses) const {
+    Frames f{joint.frame_a.cast<Real>().normalized(),
+             joint.frame_b.value_or(Eigen::Quaterniond::Identity()).cast<Real>().normalized()};
+    if (e.a >= 0) f.A = at(poses, e.a).q * f.A;
+    if (e.b >= 0) f.B = at(poses, e.b).q * f.B;
+    return f;
+  }
+
+  /// Of every kind but kDistance.
+  void add_rows(const Joint& joint, const Ends& e, const Vector& d, const std::vector<Pose>& poses,
+                std::vector<Row>* rows) const {
+    const Frames f = frames(joint, e, poses);
+    const auto on_a = [&](int k) { return axis(f.A, k, poses, e.a, 0); };
+    const auto on_b = [&](int k) { return axis(f.B, k, poses, e.b, 1); };
+    const auto add = [&](const Vector& u, const Vector& v) { rows->push_back(product(e, u, v)); };
+    const auto add_point = [&] {
+      for (int k = 0; k < 3; ++k)
+        add({Vector3(Vector3::Unit(k)), Vector3(0, 0, 0), Vector3(0, 0, 0), 3}, d);
+    };
+    const auto add_parallel = [&] {  // z_B along z_A
+      add(on_a(0), on_b(2));
+      add(on_a(1), on_b(2));
+    };
+    const auto add_line = [&] {
+      add(on_a(0), d);
+      add(on_a(1), d);
+    };
+    switch (joint.kind) {
+      case JointKind::kDistance:
+        break;
+      case JointKind::kBall:
+        return add_point();
+      case JointKind::kHinge:
+        add_point();
+        return add_parallel();
+      case JointKind::kUniversal:
+        add_point();
+        return add(on_a(2), on_b(2));
+      case JointKind::kWeld:
+        add_point();
+        add_parallel();
+        return add(on_a(1), on_b(0));
+      case JointKind::kSlider:
+        add_line();
+        add_parallel();
+        return add(on_a(1), on_b(0));
+      case JointKind::kCylindrical:
+        add_line();
+        return add_parallel();
+      case JointKind::kPlanar:
+        add(on_a(2), d);
+        return add_parallel();
+      case JointKind::kPointOnLine:
+        return add_line();
+      case JointKind::kPointOnPlane:
+        return add(on_a(2), d);
+    }
+  }
+
+  /// The larger of the distance that has to be zero and of the angle times the radius of gyration.
+  Real further_error(const Joint& joint, const Ends& e, const std::vector<Pose>& poses) const {
+    const Frames f = frames(joint, e, poses);
+    const Vector3 z_A = f.A * Vector3(0, 0, 1), z_B = f.B * Vector3(0, 0, 1);
+    const Real along = z_A.dot(e.d);
+    Real gap = e.d.norm(), angle = 0;
+    const auto between = [&] { return std::atan2(z_A.cross(z_B).norm(), z_A.dot(z_B)); };
+    switch (joint.kind) {
+      case JointKind::kDistance:
+      case JointKind::kBall:
+        break;
+      case JointKind::kHinge:
+        angle = between();
+        break;
+      case JointKind::kUniversal:
+        angle = std::abs(std::atan2(z_A.dot(z_B), z_A.cross(z_B).norm()));
+        break;
+      case JointKind::kSlider:
+        gap = (e.d - along * z_A).norm();
+        [[fallthrough]];
+      case JointKind::kWeld: {
+        const Quaternion q = f.A.conjugate() * f.B;
+        angle = 2 * std::atan2(q.vec().norm(), std::abs(q.w()));
+        break;
+      }
+      case JointKind::kCylindrical:
+        gap = (e.d - along * z_A).norm();
+        angle = between();
+        break;
+      case JointKind::kPlanar:
+        gap = std::abs(along);
+        angle = between();
+        break;
+      case JointKind::kPointOnLine:
+        gap = (e.d - along * z_A).norm();
+        break;
+      case JointKind::kPointOnPlane:
+        gap = std::abs(along);
+        break;
+    }
+    double radius_of_ends = 0.0;
+    for (const int i : {e.a, e.b})
+      if (i >= 0 && is_movable(static_cast<std::size_t>(i)))
+        radius_of_ends = std::max(radius_of_ends, radius(static_cast<std::size_t>(i)));
+    return std::max(gap, static_cast<Real>(radius_of_ends) * angle);
+  }
+
   std::vector<Row> make_rows(const std::vector<Pose>& poses, Real t) const {
     std::vector<Row> rows;
     for (const Joint& joint : scene_.joints) {
@@ -351,13 +504,8 @@ class Mechanics {
       const auto along = [&](const Vector3& n) {
         return Row{e.a, e.b, -n, -e.r_A.cross(n), n, e.r_B.cross(n)};
       };
-      if (joint.kind == JointKind::kBall) {
-        for (int k = 0; k < 3; ++k) {
-          Row row = along(Vector3::Unit(k));
-          row.C = e.d[k];
-          row.gamma = gamma[k];
-          rows.push_back(row);
-        }
+      if (joint.kind != JointKind::kDistance) {
+        add_rows(joint, e, {e.d, rate, gamma, 2}, poses, &rows);
         continue;
       }
       const Travel s = travel(joint.motor, t);

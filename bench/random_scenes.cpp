@@ -1,114 +1,13 @@
-// Random scenes, each by all methods and in several guises, against a reference in long double.
-// Prints a line for each finding, from which it can be made again with --only SEED, and a table.
-//
-//   constraint_sim_random_scenes [--scenes 600] [--seed 1] [--only SEED] [--method NAME]
-//                                [--threads 2]
-//
-// NAME: auto, runge_kutta, runge_kutta_5, energy_momentum, sequential_impulses, variants. Exit
-// status 1 if a scene is wrong without a word, 2 on wrong arguments. `conflict`, that the engine
-// calls joints contradictory which the reference meets, is printed and is no failure.
+// Random scenes of rods, ropes, springs and balls, each by all methods and in several guises,
+// against a reference in long double. Prints a line for each finding, from which the scene can be
+// made again with --only SEED, and a table; arguments are those of judge_program.h, 600 scenes
+// unless --scenes.
 
-#include <atomic>
-#include <cstdlib>
-#include <mutex>
-#include <thread>
-
-#include "scene_judge.h"
-
-namespace constraint_sim::engine::random_scenes {
-namespace {
-
-struct Arguments {
-  std::uint64_t first = 1;
-  std::uint64_t scenes = 600;
-  unsigned threads = 2;
-  std::string method;
-};
-
-bool is_method(const std::string& name) {
-  for (const Setting& setting : kSettings)
-    if (name == setting.name) return true;
-  return name == "variants";
-}
-
-bool read(int count, char** values, Arguments* arguments) {
-  for (int i = 1; i < count; i += 2) {
-    const std::string key = values[i];
-    if (i + 1 == count) return false;
-    const std::string value = values[i + 1];
-    if (key == "--method") {
-      arguments->method = value;
-      if (!is_method(value)) return false;
-      continue;
-    }
-    char* end = nullptr;
-    const std::uint64_t number = std::strtoull(value.c_str(), &end, 10);
-    if (value.empty() || *end != '\0') return false;
-    if (key == "--scenes") {
-      arguments->scenes = number;
-    } else if (key == "--seed") {
-      arguments->first = number;
-    } else if (key == "--only") {
-      arguments->first = number;
-      arguments->scenes = 1;
-    } else if (key == "--threads" && number > 0 && number <= 64) {
-      arguments->threads = static_cast<unsigned>(number);
-    } else {
-      return false;
-    }
-  }
-  return true;
-}
-
-bool is_silently_wrong(const Verdict& verdict) {
-  for (const Finding& finding : verdict.findings)
-    if (finding.is_silent()) return true;
-  return false;
-}
-
-int run(const Arguments& arguments) {
-  std::vector<Verdict> verdicts(arguments.scenes);
-  std::atomic<std::uint64_t> next{0};
-  std::mutex output;
-  const auto work = [&] {
-    for (std::uint64_t i = next++; i < arguments.scenes; i = next++) {
-      verdicts[i] = judge_seed(arguments.first + i, arguments.method);
-      const std::lock_guard<std::mutex> lock(output);
-      for (const Finding& finding : verdicts[i].findings)
-        std::printf("%s\n", line_of(verdicts[i], finding).c_str());
-      std::fflush(stdout);
-    }
-  };
-  std::vector<std::thread> threads;
-  for (unsigned i = 0; i < arguments.threads; ++i) threads.emplace_back(work);
-  for (std::thread& thread : threads) thread.join();
-
-  std::map<std::pair<std::string, std::string>, int> table;
-  std::uint64_t off = 0, followed = 0;
-  for (const Verdict& verdict : verdicts) {
-    off += is_silently_wrong(verdict) ? 1 : 0;
-    followed += verdict.has_motion ? 1 : 0;
-    for (const Finding& finding : verdict.findings) ++table[{finding.setting, finding.what}];
-  }
-  std::printf("\n%llu scenes, %llu with a reference, %llu silently wrong\n",
-              static_cast<unsigned long long>(arguments.scenes),
-              static_cast<unsigned long long>(followed), static_cast<unsigned long long>(off));
-  for (const auto& [key, count] : table)
-    std::printf("%-24s %-14s %4d\n", key.first.c_str(), key.second.c_str(), count);
-  return off == 0 ? EXIT_SUCCESS : EXIT_FAILURE;
-}
-
-}  // namespace
-}  // namespace constraint_sim::engine::random_scenes
+#include "judge_program.h"
 
 int main(int argc, char** argv) {
   namespace random_scenes = constraint_sim::engine::random_scenes;
-  random_scenes::Arguments arguments;
-  if (!random_scenes::read(argc, argv, &arguments)) {
-    std::fprintf(stderr,
-                 "usage: %s [--scenes N] [--seed N] [--only SEED] [--method NAME] [--threads N]\n",
-                 argv[0]);
-    return 2;
-  }
-  return random_scenes::run(arguments);
+  return random_scenes::main_of(argc, argv, 600, [](std::uint64_t seed, const std::string& only) {
+    return random_scenes::judge_seed(seed, only);
+  });
 }

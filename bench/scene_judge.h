@@ -99,8 +99,11 @@ inline Motion reference_motion(const Mechanics& mechanics) {
 
 class Judge {
  public:
-  explicit Judge(Scene scene)
+  /// `is_strict`: methods that integrate keep joints to (1e-12 m + 4 eps · coordinate)/√(smallest
+  /// kept pivot), where the reference has a motion.
+  explicit Judge(Scene scene, bool is_strict = false)
       : mechanics_(std::move(scene)), motion_(reference_motion(mechanics_)) {
+    if (is_strict) smallest_pivot_ = smallest_pivot();
     const Scene& made = mechanics_.scene();
     for (const Body& body : made.bodies)
       coordinate_ = std::max(coordinate_, body.state.position.cwiseAbs().maxCoeff());
@@ -162,13 +165,27 @@ class Judge {
     add("auto, reordered", reordered(&random), none, Vector3d::Zero());
     add("auto, A and B exchanged", exchanged(), none, Vector3d::Zero());
     add("auto, all joints twice", doubled(), none, Vector3d::Zero());
+    for (const double factor : {0.03, 30.0}) {
+      World world = make_world(scaled(factor));
+      const auto back = [&](std::vector<Pose> poses) {
+        for (Pose& pose : poses) {
+          pose.x /= static_cast<reference::Real>(factor);
+          pose.v /= static_cast<reference::Real>(factor);
+        }
+        return poses;
+      };
+      Finding finding = follow({factor < 1.0 ? "auto, small" : "auto, large", Method::kAuto, 8},
+                               &world, back, factor);
+      if (!finding.what.empty()) findings.push_back(finding);
+    }
     return findings;
   }
 
  private:
   using Back = std::function<std::vector<Pose>(std::vector<Pose>)>;
 
-  Finding follow(const Setting& setting, World* world, const Back& back) const {
+  // `size`: of the world, in that of the scene
+  Finding follow(const Setting& setting, World* world, const Back& back, double size = 1.0) const {
     const Scene& scene = mechanics_.scene();
     const double h = scene.options.time_step;
     const auto ticks = std::lround(kDuration / h);
@@ -183,7 +200,8 @@ class Judge {
       if (back) poses = back(std::move(poses));
       for (Pose& pose : poses) pose.x -= mechanics_.origin();
       finding.tick = tick;
-      if (is_off(setting, *world, poses, h * static_cast<double>(tick), &so_far, &finding)) break;
+      if (is_off(setting, *world, poses, h * static_cast<double>(tick), size, &so_far, &finding))
+        break;
       if (so_far.has_said || setting.method == Method::kSequentialImpulses ||
           so_far.uses_impulses || tick % ticks_a_sample != 0)
         continue;
@@ -204,7 +222,7 @@ class Judge {
   };
 
   bool is_off(const Setting& setting, const World& world, const std::vector<Pose>& poses, double t,
-              Progress* so_far, Finding* finding) const {
+              double size, Progress* so_far, Finding* finding) const {
     const auto found = [&](const char* what, const std::string& detail) {
       finding->what = what;
       finding->detail = detail;
@@ -219,13 +237,14 @@ class Judge {
         if (island.why == MethodReason::kInconsistent)
           return found("conflict", "joints that the reference meets are taken for contradictory");
     const auto [error, joint] = mechanics_.worst_joint(poses, t);
-    so_far->has_said = so_far->has_said || says_so(world, setting.method, error);
-    so_far->estimate += report.local_error;
+    so_far->has_said = so_far->has_said || says_so(world, setting.method, size * error);
+    so_far->estimate += report.local_error / size;
     for (const Island& island : world.islands())
       so_far->uses_impulses = so_far->uses_impulses || island.method == Method::kSequentialImpulses;
-    if (error > joints_allowed() && !so_far->has_said)
+    if (error > joints_allowed(*so_far, t) / std::min(size, 1.0) && !so_far->has_said)
       return found("joints", mechanics_.scene().joints[joint].name + figure(" is off by", error));
-    if (std::abs(report.max_constraint_error - error) > joints_allowed() + 1e-3 * error &&
+    if (std::abs(report.max_constraint_error / size - error) >
+            (1e-6 + 4.0 * 2.3e-16 * coordinate_) / std::min(size, 1.0) + 1e-3 * error &&
         !report.failed)
       return found("report", figure("max_constraint_error", report.max_constraint_error) +
                                  figure(" while joints are off by", error));
@@ -278,7 +297,22 @@ class Judge {
   }
 
   bool is_thrown() const { return mechanics_.scene().kind.find("thrown") != std::string::npos; }
-  double joints_allowed() const { return 1e-6 + 4.0 * 2.3e-16 * coordinate_; }
+  double joints_allowed(const Progress& so_far, double t) const {
+    const double end = kSampleInterval * static_cast<double>(motion_.samples.size()) + 1e-9;
+    if (!smallest_pivot_ || so_far.uses_impulses || t > end)
+      return 1e-6 + 4.0 * 2.3e-16 * coordinate_;
+    return (1e-12 + 4.0 * 2.3e-16 * coordinate_) / std::sqrt(*smallest_pivot_);
+  }
+  // of the motion, as the reference has it
+  double smallest_pivot() const {
+    double least = mechanics_.smallest_pivot(mechanics_.start(), 0);
+    for (std::size_t k = 0; k < motion_.samples.size(); ++k)
+      least = std::min(
+          least, mechanics_.smallest_pivot(motion_.samples[k],
+                                           static_cast<reference::Real>(k + 1) *
+                                               static_cast<reference::Real>(kSampleInterval)));
+    return least;
+  }
   double mass() const {
     double sum = 0.0;
     for (const auto& body : mechanics_.scene().bodies) sum += static_cast<double>(body.mass);
@@ -306,6 +340,8 @@ class Judge {
     for (Joint& joint : scene.joints) {
       if (joint.body_a == kWorldBody) joint.anchor_a = q * joint.anchor_a + x;
       if (joint.body_b == kWorldBody) joint.anchor_b = q * joint.anchor_b + x;
+      if (joint.body_a == kWorldBody) joint.frame_a = q * joint.frame_a;
+      if (joint.body_b == kWorldBody && joint.frame_b) joint.frame_b = q * *joint.frame_b;
     }
     return scene;
   }
@@ -336,8 +372,35 @@ class Judge {
   Scene exchanged() const {
     Scene scene = mechanics_.scene();
     for (Joint& joint : scene.joints) {
+      const bool is_of_a = joint.kind == JointKind::kPointOnLine ||  // the line, or the plane
+                           joint.kind == JointKind::kPointOnPlane;
+      if (is_of_a) continue;
       std::swap(joint.body_a, joint.body_b);
       std::swap(joint.anchor_a, joint.anchor_b);
+      if (joint.frame_b) std::swap(joint.frame_a, *joint.frame_b);
+    }
+    return scene;
+  }
+
+  // all lengths, with weight and inertia of the bodies; of the tolerance as well
+  Scene scaled(double factor) const {
+    Scene scene = mechanics_.scene();
+    scene.options.gravity *= factor;
+    scene.options.tolerance *= factor;
+    for (Body& body : scene.bodies) {
+      body.state.position *= factor;
+      body.state.linear_velocity *= factor;
+      body.inertia *= factor * factor;
+      if (auto* box = std::get_if<Box>(&body.shape)) box->size *= factor;
+    }
+    for (Joint& joint : scene.joints) {
+      joint.anchor_a *= factor;
+      joint.anchor_b *= factor;
+      if (joint.distance.length) joint.distance.length = factor * *joint.distance.length;
+      joint.distance.min_length *= factor;
+      joint.distance.max_length *= factor;
+      joint.motor.bias *= factor;
+      joint.motor.amplitude *= factor;
     }
     return scene;
   }
@@ -356,6 +419,7 @@ class Judge {
   Mechanics mechanics_;
   Motion motion_;
   double coordinate_ = 0.0;
+  std::optional<double> smallest_pivot_;
   bool has_limits_ = false, is_driven_ = false, is_damped_ = false, turns_ = false;
 };
 
@@ -369,8 +433,7 @@ struct Verdict {
 };
 
 /// `only`: the name of a setting, or empty for all and the variants.
-inline Verdict judge_seed(std::uint64_t seed, const std::string& only = "") {
-  const Judge judge(Generator(seed).make());
+inline Verdict judge_scene(const Judge& judge, std::uint64_t seed, const std::string& only) {
   Verdict verdict{
       seed, judge.scene().kind, 1.0 / judge.scene().options.time_step, judge.has_motion(), {}};
   for (const Setting& setting : kSettings) {
@@ -382,6 +445,10 @@ inline Verdict judge_seed(std::uint64_t seed, const std::string& only = "") {
     for (Finding& finding : judge.compare_variants(seed))
       verdict.findings.push_back(std::move(finding));
   return verdict;
+}
+
+inline Verdict judge_seed(std::uint64_t seed, const std::string& only = "") {
+  return judge_scene(Judge(Generator(seed).make()), seed, only);
 }
 
 /// One line, from which the scene can be made again.

@@ -352,8 +352,8 @@ void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
 Joint read_joint(const YamlElement& item, const World& world) {
   const std::string type = type_of_joint(item);
   YamlElement::Words keys = keys_of_type(item, type);
-  keys.insert(keys.end(),
-              {"name", "type", "baumgarte", "break_force", "collide_connected", "enabled", "broken", "state"});
+  keys.insert(keys.end(), {"name", "type", "baumgarte", "break_force", "collide_connected",
+                           "enabled", "broken", "state"});
   const JointKind kind = joint_kind_named(type).value_or(JointKind::kDistance);  // or a shorthand
   if (kind == JointKind::kFreeDistance) keys.push_back("free");
   if (!couples_joints(kind))

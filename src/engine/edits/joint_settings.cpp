@@ -161,7 +161,8 @@ void World::Impl::check_coupled_act(std::size_t j, bool enabled) const {
   if (enabled) return;
   for (const std::size_t coupling : couplings_of(j))
     if (joints[coupling].enabled)
-      refuse("enabled", "it is coupled by " + quoted(joints[coupling].name) + ", disable that first");
+      refuse("enabled",
+             "it is coupled by " + quoted(joints[coupling].name) + ", disable that first");
 }
 
 void World::set_enabled(JointId id, bool enabled) {

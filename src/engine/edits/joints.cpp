@@ -372,9 +372,8 @@ bool World::Impl::is_as_added(JointId id) const {
        state.coupling.offset == added.coupling.offset);
   if (state.coupling.constant != added.coupling.constant || state.coupling.impulse != 0.0)
     return false;
-  return state.travel == 0.0 && state.impulse.isZero(0.0) &&
-         state.expires_at == added.expires_at && state.closing == added.closing &&
-         closes_alike && self_stress[j].is_none();
+  return state.travel == 0.0 && state.impulse.isZero(0.0) && state.expires_at == added.expires_at &&
+         state.closing == added.closing && closes_alike && self_stress[j].is_none();
 }
 
 // when a motor set now loses its bias

@@ -9,10 +9,11 @@ namespace {
 constexpr int kMostNewtonSteps = 25;
 // Newton's steps end when a change moves nothing by more than this share of the scene, or by less
 // than the second and no longer half of the change before: then it is rounding. Or when the next
-// change, of those that go down as squares, is to be below the third.
+// change, of those that go down as squares, is to be below the third: a tenth of rounding, since
+// the factor of the squares may grow by some tens from one change to the next.
 constexpr double kSolved = 1e-14;
 constexpr double kRounding = 1e-7;
-constexpr double kSquared = 1e-16;
+constexpr double kSquared = 1e-17;
 // They are given up where the changes are larger than this, and grow.
 constexpr double kDiverged = 10.0;
 // What a row may be off then, as a share of the scene.

@@ -1,0 +1,16 @@
+// Random mechanisms of joints of all kinds, by all methods and in several guises, against a
+// reference in long double: joints to (1e-12 m + 4 eps coordinate)/sqrt(smallest kept pivot),
+// energy, the motion. Prints a line for each finding, from which the mechanism can be made again
+// with --only SEED, and a table; arguments are those of judge_program.h, 1000 mechanisms unless
+// --scenes.
+
+#include "random_mechanisms.h"
+
+#include "judge_program.h"
+
+int main(int argc, char** argv) {
+  namespace random_scenes = constraint_sim::engine::random_scenes;
+  return random_scenes::main_of(argc, argv, 1000, [](std::uint64_t seed, const std::string& only) {
+    return random_scenes::judge_mechanism(seed, only);
+  });
+}

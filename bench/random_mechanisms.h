@@ -1,0 +1,273 @@
+#pragma once
+
+// Random mechanisms of joints of all kinds, for the judge of random scenes: trees, loops that are
+// met as the bodies lie, planar loops of hinges, joints once more, masses over six decades, 1 m and
+// 1 km from the origin. A mechanism is made from its seed alone, with the same numbers everywhere.
+
+#include "scene_judge.h"
+
+namespace constraint_sim::engine::random_scenes {
+
+class MechanismGenerator {
+ public:
+  explicit MechanismGenerator(std::uint64_t seed) : random_(seed + 1000000) {}
+
+  Scene make() {
+    choose();
+    if (is_planar_)
+      add_planar_loops();
+    else
+      add_tree();
+    if (!is_planar_) add_loops();
+    add_again();
+    set_velocities();
+    const std::string origin = std::to_string(static_cast<int>(std::lround(origin_.norm())));
+    scene_.kind = std::to_string(scene_.bodies.size()) + " bodies, " +
+                  std::to_string(scene_.joints.size()) + " joints" + words_ + ", " + origin +
+                  " m off";
+    return scene_;
+  }
+
+ private:
+  static constexpr int kRates[] = {30, 60, 100, 240};
+
+  void choose() {
+    Random& r = random_;
+    scene_.options.time_step = 1.0 / kRates[r.below(std::size(kRates))];
+    if (r.chance(0.2)) scene_.options.gravity.setZero();
+    origin_ = (r.chance(0.3) ? 1000.0 : 1.0) * (r.orientation() * Vector3d::UnitX());
+    is_planar_ = r.chance(0.3);
+    is_free_ = !is_planar_ && r.chance(0.25);
+    has_kinematic_ = !is_planar_ && !is_free_ && r.chance(0.2);
+    spreads_masses_ = r.chance(0.5);
+    words_ += spreads_masses_ ? ", masses over 6 decades" : "";
+  }
+
+  Body body() {
+    Random& r = random_;
+    Body made;
+    made.name = "body_" + std::to_string(scene_.bodies.size());
+    made.no_collision = true;
+    made.mass = spreads_masses_ ? r.decades(1e-3, 1e3) : r.decades(0.3, 3.0);
+    made.shape = Box{{r.uniform(0.2, 0.6), r.uniform(0.2, 0.6), r.uniform(0.2, 0.6)}};
+    return made;
+  }
+
+  const BodyState& state(int i) const {
+    static const BodyState world;
+    return i < 0 ? world : scene_.bodies[static_cast<std::size_t>(i)].state;
+  }
+  int bodies() const { return static_cast<int>(scene_.bodies.size()); }
+
+  JointKind any_kind() {
+    return static_cast<JointKind>(random_.below(static_cast<std::size_t>(kJointKindCount)));
+  }
+
+  void add(Joint joint, int a, int b) {
+    joint.name = std::string(name(joint.kind)) + "_" + std::to_string(scene_.joints.size());
+    joint.body_a = BodyId{static_cast<std::uint32_t>(a + 1)};
+    joint.body_b = BodyId{static_cast<std::uint32_t>(b + 1)};
+    if (!has_frames(joint.kind)) joint.frame_b.reset();
+    scene_.joints.push_back(joint);
+  }
+
+  static bool turns_over(JointKind kind) { return has_two_axes(kind); }
+  // z_B at a right angle to z_A, of a universal joint
+  static Quaterniond home_of(JointKind kind) {
+    return turns_over(kind) ? Quaterniond(std::sqrt(0.5), std::sqrt(0.5), 0.0, 0.0)
+                            : Quaterniond::Identity();
+  }
+  bool frees_rotation(JointKind kind) const {
+    return kind == JointKind::kDistance || kind == JointKind::kBall ||
+           kind == JointKind::kPointOnLine || kind == JointKind::kPointOnPlane;
+  }
+
+  /// Places a body where a joint of this kind lets it be on another, and joins it.
+  void hang(int parent, JointKind kind) {
+    Random& r = random_;
+    Joint joint;
+    joint.kind = kind;
+    joint.anchor_a = (parent < 0 ? origin_ : Vector3d(Vector3d::Zero())) + r.vector(0.5);
+    joint.anchor_b = r.vector(0.5);
+    joint.frame_a = r.orientation();
+    joint.frame_b = r.orientation();
+    const BodyState& a = state(parent);
+    const Quaterniond frame_A = a.orientation * joint.frame_a;
+    Vector3d off = Vector3d::Zero();
+    const double along = r.uniform(-0.5, 0.5);
+    if (kind == JointKind::kSlider || kind == JointKind::kCylindrical ||
+        kind == JointKind::kPointOnLine)
+      off = frame_A * Vector3d(0.0, 0.0, along);
+    if (kind == JointKind::kPlanar || kind == JointKind::kPointOnPlane)
+      off = frame_A * Vector3d(along, r.uniform(-0.5, 0.5), 0.0);
+    if (kind == JointKind::kDistance) {
+      off = r.orientation() * Vector3d(r.uniform(0.3, 1.0), 0.0, 0.0);
+      joint.distance.length = off.norm();
+    }
+    Quaterniond frame_B = frame_A;
+    if (kind != JointKind::kSlider && kind != JointKind::kWeld)
+      frame_B = frame_A * Quaterniond(Eigen::AngleAxisd(r.uniform(-1.0, 1.0), Vector3d::UnitZ()));
+    frame_B = frame_B * home_of(kind);
+    if (frees_rotation(kind)) frame_B = r.orientation();
+    Body made = body();
+    made.state.orientation = (frame_B * joint.frame_b->conjugate()).normalized();
+    made.state.position =
+        a.position + a.orientation * joint.anchor_a + off - made.state.orientation * joint.anchor_b;
+    scene_.bodies.push_back(made);
+    add(joint, parent, bodies() - 1);
+  }
+
+  void add_tree() {
+    Random& r = random_;
+    if (has_kinematic_) {
+      Body base;
+      base.name = "base";
+      base.type = BodyType::kKinematic;
+      base.no_collision = true;
+      base.state.position = origin_;
+      base.state.orientation = r.orientation();
+      base.state.linear_velocity = r.vector(0.5);
+      base.state.angular_velocity = r.vector(0.5);
+      scene_.bodies.push_back(base);
+      words_ += ", moving base";
+    }
+    const int ground = has_kinematic_ ? 0 : -1;
+    const int first = bodies(), count = r.between(2, 6);
+    if (is_free_) {
+      Body root = body();
+      root.state.position = origin_;
+      root.state.orientation = r.orientation();
+      scene_.bodies.push_back(root);
+    }
+    while (bodies() < first + count)
+      hang(bodies() == first
+               ? ground
+               : first + static_cast<int>(r.below(static_cast<std::size_t>(bodies() - first))),
+           any_kind());
+  }
+
+  /// A joint of two bodies as they lie, about a point near them.
+  void join(int a, int b, JointKind kind, const Vector3d& p, const Quaterniond& frame) {
+    Joint joint;
+    joint.kind = kind;
+    const BodyState &of_a = state(a), &of_b = state(b);
+    const Vector3d off =
+        kind == JointKind::kDistance ? Vector3d(0.4, 0.2, 0.3) : Vector3d(Vector3d::Zero());
+    joint.anchor_a = of_a.orientation.conjugate() * (p - of_a.position);
+    joint.anchor_b = of_b.orientation.conjugate() * (p + off - of_b.position);
+    joint.frame_a = (of_a.orientation.conjugate() * frame).normalized();
+    joint.frame_b = (of_b.orientation.conjugate() * frame * home_of(kind)).normalized();
+    if (kind == JointKind::kDistance) joint.distance.length = off.norm();
+    add(joint, a, b);
+  }
+
+  void add_loops() {
+    Random& r = random_;
+    const int first = has_kinematic_ ? 1 : 0;
+    const auto any = [&] {
+      return first + static_cast<int>(r.below(static_cast<std::size_t>(bodies() - first)));
+    };
+    const int count = r.between(0, 2);
+    for (int i = 0; i < count; ++i) {
+      const int a = any(), b = any();
+      if (a == b) continue;
+      // few rows each: many such loops still move
+      static constexpr JointKind kKinds[] = {JointKind::kDistance,     JointKind::kBall,
+                                             JointKind::kPointOnPlane, JointKind::kPointOnLine,
+                                             JointKind::kUniversal,    JointKind::kPlanar};
+      join(a, b, kKinds[r.below(std::size(kKinds))], state(b).position + r.vector(0.4),
+           r.orientation());
+      words_ += words_.find("loops") == std::string::npos ? ", loops" : "";
+    }
+  }
+
+  /// Four-bars and slider-cranks in one plane, of hinges and sliders: three rows too many for each
+  /// loop.
+  void add_planar_loops() {
+    Random& r = random_;
+    const Quaterniond plane = r.orientation();
+    const int loops = r.between(1, 2);
+    Vector3d left(0.0, 0.0, 0.0);
+    int before = -1;
+    for (int i = 0; i < loops; ++i) {
+      const Vector3d a = left, d = a + Vector3d(r.uniform(1.4, 1.8), r.uniform(-0.2, 0.2), 0.0);
+      const Vector3d b = a + Vector3d(r.uniform(0.2, 0.4), r.uniform(0.7, 1.0), 0.0);
+      const Vector3d c = d + Vector3d(r.uniform(-0.3, 0.0), r.uniform(0.8, 1.2), 0.0);
+      const Vector3d corner[] = {a, b, c, d};
+      int bars[3];
+      for (int k = 0; k < 3; ++k) {
+        if (k == 0 && before >= 0) {  // the last bar of the loop before
+          bars[0] = before;
+          continue;
+        }
+        Body bar = body();
+        const Vector3d from = corner[k], to = corner[k + 1];
+        const double angle = std::atan2(to.y() - from.y(), to.x() - from.x());
+        bar.state.position = origin_ + plane * Vector3d(0.5 * (from + to));
+        bar.state.orientation =
+            plane * Quaterniond(Eigen::AngleAxisd(angle, Vector3d::UnitZ())) *
+            Quaterniond(Eigen::AngleAxisd(r.uniform(-3.0, 3.0), Vector3d::UnitX()));
+        bars[k] = bodies();
+        scene_.bodies.push_back(bar);
+      }
+      const auto pin = [&](int of, int on, const Vector3d& p) {
+        join(of, on, JointKind::kHinge, origin_ + plane * p, plane);
+      };
+      if (before < 0) pin(-1, bars[0], a);
+      pin(bars[0], bars[1], b);
+      pin(bars[1], bars[2], c);
+      if (r.chance(0.3)) {  // the last bar on a rail along x instead of a hinge
+        const Quaterniond rail =
+            plane * Quaterniond(Eigen::AngleAxisd(0.5 * 3.14159265358979323846, Vector3d::UnitY()));
+        join(-1, bars[2], JointKind::kSlider, origin_ + plane * d, rail);
+      } else {
+        pin(-1, bars[2], d);
+        before = bars[2];
+        left = d;
+        continue;
+      }
+      break;
+    }
+    words_ += ", planar";
+  }
+
+  void add_again() {
+    Random& r = random_;
+    if (!r.chance(0.4)) return;
+    Joint again = scene_.joints[r.below(scene_.joints.size())];
+    again.name += "_once_more";
+    scene_.joints.push_back(again);
+    words_ += ", one joint twice";
+  }
+
+  // random ones, made to fit by the reference
+  void set_velocities() {
+    const double speed = random_.uniform(0.2, 2.0);
+    for (Body& made : scene_.bodies) {
+      if (made.type != BodyType::kDynamic) continue;
+      made.state.linear_velocity = random_.vector(speed);
+      made.state.angular_velocity = random_.vector(speed);
+    }
+    const Mechanics mechanics(scene_);
+    std::vector<Pose> poses = mechanics.start_at(0);
+    mechanics.project(0, &poses);
+    for (std::size_t i = 0; i < scene_.bodies.size(); ++i) {
+      if (scene_.bodies[i].type != BodyType::kDynamic) continue;
+      scene_.bodies[i].state.linear_velocity = poses[i].v.cast<double>();
+      scene_.bodies[i].state.angular_velocity = poses[i].w.cast<double>();
+    }
+  }
+
+  Random random_;
+  Scene scene_;
+  std::string words_;
+  Vector3d origin_ = Vector3d::Zero();
+  bool is_planar_ = false, is_free_ = false, has_kinematic_ = false, spreads_masses_ = false;
+};
+
+/// Joints by the strict bound.
+inline Verdict judge_mechanism(std::uint64_t seed, const std::string& only = "") {
+  return judge_scene(Judge(MechanismGenerator(seed).make(), true), seed, only);
+}
+
+}  // namespace constraint_sim::engine::random_scenes

@@ -243,6 +243,23 @@ def test_further_coordinates_have_numbers():
         world.set_motor('rod', removed=True, bias=1.0)
 
 
+def test_joints_change_while_they_act():
+    world = engine.World(gravity=(0, 0, 0))
+    world.add_body('bob', mass=2.0, position=(1, 0, 0))
+    world.add_joint('rod', body_b='bob')
+    assert world.set_joint('rod', length=1.5) == 'length 0.5 m off; closes in 0.5 s'
+    world.run(0.6)
+    assert world.state('bob')['position'][0] == pytest.approx(1.5, abs=1e-12)
+    assert world.set_enabled('rod', False) == ''
+    assert world.joint('rod')['enabled'] is False
+    world.set_state('bob', position=(1.75, 0, 0))
+    assert world.set_enabled('rod', True) == 'length 0.25 m off; closes in 0.5 s'
+    with pytest.raises(ValueError, match='length'):
+        world.set_joint('rod', length=-1.0)
+    with pytest.raises(ValueError, match='coordinate'):
+        world.set_joint('rod', coordinate=1)
+
+
 def test_the_wrench_of_a_joint_and_how_far_it_is_open():
     world = bar(gravity=9.81)
     world.add_joint('glue', type='weld', **BAR_END)

@@ -1,10 +1,9 @@
-// Random mechanisms of joints of all kinds against a reference in long double, by all methods and in
-// several guises (bench/random_mechanisms.h), and that reference against minimal coordinates.
+// Random mechanisms of joints of all kinds against a reference in long double, by all methods and
+// in several guises (bench/random_mechanisms.h), and that reference against minimal coordinates.
 // constraint_sim_random_mechanisms does the same with any number of mechanisms.
 
 #include <gtest/gtest.h>
 
-#include "flat_mechanisms.h"
 #include "mechanisms.h"
 #include "random_mechanisms.h"
 #include "sanitized.h"

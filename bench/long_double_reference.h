@@ -410,6 +410,10 @@ class Mechanics {
     };
     switch (joint.kind) {
       case JointKind::kDistance:
+      case JointKind::kFreeDistance:
+      case JointKind::kGear:  // couplings are held by bench/coupled_mechanisms.h
+      case JointKind::kPulley:
+      case JointKind::kScrew:
         break;
       case JointKind::kBall:
         return add_point();
@@ -451,6 +455,11 @@ class Mechanics {
       case JointKind::kDistance:
       case JointKind::kBall:
         break;
+      case JointKind::kFreeDistance:
+      case JointKind::kGear:
+      case JointKind::kPulley:
+      case JointKind::kScrew:
+        return 0;
       case JointKind::kHinge:
         angle = between();
         break;

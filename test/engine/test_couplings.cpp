@@ -251,6 +251,27 @@ TEST(Coupling, EndsWithWhatItCouples) {
   EXPECT_FALSE(wheels.world.step().failed);
 }
 
+TEST(Coupling, ActsWhileWhatItCouplesDoes) {
+  Wheels wheels(2);
+  const JointId gear = wheels.gear(0, 1, 1.0);
+  EXPECT_EQ(refusal([&] { wheels.world.set_enabled(wheels.hinges[0], false); }),
+            "enabled: it is coupled by 'gear_0_1', disable that first");
+  wheels.world.set_enabled(gear, false);
+  wheels.world.set_enabled(wheels.hinges[0], false);
+  EXPECT_EQ(refusal([&] { wheels.world.set_enabled(gear, true); }),
+            "enabled: 'hinge_0', which it couples, is disabled");
+  wheels.world.set_enabled(wheels.hinges[0], true);
+  wheels.spin(0, 2.0);
+  for (int i = 0; i < 50; ++i) wheels.world.step();
+  EXPECT_NEAR(wheels.angle(0), 1.0, 1e-9);
+  EXPECT_NEAR(wheels.angle(1), 0.0, 1e-12);
+  wheels.world.set_enabled(gear, true);  // and closes by what has opened
+  EXPECT_NEAR(wheels.world.joint_state(gear).error, 1.0, 1e-9);
+  for (int i = 0; i < 60; ++i) ASSERT_FALSE(wheels.world.step().failed);
+  EXPECT_LE(wheels.world.joint_state(gear).error, 1e-12);
+  EXPECT_FALSE(wheels.world.joint_state(gear).closing);
+}
+
 TEST(Coupling, BreaksByItsEffortOrWithAHinge) {
   for (const Method method :
        {Method::kRungeKutta, Method::kEnergyMomentum, Method::kSequentialImpulses}) {

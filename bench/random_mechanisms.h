@@ -59,8 +59,10 @@ class MechanismGenerator {
   }
   int bodies() const { return static_cast<int>(scene_.bodies.size()); }
 
+  // those of the reference, which has no couplings
   JointKind any_kind() {
-    return static_cast<JointKind>(random_.below(static_cast<std::size_t>(kJointKindCount)));
+    constexpr auto kKinds = static_cast<std::size_t>(JointKind::kPointOnPlane) + 1;
+    return static_cast<JointKind>(random_.below(kKinds));
   }
 
   void add(Joint joint, int a, int b) {

@@ -6,14 +6,16 @@
 namespace constraint_sim::engine {
 namespace {
 
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr int kMostNewtonSteps = 25;
 // Newton's steps end when a change moves nothing by more than this share of the scene, or by less
 // than the second and no longer half of the change before: then it is rounding. Or when the next
-// change, of those that go down as squares, is to be below the third: a tenth of rounding, since
-// the factor of the squares may grow by some tens from one change to the next.
+// change, of those that go down as squares, is to be below the third, and what rows are off by then
+// below the fourth.
 constexpr double kSolved = 1e-14;
 constexpr double kRounding = 1e-7;
-constexpr double kSquared = 1e-17;
+constexpr double kSquared = 1e-16;
+constexpr double kRowSquared = 3e-16;
 // They are given up where the changes are larger than this, and grow.
 constexpr double kDiverged = 10.0;
 // What a row may be off then, as a share of the scene.
@@ -176,8 +178,10 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
     const bool is_rounding = moved < kRounding && moved > 0.5 * before;
     const bool is_solved =
         (moved < kSolved || is_rounding) && worst_row <= kRowSolved * step_equations_.scale();
-    const double next = i > 0 ? moved * (moved / before) * (moved / before) : 1.0;
-    if (is_solved || (moved < kRounding && next < kSquared)) {
+    const double ratio = i > 0 ? (moved / before) * (moved / before) : kInfinity;
+    const bool is_next_nothing =
+        moved * ratio < kSquared && worst_row * ratio < kRowSquared * step_equations_.scale();
+    if (is_solved || (moved < kRounding && is_next_nothing)) {
       if (step_equations_.worst_momentary_row() > kMomentaryOff * step_equations_.scale())
         return false;
       found_[stage] = unknowns_;

@@ -154,7 +154,7 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
-  void check_coupling(const Joint& joint) const;
+  void check_coupling(const Joint& joint, bool broken) const;
   void check_coupled_act(std::size_t j, bool enabled) const;
   BodyId movable_end(JointId id) const;
   std::vector<std::size_t> couplings_of(std::size_t joint) const;

@@ -243,6 +243,8 @@ TEST(Coupling, EndsWithWhatItCouples) {
   EXPECT_EQ(refusal([&] { wheels.world.set_broken(other, false); }),
             "name: 'hinge_1', which 'gear_1_2' couples, is broken");
   EXPECT_FALSE(wheels.world.step().failed);
+  const std::string saved = save_scene(wheels.world);
+  EXPECT_EQ(save_scene(load_scene(saved, "saved")), saved);
   wheels.world.set_broken(wheels.hinges[1], false);
   wheels.world.set_broken(other, false);
   EXPECT_FALSE(wheels.world.step().failed);

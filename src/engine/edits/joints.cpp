@@ -46,7 +46,7 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
     refuse("name", "there is already a constraint named " + quoted(joint.name));
   Joint filled = joint;
   if (couples_joints(joint.kind)) {
-    check_coupling(joint);
+    check_coupling(joint, broken);
     filled.body_a = movable_end(joint.coupling.first);
     filled.body_b = movable_end(joint.coupling.second);
     filled.anchor_a.setZero();
@@ -98,7 +98,7 @@ void World::Impl::check_ends(const Joint& joint) const {
 }
 
 // the joints that it couples, whose first coordinates have to be there
-void World::Impl::check_coupling(const Joint& joint) const {
+void World::Impl::check_coupling(const Joint& joint, bool broken) const {
   const Coupling& coupling = joint.coupling;
   const auto check = [&](JointId id) {
     const Joint& of = joints[index(id)];
@@ -110,7 +110,7 @@ void World::Impl::check_coupling(const Joint& joint) const {
                            (joint.kind == JointKind::kPulley
                                 ? " joins distance constraints with free: true"
                                 : " joins constraints with a free coordinate, such as hinges"));
-    if (joint_states[index(id)].broken) refuse("joints", quoted(of.name) + " is broken");
+    if (!broken && joint_states[index(id)].broken) refuse("joints", quoted(of.name) + " is broken");
     if (joint.enabled && !of.enabled) refuse("joints", quoted(of.name) + " is disabled");
   };
   check(coupling.first);

@@ -256,7 +256,7 @@ def test_joints_change_while_they_act():
     assert world.set_enabled('rod', True) == 'length 0.25 m off; closes in 0.5 s'
     with pytest.raises(ValueError, match='length'):
         world.set_joint('rod', length=-1.0)
-    with pytest.raises(ValueError, match='coordinate'):
+    with pytest.raises(TypeError, match='coordinate'):
         world.set_joint('rod', coordinate=1)
 
 
@@ -429,7 +429,7 @@ def test_bad_input_names_field_and_value():
     assert 'bob' in rejected('add_body', 'bob', mass=1.0)
     assert rejected('add_body', 'x', mass=1.0, no_collision=1) == \
         'no_collision: must be True or False, got 1'
-    assert rejected('add_joint', 'j', type='gear').startswith("type: there is no 'gear'")
+    assert rejected('add_joint', 'j', type='cog').startswith("type: there is no 'cog'")
     assert "'nobody'" in rejected('add_joint', 'j', body_b='nobody')
     assert rejected('add_joint', 'j', body_b='bob', motor=3) == 'motor: must be a dict, got 3'
     assert 'timeout' in rejected('set_motor', 'rod', timeout=-1.0)

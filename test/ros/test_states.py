@@ -242,7 +242,7 @@ class States(unittest.TestCase):
 
     def test_add_constraint_refuses_bad_input(self):
         self.good("add_body", body=sphere("b", 1, 0, 0))
-        for kind in ("gear", "", "Distance"):
+        for kind in ("cog", "", "Distance"):
             self.bad(["type", kind], "add_constraint", constraint=self.constraint(kind))
         for kind, field in (("rope", "length"), ("rope", "frequency"), ("ball", "length"),
                             ("strut", "max_length"), ("spring", "min_length")):

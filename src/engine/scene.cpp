@@ -323,7 +323,7 @@ void read_laws(const YamlElement& item, Joint* joint) {
 /// `distance` with `free: true` is a kind of its own.
 std::string type_of_joint(const YamlElement& item) {
   const auto type = item.find("type");
-  const std::string given = type ? type->word() : "distance";
+  std::string given = type ? type->word() : "distance";
   const auto free = item.find("free");
   if (given != "distance" || !free || !free->flag()) return given;
   return name(JointKind::kFreeDistance);

@@ -4,6 +4,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint_kinds.h"
 #include "random_joints.h"
+#include "sanitized.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -11,6 +12,8 @@ namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
+
+constexpr int kTrials = kSanitizedShare > 1 ? 1 : 5;
 
 struct Opening {
   JointKind kind;
@@ -70,7 +73,7 @@ class Closing : public testing::TestWithParam<Opening> {};
 // Errors are rounding of the bodies' coordinates and turns. Momenta are exact by energy_momentum,
 // and to the tolerance by runge_kutta.
 TEST_P(Closing, EndsInTheSolutionThatIsMeantAndKeepsMomenta) {
-  for (int trial = 0; trial < 5; ++trial) {
+  for (int trial = 0; trial < kTrials; ++trial) {
     for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
       World world = open_pair(GetParam(), method, 0.02, trial);
       const JointId joint = world.joint_ids().front();

@@ -848,6 +848,8 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
     double* const L = y + L_at_;
     for (std::size_t k = 0; k < bodies; ++k) Vector(v + 3 * k) += inverse_mass_[k] * push_[k];
     for (std::size_t k = 0; k < turning_; ++k) Vector(L + 3 * k) += twist_[k];
+    for (std::size_t i = 0; i < rows_.size(); ++i)
+      projected_energy_ += 0.5 * solution_[rows_[i].unknown] * (rate_target_[i] - rate_[i]);
     weigh_by_length(solution_.data());
     for (std::size_t i = 0; i < rows_.size(); ++i) impulses_[i] += solution_[i];
     set_velocities(y);

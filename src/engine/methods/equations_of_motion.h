@@ -243,6 +243,9 @@ class EquationsOfMotion {
   double coupled_impulse(std::size_t l) const;
   /// The same in the order of its rows and coordinates.
   RowVector by_function(std::size_t l, const RowVector& of_rows) const;
+  /// Kinetic energy that velocities have lost to the rows since this was called last, beside what
+  /// start() took: rounding, or what passes a pose where a row has no direction [J].
+  double take_projected_energy() { return std::exchange(projected_energy_, 0.0); }
   /// What momentary rows were off by since begin_step(): rate times substep, summed up [m].
   double momentary_error() const { return momentary_error_; }
   /// Most rows at once that depended on others, redundant rows included.
@@ -519,6 +522,7 @@ class EquationsOfMotion {
   double time_ = 0.0;                  // of the last project() [s]
   double substep_ = 0.0;               // the last one [s]
   double momentary_error_ = 0.0;       // since begin_step() [m]
+  double projected_energy_ = 0.0;      // since take_projected_energy() [J]
   bool is_inconsistent_ = false;
 
   bool factors_are_there_ = false;

@@ -102,9 +102,10 @@ IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOp
     projected = progress.projected;
   }
   const double momentary = equations_.momentary_error();
+  equations_.take_projected_energy();
   IntegrationResult progress = integrate_equations(memory, span, accuracy);
   progress.local_error += equations_.momentary_error() - momentary;
-  progress.projected = projected;
+  progress.projected = projected + equations_.take_projected_energy();
   progress.is_inconsistent =
       !progress.done && (progress.is_inconsistent || equations_.is_inconsistent());
   if (kMostStable * progress.substeps >= accuracy.most_frequency * span.h)

@@ -45,7 +45,9 @@ void WrenchTopics::update(const engine::World& world) {
   std::set<std::string> taken;
   std::size_t count = 0;
   for (const engine::JointId id : world.joint_ids()) {
-    const std::string& name = world.joint(id).name;
+    const engine::Joint& joint = world.joint(id);
+    if (engine::couples_joints(joint.kind)) continue;  // acts along coordinates of others
+    const std::string& name = joint.name;
     if (++count > kMost) {
       if (without_.insert("").second)
         ROS_INFO("force_torque: the first %zu constraints have a topic, %zu have none", kMost,

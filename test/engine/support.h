@@ -7,8 +7,10 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <random>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -49,6 +51,16 @@ class Random {
  private:
   std::mt19937 generator_{2024};
 };
+
+/// What is said where this is refused; nothing where it is not.
+inline std::string refusal(const std::function<void()>& attempt) {
+  try {
+    attempt();
+  } catch (const std::invalid_argument& error) {
+    return error.what();
+  }
+  return "";
+}
 
 // ---- worlds
 

@@ -16,15 +16,6 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-std::string refusal(const std::function<void()>& attempt) {
-  try {
-    attempt();
-  } catch (const std::invalid_argument& error) {
-    return error.what();
-  }
-  return "";
-}
-
 constexpr int kTrials = 50;
 
 struct Pose {

@@ -184,13 +184,15 @@ struct CouplingState {
 /// What a joint does now; brought up to date by each step.
 struct JointState {
   /// ‖d‖ − length, or beyond a limit [m]. Of other kinds the larger of the distance that has to be
-  /// zero, such as ‖d‖, and `angle_error` times `radius` [m].
+  /// zero, such as ‖d‖, and `angle_error` times `radius` [m]. Of gears and pulleys what the sum is
+  /// off by, in the unit of the first coordinate.
   double error = 0.0;
   double error_rate = 0.0;   ///< rate of `error`, motion asked for by the motor taken out [m/s]
   double angle_error = 0.0;  ///< by which frame B has to turn to where frame A asks for it [rad]
   double radius = 0.0;       ///< of gyration, the larger of the two dynamic bodies' [m]
   /// Mean over the step: along d [N], > 0 pushes apart, < 0 is tension; of kinds with coordinates
-  /// the effort along the first [N or N m]; of others the length of the force [N].
+  /// the effort along the first [N or N m], of gears and pulleys along the first that they couple;
+  /// of others the length of the force [N].
   double force = 0.0;
   double bias = 0.0;          ///< ζ asked for, mean over the step [m/s]
   double reached_rate = 0.0;  ///< rate of the distance that was reached [m/s]

@@ -56,8 +56,8 @@ class World {
   /// Adds a body at `body.state` (world frame) and returns its id. Throws for settings out of range
   /// and for a name that another body has.
   BodyId add_body(const Body& body);
-  /// Removes the body, its wrenches and every joint on it; returns the names of those joints, in
-  /// the order of adding. Throws for the world itself.
+  /// Removes the body, its wrenches, every joint on it and every gear or pulley of one of these;
+  /// returns the names of those joints, in the order of adding. Throws for the world itself.
   std::vector<std::string> remove_body(BodyId id);
   /// Whether a body has this name; the world itself has `world`.
   bool has_body(std::string_view name) const;
@@ -79,9 +79,10 @@ class World {
   /// Adds a joint and returns its id. A rigid distance joint of length zero, given or measured, is
   /// added as a ball joint; a broken or disabled joint does not act. Throws for settings out of
   /// range, for a name that another joint has, for ends that are one body or not dynamic, and for
-  /// anchors or axes on a point mass without inertia.
+  /// anchors or axes on a point mass without inertia; and for a gear or pulley whose joints are not
+  /// there, are one, cannot be coupled, or do not act while it does.
   JointId add_joint(const Joint& joint, bool broken = false);
-  /// Removes the joint.
+  /// Removes the joint. Throws where a gear or pulley couples it; remove that first.
   void remove_joint(JointId id);
   /// Whether a joint has this name.
   bool has_joint(std::string_view name) const;
@@ -103,7 +104,9 @@ class World {
   Anchors anchors(JointId id) const;
   /// What a joint does to body B, mean over the last step: force [N], and torque about anchor B
   /// [N m], in the joint's frame on B; of kinds without axes in that of body B. On A it does the
-  /// opposite at the same point. With redundant joints, that of least norm of many.
+  /// opposite at the same point. Along free coordinates it is what laws and couplings do. With
+  /// redundant joints, that of least norm of many. Throws for a gear or pulley, which acts along
+  /// coordinates of others.
   struct JointWrench {
     Eigen::Vector3d force = Eigen::Vector3d::Zero(), torque = Eigen::Vector3d::Zero();
   };

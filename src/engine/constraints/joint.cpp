@@ -340,6 +340,14 @@ void note_force(const Joint& joint, const RowVector& impulse, double h, JointSta
   if (couples_joints(joint.kind)) state.force = state.coupling.effort;
 }
 
+// a screw's row acts along coordinates of its own
+void add_own_coupling(const Joint& joint, double impulse, RowVector* done) {
+  if (joint.kind != JointKind::kScrew) return;
+  const int along = info(joint.kind).rows;
+  (*done)[along] += impulse;
+  (*done)[along + 1] -= lead(joint) * impulse;
+}
+
 // whether a joint of such a kind breaks by what its rows and coordinates have done
 bool breaks(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& impulse,
             double h, const JointState& state) {
@@ -405,11 +413,16 @@ void finish(const Joint& joint, const BodyState& a, const BodyState& b, const Jo
   if (is_distance ? joint.break_force > 0.0 && std::abs(state.force) > joint.break_force
                   : breaks(joint, a, b, impulse, step.h, state)) {
     state.broken = true;
-    state.impulse.setZero();
+    forget_impulses(&state);
   }
 }
 
 }  // namespace
+
+void forget_impulses(JointState* state) {
+  state->impulse.setZero();
+  state->coupling.impulse = 0.0;
+}
 
 void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                    const JointStep& step, JointState& state, std::vector<Row>* rows) {
@@ -495,10 +508,10 @@ void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, cons
     settle(joint.distance, joint, AnchorPair(joint, a, b), step, rows, count, state);
     return finish(joint, a, b, step, state.bias, state.impulse, state);
   }
-  const RowVector impulse =
-      settle_table_rows(joint, JointVectors(joint, a, b), step, rows, count, state);
-  note_force(joint, impulse, step.h, state);
-  finish(joint, a, b, step, state.bias, impulse, state);
+  RowVector done = settle_table_rows(joint, JointVectors(joint, a, b), step, rows, count, state);
+  add_own_coupling(joint, state.coupling.effort * step.h, &done);
+  note_force(joint, done, step.h, state);
+  finish(joint, a, b, step, state.bias, done, state);
 }
 
 MovingFrame frame_where_met(const Joint& joint, const BodyState& a, const BodyState& b,
@@ -712,11 +725,14 @@ void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& 
                        const JointStep& step, const RowVector& impulse, double zeta,
                        JointState& state) {
   state.impulse = impulse;
-  if (joint.kind == JointKind::kDistance)
+  RowVector done = impulse;
+  if (joint.kind == JointKind::kDistance) {
     state.force = impulse[0] / step.h;
-  else
-    note_force(joint, impulse, step.h, state);
-  finish(joint, a, b, step, zeta, impulse, state);
+  } else {
+    add_own_coupling(joint, state.coupling.impulse, &done);
+    note_force(joint, done, step.h, state);
+  }
+  finish(joint, a, b, step, zeta, done, state);
 }
 
 }  // namespace constraint_sim::engine

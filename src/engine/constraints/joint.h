@@ -25,6 +25,9 @@ struct JointStep {
   double closing_time;  ///< [s] in which an error left by an edit is closed; 0: by Baumgarte
 };
 
+/// Forgets what its rows did, with which they would be warm started.
+void forget_impulses(JointState* state);
+
 /// Adds the rows of a joint with their targets to `rows`. Sets the bias of `state`, and ends it
 /// when its time is over.
 void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,

@@ -176,7 +176,7 @@ void World::set_enabled(JointId id, bool enabled) {
 void World::Impl::restart_joint(std::size_t j) {
   const Joint& joint = joints[j];
   JointState& state = joint_states[j];
-  state.impulse.setZero();
+  forget_impulses(&state);
   self_stress[j] = SelfStress{};
   wake_ends(joint);
   open_joint(j, time());

@@ -438,6 +438,9 @@ World::Anchors World::anchors(JointId id) const {
 
 World::JointWrench World::joint_wrench(JointId id) const {
   const Joint& joint = this->joint(id);
+  if (couples_joints(joint.kind))
+    refuse("constraint", quoted(joint.name) + " is a " + engine::name(joint.kind) +
+                             ", which couples others and has no wrench of its own");
   const JointState& state = joint_state(id);
   const BodyState &a = this->state(joint.body_a), &b = this->state(joint.body_b);
   if (joint.kind == JointKind::kDistance)

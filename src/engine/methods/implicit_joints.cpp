@@ -280,6 +280,25 @@ void ImplicitStep::evaluate_general(const Link& link, Shape* shape, const Unknow
   write_general(link, *shape, forces);
 }
 
+// What forces on one end of a link change by as its ends move.
+void ImplicitStep::write_slopes(const Link& link, std::size_t e, const Matrix3d& C,
+                                const std::array<JacobianSlopes, 2>& slopes, std::size_t* slot) {
+  double* const values = lu_.values().data();
+  const End& row = link.ends[e];
+  const double* const left = left_.data() + row.unknown;
+  for (std::size_t f = 0; f < 2; ++f) {
+    const End& column = link.ends[f];
+    if (column.dofs == 0) continue;
+    Eigen::Matrix<double, 6, 6> K;
+    K.topRows<3>() = (-s_ * share_ * row.sign) * slopes[f].force;
+    K.bottomRows<3>() = (-s_ * share_) * C * (e == 0 ? slopes[f].torque_A : slopes[f].torque_B);
+    const double* const right = right_.data() + column.unknown;
+    for (int i = 0; i < row.dofs; ++i)
+      for (int j = 0; j < column.dofs; ++j)
+        values[slots_[(*slot)++]] += left[i] * K(i, j) * right[j];
+  }
+}
+
 // The blocks of a joint in the derivative, in the order of its slots, and the residuals of its
 // rows.
 void ImplicitStep::write_general(const Link& link, const Shape& shape,
@@ -291,18 +310,7 @@ void ImplicitStep::write_general(const Link& link, const Shape& shape,
     if (row.dofs == 0) continue;
     const double* const left = left_.data() + row.unknown;
     const Matrix3d C = row.dofs == 6 ? turn_[row.point].C : Matrix3d(Matrix3d::Zero());
-    for (std::size_t f = 0; f < 2; ++f) {
-      const End& column = link.ends[f];
-      if (column.dofs == 0) continue;
-      const JacobianSlopes& slopes = forces.slopes[f];
-      Eigen::Matrix<double, 6, 6> K;
-      K.topRows<3>() = (-s_ * share_ * row.sign) * slopes.force;
-      K.bottomRows<3>() = (-s_ * share_) * C * (e == 0 ? slopes.torque_A : slopes.torque_B);
-      const double* const right = right_.data() + column.unknown;
-      for (int i = 0; i < row.dofs; ++i)
-        for (int j = 0; j < column.dofs; ++j)
-          values[slots_[slot++]] += left[i] * K(i, j) * right[j];
-    }
+    write_slopes(link, e, C, forces.slopes, &slot);
     std::array<Eigen::Matrix<double, 6, 1>, kMaxJointRows> columns;
     for (int k = 0; k < link.rows; ++k) {
       const Jacobian& J = forces.J[at(k)];
@@ -443,18 +451,7 @@ void ImplicitStep::write_coupled(const CoupledRow::Term& term, const FormInStep&
     if (row.dofs == 0) continue;
     const double* const left = left_.data() + row.unknown;
     const Matrix3d C = row.dofs == 6 ? turn_[row.point].C : Matrix3d(Matrix3d::Zero());
-    for (std::size_t f = 0; f < 2; ++f) {
-      const End& column = link.ends[f];
-      if (column.dofs == 0) continue;
-      const JacobianSlopes& slopes = there.slopes[f];
-      Eigen::Matrix<double, 6, 6> K;
-      K.topRows<3>() = (-s_ * share_ * row.sign) * slopes.force;
-      K.bottomRows<3>() = (-s_ * share_) * C * (e == 0 ? slopes.torque_A : slopes.torque_B);
-      const double* const right = right_.data() + column.unknown;
-      for (int i = 0; i < row.dofs; ++i)
-        for (int j = 0; j < column.dofs; ++j)
-          values[slots_[(*slot)++]] += left[i] * K(i, j) * right[j];
-    }
+    write_slopes(link, e, C, there.slopes, slot);
     Eigen::Matrix<double, 6, 1> push;
     push.head<3>() = -row.sign * term.ratio * there.J.j3;
     push.tail<3>() = -term.ratio * (C * (e == 0 ? there.J.j2 : there.J.j4));

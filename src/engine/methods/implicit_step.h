@@ -252,6 +252,8 @@ class ImplicitStep {
   void evaluate_general(const Link& link, Shape* shape, const Unknowns& unknowns);
   void evaluate_form(const ScalarForm& form, const Link& link, const JointVectors& start,
                      const GeneralMotion& motion, double lambda, FormInStep* at) const;
+  void write_slopes(const Link& link, std::size_t e, const Eigen::Matrix3d& C,
+                    const std::array<JacobianSlopes, 2>& slopes, std::size_t* slot);
   void write_general(const Link& link, const Shape& shape, const GeneralForces& forces);
 
   // ---- of couplings (implicit_joints.cpp)

@@ -74,7 +74,7 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
     const std::size_t j = at(index);
     const std::size_t first = rows_.size();
     joint_rows_.push_back(first);
-    if (!model.options.warm_starting) state->joint_states[j].impulse.setZero();
+    if (!model.options.warm_starting) forget_impulses(&state->joint_states[j]);
     const auto [a, b] = step.joint_ends[j];
     prepare_joint(model.joints[j], state->states[a], state->states[b], step.span,
                   state->joint_states[j], &rows_);

@@ -106,7 +106,7 @@ class SimbodySimulation : public Simulation {
     const Vector3d I = inertia_of(body);
     const double mass = body.is_static ? 1.0 : body.mass;
     const SimTK::Inertia inertia =
-        SimTK::Inertia(I.x(), I.y(), I.z()).shiftFromMassCassemble_entering(-vec(centre), mass);
+        SimTK::Inertia(I.x(), I.y(), I.z()).shiftFromMassCenter(-vec(centre), mass);
     SimTK::Body::Rigid made(SimTK::MassProperties(mass, vec(centre), inertia));
     const SimTK::ContactMaterial material(kStiffness, kDissipation * (1.0 - body.restitution),
                                           body.friction, body.friction, 0.0);

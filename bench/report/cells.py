@@ -44,7 +44,7 @@ COLUMNS = {
               'over its weight times its size) [1]',
     'momentum': 'largest distance of the linear or angular momentum from that of the reference over '
                 'its largest value [1]',
-    'constraint': 'largest error of a rod or ball joint [m]',
+    'constraint': 'largest error of a rod or joint, angles of axes times the radius of gyration of a body [m]',
     'penetration': 'deepest overlap of spheres, of spheres or boxes and planes [m]',
     'distance': 'how far a body came from its start at most [m]',
 }

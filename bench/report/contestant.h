@@ -15,6 +15,12 @@ namespace constraint_sim::report {
 struct Unsupported : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
+/// For adapters that build no joints with axes.
+inline void check_without_axes(const Problem& problem) {
+  for (const Joint& joint : problem.joints)
+    if (has_axes(joint.kind)) throw Unsupported(name(joint.kind));
+}
+
 /// The engine can, and says that it will not; so does std::invalid_argument.
 struct Refused : std::runtime_error {
   using std::runtime_error::runtime_error;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "references.h"
+
 namespace constraint_sim::report {
 namespace {
 
@@ -73,6 +75,16 @@ double pair_penetration(const Body& a, const State& state_a, const Body& b, cons
   return 0.0;
 }
 
+double error_of_axes(const Problem& problem, const States& states) {
+  const engine::reference::Mechanics mechanics(axes_of(problem));
+  std::vector<engine::reference::Pose> poses;
+  for (const State& state : states)
+    poses.push_back(engine::reference::pose_of(
+        {state.position, state.orientation, state.velocity, state.angular_velocity},
+        mechanics.origin()));
+  return mechanics.worst_joint(poses, 0.0).first;
+}
+
 }  // namespace
 
 double kinetic_energy(const Problem& problem, const States& states) {
@@ -103,10 +115,14 @@ double energy(const Problem& problem, const States& states) {
 
 double constraint_error(const Problem& problem, const States& states, double time) {
   double largest = 0.0;
-  for (const Joint& joint : problem.joints)
-    if (joint.kind != JointKind::kSpring)
+  bool any_axes = false;
+  for (const Joint& joint : problem.joints) {
+    any_axes = any_axes || has_axes(joint.kind);
+    if (joint.kind != JointKind::kSpring && !has_axes(joint.kind))
       raise(&largest,
             std::abs(distance(joint, states) - rest_length(problem, joint) - joint.rate * time));
+  }
+  if (any_axes) raise(&largest, error_of_axes(problem, states));
   return largest;
 }
 

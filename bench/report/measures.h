@@ -13,14 +13,16 @@ struct Errors {
   double energy;       ///< change of the energy over its scale [1]
   double momentum;  ///< of all bodies from the reference over its largest there, linear or angular
                     ///< about the origin, whichever is worse [1]
-  double constraint;   ///< of rods and ball joints in metres, whatever is asked of springs
+  /// Of rods and joints, whatever is asked of springs; angles of axes times the radius of gyration
+  /// of the larger body [m].
+  double constraint;
   double penetration;  ///< of spheres and boxes into planes and of spheres into each other [m]
 };
 
 /// Kinetic energy, and that of gravity, constant forces and springs [J].
 double energy(const Problem& problem, const States& states);
 double kinetic_energy(const Problem& problem, const States& states);
-/// Largest |error| of the rods, motors included, and ball joints at time t [m].
+/// Largest |error| of the rods, motors included, and joints at time t [m].
 double constraint_error(const Problem& problem, const States& states, double time);
 double penetration(const Problem& problem, const States& states);
 /// The angle of the rotation from one orientation to the other [rad], 0 to π.

@@ -139,6 +139,15 @@ SLOPE_TEXT = ('Run time of a tick of 1 ms and memory from 10 links, bodies or co
               'one costs is taken where there are most.')
 
 
+def write_sizes(output, sizes):
+    plots.scaling(sizes, output / 'scaling.svg')
+    with open(output / 'scaling.csv', 'w', newline='') as file:
+        writer = csv.DictWriter(file, list(SCALING_COLUMNS), lineterminator='\n')
+        writer.writeheader()
+        writer.writerows({name: f'{value:.4g}' if isinstance(value, float) else value
+                          for name, value in row.items()} for row in sizes)
+
+
 def write(output, rows, sizes, problems, variants, own_errors, facts):
     """`rows` are those of the diagrams, the grid and the scenes of many bodies."""
     runs = figures.runs_of(rows['diagrams'])
@@ -153,17 +162,14 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
     in_grid = sorted({name for found in grid.values() for name in found},
                      key=lambda name: (not figures.is_ours(name), name))
     counts = figures.counts(grid)
-    plots.scaling(sizes, output / 'scaling.svg')
-    with open(output / 'scaling.csv', 'w', newline='') as file:
-        writer = csv.DictWriter(file, list(SCALING_COLUMNS), lineterminator='\n')
-        writer.writeheader()
-        writer.writerows({name: f'{value:.4g}' if isinstance(value, float) else value
-                          for name, value in row.items()} for row in sizes)
+    if sizes:
+        write_sizes(output, sizes)
     micro = read_csv(output / 'micro.csv')
     many = many_lines(rows['many'])
     slopes = slope_lines(sizes)
-    (output / 'grid.html').write_text(page('Stability', grid_body(
-        grid, problems, in_grid, 'two seconds (longer where ticks are scaled)')))
+    if grid:
+        (output / 'grid.html').write_text(page('Stability', grid_body(
+            grid, problems, in_grid, 'two seconds (longer where ticks are scaled)')))
     with open(output / 'references.csv', 'w', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(REFERENCE_COLUMNS)
@@ -185,9 +191,10 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
         f'{facts["kind"]} run, measured in {facts["measured in"]}; each time the best of '
         f'{facts["rounds"]} interleaved rounds; the median of the rounds is above it by '
         f'{100 * median:.0f} % (median of all settings), at most {100 * worst:.0f} %',
-        f'budget of a run: {facts["budget"]:g} s, in the stability grid {facts["grid_budget"]:g} s, '
-        + (f'with many bodies {facts["many_budget"]:g} s, ' if many else '') +
-        f'of a size {facts["sizes_budget"]:g} s',
+        f'budget of a run: {facts["budget"]:g} s' +
+        (f', in the stability grid {facts["grid_budget"]:g} s' if grid else '') +
+        (f', with many bodies {facts["many_budget"]:g} s' if many else '') +
+        (f', of a size {facts["sizes_budget"]:g} s' if sizes else ''),
         f'largest error of a reference of the diagrams: '
         f'{max((own_errors.get(name, 0.0) for name in runs), default=0.0):.1g} m (references.csv)']
     texts = judgement(lines)
@@ -210,14 +217,16 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
             *(f'<h3>{name}</h3><img src="{name}.svg" alt="error against run time of {name}">'
               for name in sorted(runs)),
             '<h2>All contestants</h2><p>Least run time [µs/s] to each error.</p>',
-            table(CONTESTANT_HEADER, contestant_lines(runs)),
-            f'<h2>Stability</h2><p>{html.escape(stability)} <a href="grid.html">The grid</a>.</p>',
-            table(header, counted)]
+            table(CONTESTANT_HEADER, contestant_lines(runs))]
+    if grid:
+        body += [f'<h2>Stability</h2><p>{html.escape(stability)} <a href="grid.html">The grid</a>.</p>',
+                 table(header, counted)]
     if many:
         body += [f'<h2>Many bodies at 1/240 s</h2><p>{html.escape(MANY_TEXT)}</p>',
                  table(MANY_HEADER, many)]
-    body += [f'<h2>Scaling</h2><p>{html.escape(SLOPE_TEXT)}</p>'
-             '<img src="scaling.svg" alt="cost of a tick against size">', table(SLOPE_HEADER, slopes)]
+    if sizes:
+        body += [f'<h2>Scaling</h2><p>{html.escape(SLOPE_TEXT)}</p>'
+                 '<img src="scaling.svg" alt="cost of a tick against size">', table(SLOPE_HEADER, slopes)]
     if micro:
         kept = [row for row in micro if row['name'].endswith('_median')]
         body += ['<h2>Micro figures</h2>', table(
@@ -232,7 +241,8 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
              *(f'<li>{html.escape(text)}</li>' for text in HONESTY), '</ul>',
              '<p>Raw figures: ' + ', '.join(
                  f'<a href="{name}.csv">{name}.csv</a>'
-                 for name in ('cells', 'grid', 'many', 'scaling', 'references')) +
+                 for name in ('cells', 'grid', 'many', 'scaling', 'references')
+                 if (output / f'{name}.csv').exists()) +
              '; <a href="columns.md">their columns</a>.</p>']
     (output / 'index.html').write_text(page('constraint_sim: error against run time', '\n'.join(body)))
 
@@ -240,17 +250,20 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
 def write_markdown(output, facts, texts, lines, stability, header, counted, many, slopes, beside,
                    factor, conditions):
     parts = ['# Error against run time\n',
-             'Written by `./scripts/report' + (' --quick' if facts['kind'] == 'quick' else '') + '`; '
+             'Written by `./scripts/report' +
+             (f' --{facts["kind"]}' if facts['kind'] in ('quick', 'mechanisms') else '') + '`; '
              'open [index.html](index.html) in a browser for the diagrams.\n',
              '\n'.join(f'- {text}' for text in texts) + '\n',
              '![ratios](ratios.svg)\n',
              f'{JUDGED_BY} Ratio: run time of the best peer over ours; bold where the peer wins.\n',
              markdown_table(HEADER, [[*line[:-1], f'**{line[-1]}**' if kind == 'loss' else line[-1]]
                                      for line, kind in zip(*comparison_lines(lines))]),
-             '## Stability\n', stability + ' Grid: grid.html.\n', markdown_table(header, counted),
+             *(['## Stability\n', stability + ' Grid: grid.html.\n', markdown_table(header, counted)]
+               if counted else []),
              *(['## Many bodies at 1/240 s\n', MANY_TEXT + '\n', markdown_table(MANY_HEADER, many)]
                if many else []),
-             '## Scaling\n', SLOPE_TEXT + '\n', markdown_table(SLOPE_HEADER, slopes),
+             *(['## Scaling\n', SLOPE_TEXT + '\n', markdown_table(SLOPE_HEADER, slopes)]
+               if slopes else []),
              *(['## Peers beside an earlier comparison\n', published_text(factor) +
                 f' Of {len(beside)} figures those that differ:\n',
                 markdown_table(PUBLISHED_HEADER, [line for line in beside if line[-1]])]

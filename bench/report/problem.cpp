@@ -37,6 +37,32 @@ const Problem* sized_problem(const std::string& name) {
 
 }  // namespace
 
+const char* name(JointKind kind) {
+  switch (kind) {
+    case JointKind::kRod:
+    case JointKind::kBall:
+    case JointKind::kSpring:
+      break;
+    case JointKind::kHinge:
+      return "hinge";
+    case JointKind::kSlider:
+      return "slider";
+    case JointKind::kCylindrical:
+      return "cylindrical";
+    case JointKind::kPlanar:
+      return "planar";
+    case JointKind::kUniversal:
+      return "universal";
+    case JointKind::kWeld:
+      return "weld";
+    case JointKind::kPointOnLine:
+      return "point_on_line";
+    case JointKind::kPointOnPlane:
+      return "point_on_plane";
+  }
+  return nullptr;
+}
+
 Registration::Registration(Maker make) { makers().push_back(make); }
 Registration::Registration(const std::string& kind, SizedMaker make) { kinds()[kind] = make; }
 

@@ -34,7 +34,23 @@ struct Body {
   Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< constant, at the centre [N]
 };
 
-enum class JointKind { kRod, kBall, kSpring };
+/// Those from kHinge on keep axes, and have the names that scenes have for them.
+enum class JointKind {
+  kRod,
+  kBall,
+  kSpring,
+  kHinge,
+  kSlider,
+  kCylindrical,
+  kPlanar,
+  kUniversal,
+  kWeld,
+  kPointOnLine,
+  kPointOnPlane
+};
+inline bool has_axes(JointKind kind) { return kind >= JointKind::kHinge; }
+/// As in scenes; nullptr of one without axes.
+const char* name(JointKind kind);
 inline constexpr int kWorld = -1;
 
 /// Between points of two bodies. Rods and springs are as long as at the start unless `length` says
@@ -45,6 +61,9 @@ struct Joint {
   int b = 0;
   Eigen::Vector3d anchor_a = Eigen::Vector3d::Zero();  ///< in the body's frame, or the world's [m]
   Eigen::Vector3d anchor_b = Eigen::Vector3d::Zero();
+  /// Of joints with axes; z is that about or along which they move, of planes the normal.
+  Eigen::Quaterniond frame_a = Eigen::Quaterniond::Identity();
+  Eigen::Quaterniond frame_b = Eigen::Quaterniond::Identity();
   double length = -1.0;    ///< [m]; < 0: as at the start
   double stiffness = 0.0;  ///< of a spring [N/m]
   double rate = 0.0;       ///< a rod's motor: its length grows so fast [m/s]
@@ -53,7 +72,8 @@ struct Joint {
 
 struct Problem {
   std::string name;
-  std::string group;      ///< what it shows: smooth, stiff, contact; or a row of the stability grid
+  /// What it shows: smooth, stiff, contact, mechanism; or a row of the stability grid.
+  std::string group;
   bool is_graded = true;  ///< in work-precision diagrams; else in the stability grid only
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< [m/s²]
   std::vector<Body> bodies;

@@ -1,6 +1,7 @@
 #include "references.h"
 
 #include <cmath>
+#include <stdexcept>
 
 #include "problems.h"
 
@@ -186,6 +187,55 @@ std::function<Trajectory(int)> rigid_motion(const Problem& problem, bool is_free
           state.velocity = v.cast<double>();
           return States{state};
         });
+  };
+}
+
+engine::reference::Scene axes_of(const Problem& problem) {
+  engine::reference::Scene scene;
+  scene.options.gravity = problem.gravity;
+  for (const Body& body : problem.bodies) {
+    engine::Body added;
+    added.type = body.is_static ? engine::BodyType::kStatic : engine::BodyType::kDynamic;
+    added.mass = body.mass;
+    added.inertia = body.inertia;
+    added.state = {body.start.position, body.start.orientation, body.start.velocity,
+                   body.start.angular_velocity};
+    scene.bodies.push_back(added);
+  }
+  const auto id = [](int body) { return engine::BodyId{static_cast<std::uint32_t>(body + 1)}; };
+  for (const Joint& joint : problem.joints) {
+    if (!has_axes(joint.kind)) continue;
+    engine::Joint added;
+    added.kind = *engine::joint_kind_named(name(joint.kind));
+    added.body_a = id(joint.a);
+    added.body_b = id(joint.b);
+    added.anchor_a = joint.anchor_a;
+    added.anchor_b = joint.anchor_b;
+    added.frame_a = joint.frame_a;
+    added.frame_b = joint.frame_b;
+    scene.joints.push_back(added);
+  }
+  return scene;
+}
+
+std::function<Trajectory(int)> mechanism_motion(const Problem& problem) {
+  const int samples = problem.samples();
+  const double interval = problem.sample;
+  return [=, scene = axes_of(problem)](int refinement) {
+    constexpr long kMostEvaluations = 3000000;
+    const engine::reference::Mechanics mechanics(scene);
+    engine::reference::Integrator integrator(mechanics, refinement == 1 ? 1e-12 : 1e-15,
+                                             kMostEvaluations);
+    Trajectory trajectory;
+    for (int k = 0; k <= samples; ++k) {
+      integrator.advance_to(k * interval);
+      if (!integrator.is_valid()) throw std::runtime_error("the reference does not get on");
+      States& states = trajectory.emplace_back();
+      for (const engine::reference::Pose& pose : integrator.poses())
+        states.push_back({(pose.x + mechanics.origin()).cast<double>(), pose.q.cast<double>(),
+                          pose.v.cast<double>(), pose.w.cast<double>()});
+    }
+    return trajectory;
   };
 }
 

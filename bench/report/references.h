@@ -5,6 +5,7 @@
 #include <functional>
 #include <vector>
 
+#include "long_double_reference.h"
 #include "problem.h"
 
 namespace constraint_sim::report {
@@ -33,5 +34,13 @@ std::function<Trajectory(int)> rigid_motion(const Problem& problem, bool is_free
 std::function<Trajectory(int)> one_angle(
     const Problem& problem, double a, double b, double angle, double rate, double step,
     const std::function<States(long double angle, long double rate)>& states);
+
+/// The bodies and joints with axes of a problem as the dense reference reads them; others are left
+/// out.
+engine::reference::Scene axes_of(const Problem& problem);
+
+/// Any bodies on joints with axes, by the dense reference in long double: extrapolation to a
+/// tolerance that `refinement` divides by a thousand.
+std::function<Trajectory(int)> mechanism_motion(const Problem& problem);
 
 }  // namespace constraint_sim::report

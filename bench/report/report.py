@@ -45,6 +45,9 @@ TINY = {'problems': ('pendulum', 'oscillator'),
         'leave_out': re.compile('^(?!constraint_sim (auto|runge|sequential_impulses_10))'),
         'grid_ticks': (0.1, 1 / 30), 'grid_stride': 1, 'many': ('pendula_1000',), 'counts': (10, 30),
         'budget': 0.02, 'grid_budget': 0.02, 'many_budget': 0.02, 'sizes_budget': 5.0, 'most': 100}
+# joints with axes, in a report of their own
+MECHANISMS = {**FULL, 'grid_ticks': (), 'many': (), 'counts': ()}
+MECHANISM = 'mechanism'  # their group
 TINY_GRID = ('pendulum_doubled', 'spring_1e+12', 'mass_nan', 'chain_load_1e+03')
 
 
@@ -57,6 +60,7 @@ def arguments():
     size = parser.add_mutually_exclusive_group()
     size.add_argument('--quick', action='store_true', help='a few minutes')
     size.add_argument('--tiny', action='store_true', help='seconds; for tests')
+    size.add_argument('--mechanisms', action='store_true', help='joints with axes, and nothing else')
     parser.add_argument('--rounds', type=int, help='interleaved runs of each setting')
     parser.add_argument('--budget', type=float,
                         help='longest run in the diagrams [s]; all other budgets change in proportion')
@@ -111,8 +115,8 @@ class Measurements:
         self.ours = self.variants[0].program
         self.problems = cells.problems(self.ours)
         versions = {variant.engine: variant.version for variant in all_variants}
-        run = {'commit': options.commit, 'size': [options.quick, options.tiny, options.rounds,
-                                                  options.budget, options.perturb]}
+        run = {'commit': options.commit, 'size': [options.quick, options.tiny, options.mechanisms,
+                                                  options.rounds, options.budget, options.perturb]}
         self.state_path = work / 'state.json'
         is_fresh = options.fresh or not is_continued(self.state_path, run, versions)
         state = {'run': run, 'versions': {}, 'taken': 0.0}
@@ -128,7 +132,8 @@ class Measurements:
         self.own_errors = {}
 
     def graded(self):
-        return [p.name for p in self.problems.values() if p.graded and
+        return [p.name for p in self.problems.values()
+                if p.graded and (p.group == MECHANISM) == self.options.mechanisms and
                 (self.size['problems'] is None or p.name in self.size['problems'])]
 
     def in_grid(self):
@@ -257,7 +262,8 @@ def instructions(program, variant, problem):
 
 def main():
     options = arguments()
-    size = dict(QUICK if options.quick else TINY if options.tiny else FULL)
+    size = dict(QUICK if options.quick else TINY if options.tiny else
+                MECHANISMS if options.mechanisms else FULL)
     if options.budget:
         share = options.budget / size['budget']
         size.update((name, share * size[name]) for name in size if name.endswith('budget'))
@@ -267,13 +273,13 @@ def main():
     measurements = Measurements(options, size, work)
     taken = measurements.measure()
     micro = work / 'micro.csv'
-    if not options.tiny and not micro.exists():
+    if not options.tiny and not options.mechanisms and not micro.exists():
         micro.write_text(cells.output_of(
             pathlib.Path(options.programs) / 'constraint_sim_micro', '--benchmark_format=csv',
             '--benchmark_min_time=0.02', '--benchmark_repetitions=5',
             '--benchmark_report_aggregates_only=true'))
     tables = measurements.tables
-    for path in (tables['diagrams'].path, tables['grid'].path, tables['many'].path, micro):
+    for path in [table.path for part, table in tables.items() if table.done and part != 'sizes'] + [micro]:
         if path.exists():
             shutil.copy(path, output / path.name)
     variants = measurements.variants
@@ -282,7 +288,8 @@ def main():
     facts = {**machine(), 'commit': options.commit, 'rounds': measurements.rounds('diagrams'),
              'budget': size['budget'], 'grid_budget': size['grid_budget'],
              'many_budget': size['many_budget'], 'sizes_budget': size['sizes_budget'],
-             'kind': 'quick' if options.quick else 'tiny' if options.tiny else 'full',
+             'kind': next((name for name in ('quick', 'tiny', 'mechanisms') if getattr(options, name)),
+                          'full'),
              'absent': sorted(known - present), 'measured in': f'{taken / 60.0:.1f} min'}
     counted = json.loads(path.read_text()) if (path := work / 'instructions.json').exists() else {}
     rows = {part: measurements.rows(part) for part in PARTS}

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <variant>
 
 #include "constraint_sim/engine/scene.h"
@@ -68,6 +69,20 @@ void check_surfaces(const World& world) {
   }
 }
 
+std::optional<JointKind> kind_with_axes(engine::JointKind kind) {
+  for (int k = static_cast<int>(JointKind::kHinge); k <= static_cast<int>(JointKind::kPointOnPlane);
+       ++k)
+    if (std::string(name(static_cast<JointKind>(k))) == engine::name(kind))
+      return static_cast<JointKind>(k);
+  return std::nullopt;
+}
+
+/// Nothing acts along it.
+bool is_free(const engine::CoordinateLaw& law) {
+  return !law.motor && law.stiffness == 0.0 && law.damping == 0.0 && law.friction == 0.0 &&
+         std::isinf(law.lower) && std::isinf(law.upper);
+}
+
 Joint made_from(const World& world, engine::JointId id, const std::map<BodyId, int>& index) {
   const engine::Joint& joint = world.joint(id);
   const engine::Motor& motor = joint.motor;
@@ -82,8 +97,15 @@ Joint made_from(const World& world, engine::JointId id, const std::map<BodyId, i
   made.anchor_b = joint.anchor_b;
   made.rate = motor.bias;
   made.max_force = motor.max_force;
+  for (int i = 0; i < engine::coordinates(joint.kind); ++i)
+    if (!is_free(joint.coordinates[static_cast<std::size_t>(i)]))
+      refuse("has a law on a free coordinate");
   if (joint.kind == engine::JointKind::kBall) {
     made.kind = JointKind::kBall;
+  } else if (const std::optional<JointKind> kind = kind_with_axes(joint.kind)) {
+    made.kind = *kind;
+    made.frame_a = joint.frame_a;
+    made.frame_b = *joint.frame_b;
   } else if (const auto* distance = engine::if_distance(joint)) {
     if (distance->is_limited()) refuse("has limits");
     if (distance->damping > 0.0) refuse("is damped");
@@ -91,7 +113,7 @@ Joint made_from(const World& world, engine::JointId id, const std::map<BodyId, i
     made.length = distance->length.value_or(-1.0);
     made.stiffness = distance->stiffness;
   } else {
-    refuse("is of another type than distance and ball");
+    refuse("is of a type that only this engine has here");
   }
   return made;
 }
@@ -118,7 +140,7 @@ bool is_planar(const Problem& problem) {
                               body.force.y() == 0.0 && turns_in_plane(body.start);
                      }) &&
          std::all_of(problem.joints.begin(), problem.joints.end(), [&](const Joint& joint) {
-           return joint.anchor_a.y() == (joint.a == kWorld ? y : 0.0) &&
+           return !has_axes(joint.kind) && joint.anchor_a.y() == (joint.a == kWorld ? y : 0.0) &&
                   joint.anchor_b.y() == (joint.b == kWorld ? y : 0.0);
          });
 }

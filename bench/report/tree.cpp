@@ -20,6 +20,14 @@ Link hang(const Problem& problem, const Joint& joint, bool is_turned) {
   const Vector3d& anchor_child = is_turned ? joint.anchor_a : joint.anchor_b;
   Link link{child, parent, true, anchor_parent, -anchor_child};
   if (joint.kind == JointKind::kBall) return link;
+  if (has_axes(joint.kind)) {
+    if (is_turned) throw Unsupported("a joint with axes whose A hangs on B");
+    const State& start = body_of(problem, child).start;
+    if (!start.velocity.isZero(0.0) || !start.angular_velocity.isZero(0.0))
+      throw Unsupported("joints with axes whose bodies move at the start");
+    link.joint = &joint;
+    return link;
+  }
   if (!is_point(problem, child)) throw Unsupported("a rod to a body that rotates");
   Vector3d joint_W = anchor_parent;
   if (parent != kWorld) {

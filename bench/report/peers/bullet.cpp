@@ -115,6 +115,7 @@ class BulletSimulation : public Simulation {
  public:
   BulletSimulation(const Problem& problem, const std::string& variant, double tick)
       : problem_(problem), tick_(tick) {
+    check_without_axes(problem);
     const std::string impulses = "sequential_impulses_";
     if (variant == "dantzig")
       solver_ = std::make_unique<btMLCPSolver>(&dantzig_);
@@ -227,6 +228,7 @@ class BulletSimulation : public Simulation {
 class FeatherstoneSimulation : public Simulation {
  public:
   FeatherstoneSimulation(const Problem& problem, double tick) : problem_(problem), tick_(tick) {
+    check_without_axes(problem);
     world_.setGravity(to_bullet(problem.gravity));
     world_.getSolverInfo().m_numIterations = kSweeps;
     place_.resize(problem.bodies.size());

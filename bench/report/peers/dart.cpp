@@ -20,6 +20,7 @@ class DartSimulation : public Simulation {
  public:
   DartSimulation(const Problem& problem, double tick)
       : problem_(problem), world_(dart::simulation::World::create()) {
+    check_without_axes(problem);
     world_->setGravity(problem.gravity);
     world_->setTimeStep(tick);
     if (problem.has_shapes())

@@ -62,6 +62,10 @@ void add(const Joint& joint, const std::vector<BodyId>& ids, World* world) {
   added.anchor_b = joint.anchor_b;
   if (joint.kind == JointKind::kBall) {
     added.kind = engine::JointKind::kBall;
+  } else if (has_axes(joint.kind)) {
+    added.kind = *engine::joint_kind_named(name(joint.kind));
+    added.frame_a = joint.frame_a;
+    added.frame_b = joint.frame_b;
   } else {
     engine::DistanceJoint distance;
     if (!(joint.length < 0.0)) distance.length = joint.length;  // NaN is passed on

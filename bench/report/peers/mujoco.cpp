@@ -62,6 +62,7 @@ class Writer {
          << "<flag warmstart='enable'/></option>"
          << "<size nstack='" << (bodies > 300 ? 60000000 : 20000000) << "' njmax='" << most_rows()
          << "' nconmax='" << (has_shapes ? 6 * bodies + 100 : 0) << "'/><worldbody>";
+    if (!is_jointed_) check_without_axes(problem);
     if (is_jointed_)
       write_tree();
     else
@@ -220,7 +221,9 @@ class Writer {
     xml_ << "<body name='" << name_of("body", i) << "' pos='" << text(position) << "' quat='"
          << text(parent_turn.conjugate() * body.start.orientation) << "'>";
     if (!body.is_static) {
-      if (link.is_hung && problem_.is_planar)
+      if (link.joint != nullptr)
+        write_axes(*link.joint);
+      else if (link.is_hung && problem_.is_planar)
         xml_ << "<joint type='hinge' axis='0 1 0'/>";
       else if (link.is_hung)
         xml_ << "<joint type='ball'/>";
@@ -247,6 +250,35 @@ class Writer {
     }
     --depth_;
     xml_ << "</body>";
+  }
+
+  /// What is free of a joint with axes: slides and turns, the one nearer to A first.
+  void write_axes(const Joint& joint) {
+    const auto in_world_of = [&](int i) {
+      return i == kWorld ? Quaterniond::Identity()
+                         : problem_.bodies[static_cast<std::size_t>(i)].start.orientation;
+    };
+    const Quaterniond in_child =
+        in_world_of(joint.b).conjugate() * in_world_of(joint.a) * joint.frame_a;
+    const Vector3d x = in_child * Vector3d::UnitX(), y = in_child * Vector3d::UnitY(),
+                   z = in_child * Vector3d::UnitZ();
+    const auto add = [&](const char* type, const Vector3d& axis) {
+      xml_ << "<joint type='" << type << "' axis='" << text(axis) << "'/>";
+    };
+    const JointKind kind = joint.kind;
+    if (kind == JointKind::kPlanar || kind == JointKind::kPointOnPlane) {
+      add("slide", x);
+      add("slide", y);
+    }
+    if (kind == JointKind::kSlider || kind == JointKind::kCylindrical ||
+        kind == JointKind::kPointOnLine)
+      add("slide", z);
+    if (kind == JointKind::kPointOnLine || kind == JointKind::kPointOnPlane)
+      xml_ << "<joint type='ball'/>";
+    if (kind == JointKind::kHinge || kind == JointKind::kCylindrical ||
+        kind == JointKind::kPlanar || kind == JointKind::kUniversal)
+      add("hinge", z);
+    if (kind == JointKind::kUniversal) add("hinge", joint.frame_b * Vector3d::UnitZ());
   }
 
   const Problem& problem_;
@@ -352,6 +384,7 @@ class MujocoSimulation : public Simulation {
       const Body& body = problem_.bodies[i];
       spins[i] = start_spin(problem_, link);
       if (body.is_static) continue;
+      if (link.joint != nullptr) continue;  // at rest
       if (!link.is_hung) {
         set_velocity(i, body.start.velocity, body.start.angular_velocity);
         continue;

@@ -129,6 +129,7 @@ class OdeSimulation : public Simulation {
       dJointSetBallAnchor(ball, p_b.x(), p_b.y(), p_b.z());
       return;
     }
+    if (has_axes(joint.kind)) return add_on_axes(joint, a, b, p_b);
     const dJointID rod = dJointCreateDBall(world_, nullptr);
     dJointAttach(rod, b, a);
     dJointSetDBallAnchor1(rod, p_b.x(), p_b.y(), p_b.z());
@@ -139,6 +140,40 @@ class OdeSimulation : public Simulation {
     if (joint.kind == JointKind::kSpring) {  // ODE manual: ERP = hk / (hk + c), CFM = 1 / (hk + c)
       dJointSetDBallParam(rod, dParamERP, 1.0);
       dJointSetDBallParam(rod, dParamCFM, 1.0 / (tick_ * joint.stiffness));
+    }
+  }
+
+  /// ODE's first body is B, as with all joints here.
+  void add_on_axes(const Joint& joint, dBodyID a, dBodyID b, const Vector3d& p) {
+    const auto in_world = [&](int i) {
+      return i == kWorld ? Eigen::Quaterniond::Identity()
+                         : problem_.bodies[static_cast<std::size_t>(i)].start.orientation;
+    };
+    const Vector3d z_a = in_world(joint.a) * joint.frame_a * Vector3d::UnitZ();
+    const Vector3d z_b = in_world(joint.b) * joint.frame_b * Vector3d::UnitZ();
+    const auto attached = [&](dJointID made) {
+      dJointAttach(made, b, a);
+      return made;
+    };
+    if (joint.kind == JointKind::kHinge) {
+      const dJointID hinge = attached(dJointCreateHinge(world_, nullptr));
+      dJointSetHingeAnchor(hinge, p.x(), p.y(), p.z());
+      dJointSetHingeAxis(hinge, z_a.x(), z_a.y(), z_a.z());
+    } else if (joint.kind == JointKind::kSlider) {
+      dJointSetSliderAxis(attached(dJointCreateSlider(world_, nullptr)), z_a.x(), z_a.y(), z_a.z());
+    } else if (joint.kind == JointKind::kCylindrical) {
+      const dJointID piston = attached(dJointCreatePiston(world_, nullptr));
+      dJointSetPistonAnchor(piston, p.x(), p.y(), p.z());
+      dJointSetPistonAxis(piston, z_a.x(), z_a.y(), z_a.z());
+    } else if (joint.kind == JointKind::kUniversal) {
+      const dJointID universal = attached(dJointCreateUniversal(world_, nullptr));
+      dJointSetUniversalAnchor(universal, p.x(), p.y(), p.z());
+      dJointSetUniversalAxis1(universal, z_b.x(), z_b.y(), z_b.z());
+      dJointSetUniversalAxis2(universal, z_a.x(), z_a.y(), z_a.z());
+    } else if (joint.kind == JointKind::kWeld) {
+      dJointSetFixed(attached(dJointCreateFixed(world_, nullptr)));
+    } else {
+      throw Unsupported(name(joint.kind));
     }
   }
 

@@ -132,6 +132,7 @@ class SimbodySimulation : public Simulation {
   }
 
   void add_bodies() {
+    check_without_axes(problem_);
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
       const Body& added = problem_.bodies[i];
       if (added.is_static)
@@ -224,6 +225,10 @@ class SimbodySimulation : public Simulation {
         at += centres[parent];
         turn = problem_.bodies[parent].start.orientation.conjugate() * turn;
       }
+      if (link.joint != nullptr) {
+        add_on_axes(link, at, i);
+        continue;
+      }
       const SimTK::Transform in_parent(rotation(turn) * axis, vec(at)),
           in_child(axis, SimTK::Vec3(0));
       if (problem_.is_planar)
@@ -232,6 +237,55 @@ class SimbodySimulation : public Simulation {
       else
         bodies_[i] = SimTK::MobilizedBody::Ball(body(link.parent), in_parent,
                                                 rigid(added, link.centre), in_child);
+    }
+  }
+
+  /// Sliders move along x; universal joints turn about x of the parent's frame, then y of the
+  /// child's; all others have z as ours have.
+  void add_on_axes(const Link& link, const Vector3d& at, std::size_t i) {
+    const Joint& joint = *link.joint;
+    Quaterniond on_parent = joint.frame_a, on_child = joint.frame_b;
+    if (joint.kind == JointKind::kSlider) {
+      const Quaterniond x_to_z = Quaterniond::FromTwoVectors(Vector3d::UnitX(), Vector3d::UnitZ());
+      on_parent = on_parent * x_to_z;
+      on_child = on_child * x_to_z;
+    } else if (joint.kind == JointKind::kUniversal) {  // frames that coincide at the start
+      const auto in_world = [&](int k) {
+        return k == kWorld ? Quaterniond::Identity()
+                           : problem_.bodies[static_cast<std::size_t>(k)].start.orientation;
+      };
+      const Vector3d x = in_world(joint.a) * joint.frame_a * Vector3d::UnitZ();
+      const Vector3d y = in_world(joint.b) * joint.frame_b * Vector3d::UnitZ();
+      Eigen::Matrix3d axes;
+      axes << x, y, x.cross(y);
+      on_parent = in_world(joint.a).conjugate() * Quaterniond(axes);
+      on_child = in_world(joint.b).conjugate() * Quaterniond(axes);
+    }
+    const SimTK::Transform in_parent(rotation(on_parent), vec(at)),
+        in_child(rotation(on_child), SimTK::Vec3(0));
+    SimTK::MobilizedBody& parent = body(link.parent);
+    const SimTK::Body::Rigid made = rigid(problem_.bodies[i], link.centre);
+    switch (joint.kind) {
+      case JointKind::kHinge:
+        bodies_[i] = SimTK::MobilizedBody::Pin(parent, in_parent, made, in_child);
+        break;
+      case JointKind::kSlider:
+        bodies_[i] = SimTK::MobilizedBody::Slider(parent, in_parent, made, in_child);
+        break;
+      case JointKind::kCylindrical:
+        bodies_[i] = SimTK::MobilizedBody::Cylinder(parent, in_parent, made, in_child);
+        break;
+      case JointKind::kPlanar:
+        bodies_[i] = SimTK::MobilizedBody::Planar(parent, in_parent, made, in_child);
+        break;
+      case JointKind::kUniversal:
+        bodies_[i] = SimTK::MobilizedBody::Universal(parent, in_parent, made, in_child);
+        break;
+      case JointKind::kWeld:
+        bodies_[i] = SimTK::MobilizedBody::Weld(parent, in_parent, made, in_child);
+        break;
+      default:
+        throw Unsupported(name(joint.kind));
     }
   }
 
@@ -244,6 +298,7 @@ class SimbodySimulation : public Simulation {
       const auto i = static_cast<std::size_t>(link.body);
       const State& start = problem_.bodies[i].start;
       spins[i] = start_spin(problem_, link);
+      if (link.joint != nullptr) continue;  // at rest
       if (!link.is_hung) {
         set_velocity(i, state);
         continue;

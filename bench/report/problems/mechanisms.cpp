@@ -1,0 +1,74 @@
+// A problem for each kind of joint with axes: two boxes, one on the other on the world, let go at
+// rest and askew to everything, so that nothing is planar and no axis is principal.
+
+#include "common.h"
+
+namespace constraint_sim::report {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+Quaterniond turned(double angle, const Vector3d& axis) {
+  return Quaterniond(Eigen::AngleAxisd(angle, axis.normalized()));
+}
+
+/// z of B at right angles to z of A, as universal joints have it.
+Quaterniond across(const Quaterniond& frame) {
+  return frame * turned(kPi / 2.0, Vector3d::UnitX());
+}
+
+/// Of body `b` on `a`, at this point of the world; the frame on A in the world.
+Joint on_axes(const Problem& made, JointKind kind, int a, int b, const Vector3d& point,
+              const Quaterniond& frame) {
+  const auto state = [&](int i) {
+    return i == kWorld ? State{} : made.bodies[static_cast<std::size_t>(i)].start;
+  };
+  const auto local = [&](int i) -> Vector3d {
+    return state(i).orientation.conjugate() * (point - state(i).position);
+  };
+  Joint joint;
+  joint.kind = kind;
+  joint.a = a;
+  joint.b = b;
+  joint.anchor_a = local(a);
+  joint.anchor_b = local(b);
+  joint.frame_a = state(a).orientation.conjugate() * frame;
+  joint.frame_b =
+      state(b).orientation.conjugate() * (kind == JointKind::kUniversal ? across(frame) : frame);
+  return joint;
+}
+
+Problem two_boxes(JointKind first, JointKind second, const Vector3d& axis, double duration) {
+  Problem made = problem(std::string(name(second)) + "_pair", "mechanism", duration);
+  made.is_planar = false;
+  made.bodies = {box(2.0, {0.3, 0.5, 0.9}), box(1.0, {0.8, 0.2, 0.4})};
+  made.bodies[0].start.position = {0.5, 0.2, -0.3};
+  made.bodies[0].start.orientation = turned(0.7, {1.0, -2.0, 0.5});
+  made.bodies[1].start.position = {1.2, -0.1, -0.5};
+  made.bodies[1].start.orientation = turned(-1.1, {0.3, 1.0, 0.8});
+  const Quaterniond frame = Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis);
+  made.joints = {
+      on_axes(made, first, kWorld, 0, Vector3d::Zero(), frame),
+      on_axes(made, second, 0, 1, {0.9, 0.1, -0.3}, frame * turned(0.8, {0.6, 0.8, 0.3}))};
+  made.reference = mechanism_motion(made);
+  made.source = "dense reference in long double, by extrapolation";
+  return made;
+}
+
+std::vector<Problem> make() {
+  const Vector3d level(0.3, 1.0, 0.2), steep(0.5, -0.4, 1.0);
+  return {two_boxes(JointKind::kHinge, JointKind::kHinge, level, 5.0),
+          two_boxes(JointKind::kSlider, JointKind::kSlider, steep, 1.0),
+          two_boxes(JointKind::kCylindrical, JointKind::kCylindrical, steep, 1.0),
+          two_boxes(JointKind::kPlanar, JointKind::kPlanar, steep, 1.0),
+          two_boxes(JointKind::kUniversal, JointKind::kUniversal, level, 5.0),
+          two_boxes(JointKind::kHinge, JointKind::kWeld, level, 5.0),
+          two_boxes(JointKind::kPointOnLine, JointKind::kPointOnLine, steep, 1.0),
+          two_boxes(JointKind::kPointOnPlane, JointKind::kPointOnPlane, steep, 1.0)};
+}
+
+const Registration kRegistration(make);
+
+}  // namespace
+}  // namespace constraint_sim::report

@@ -295,6 +295,12 @@ void EquationsOfMotion::place_general() {
     vectors.axes_A = axes(link.a, link.frame_a);
     vectors.axes_B = axes(link.b, frame_b(l).axes);
   }
+  place_general_rows();
+  if (!coupled_.empty()) place_coupled();
+}
+
+// by the vectors of their joints
+void EquationsOfMotion::place_general_rows() {
   for (const GeneralRow& general : general_rows_) {
     const Row& row = rows_[general.row];
     const JointVectors& vectors = vectors_[general.link - first_general_];
@@ -307,7 +313,6 @@ void EquationsOfMotion::place_general() {
         turn_response_[at(turn)].noalias() =
             inverse_inertia_[turns_[at(turn)].body] * turn_[at(turn)];
   }
-  if (!coupled_.empty()) place_coupled();
 }
 
 void EquationsOfMotion::place_coupled() {

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "engine/methods/embedded_pairs.h"
+#include "engine/methods/quaternion_state.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -31,21 +32,6 @@ constexpr int kMostNewtonSteps = 8;
 constexpr double kProjected = 1e-10;  // of the scene's size: more is no solution
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-// of a quaternion (x, y, z, w) of any length: within stages it is off unit length by their order
-Matrix3d rotation_matrix(const double* q) {
-  const Eigen::Map<const Quaterniond> quaternion(q);
-  const Matrix3d turn = quaternion.toRotationMatrix() - Matrix3d::Identity();
-  return Matrix3d::Identity() + turn / quaternion.squaredNorm();
-}
-
-// ½ (0, ω) ⊗ q
-void write_quaternion_rate(const Vector3d& w, const double* q, double* rate) {
-  rate[0] = 0.5 * (w.x() * q[3] + w.y() * q[2] - w.z() * q[1]);
-  rate[1] = 0.5 * (w.y() * q[3] + w.z() * q[0] - w.x() * q[2]);
-  rate[2] = 0.5 * (w.z() * q[3] + w.x() * q[1] - w.y() * q[0]);
-  rate[3] = -0.5 * (w.x() * q[0] + w.y() * q[1] + w.z() * q[2]);
-}
 
 // without the call that std::copy is, for a few numbers
 void copy(const double* from, std::size_t n, double* to) {
@@ -83,6 +69,7 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
 
   if (is_chain_) tridiagonal_.resize(rows_.size());
   if (is_chain_of_bodies_) mirror_chain();
+  find_tree();
 
   const std::size_t points = inverse_mass_.size();
   for (auto* list : {&position_, &velocity_, &acceleration_, &push_, &load_acceleration_})
@@ -367,6 +354,7 @@ void EquationsOfMotion::add_impulse(std::size_t l, const RowVector& impulse) {
 }
 
 double EquationsOfMotion::frequency() {
+  if (is_tree()) place_general_rows();
   const double* const forces = stage_forces_.data();
   std::fill(squares_.begin(), squares_.end(), 0.0);
   for (std::size_t l = 0; l < links_.size(); ++l) {

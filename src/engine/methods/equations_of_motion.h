@@ -18,6 +18,7 @@
 #include "engine/linear/tridiagonal_ldlt.h"
 #include "engine/mass_properties.h"
 #include "engine/methods/integrate.h"
+#include "engine/methods/tree_node.h"
 
 namespace constraint_sim::engine {
 
@@ -69,6 +70,8 @@ class EquationsOfMotion {
   bool is_chain() const { return is_chain_; }
   /// The same of bodies that turn, on ball joints alone.
   bool is_chain_of_bodies() const { return is_chain_of_bodies_; }
+  /// Bodies that turn on joints with rows, without a loop, and no frame of a joint moves now.
+  bool is_tree() const;
   /// One of these with one body.
   bool is_point_on_rod() const { return is_chain_ && links_.size() == 1 && bodies_.size() == 1; }
 
@@ -275,6 +278,7 @@ class EquationsOfMotion {
   friend class ChainOfBodies;
   friend class ChainOfRods;
   friend class PointOnRod;
+  friend class TreeOfBodies;
 
   /// One scalar equation; `turn_a`, `turn_b` into turns_, -1 where the end does not turn.
   struct Row {
@@ -331,6 +335,7 @@ class EquationsOfMotion {
                       const std::vector<MassProperties>& masses);
   void turn_along_chain();
   void mirror_chain();
+  void find_tree();
   void add_links(const std::vector<Joint>& all_joints, const Ends& ends,
                  const std::vector<MassProperties>& masses,
                  const std::vector<CoupledTerms>& couplings);
@@ -364,6 +369,7 @@ class EquationsOfMotion {
   void place_links();
   void place_arms();
   void place_general();
+  void place_general_rows();
   void place_coupled();
   void find_matrix();
   void factor(double least);
@@ -476,6 +482,9 @@ class EquationsOfMotion {
   bool is_chain_ = false, is_chain_of_bodies_ = false;
   TridiagonalLdlt tridiagonal_;   // of a chain, where no rows depend on each other
   std::vector<ChainPair> pairs_;  // of a chain of bodies, from its ends to the middle
+  std::vector<TreeNode> tree_;    // of a tree of bodies, from its leaves to the root
+  std::vector<SpatialInertia> tree_inertias_;
+  std::vector<SpatialVector> tree_forces_, tree_motions_;  // of these bodies
 
   // ---- what acts in this span
   double tick_start_ = 0.0;

@@ -8,6 +8,7 @@
 #include "engine/methods/chain_of_bodies.h"
 #include "engine/methods/chain_of_rods.h"
 #include "engine/methods/point_on_rod.h"
+#include "engine/methods/tree_of_bodies.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -155,6 +156,10 @@ IntegrationResult RungeKutta::integrate_equations(const StageMemory& memory, con
   if (equations_.is_chain_of_bodies()) {
     ChainOfBodies chain(equations_);
     return integrate(chain, memory, span.t, span.h, accuracy, span.stop, step_);
+  }
+  if (equations_.is_tree()) {
+    TreeOfBodies tree(equations_);
+    return integrate(tree, memory, span.t, span.h, accuracy, span.stop, step_);
   }
   if (!equations_.is_chain())
     return integrate(equations_, memory, span.t, span.h, accuracy, span.stop, step_);

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+namespace constraint_sim::engine {
+
+// Orientations as a state of a method has them: four numbers x, y, z, w.
+
+/// Of a quaternion of any length: within stages it is off unit length by their order.
+inline Eigen::Matrix3d rotation_matrix(const double* q) {
+  const Eigen::Map<const Eigen::Quaterniond> quaternion(q);
+  const Eigen::Matrix3d turn = quaternion.toRotationMatrix() - Eigen::Matrix3d::Identity();
+  return Eigen::Matrix3d::Identity() + turn / quaternion.squaredNorm();
+}
+
+/// ½ (0, ω) ⊗ q
+inline void write_quaternion_rate(const Eigen::Vector3d& w, const double* q, double* rate) {
+  rate[0] = 0.5 * (w.x() * q[3] + w.y() * q[2] - w.z() * q[1]);
+  rate[1] = 0.5 * (w.y() * q[3] + w.z() * q[0] - w.x() * q[2]);
+  rate[2] = 0.5 * (w.z() * q[3] + w.x() * q[1] - w.y() * q[0]);
+  rate[3] = -0.5 * (w.x() * q[0] + w.y() * q[1] + w.z() * q[2]);
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,114 @@
+// Trees of joints with axes by their own elimination, against the rows of the same mechanism, and
+// where rows lose what a light link has to hold. Against the independent reference, moved,
+// reordered, with laws and with a base that moves they are in test_random_mechanisms.cpp and
+// test_judged_mechanisms.cpp.
+
+#include "random_joints.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+/// Bars of 1 kg and a metre along x on hinges by turns across each other, the last of `load` kg.
+World arm(int bars, double load, double h = 0.01) {
+  WorldOptions chosen;
+  chosen.method = Method::kRungeKutta;
+  chosen.gravity = {0.0, 0.3, -kGravity};
+  chosen.tolerance = 1e-9;
+  chosen.time_step = h;
+  World world(chosen);
+  BodyId before = kWorldBody;
+  for (int i = 0; i < bars; ++i) {
+    Body bar = make_body("bar_" + std::to_string(i), Box{{0.9, 0.1, 0.1}},
+                         i + 1 < bars ? 1.0 : load, Vector3d(i + 0.5, 0.0, 0.0));
+    bar.no_collision = true;
+    Joint hinge;
+    hinge.name = "hinge_" + std::to_string(i);
+    hinge.kind = JointKind::kHinge;
+    hinge.body_a = before;
+    if (i > 0) hinge.anchor_a = {0.5, 0.0, 0.0};
+    hinge.anchor_b = {-0.5, 0.0, 0.0};
+    hinge.frame_a = frame_along(i % 2 == 0 ? Vector3d::UnitY() : Vector3d::UnitZ());
+    hinge.body_b = before = world.add_body(bar);
+    world.add_joint(hinge);
+  }
+  return world;
+}
+
+// One pivot a hinge keeps what matrices of rows lose: 1 / m of the load in sums with those of
+// links. Energy to rounding of some hundred steps; joints to that of 3 m.
+TEST(TreeOfBodies, HoldsAnyLoadOnLightLinks) {
+  for (const double load : {1.0, 1e3, 1e6, 1e9, 1e12}) {
+    World world = arm(3, load);
+    for (int i = 0; i < 100; ++i) {
+      ASSERT_FALSE(world.step().failed) << load;
+      ASSERT_LE(world.report().max_constraint_error, 1e-14) << load;
+      ASSERT_LE(std::abs(world.report().energy_drift), 1e-12) << load;
+    }
+  }
+}
+
+// A second hinge on the axis of the first makes rows redundant, which are not left to the tree.
+TEST(TreeOfBodies, MovesAsTheRowsOfTheSameMechanismDo) {
+  for (const int bars : {1, 2, 5}) {
+    World tree = arm(bars, 2.0), rows = arm(bars, 2.0);
+    Joint again = rows.joint(rows.joint_ids().front());
+    again.name = "again";
+    again.anchor_a.y() += 0.1;
+    again.anchor_b = {-0.5, 0.1, 0.0};
+    rows.add_joint(again);
+    for (int i = 0; i < 50; ++i) {
+      tree.step();
+      rows.step();
+    }
+    EXPECT_EQ(rows.report().dependent_rows, 5u);
+    for (const BodyId id : tree.body_ids()) {
+      EXPECT_LE((tree.state(id).position - rows.state(id).position).norm(), 1e-9) << bars;
+      EXPECT_LE((tree.state(id).angular_velocity - rows.state(id).angular_velocity).norm(), 1e-8);
+    }
+    for (std::size_t j = 1; j < tree.joint_ids().size(); ++j) {
+      const JointId id = tree.joint_ids()[j];
+      EXPECT_LE((tree.joint_wrench(id).force - rows.joint_wrench(id).force).norm(), 1e-6);
+      EXPECT_LE((tree.joint_wrench(id).torque - rows.joint_wrench(id).torque).norm(), 1e-6);
+    }
+  }
+}
+
+// In free space the root hangs on nothing: what moves it are the others.
+TEST(TreeOfBodies, KeepsMomentaInFreeSpace) {
+  WorldOptions chosen = weightless(0.01);
+  chosen.method = Method::kRungeKutta;
+  chosen.tolerance = 1e-10;
+  World world(chosen);
+  Random random;
+  std::vector<BodyId> ids;
+  for (int i = 0; i < 6; ++i) {
+    Body body =
+        make_body("body_" + std::to_string(i), Box{{0.5, 0.3, 0.2}}, 1.0 + i, Vector3d::Zero());
+    body.no_collision = true;
+    body.state = random.state();
+    if (i == 0) {
+      ids.push_back(world.add_body(body));
+      continue;
+    }
+    Joint joint = random_joint(i % 2 == 0 ? JointKind::kHinge : JointKind::kUniversal, &random);
+    joint.name = "joint_" + std::to_string(i);
+    joint.body_a = ids[static_cast<std::size_t>((i - 1) / 2)];
+    body.state = attached(joint, world.state(joint.body_a), &random);
+    ids.push_back(world.add_body(body));
+    joint.body_b = ids.back();
+    world.add_joint(joint);
+  }
+  world.step();
+  const Vector3d p = momentum(world), L = angular_momentum(world);
+  const double energy = world.energy();
+  for (int i = 0; i < 200; ++i) ASSERT_FALSE(world.step().failed);
+  EXPECT_LE((momentum(world) - p).norm(), 1e-11 * p.norm());
+  EXPECT_LE((angular_momentum(world) - L).norm(), 1e-8 * L.norm());  // the tolerance
+  EXPECT_NEAR(world.energy(), energy, 1e-8 * energy);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -69,7 +69,11 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
     if (restarts) {
       restart(parts);
     } else if (parts.motion >= 0) {
-      motions[at(parts.motion)].forget();
+      IslandMotion& motion = motions[at(parts.motion)];
+      if (before == Method::kSequentialImpulses || island.method == Method::kSequentialImpulses)
+        motion.forget();
+      else
+        motion.change_way();
     }
     if ((restarts || before == Method::kSequentialImpulses) &&
         island.method != Method::kSequentialImpulses)
@@ -383,7 +387,7 @@ void World::Impl::switch_method(std::size_t i, Method method, MethodReason why) 
   ++island_parts[i].changes;
   islands[i].method = method;
   islands[i].why = why;
-  motions[at(island_parts[i].motion)].forget();
+  motions[at(island_parts[i].motion)].change_way();
   island_parts[i].is_to_be_asked = true;
 }
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/methods/fit_velocities.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -29,13 +31,6 @@ constexpr int kSpansUntilLonger = 4;
 // Suzuki's coefficients
 const double kOuter = 1.0 / (4.0 - std::cbrt(4.0));
 const double kInner = 1.0 - 4.0 * kOuter;
-
-std::vector<BodyState> states_of(const EquationsOfMotion& equations,
-                                 const std::vector<BodyState>& states) {
-  std::vector<BodyState> of;
-  for (const int body : equations.bodies()) of.push_back(states[static_cast<std::size_t>(body)]);
-  return of;
-}
 
 }  // namespace
 

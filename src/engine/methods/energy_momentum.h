@@ -31,6 +31,8 @@ class EnergyMomentum {
   /// Largest ω of the bodies by what held them in the last step [rad/s].
   double frequency() const { return step_equations_.frequency(); }
   double frequency_of(std::size_t body) const { return step_equations_.frequency_of(body); }
+  /// Whether the next span continues the last one.
+  bool has_started() const { return has_started_; }
   /// Somebody else has moved the bodies.
   void forget() { has_started_ = false; }
   /// Goes on as one just made.

@@ -2,7 +2,6 @@
 
 #include "engine/methods/inconsistent_motion.h"
 
-#include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -468,10 +467,10 @@ void InconsistentMotion::stop_against_correction() {
 
 // of a free island, with the momenta of velocity_
 void InconsistentMotion::find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const {
-  const Rigid body = as_one_body(end_, velocity_);
+  const RigidMotion body = as_one_body(end_, velocity_);
   centre->linear.assign(points_, body.velocity);
   centre->angular.assign(turning_, Vector3d::Zero());
-  const Vector3d w = body.inverse_inertia * body.momentum;
+  const Vector3d w = body.angular_velocity();
   turning->linear.assign(points_, Vector3d::Zero());
   turning->angular.assign(turning_, w);
   for (std::size_t i = 0; i < bodies_; ++i)
@@ -480,8 +479,8 @@ void InconsistentMotion::find_rigid_motion(BodyVectors* centre, BodyVectors* tur
 
 // of a free island after an explicit step, whose corrections of positions change it
 void InconsistentMotion::restore_angular_momentum(double h) {
-  const Rigid before = as_one_body(start_, velocity_before_);
-  const Rigid now = as_one_body(end_, velocity_);
+  const RigidMotion before = as_one_body(start_, velocity_before_);
+  const RigidMotion now = as_one_body(end_, velocity_);
   Vector3d missing = before.momentum - now.momentum;
   for (std::size_t i = 0; i < bodies_; ++i) {
     const Vector3d arm = 0.5 * (start_.position[i] - before.centre + end_.position[i] - now.centre);
@@ -492,38 +491,6 @@ void InconsistentMotion::restore_angular_momentum(double h) {
   for (std::size_t i = 0; i < bodies_; ++i)
     velocity_.linear[i] += w.cross(end_.position[i] - now.centre);
   for (Vector3d& spin : velocity_.angular) spin += w;
-}
-
-// mass, place, momenta and inertia of all bodies together
-InconsistentMotion::Rigid InconsistentMotion::as_one_body(const Configuration& configuration,
-                                                          const BodyVectors& velocity) const {
-  Rigid body;
-  double mass = 0.0;
-  for (std::size_t i = 0; i < bodies_; ++i) {
-    mass += mass_[i];
-    body.centre += mass_[i] * configuration.position[i];
-    body.velocity += mass_[i] * velocity.linear[i];
-  }
-  body.centre /= mass;
-  body.velocity /= mass;
-  Matrix3d inertia = Matrix3d::Zero();
-  for (std::size_t i = 0; i < bodies_; ++i) {
-    const Matrix3d r = cross_matrix(configuration.position[i] - body.centre);
-    inertia -= mass_[i] * r * r;
-    body.momentum += mass_[i] * r * (velocity.linear[i] - body.velocity);
-    if (i >= turning_) continue;
-    const Matrix3d R = configuration.orientation[i].toRotationMatrix();
-    const Matrix3d J = R * inertia_[i].asDiagonal() * R.transpose();
-    inertia += J;
-    body.momentum += J * velocity.angular[i];
-  }
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(inertia);
-  for (Eigen::Index k = 0; k < 3; ++k) {  // points in a line have no inertia about it
-    const Vector3d axis = eigen.eigenvectors().col(k);
-    if (eigen.eigenvalues()[k] > 1e-12 * eigen.eigenvalues()[2])
-      body.inverse_inertia += axis * axis.transpose() / eigen.eigenvalues()[k];
-  }
-  return body;
 }
 
 }  // namespace constraint_sim::engine

@@ -9,6 +9,7 @@
 #include "engine/methods/integrate.h"
 #include "engine/methods/method.h"
 #include "engine/methods/regularized_rows.h"
+#include "engine/methods/rigid_motion.h"
 
 namespace constraint_sim::engine {
 
@@ -51,12 +52,6 @@ class InconsistentMotion {
     BodyVectors fixed;       // velocities of immovable points, zero elsewhere
     bool is_driven = false;  // any of it may change with time
   };
-  /// All bodies as one, about the centre of mass.
-  struct Rigid {
-    Vector3d centre = Vector3d::Zero(), velocity = Vector3d::Zero();
-    Vector3d momentum = Vector3d::Zero();  // angular
-    Eigen::Matrix3d inverse_inertia = Eigen::Matrix3d::Zero();
-  };
 
   void load(const std::vector<BodyState>& states);
   void store(std::vector<BodyState>* states) const;
@@ -74,7 +69,10 @@ class InconsistentMotion {
   double most_added(double h) const;
   double hold_back(double energy_before, double allowed);
   void find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const;
-  Rigid as_one_body(const Configuration& configuration, const BodyVectors& velocity) const;
+  RigidMotion as_one_body(const Configuration& configuration, const BodyVectors& velocity) const {
+    return engine::as_one_body(mass_, inertia_, configuration.position, configuration.orientation,
+                               velocity);
+  }
 
   // ---- inconsistent_corrections.cpp
   void meet(Configuration* configuration, Rows* geometry, IntegrationResult* progress);

@@ -39,6 +39,8 @@ class IslandMotion {
                             const IntegratorOptions& accuracy, std::vector<BodyState>* states);
   /// Somebody else has moved the bodies.
   void forget();
+  /// Another of these ways goes on with the bodies as they are.
+  void change_way();
   /// Goes on as one just made, but for what is compiled.
   void restart();
   /// What gradients last went by; only after they were used.
@@ -60,6 +62,7 @@ class IslandMotion {
   std::optional<EnergyMomentum> gradients_;
   std::optional<InconsistentMotion> inconsistent_;
   std::optional<LeastNormForces> least_forces_;
+  bool follows_gradients_ = false;  // these moved the bodies last: as gradients_ has_started() says
 };
 
 }  // namespace constraint_sim::engine

@@ -1,0 +1,69 @@
+#include "engine/methods/fit_velocities.h"
+
+#include <cmath>
+
+#include "engine/methods/rigid_motion.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+bool is_free(const EquationsOfMotion& equations) {
+  return equations.points() == equations.bodies().size();
+}
+
+RigidMotion as_one_body(const EquationsOfMotion& equations, const std::vector<BodyState>& bodies) {
+  std::vector<double> mass;
+  std::vector<Eigen::Vector3d> inertia, position;
+  std::vector<Eigen::Quaterniond> orientation;
+  BodyVectors velocity;
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    mass.push_back(1.0 / equations.inverse_mass(i));
+    position.push_back(bodies[i].position);
+    velocity.linear.push_back(bodies[i].linear_velocity);
+    if (i >= equations.turning()) continue;
+    inertia.push_back(equations.inertia(i));
+    orientation.push_back(bodies[i].orientation);
+    velocity.angular.push_back(bodies[i].angular_velocity);
+  }
+  return as_one_body(mass, inertia, position, orientation, velocity);
+}
+
+}  // namespace
+
+void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion* equations,
+                    std::vector<BodyState>* states) {
+  equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
+  if (equations->varies() || equations->has_jumped()) return;
+  std::vector<double> numbers(2 * equations->size());
+  double* const y = numbers.data();
+  equations->load(*states, y);
+  const double energy = equations->kinetic_energy(y);
+  equations->keep_impulses();
+  const bool is_met = equations->start(span.t, y, y + equations->size());
+  equations->restore_impulses();  // whoever goes on starts again
+  if (!is_met) return;
+  const double left = equations->kinetic_energy(y);
+  const double moved = energy - left;
+  if (!(moved > 0.0) || moved > most_moved * energy) return;
+
+  const std::vector<BodyState> before = states_of(*equations, *states);
+  equations->store(y, states);
+  RigidMotion whole;
+  if (is_free(*equations)) whole = as_one_body(*equations, states_of(*equations, *states));
+  const double inner = left - whole.kinetic_energy();
+  const double longer = std::sqrt(1.0 + moved / inner);
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    BodyState& state = (*states)[static_cast<std::size_t>(equations->bodies()[i])];
+    if (!(inner > 0.0)) {  // nothing is left that the energy could go into
+      state = before[i];
+      continue;
+    }
+    const Eigen::Vector3d v = whole.velocity_at(state.position);
+    state.linear_velocity = v + longer * (state.linear_velocity - v);
+    if (i >= equations->turning()) continue;
+    const Eigen::Vector3d w = whole.angular_velocity();
+    state.angular_velocity = w + longer * (state.angular_velocity - w);
+  }
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,44 @@
+#include "engine/methods/rigid_motion.h"
+
+#include <Eigen/Eigenvalues>
+
+#include "engine/methods/cross_matrix.h"
+
+namespace constraint_sim::engine {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+RigidMotion as_one_body(const std::vector<double>& mass, const std::vector<Vector3d>& inertia,
+                        const std::vector<Vector3d>& position,
+                        const std::vector<Eigen::Quaterniond>& orientation,
+                        const BodyVectors& velocity) {
+  RigidMotion body;
+  for (std::size_t i = 0; i < mass.size(); ++i) {
+    body.mass += mass[i];
+    body.centre += mass[i] * position[i];
+    body.velocity += mass[i] * velocity.linear[i];
+  }
+  body.centre /= body.mass;
+  body.velocity /= body.mass;
+  Matrix3d total = Matrix3d::Zero();
+  for (std::size_t i = 0; i < mass.size(); ++i) {
+    const Matrix3d r = cross_matrix(position[i] - body.centre);
+    total -= mass[i] * r * r;
+    body.momentum += mass[i] * r * (velocity.linear[i] - body.velocity);
+    if (i >= inertia.size()) continue;
+    const Matrix3d R = orientation[i].toRotationMatrix();
+    const Matrix3d J = R * inertia[i].asDiagonal() * R.transpose();
+    total += J;
+    body.momentum += J * velocity.angular[i];
+  }
+  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(total);
+  for (Eigen::Index k = 0; k < 3; ++k) {
+    const Vector3d axis = eigen.eigenvectors().col(k);
+    if (eigen.eigenvalues()[k] > 1e-12 * eigen.eigenvalues()[2])
+      body.inverse_inertia += axis * axis.transpose() / eigen.eigenvalues()[k];
+  }
+  return body;
+}
+
+}  // namespace constraint_sim::engine

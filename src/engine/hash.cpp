@@ -190,6 +190,7 @@ void add(Fnv1a& hash, const IslandMemory& memory, const std::string& first_body)
         static_cast<std::uint64_t>(memory.stiff_ticks), memory.stiff_until, memory.refused_until,
         memory.touched_until, memory.inconsistent_until, std::uint64_t{memory.gradient_iterations}})
     hash.add(value);
+  hash.add(memory.substep_cost);
 }
 
 // What methods go on from beside the state, or that they begin anew. Islands at rest do so once

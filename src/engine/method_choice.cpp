@@ -113,18 +113,22 @@ double gradient_cost(bool is_simple, const IslandMemory& memory) {
   return iterations * (is_simple ? kPointIteration : kIteration);
 }
 
-double most_frequency(double gradient_cost, const WorldOptions& options) {
+double most_frequency(double gradient_cost, const IslandMemory& memory,
+                      const WorldOptions& options) {
   double limit = stiffness_limit(options);
-  if (options.tolerance > 0.0)
-    limit = std::max(limit, stable(options) * gradient_cost / stages(options));
+  const double stable_cost = stages(options) / stable(options);
+  const double cost = memory.substep_cost > 0.0 ? memory.substep_cost : stable_cost;
+  if (options.tolerance > 0.0) limit = std::max(limit, gradient_cost / cost);
   return limit / options.time_step;
 }
 
 bool learn_from_substeps(double gradient_cost, std::uint64_t step, const WorldOptions& options,
                          IntegrationResult* progress, IslandMemory* memory) {
-  if (progress->is_stiff && progress->done && options.tolerance > 0.0)
-    progress->is_stiff =
-        stages(options) * (progress->substeps + progress->rejected) > gradient_cost;
+  if (progress->is_stiff && progress->done && options.tolerance > 0.0) {
+    const double cost = stages(options) * (progress->substeps + progress->rejected);
+    memory->substep_cost = cost / (options.time_step * progress->frequency);
+    progress->is_stiff = cost > gradient_cost;
+  }
   memory->stiff_ticks = progress->is_stiff ? memory->stiff_ticks + 1 : 0;
   if (progress->done && memory->stiff_ticks < kStiffFor) return false;
   if (progress->done || progress->is_stiff) {
@@ -137,7 +141,7 @@ bool learn_from_substeps(double gradient_cost, std::uint64_t step, const WorldOp
 void learn_from_gradients(int iterations, double frequency, bool is_simple, std::uint64_t step,
                           const WorldOptions& options, IslandMemory* memory) {
   memory->gradient_iterations = static_cast<std::uint32_t>(std::max(iterations, 1));
-  const double most = most_frequency(gradient_cost(is_simple, *memory), options);
+  const double most = most_frequency(gradient_cost(is_simple, *memory), *memory, options);
   if (frequency > kCalmShare * most)
     memory->stiff_until = std::max(memory->stiff_until, step + kCalmFor);
   else if (frequency * kMuchCheaper < most)

@@ -22,6 +22,8 @@ struct IslandMemory {
   std::uint64_t touched_until = 0;        ///< step until which its last contact counts as near
   std::uint64_t inconsistent_until = 0;   ///< step
   std::uint32_t gradient_iterations = 0;  ///< Newton's, of the last tick by gradients; 0: none yet
+  /// Evaluations that substeps took per radian of h ω, when they were last found stiff; 0: never.
+  double substep_cost = 0.0;
 
   /// What an edit leaves of it.
   IslandMemory after_edit() const {
@@ -34,7 +36,7 @@ struct IslandMemory {
     return !is_stiff &&
            (quiet_for | stiff_until | refused_until | touched_until | inconsistent_until |
             gradient_iterations) == 0 &&
-           stiff_ticks == 0;
+           stiff_ticks == 0 && substep_cost == 0.0;
   }
   /// The steps are counted from another one.
   void move(std::uint64_t from, std::uint64_t to) {
@@ -85,11 +87,14 @@ double stiffness_limit(const WorldOptions& options);
 /// or as such a tick usually does. Points on a tree of rods are simple.
 double gradient_cost(bool is_simple, const IslandMemory& memory);
 
-/// What joints may swing bodies with before substeps cost more than gradients [rad/s].
-double most_frequency(double gradient_cost, const WorldOptions& options);
+/// What joints may swing bodies with before substeps cost more than gradients [rad/s]: as they did
+/// when they were last counted, or as many as stability asks for.
+double most_frequency(double gradient_cost, const IslandMemory& memory,
+                      const WorldOptions& options);
 
 /// Takes over what a span by substeps showed; true where the island is to be asked again in the
-/// next step. Clears `is_stiff` of the progress where substeps were cheaper all the same.
+/// next step. Counts what they cost, and clears `is_stiff` of the progress where substeps were
+/// cheaper all the same.
 bool learn_from_substeps(double gradient_cost, std::uint64_t step, const WorldOptions& options,
                          IntegrationResult* progress, IslandMemory* memory);
 

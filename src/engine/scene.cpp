@@ -524,7 +524,8 @@ TouchingPair read_contact(const YamlElement& item, const World& world) {
 
 IslandMemory read_island(const YamlElement& item) {
   item.expect_keys({"first_body", "quiet_for", "is_stiff", "stiff_ticks", "stiff_until",
-                    "refused_until", "touched_until", "inconsistent_until", "gradient_iterations"});
+                    "refused_until", "touched_until", "inconsistent_until", "gradient_iterations",
+                    "substep_cost"});
   const auto read = [&](const char* key, std::uint64_t* target) {
     if (const auto value = item.find(key)) *target = value->count();
   };
@@ -541,6 +542,8 @@ IslandMemory read_island(const YamlElement& item) {
   read("gradient_iterations", &iterations);
   memory.gradient_iterations =
       static_cast<std::uint32_t>(std::min<std::uint64_t>(iterations, 1u << 30));
+  item.read("substep_cost", &memory.substep_cost);
+  item.attempt([&] { check_not_negative("substep_cost", memory.substep_cost); });
   return memory;
 }
 

@@ -374,6 +374,7 @@ void write_islands(YAML::Emitter* out, const World& world) {
     write(out, "touched_until", memory.touched_until);
     write(out, "inconsistent_until", memory.inconsistent_until);
     write(out, "gradient_iterations", std::uint64_t{memory.gradient_iterations});
+    write(out, "substep_cost", memory.substep_cost);
     *out << YAML::EndMap;
   }
   *out << YAML::EndSeq;

@@ -139,12 +139,33 @@ TEST(MethodChoice, SubstepsThatCostLessThanGradientsAreNotStiff) {
   EXPECT_EQ(memory.stiff_ticks, 0);
 }
 
+// A gradient_cost() of 300 and 2400 evaluations at h ω = 100: they cost the same at h ω = 12.5, and
+// below stiffness_limit it is substeps all the same.
+TEST(MethodChoice, SubstepsThatCostMoreThanStabilityAsksForAreRemembered) {
+  WorldOptions options = with(kAuto);
+  options.stiffness_limit = 5.0;
+  const double ahead = most_frequency(300.0, {}, options);
+  EXPECT_NEAR(ahead * options.time_step, 300.0 * 5.0 / 12.0, 1e-9);
+  IslandMemory memory;
+  IntegrationResult progress;
+  progress.is_stiff = true;
+  progress.substeps = 190;
+  progress.rejected = 10;
+  progress.frequency = 100.0 / options.time_step;
+  learn_from_substeps(300.0, kNow, options, &progress, &memory);
+  EXPECT_NEAR(memory.substep_cost, 24.0, 1e-12);
+  EXPECT_NEAR(most_frequency(300.0, memory, options) * options.time_step, 12.5, 1e-12);
+  options.stiffness_limit = 40.0;
+  EXPECT_NEAR(most_frequency(300.0, memory, options) * options.time_step, 40.0, 1e-12);
+  EXPECT_EQ(memory.after_edit().substep_cost, 0.0);
+}
+
 TEST(MethodChoice, AStiffIslandThatCalmsDownIsLetGo) {
   const WorldOptions options = with(kAuto);
   IslandMemory memory;
   memory.is_stiff = true;
   memory.stiff_until = kNow + 10;
-  const double most = most_frequency(gradient_cost(true, memory), options);
+  const double most = most_frequency(gradient_cost(true, memory), memory, options);
   learn_from_gradients(15, most, true, kNow, options, &memory);  // as fast as ever
   EXPECT_TRUE(memory.is_stiff);
   EXPECT_GT(memory.stiff_until, kNow + 10);
@@ -165,7 +186,7 @@ TEST(MethodChoice, WithoutAToleranceTheLimitIsThatOfStability) {
   EXPECT_EQ(stiffness_limit(options), 5.0);  // one substep of order 8 a tick
   options.order = 5;
   EXPECT_EQ(stiffness_limit(options), 0.9);
-  EXPECT_EQ(most_frequency(std::numeric_limits<double>::infinity(), options), 90.0);
+  EXPECT_EQ(most_frequency(std::numeric_limits<double>::infinity(), {}, options), 90.0);
 }
 
 }  // namespace

@@ -109,17 +109,16 @@ IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOp
   progress.projected = projected + equations_.take_projected_energy();
   progress.is_inconsistent =
       !progress.done && (progress.is_inconsistent || equations_.is_inconsistent());
-  if (kMostStable * progress.substeps >= accuracy.most_frequency * span.h)
-    progress.is_stiff = is_stiff(accuracy);
+  if (std::isfinite(accuracy.most_frequency) &&
+      kMostStable * progress.substeps >= accuracy.most_frequency * span.h) {
+    progress.frequency = equations_.frequency();
+    progress.is_stiff = progress.frequency > accuracy.most_frequency;
+  }
   if (progress.done)
     equations_.store(y, states);
   else
     has_started_ = false;
   return progress;
-}
-
-bool RungeKutta::is_stiff(const IntegratorOptions& accuracy) {
-  return std::isfinite(accuracy.most_frequency) && equations_.frequency() > accuracy.most_frequency;
 }
 
 // so stiff that not even a few spans of substeps are to be tried

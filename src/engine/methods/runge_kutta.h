@@ -44,7 +44,6 @@ class RungeKutta {
   IntegrationResult start(const SmoothSpan& span, const IntegratorOptions& accuracy,
                           const StageMemory& memory);
 
-  bool is_stiff(const IntegratorOptions& accuracy);
   bool is_far_too_stiff(const IntegratorOptions& accuracy);
   IntegrationResult integrate_equations(const StageMemory& memory, const SmoothSpan& span,
                                         const IntegratorOptions& accuracy);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <utility>
+#include <variant>
 
 #include "ros/conversions.h"
 
@@ -16,7 +17,7 @@ constexpr double kPointDiameter = 0.06;  // [m] that a point mass is drawn with
 constexpr double kPlaneWidth = 20.0;     // [m] that is drawn of a plane
 constexpr double kLineWidth = 0.03;      // [m]
 constexpr double kNormalLength = 0.2;    // [m]
-constexpr double kAxisLength = 0.3;      // [m] of the axis of a joint
+constexpr double kAxisLength = 0.3;      // [m] of the axis of a joint, at most
 constexpr double kGreenError = 1e-6;     // [m]
 constexpr double kRedError = 1e-2;       // [m]
 
@@ -70,6 +71,27 @@ void set_shape(Marker& marker, const engine::Plane&) {
   marker.type = Marker::CUBE;
   set_scale(marker, {kPlaneWidth, kPlaneWidth, 1e-3});
   marker.color.a = 0.5F;
+}
+
+// What is as long as a body, and comes out of a ball that it goes through [m]; 0 of a point or a
+// plane.
+double length_of_axis_through(const engine::Shape& shape) {
+  if (const auto* box = std::get_if<engine::Box>(&shape)) return box->size.maxCoeff();
+  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return 3.0 * sphere->radius;
+  return 0.0;
+}
+
+// The axis of a joint is drawn as long as the smaller of its bodies, arm included [m].
+double axis_length(const engine::World& world, const engine::Joint& joint) {
+  double length = kAxisLength;
+  for (const auto& [body, anchor] :
+       {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}}) {
+    if (body == engine::kWorldBody) continue;
+    const double size =
+        std::max(length_of_axis_through(world.body(body).shape), 2.0 * anchor.norm());
+    if (size > 0.0) length = std::min(length, size);
+  }
+  return length;
 }
 
 }  // namespace
@@ -172,8 +194,10 @@ Marker Markers::constraint(const engine::World& world, engine::JointId id) const
     }
   }
   if (engine::has_frames(joint.kind)) {  // the axis that it turns about or moves along
+    const double length = axis_length(world, joint);
+    marker.scale.x = kLineWidth * length / kAxisLength;
     const Eigen::Vector3d half =
-        0.5 * kAxisLength *
+        0.5 * length *
         (world.state(joint.body_a).orientation * joint.frame_a * Eigen::Vector3d::UnitZ());
     marker.points.push_back(to_point(anchors.p_a - half));
     marker.points.push_back(to_point(anchors.p_a + half));

@@ -271,6 +271,19 @@ constraints:
             self.assertAlmostEqual((start[k] + end[k]) / 2, middle, places=12)
             self.assertAlmostEqual((end[k] - start[k]) / length, along, places=12)
 
+    def test_the_axis_of_a_small_hinge_is_no_longer_than_its_bodies(self):
+        support.empty_world()
+        listener = Listener(topic("markers"), MarkerArray)
+        call("add_body", body=sphere("finger", shape=Shape(Shape.BOX, [0.01, 0.01, 0.04])))
+        hinge = Constraint(name="hinge", type="hinge", axis_a=Vector3(0, 1, 0), body_b="finger",
+                           anchor_a=Point(0, 0, 0.02), anchor_b=Point(0, 0, 0.02))
+        self.assertTrue(call("add_constraint", constraint=hinge).success)
+        support.wait_until(lambda: self.count(listener, "constraints") == 1, "the hinge")
+        marker, = [m for k, m in self.shown(listener).items() if k[0] == "constraints"]
+        start, end = marker.points[-2:]  # the axis, along y
+        self.assertAlmostEqual(end.y - start.y, 0.04, places=12)
+        self.assertLess(marker.scale.x, 0.01)  # thinner than it
+
     def test_contacts_appear_and_go(self):
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)

@@ -842,11 +842,9 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
     for (std::size_t i = 0; i < rows_.size(); ++i) impulses_[i] += solution_[i];
     set_velocities(y);
     if (redundant_rows() > 0) {
-      if (choose_again(time_, y)) {
-        factor(kLeastPivotOfProjections);
-      } else if (!redundant_rates_are_met()) {
-        return !is_inconsistent_ && restart(y, dydt);
-      }
+      // other rows held those that were redundant no better than to rounding over small pivots
+      if (choose_again(time_, y)) return meet(time_, y) && restart(y, dydt);
+      if (!redundant_rates_are_met()) return !is_inconsistent_ && restart(y, dydt);
     }
     if (left_out_ > 0 && !moves_as_asked()) {
       is_inconsistent_ = true;

@@ -472,7 +472,10 @@ void World::Impl::read_smooth_joints(const JointStep& step, const Carried& by_me
         note_coupling(
             j, step.h,
             shared ? shared->coupled_impulse(equations, l) : equations.coupled_impulse(l));
-      read_smooth_joint(joints[j], state_a(j), state_b(j), step, impulse, zeta, joint_states[j]);
+      JointStep counted = step;
+      std::array<double, kMaxCoordinates> positions;
+      if (equations.count_turns(l, &positions)) counted.counted = positions.data();
+      read_smooth_joint(joints[j], state_a(j), state_b(j), counted, impulse, zeta, joint_states[j]);
       if (has_coupling && couples_joints(joints[j].kind))
         add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
       note_if_broken(j);

@@ -204,21 +204,34 @@ double coordinate_error(const CoordinateLaw& law, const CoordinateState& state) 
   return beyond_limits(law, state.position);
 }
 
-// Where coordinates are and how fast they move, after a step of h; and what they are off by, where
-// that is more than the rows are.
+// What has passed since a joint was measured before.
+struct Passed {
+  double h = 0.0;                   // [s]
+  const double* counted = nullptr;  // as JointStep has it
+};
+
+// Near where a coordinate reads now, that was at `before` and now moves at this velocity.
+double expected(const Passed& passed, const CoordinateLaw& law, const CoordinateState& before,
+                double velocity, int coordinate) {
+  if (is_held(law) && passed.h > 0.0) return before.held;
+  if (passed.counted != nullptr && !std::isnan(passed.counted[coordinate]))
+    return passed.counted[coordinate];
+  return before.position + 0.5 * passed.h * (before.velocity + velocity);
+}
+
+// Where coordinates are and how fast they move; and what they are off by, where that is more than
+// the rows are.
 void measure_coordinates(const Joint& joint, const JointVectors& vectors, const JointMotion& motion,
-                         double h, JointState& state) {
+                         const Passed& passed, JointState& state) {
   const JointKindInfo& kind = info(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i) {
     const ScalarForm& form = kind.coordinate[at(i)];
     const CoordinateLaw& law = joint.coordinates[at(i)];
     CoordinateState& coordinate = state.coordinates[at(i)];
-    const double before = coordinate.velocity;
-    coordinate.velocity = rate(form, vectors, motion);
-    const double reference = is_held(law) && h > 0.0
-                                 ? coordinate.held
-                                 : coordinate.position + 0.5 * h * (before + coordinate.velocity);
-    coordinate.position = reading(form, value(form, vectors), law.zero, reference);
+    const double velocity = rate(form, vectors, motion);
+    coordinate.position = reading(form, value(form, vectors), law.zero,
+                                  expected(passed, law, coordinate, velocity, i));
+    coordinate.velocity = velocity;
     if (law.is_none()) continue;
     const double metres = form.is_angle ? state.radius : 1.0;
     const double off = metres * coordinate_error(law, coordinate);
@@ -230,8 +243,8 @@ void measure_coordinates(const Joint& joint, const JointVectors& vectors, const 
 }
 
 // The same of every other kind: rows by the frame on B at home, coordinates by where it is now.
-void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState& b, double h,
-                        const MovingFrame& frame, JointState& state) {
+void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState& b,
+                        const Passed& passed, const MovingFrame& frame, JointState& state) {
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, a, b);
   const JointMotion motion(vectors, a, b);
@@ -253,11 +266,11 @@ void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState&
     }
   }
   if (kind.coordinates == 0) return;
-  if (!frame.moves) return measure_coordinates(joint, vectors, motion, h, state);
+  if (!frame.moves) return measure_coordinates(joint, vectors, motion, passed, state);
   const JointVectors now(joint, a, b, frame);
   JointMotion moves(now, a, b);
   moves.add(frame, b.orientation.toRotationMatrix());
-  measure_coordinates(joint, now, moves, h, state);
+  measure_coordinates(joint, now, moves, passed, state);
 }
 
 // of a screw, from its coordinates
@@ -279,9 +292,9 @@ void measure_coupling(const Joint& joint, JointState& state) {
 }
 
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
-                   double h, const MovingFrame& frame, JointState& state) {
+                   const Passed& passed, const MovingFrame& frame, JointState& state) {
   if (joint.kind == JointKind::kDistance) return measure_distance(joint, a, b, zeta, state);
-  measure_table_rows(joint, a, b, h, frame, state);
+  measure_table_rows(joint, a, b, passed, frame, state);
   if (couples(joint.kind)) measure_coupling(joint, state);
 }
 
@@ -401,12 +414,13 @@ bool is_closed(const JointState& state, const JointStep& step) {
 void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
             double zeta, const RowVector& impulse, JointState& state) {
   const bool is_distance = joint.kind == JointKind::kDistance;
+  const Passed passed{step.h, step.counted};
   if (is_distance)
     measure_distance(joint, a, b, zeta, state);
   else if (state.closing)
-    measure_joint(joint, a, b, zeta, step.h, frame_in(joint, step, state, true), state);
+    measure_joint(joint, a, b, zeta, passed, frame_in(joint, step, state, true), state);
   else
-    measure_joint(joint, a, b, zeta, step.h, kHome, state);
+    measure_joint(joint, a, b, zeta, passed, kHome, state);
   if (state.closing && step.closing_time == 0.0)
     state.closing_share *= 1.0 - joint.baumgarte.value_or(step.beta);
   if (state.closing) state.closing = !is_closed(state, step);
@@ -563,7 +577,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
     state.closing_share = 1.0;
     frame = frame_where_met(joint, a, b, state.radius);
   }
-  measure_joint(joint, a, b, state.bias, 0.0, frame, state);
+  measure_joint(joint, a, b, state.bias, Passed{}, frame, state);
   state.initial_error = state.error;
   state.closing_since = t;
   state.closing_offset = row_errors(joint, a, b, state);
@@ -574,7 +588,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
 
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& now,
                    JointState& state) {
-  measure_joint(joint, a, b, state.bias, 0.0, frame_in(joint, now, state, false), state);
+  measure_joint(joint, a, b, state.bias, Passed{}, frame_in(joint, now, state, false), state);
 }
 
 double elastic_energy(const Joint& joint, const JointState& state) {

@@ -23,6 +23,9 @@ struct JointStep {
   double h;             ///< its length [s]
   double beta;          ///< Baumgarte's share unless the joint has its own
   double closing_time;  ///< [s] in which an error left by an edit is closed; 0: by Baumgarte
+  /// Where coordinates read at its end by a method that has counted turns within it; NaN, or no
+  /// array, where it has not.
+  const double* counted = nullptr;
 };
 
 /// Forgets what its rows did, with which they would be warm started.

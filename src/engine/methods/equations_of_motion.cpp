@@ -90,6 +90,7 @@ EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<
   impulses_.assign(soft_force(softs_.size()), 0.0);
   squares_.assign(bodies_.size(), 0.0);
   stage_forces_.assign(impulses_.size() * kMostStages, 0.0);
+  kept_positions_.reserve(softs_.size() + 2 * coupled_.size());
 }
 
 // ---- a span of time in which nothing jumps
@@ -351,6 +352,35 @@ void EquationsOfMotion::add_impulse(std::size_t l, const RowVector& impulse) {
   } else {
     impulses_[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_] += impulse[0];
   }
+}
+
+void EquationsOfMotion::keep_impulses() {
+  kept_impulses_ = impulses_;
+  kept_positions_.clear();
+  for (const SoftCoordinate& soft : softs_) kept_positions_.push_back(soft.position);
+  for (const CoupledRow& coupled : coupled_)
+    for (const CoupledRow::Term& term : coupled.terms) kept_positions_.push_back(term.position);
+}
+
+void EquationsOfMotion::restore_impulses() {
+  impulses_ = kept_impulses_;
+  const double* kept = kept_positions_.data();
+  for (SoftCoordinate& soft : softs_) soft.position = *kept++;
+  for (CoupledRow& coupled : coupled_)
+    for (CoupledRow::Term& term : coupled.terms) term.position = *kept++;
+}
+
+bool EquationsOfMotion::count_turns(std::size_t l,
+                                    std::array<double, kMaxCoordinates>* positions) const {
+  const Link& link = links_[l];
+  if (!is_general(l) || (link.softs == 0 && coupled_.empty())) return false;
+  positions->fill(std::numeric_limits<double>::quiet_NaN());
+  for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
+    (*positions)[at(softs_[s].function - info(link.kind).rows)] = softs_[s].position;
+  for (const CoupledRow& coupled : coupled_)
+    for (const CoupledRow::Term& term : coupled.terms)
+      if (term.link == l) (*positions)[at(term.coordinate)] = term.position;
+  return true;
 }
 
 double EquationsOfMotion::frequency() {

@@ -186,9 +186,10 @@ class EquationsOfMotion {
   void add_soft_impulse(std::size_t soft, double impulse) {
     impulses_[soft_force(soft)] += impulse;
   }
-  /// What add_impulse() adds after the first can be taken back by the second.
-  void keep_impulses() { kept_impulses_ = impulses_; }
-  void restore_impulses() { impulses_ = kept_impulses_; }
+  /// What add_impulse() adds and set_position() sets after the first can be taken back by the
+  /// second.
+  void keep_impulses();
+  void restore_impulses();
   /// Largest ω with which the joints' forces swing their bodies, as of the last first stage
   /// [rad/s]: ω² = 2Σ|λ|/m of rods, Σ‖f‖‖r‖/I_min of a body that turns.
   double frequency();
@@ -244,6 +245,9 @@ class EquationsOfMotion {
   RowVector row_impulse(std::size_t l) const;
   /// Of its coupling, 0 where it has none.
   double coupled_impulse(std::size_t l) const;
+  /// Where coordinates of a general joint read that laws or couplings have, as JointStep::counted;
+  /// false where there are none.
+  bool count_turns(std::size_t l, std::array<double, kMaxCoordinates>* positions) const;
   /// The same in the order of its rows and coordinates.
   RowVector by_function(std::size_t l, const RowVector& of_rows) const;
   /// Kinetic energy that velocities have lost to the rows since this was called last, beside what
@@ -541,7 +545,7 @@ class EquationsOfMotion {
   // by unknown, then of springs and soft coordinates; stage by stage
   std::vector<double> stage_forces_;
   std::vector<double> impulses_;  // the same, summed up
-  std::vector<double> kept_impulses_;
+  std::vector<double> kept_impulses_, kept_positions_;
   std::vector<double> pose_;     // a state, for find_dependent()
   std::vector<double> squares_;  // ω² of bodies, for frequency()
 };

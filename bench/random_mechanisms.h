@@ -1,8 +1,9 @@
 #pragma once
 
 // Random mechanisms of joints of all kinds, for the judge of random scenes: trees, loops that are
-// met as the bodies lie, planar loops of hinges, joints once more, masses over six decades, 1 m and
-// 1 km from the origin. A mechanism is made from its seed alone, with the same numbers everywhere.
+// met as the bodies lie, planar loops of hinges, joints once more, gears, racks, screws and
+// pulleys, masses over six decades, 1 m and 1 km from the origin. A mechanism is made from its seed
+// alone, with the same numbers everywhere.
 
 #include "scene_judge.h"
 
@@ -20,6 +21,7 @@ class MechanismGenerator {
       add_tree();
     if (!is_planar_) add_loops();
     add_again();
+    if (!is_planar_) add_couplings();
     set_velocities();
     const std::string origin = std::to_string(static_cast<int>(std::lround(origin_.norm())));
     scene_.kind = std::to_string(scene_.bodies.size()) + " bodies, " +
@@ -59,10 +61,10 @@ class MechanismGenerator {
   }
   int bodies() const { return static_cast<int>(scene_.bodies.size()); }
 
-  // those of the reference, which has no couplings
   JointKind any_kind() {
-    constexpr auto kKinds = static_cast<std::size_t>(JointKind::kPointOnPlane) + 1;
-    return static_cast<JointKind>(random_.below(kKinds));
+    constexpr auto kKinds = static_cast<std::size_t>(JointKind::kPointOnPlane) + 2;
+    const std::size_t kind = random_.below(kKinds);
+    return kind + 1 == kKinds ? JointKind::kScrew : static_cast<JointKind>(kind);
   }
 
   void add(Joint joint, int a, int b) {
@@ -97,8 +99,9 @@ class MechanismGenerator {
     const Quaterniond frame_A = a.orientation * joint.frame_a;
     Vector3d off = Vector3d::Zero();
     const double along = r.uniform(-0.5, 0.5);
+    if (kind == JointKind::kScrew) joint.pitch = (r.chance(0.5) ? 1.0 : -1.0) * r.decades(0.1, 2.0);
     if (kind == JointKind::kSlider || kind == JointKind::kCylindrical ||
-        kind == JointKind::kPointOnLine)
+        kind == JointKind::kPointOnLine || kind == JointKind::kScrew)
       off = frame_A * Vector3d(0.0, 0.0, along);
     if (kind == JointKind::kPlanar || kind == JointKind::kPointOnPlane)
       off = frame_A * Vector3d(along, r.uniform(-0.5, 0.5), 0.0);
@@ -240,6 +243,55 @@ class MechanismGenerator {
     again.name += "_once_more";
     scene_.joints.push_back(again);
     words_ += ", one joint twice";
+  }
+
+  void couple(JointKind kind, std::size_t first, std::size_t second) {
+    Joint joint;
+    joint.kind = kind;
+    joint.name = std::string(name(kind)) + "_" + std::to_string(scene_.joints.size());
+    joint.coupling.first = JointId{static_cast<std::uint32_t>(first + 1)};
+    joint.coupling.second = JointId{static_cast<std::uint32_t>(second + 1)};
+    joint.coupling.ratio = (random_.chance(0.5) ? 1.0 : -1.0) * random_.decades(0.3, 3.0);
+    scene_.joints.push_back(joint);
+  }
+
+  /// A length of one to three metres, from a point of one body or the world to another.
+  std::size_t rope(int a, int b) {
+    Joint joint;
+    joint.kind = JointKind::kFreeDistance;
+    joint.anchor_b = random_.vector(0.3);
+    const Vector3d end = state(b).position + state(b).orientation * joint.anchor_b;
+    const Vector3d off = random_.orientation() * Vector3d(random_.uniform(1.0, 3.0), 0.0, 0.0);
+    joint.anchor_a = state(a).orientation.conjugate() * (end + off - state(a).position);
+    add(joint, a, b);
+    return scene_.joints.size() - 1;
+  }
+
+  /// Gears between any first coordinates, angles and translations, so racks as well, and pulleys.
+  void add_couplings() {
+    Random& r = random_;
+    if (!r.chance(0.6)) return;
+    std::vector<std::size_t> with_coordinates;
+    for (std::size_t j = 0; j < scene_.joints.size(); ++j)
+      if (coordinates(scene_.joints[j].kind) > 0) with_coordinates.push_back(j);
+    const int gears = r.between(0, 2);
+    const std::size_t n = with_coordinates.size();
+    for (int i = 0; i < gears && n > 1; ++i) {
+      const std::size_t first = r.below(n), second = (first + 1 + r.below(n - 1)) % n;
+      couple(JointKind::kGear, with_coordinates[first], with_coordinates[second]);
+    }
+    const int ground = is_free_ || has_kinematic_ ? 0 : -1, count = bodies() - (ground + 1);
+    if (count > 1 && r.chance(0.4)) {
+      const int first = ground + 1 + static_cast<int>(r.below(static_cast<std::size_t>(count)));
+      const int second = ground + 1 + static_cast<int>(r.below(static_cast<std::size_t>(count)));
+      const std::size_t left = rope(ground, first), right = rope(ground, second);
+      couple(JointKind::kPulley, left, right);
+    }
+    if (couples_joints(scene_.joints.back().kind)) words_ += ", couplings";
+    if (couples_joints(scene_.joints.back().kind) && r.chance(0.2)) {
+      scene_.joints.push_back(scene_.joints.back());
+      scene_.joints.back().name += "_once_more";
+    }
   }
 
   // random ones, made to fit by the reference

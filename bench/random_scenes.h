@@ -378,7 +378,13 @@ class Generator {
 inline World make_world(const Scene& scene) {
   World world(scene.options);
   for (const Body& body : scene.bodies) world.add_body(body);
-  for (const Joint& joint : scene.joints) world.add_joint(joint);
+  std::vector<JointId> ids;
+  for (Joint joint : scene.joints) {
+    if (couples_joints(joint.kind))
+      for (JointId* coupled : {&joint.coupling.first, &joint.coupling.second})
+        *coupled = ids[coupled->value - 1];
+    ids.push_back(world.add_joint(joint));
+  }
   for (const Wrench& wrench : scene.wrenches) world.add_wrench(wrench);
   return world;
 }

@@ -191,6 +191,8 @@ class Judge {
     const auto ticks = std::lround(kDuration / h);
     const auto ticks_a_sample = std::lround(kSampleInterval / h);
     Progress so_far;
+    so_far.readings = mechanics_.start_readings();
+    so_far.poses = mechanics_.start();
     const auto start = mechanics_.energy(mechanics_.start());
     so_far.start = start.kinetic + start.potential;
     Finding finding{setting.name, 0, "", ""};
@@ -200,6 +202,11 @@ class Judge {
       if (back) poses = back(std::move(poses));
       for (Pose& pose : poses) pose.x -= mechanics_.origin();
       finding.tick = tick;
+      const reference::Readings before = so_far.readings;
+      so_far.readings =
+          mechanics_.read_on(so_far.poses, poses, static_cast<reference::Real>(h), before);
+      mechanics_.choose_turns(poses, before, &so_far.readings);
+      so_far.poses = poses;
       if (is_off(setting, *world, poses, h * static_cast<double>(tick), size, &so_far, &finding))
         break;
       if (so_far.has_said || setting.method == Method::kSequentialImpulses ||
@@ -217,6 +224,8 @@ class Judge {
     double estimate = 0.0;             // accumulated [m]
     double corrected = 0.0;            // by impulses [m]
     double error = 0.0;                // of joints, tick before [m]
+    reference::Readings readings;      // of what is coupled
+    std::vector<Pose> poses;
     bool has_said = false;
     bool uses_impulses = false;
   };
@@ -236,7 +245,7 @@ class Judge {
       for (const Island& island : world.islands())
         if (island.why == MethodReason::kInconsistent)
           return found("conflict", "joints that the reference meets are taken for contradictory");
-    const auto [error, joint] = mechanics_.worst_joint(poses, t);
+    const auto [error, joint] = mechanics_.worst_joint(poses, t, so_far->readings);
     so_far->has_said = so_far->has_said || says_so(world, setting.method, size * error);
     so_far->estimate += report.local_error / size;
     for (const Island& island : world.islands())
@@ -366,20 +375,59 @@ class Judge {
       joint.body_b = id[joint.body_b.value];
     }
     shuffle(&scene.joints);
+    // what couples joints comes after them
+    std::stable_partition(scene.joints.begin(), scene.joints.end(),
+                          [](const Joint& joint) { return !couples_joints(joint.kind); });
+    for (Joint& joint : scene.joints)
+      for (JointId* coupled : coupled_by(&joint))
+        *coupled = id_of(mechanics_.scene().joints[coupled->value - 1].name, scene);
     return scene;
   }
 
+  // and of couplings the first joint and the second
   Scene exchanged() const {
     Scene scene = mechanics_.scene();
-    for (Joint& joint : scene.joints) {
+    // the first coordinate of what is exchanged changes its sign, or is another one
+    std::vector<double> sign(scene.joints.size(), 1.0);
+    std::vector<bool> stays(scene.joints.size(), false);
+    for (Joint& joint : scene.joints)
+      for (const JointId* coupled : coupled_by(&joint)) {
+        const JointKind kind = scene.joints[coupled->value - 1].kind;
+        stays[coupled->value - 1] = kind == JointKind::kUniversal || kind == JointKind::kPlanar;
+      }
+    for (std::size_t j = 0; j < scene.joints.size(); ++j) {
+      Joint& joint = scene.joints[j];
       const bool is_of_a = joint.kind == JointKind::kPointOnLine ||  // the line, or the plane
                            joint.kind == JointKind::kPointOnPlane;
-      if (is_of_a) continue;
+      if (is_of_a || stays[j]) continue;
+      if (joint.kind != JointKind::kFreeDistance) sign[j] = -1.0;
       std::swap(joint.body_a, joint.body_b);
       std::swap(joint.anchor_a, joint.anchor_b);
       if (joint.frame_b) std::swap(joint.frame_a, *joint.frame_b);
+      if (!couples_joints(joint.kind)) continue;
+      Coupling& coupling = joint.coupling;
+      coupling.ratio *= sign[coupling.first.value - 1] * sign[coupling.second.value - 1];
+      coupling.ratio = 1.0 / coupling.ratio;
+      std::swap(coupling.first, coupling.second);
     }
     return scene;
+  }
+
+  // what a gear or a pulley couples
+  static std::vector<JointId*> coupled_by(Joint* joint) {
+    if (!couples_joints(joint->kind)) return {};
+    return {&joint->coupling.first, &joint->coupling.second};
+  }
+  static JointId id_of(const std::string& name, const Scene& scene) {
+    std::uint32_t number = 1;
+    for (const Joint& joint : scene.joints) {
+      if (joint.name == name) break;
+      ++number;
+    }
+    return JointId{number};
+  }
+  static bool is_length(const Scene& scene, JointId joint) {
+    return !is_angle(scene.joints[joint.value - 1].kind, 0);
   }
 
   // all lengths, with weight and inertia of the bodies; of the tolerance as well
@@ -401,6 +449,10 @@ class Judge {
       joint.distance.max_length *= factor;
       joint.motor.bias *= factor;
       joint.motor.amplitude *= factor;
+      joint.pitch *= factor;
+      if (!couples_joints(joint.kind)) continue;
+      if (is_length(scene, joint.coupling.first)) joint.coupling.ratio *= factor;
+      if (is_length(scene, joint.coupling.second)) joint.coupling.ratio /= factor;
     }
     return scene;
   }
@@ -412,6 +464,8 @@ class Judge {
       if (reference::is_spring(joint) || reference::is_limit(joint)) continue;
       scene.joints.push_back(joint);
       scene.joints.back().name += "_again";
+      for (JointId* coupled : coupled_by(&scene.joints.back()))
+        *coupled = id_of(mechanics_.scene().joints[coupled->value - 1].name + "_again", scene);
     }
     return scene;
   }

@@ -242,6 +242,37 @@ class Joints(unittest.TestCase):
         self.good("remove_constraint", name="j")
         support.wait_until(lambda: not published(), "the end of the topic")
 
+    def test_each_type_by_service_and_as_saved(self):
+        above = {"anchor_a": Point(0, 0, 1)}
+        for kind, keys, fields in (
+                ("ball", {}, {}), ("hinge", {}, {}), ("slider", {}, {}), ("cylindrical", {}, {}),
+                ("planar", {}, {}), ("universal", {}, {"axis_b": Vector3(1, 0, 0)}),
+                ("weld", {}, {}), ("point_on_line", {}, {}), ("point_on_plane", {}, {}),
+                ("screw", {"pitch": 0.5}, {}), ("distance", {}, above),
+                ("distance", {"free": 1.0}, above)):
+            answer = self.good("add_constraint", constraint=self.joint(kind, keys, **fields))
+            self.assertEqual(answer.status_message, "", kind)  # closed
+            self.good("step", steps=10)
+            text = self.good("save_scene").text
+            self.assertIn("type: " + kind, text)
+            self.good("load_scene", text=text)
+            self.assertEqual(self.good("save_scene").text, text, kind)
+            self.good("remove_constraint", name="j")
+
+    def test_axes_that_cannot_be_are_refused(self):
+        for words, constraint in (
+                (["axis_a", "nan"], self.joint(axis_a=Vector3(math.nan, 0, 1))),
+                (["axis_b", "inf"], self.joint(axis_b=Vector3(0, math.inf, 0))),
+                (["axis_b", "universal"], self.joint("universal")),
+                (["axis_a", "ball"], self.joint("ball", axis_a=Vector3(0, 0, 1)))):
+            self.bad(words, "add_constraint", constraint=constraint)
+        self.bad(["axis_a", "(0, 0, 0)"], "load_scene",
+                 text=HANGING.replace("type: ball", "type: hinge, axis_a: [0, 0, 0]"))
+        # along each other where they are to be at a right angle: told, and then closed
+        answer = self.good("add_constraint", constraint=self.joint(
+            "universal", axis_a=Vector3(0, 0, 1), axis_b=Vector3(0, 0, 1)))
+        self.assertEqual(answer.status_message, "axes 90 degrees off; closes in 0.5 s")
+
     def test_laws_that_cannot_be_are_refused(self):
         for laws, words in (({"stifness": 1.0}, ["keys", "hinge", "'stifness'"]),
                             ({"1/rest": 1.0}, ["keys", "'1/rest'", "1 coordinate"]),

@@ -129,6 +129,24 @@ TEST(Gear, CountsWholeTurns) {
   }
 }
 
+// More than half a turn in one step of runge_kutta, as without a tolerance: the gear is met with
+// all turns counted, and the wheel is where its speed takes it, but for what such steps do to
+// rotations.
+TEST(Gear, CountsTurnsOfLongSteps) {
+  Wheels wheels(2, Method::kRungeKutta, 1.0 / 60.0);
+  WorldOptions chosen = wheels.world.options();
+  chosen.tolerance = 0.0;
+  wheels.world.set_options(chosen);
+  wheels.spin(0, 200.0);
+  wheels.spin(1, -200.0 / std::sqrt(2.0));
+  wheels.gear(0, 1, std::sqrt(2.0));
+  for (int i = 0; i < 60; ++i) {
+    ASSERT_FALSE(wheels.world.step().failed);
+    ASSERT_LE(wheels.world.report().max_constraint_error, 8.0 * kEpsilon * 200.0) << i;
+  }
+  EXPECT_NEAR(wheels.angle(0), 200.0, 0.1);
+}
+
 // A nut of mass m and inertia I that falls along a screw of lead k: m a = −m g + F along it and
 // I a/k = −k F about it. What holds it is told along both coordinates and as the joint's wrench,
 // and breaks it where that is too much.

@@ -344,7 +344,7 @@ void EquationsOfMotion::ask_coupled(std::size_t l, const JointCourse& course, do
 
 double EquationsOfMotion::reading_of(const CoupledRow::Term& term) const {
   const double there = value(term.form, vectors_[term.link - first_general_]);
-  return reading(term.form, there, term.zero, term.position);
+  return reading(term.form, there, term.zero, term.position + (placed_at_ - noted_at_) * term.rate);
 }
 
 double EquationsOfMotion::value_of(const CoupledRow& coupled) const {

@@ -139,6 +139,7 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
   }
 
   tick_start_ = t - since_tick;
+  noted_at_ = t;
   fixed_points_move_ = false;
   for (FixedPoint& point : fixed_points_) {
     point.start = states[at(point.body)];
@@ -365,9 +366,9 @@ void EquationsOfMotion::keep_impulses() {
 void EquationsOfMotion::restore_impulses() {
   impulses_ = kept_impulses_;
   const double* kept = kept_positions_.data();
-  for (SoftCoordinate& soft : softs_) soft.position = *kept++;
-  for (CoupledRow& coupled : coupled_)
-    for (CoupledRow::Term& term : coupled.terms) term.position = *kept++;
+  for (std::size_t s = 0; s < softs_.size(); ++s) set_position(s, *kept++);
+  for (std::size_t c = 0; c < coupled_.size(); ++c)
+    for (std::size_t k = 0; k < 2; ++k) set_position(c, k, *kept++);
 }
 
 bool EquationsOfMotion::count_turns(std::size_t l,
@@ -488,6 +489,7 @@ void EquationsOfMotion::move_with_time(double t) {
 }
 
 void EquationsOfMotion::place(double t, const double* y) {
+  placed_at_ = t;
   place_bodies(y);
   if (fixed_points_move_) place_fixed_points(t);
   place_links();
@@ -638,9 +640,8 @@ void EquationsOfMotion::pull_softs(double* forces) {
     const SoftCoordinate& soft = softs_[s];
     const Link& link = links_[soft.link];
     const JointVectors& vectors = vectors_[soft.link - first_general_];
-    const double q = reading(soft.form, value(soft.form, vectors), soft.zero, soft.position);
     const double force = forces[soft_force(s)] =
-        soft.law.force(q, rate(soft.form, vectors, motions_[soft.link - first_general_]));
+        soft.law.force(reading_of(soft), rate_of(soft.link, soft.form));
     const Jacobian J = jacobian(soft.form, vectors);
     acceleration_[link.a] += inverse_mass_[link.a] * force * J.j1;
     acceleration_[link.b] += inverse_mass_[link.b] * force * J.j3;
@@ -649,14 +650,25 @@ void EquationsOfMotion::pull_softs(double* forces) {
   }
 }
 
-// where coordinates read, that angles go on from
+// where a coordinate reads: angles near to where they go at the rate that was noted
+double EquationsOfMotion::reading_of(const SoftCoordinate& soft) const {
+  const double there = value(soft.form, vectors_[soft.link - first_general_]);
+  return reading(soft.form, there, soft.zero, soft.position + (placed_at_ - noted_at_) * soft.rate);
+}
+
+// where coordinates read and how fast they go, that angles go on from
 void EquationsOfMotion::note_positions() {
   for (SoftCoordinate& soft : softs_) {
-    const JointVectors& vectors = vectors_[soft.link - first_general_];
-    soft.position = reading(soft.form, value(soft.form, vectors), soft.zero, soft.position);
+    soft.position = reading_of(soft);
+    soft.rate = rate_of(soft.link, soft.form);
   }
-  for (CoupledRow& coupled : coupled_)
-    for (CoupledRow::Term& term : coupled.terms) term.position = reading_of(term);
+  for (CoupledRow& coupled : coupled_) {
+    for (CoupledRow::Term& term : coupled.terms) {
+      term.position = reading_of(term);
+      term.rate = rate_of(term.link, term.form);
+    }
+  }
+  noted_at_ = placed_at_;
 }
 
 // C̈_target − γ − G a_free
@@ -785,8 +797,7 @@ void EquationsOfMotion::find_rates() {
   for (const CoupledRow& coupled : coupled_) {
     rate_[coupled.row] = 0.0;
     for (const CoupledRow::Term& term : coupled.terms)
-      rate_[coupled.row] += term.ratio * rate(term.form, vectors_[term.link - first_general_],
-                                              motions_[term.link - first_general_]);
+      rate_[coupled.row] += term.ratio * rate_of(term.link, term.form);
   }
 }
 

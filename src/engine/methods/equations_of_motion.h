@@ -101,6 +101,7 @@ class EquationsOfMotion {
     ScalarForm form;
     SoftLaw law;
     double zero = 0.0, position = 0.0;  ///< as CoordinateState has them; of angles near enough
+    double rate = 0.0;                  ///< then [rad/s], so that angles go on from there
   };
   /// The row Σ ratio q − constant of a joint that couples coordinates of general ones. It acts in
   /// two parts, one a term, each between the two bodies of that joint.
@@ -110,8 +111,8 @@ class EquationsOfMotion {
       int coordinate;  ///< of its joint
       ScalarForm form;
       double ratio;
-      double zero = 0.0, position = 0.0;  ///< as SoftCoordinate has them
-      std::size_t part = 0;               ///< in direction_
+      double zero = 0.0, position = 0.0, rate = 0.0;  ///< as SoftCoordinate has them
+      std::size_t part = 0;                           ///< in direction_
     };
     std::size_t link;  ///< whose it is
     std::size_t row;
@@ -124,6 +125,7 @@ class EquationsOfMotion {
   /// Where a term reads; angles are taken for those nearest to it from then on.
   void set_position(std::size_t coupled, std::size_t term, double position) {
     coupled_[coupled].terms[term].position = position;
+    coupled_[coupled].terms[term].rate = 0.0;
   }
   /// As joints().
   const std::vector<Link>& links() const { return links_; }
@@ -143,7 +145,10 @@ class EquationsOfMotion {
   /// The frame on B of a general joint, where it was at the last move_with_time() or evaluation.
   const MovingFrame& frame_b(std::size_t l) const { return frames_[l - first_general_]; }
   /// Where one reads; angles are taken for those nearest to it from then on.
-  void set_position(std::size_t soft, double position) { softs_[soft].position = position; }
+  void set_position(std::size_t soft, double position) {
+    softs_[soft].position = position;
+    softs_[soft].rate = 0.0;
+  }
   std::size_t points() const { return inverse_mass_.size(); }
   double inverse_mass(std::size_t point) const { return inverse_mass_[point]; }
   const Eigen::Vector3d& inertia(std::size_t turning) const { return inertia_[turning]; }
@@ -382,8 +387,12 @@ class EquationsOfMotion {
   void pull_springs(double* forces);
   void pull_softs(double* forces);
   void note_positions();
-  double value_of(const GeneralRow& row) const;
+  double reading_of(const SoftCoordinate& soft) const;
   double reading_of(const CoupledRow::Term& term) const;
+  double rate_of(std::size_t link, const ScalarForm& form) const {
+    return rate(form, vectors_[link - first_general_], motions_[link - first_general_]);
+  }
+  double value_of(const GeneralRow& row) const;
   double value_of(const CoupledRow& row) const;
   void ask_coupled(std::size_t l, const JointCourse& course, double t);
   void add_coupled_right_hand_side(const Eigen::Vector3d* free, double* b) const;
@@ -494,8 +503,9 @@ class EquationsOfMotion {
   double tick_start_ = 0.0;
   bool fixed_points_move_ = false;
   bool has_jumped_ = false;
-  double fixed_scale_ = 0.0;  // largest coordinate of fixed points, or length [m]
-  double scale_ = 0.0;        // also of bodies: what rounding goes by
+  double placed_at_ = 0.0, noted_at_ = 0.0;  // times of place(), and of positions of coordinates
+  double fixed_scale_ = 0.0;                 // largest coordinate of fixed points, or length [m]
+  double scale_ = 0.0;                       // also of bodies: what rounding goes by
   std::vector<Eigen::Vector3d> load_acceleration_;            // of points
   std::vector<Eigen::Vector3d> load_torque_;                  // of those that turn
   std::vector<std::pair<std::size_t, JointCourse>> courses_;  // of links that change with time

@@ -142,8 +142,9 @@ TreeOfBodies::TreeOfBodies(EquationsOfMotion& equations)
 
 // ---- where all is
 
-[[gnu::flatten]] void TreeOfBodies::place(const double* y) {
+[[gnu::flatten]] void TreeOfBodies::place(double t, const double* y) {
   EquationsOfMotion& e = equations_;
+  e.placed_at_ = t;
   for (std::size_t i = 0; i < e.turning_; ++i) {
     e.position_[i] = Vector3d::Map(y + 3 * i);
     e.orientation_[i] = rotation_matrix(y + e.q_at_ + 4 * i);
@@ -315,7 +316,7 @@ void TreeOfBodies::find_forces(double* by_unknown) {
 void TreeOfBodies::derivative(std::size_t stage, double t, const double* y, double* dydt) {
   if (equations_.varies()) equations_.move_with_time(t);
   if (!is_lost_) {
-    place(y);
+    place(t, y);
     is_lost_ = !factor();
   }
   if (is_lost_) return equations_.derivative(stage, t, y, dydt);
@@ -392,10 +393,8 @@ void TreeOfBodies::pull(TreeNode* node, const SpatialVector& relative, double* f
     Direction& direction = node->directions[k];
     if (direction.soft == TreeNode::kNone) continue;
     const auto& soft = e.softs_[direction.soft];
-    const JointVectors& vectors = e.vectors_[node->link - e.first_general_];
-    const double q = reading(soft.form, value(soft.form, vectors), soft.zero, soft.position);
     const double force = forces[e.soft_force(direction.soft)] =
-        soft.law.force(q, component(direction, relative));
+        soft.law.force(e.reading_of(soft), component(direction, relative));
     direction.force = node->sense * force;
   }
 }
@@ -431,6 +430,20 @@ void TreeOfBodies::pull(TreeNode* node, const SpatialVector& relative, double* f
 Vector3d TreeOfBodies::inertia_times(std::size_t body, const Vector3d& w) const {
   const Matrix3d& R = equations_.orientation_[body];
   return R * equations_.inertia_[body].cwiseProduct(Vector3d(R.transpose() * w));
+}
+
+// as the equations note them
+void TreeOfBodies::note_positions() {
+  EquationsOfMotion& e = equations_;
+  for (const TreeNode& node : nodes_) {
+    for (std::size_t k = 0; k < node.count; ++k) {
+      if (node.directions[k].soft == TreeNode::kNone) continue;
+      auto& soft = e.softs_[node.directions[k].soft];
+      soft.position = e.reading_of(soft);
+      soft.rate = component(node.directions[k], relative_velocity(node));
+    }
+  }
+  e.noted_at_ = e.placed_at_;
 }
 
 // of its rows, from the joint's force and torque on the child
@@ -484,7 +497,10 @@ bool TreeOfBodies::restart(double* y, double* dydt) {
   });
   find_forces(solution);
   for (std::size_t i = 0; i < e.rows_.size(); ++i) e.impulses_[i] += solution[i];
-  if (!e.softs_.empty()) e.note_positions();
+  if (!e.softs_.empty()) {
+    find_spins(y);
+    note_positions();
+  }
   accelerate(0, y, dydt);
   return true;
 }
@@ -494,15 +510,15 @@ bool TreeOfBodies::restart(double* y, double* dydt) {
 bool TreeOfBodies::project(double t, double* y) {
   if (is_lost_) return equations_.project(t, y);
   return equations_.project_by(
-      t, y, [&] { return find_values(y); }, [&] { correct(y); });
+      t, y, [&] { return find_values(t, y); }, [&] { correct(y); });
 }
 
 // places all; returns how far the worst row is off [m]
-double TreeOfBodies::find_values(double* y) {
+double TreeOfBodies::find_values(double t, double* y) {
   EquationsOfMotion& e = equations_;
   for (std::size_t i = 0; i < e.turning_; ++i)
     Eigen::Map<Eigen::Vector4d>(y + e.q_at_ + 4 * i).normalize();
-  place(y);
+  place(t, y);
   double worst = 0.0;
   const auto consider = [&](double error) {
     if (!(error <= worst)) worst = error;  // a NaN stays

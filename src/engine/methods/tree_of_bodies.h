@@ -36,7 +36,7 @@ class TreeOfBodies {
   using Direction = TreeNode::Direction;
 
   // ---- one evaluation
-  void place(const double* y);
+  void place(double t, const double* y);
   void place_joint(TreeNode* node);
   void place_directions(TreeNode* node) const;
   bool factor();
@@ -48,10 +48,11 @@ class TreeOfBodies {
   SpatialVector held(const TreeNode& node, const std::vector<double>& of_rows) const;
   SpatialVector bias_of(const TreeNode& node, const SpatialVector& relative) const;
   void pull(TreeNode* node, const SpatialVector& relative, double* forces) const;
+  void note_positions();
   void write_forces(const TreeNode& node, const SpatialVector& on_child, double* by_unknown) const;
 
   // ---- positions
-  double find_values(double* y);
+  double find_values(double t, double* y);
   Vector3d ball_offset(std::size_t l) const;
   SpatialVector opening(const TreeNode& node) const;
   void correct(double* y);

@@ -86,7 +86,7 @@ void EquationsOfMotion::find_tree() {
       return;
 
   std::vector<char> is_placed(bodies, 0), is_used(links_.size(), 0);
-  const auto place = [&](TreeNode node) {
+  const auto place = [&](const TreeNode& node) {
     is_placed[node.body] = 1;
     tree_.push_back(node);
   };

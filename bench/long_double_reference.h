@@ -26,6 +26,7 @@ class Integrator {
   long left() const { return left_; }  ///< evaluations
   std::vector<Pose>& poses() { return poses_; }
   const std::vector<Pose>& poses() const { return poses_; }
+  const Readings& readings() const { return readings_; }
 
   void advance_to(double end) {
     const auto to = static_cast<Real>(end);

@@ -111,9 +111,10 @@ class Mechanics {
   }
 
   /// Takes those whole turns of angles that meet the couplings best, where an angle has moved by so
-  /// much that its ends do not tell how far.
-  void choose_turns(const std::vector<Pose>& poses, const Readings& before, Readings* now) const {
+  /// much that its ends do not tell how far. False where there are such.
+  bool choose_turns(const std::vector<Pose>& poses, const Readings& before, Readings* now) const {
     constexpr Real kMostCounted = 2;  // [rad]
+    bool are_known = true;
     const Real turn = 2 * std::acos(Real{-1});
     for (std::size_t j = 0; j < now->size(); ++j) {
       if (!couples(scene_.joints[j].kind)) continue;
@@ -123,6 +124,7 @@ class Mechanics {
         if (is_angle(scene_.joints[terms[k].joint], terms[k].which) &&
             std::abs((*now)[j][k] - before[j][k]) > kMostCounted)
           most[k] = 3;
+      are_known = are_known && most[0] == 0 && most[1] == 0;
       const std::array<Real, 2> counted = (*now)[j];
       Real least = std::abs(coupled(j, poses, *now).C);
       for (int first = -most[0]; first <= most[0]; ++first) {
@@ -137,6 +139,7 @@ class Mechanics {
         }
       }
     }
+    return are_known;
   }
 
   /// By how much a joint is off at time t [m]; of limits, beyond them; 0 of springs; of a coupling

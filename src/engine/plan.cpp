@@ -142,7 +142,8 @@ std::string explain(const World& world) {
       << ", spring: " << counts.springs;
   for (const JointKind kind : joint_kinds()) {  // balls always, others where there are any
     const int number = counts.joints[static_cast<std::size_t>(kind)];
-    if (kind == JointKind::kBall || (kind != JointKind::kDistance && number > 0))
+    const RowsForm form = info(kind).form;
+    if (form == RowsForm::kPoint || (form != RowsForm::kDistance && number > 0))
       out << ", " << name(kind) << ": " << number;
   }
   if (counts.rubbing > 0) out << ", friction: " << counts.rubbing;

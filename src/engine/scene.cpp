@@ -188,9 +188,9 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
     keys.insert(keys.end(), kLawKeys.begin(), kLawKeys.end());
     keys.push_back("coordinates");
   }
-  if (has_frames(*kind) || *kind == JointKind::kBall) keys.push_back("break_torque");
+  if (has_frames(*kind) || info(*kind).form == RowsForm::kPoint) keys.push_back("break_torque");
   if (couples_joints(*kind)) keys.insert(keys.end(), {"joints", "ratio"});
-  if (*kind == JointKind::kScrew) keys.push_back("pitch");
+  if (has_pitch(*kind)) keys.push_back("pitch");
   if (couples(*kind)) keys.push_back("value");
   return keys;
 }
@@ -326,12 +326,12 @@ std::string type_of_joint(const YamlElement& item) {
   std::string given = type ? type->word() : "distance";
   const auto free = item.find("free");
   if (given != "distance" || !free || !free->flag()) return given;
-  return name(JointKind::kFreeDistance);
+  return name(free_length());
 }
 
 /// What a gear, a pulley or a screw has beside the keys of all. Joints have to be there already.
 void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
-  if (joint->kind == JointKind::kScrew) joint->pitch = item.at("pitch").number();
+  if (has_pitch(joint->kind)) joint->pitch = item.at("pitch").number();
   if (const auto value = item.find("value")) joint->coupling.value = value->number();
   if (!couples_joints(joint->kind)) return;
   const std::vector<YamlElement> names = item.at("joints").items();
@@ -354,8 +354,8 @@ Joint read_joint(const YamlElement& item, const World& world) {
   YamlElement::Words keys = keys_of_type(item, type);
   keys.insert(keys.end(), {"name", "type", "baumgarte", "break_force", "collide_connected",
                            "enabled", "broken", "state"});
-  const JointKind kind = joint_kind_named(type).value_or(JointKind::kDistance);  // or a shorthand
-  if (kind == JointKind::kFreeDistance) keys.push_back("free");
+  const JointKind kind = joint_kind_named(type).value_or(Joint{}.kind);  // or a shorthand
+  if (is_free_length(kind)) keys.push_back("free");
   if (!couples_joints(kind))
     keys.insert(keys.end(), {"body_a", "anchor_a", "body_b", "anchor_b", "motor"});
   item.expect_keys(keys);
@@ -368,7 +368,7 @@ Joint read_joint(const YamlElement& item, const World& world) {
   joint.body_b = read_body_reference(item, "body_b", world);
   item.read("anchor_b", &joint.anchor_b);
   if (couples(kind)) read_coupling(item, world, &joint);
-  if (joint.kind == JointKind::kDistance) joint.distance = read_distance(item, type, world, joint);
+  if (if_distance(joint) != nullptr) joint.distance = read_distance(item, type, world, joint);
   if (has_frames(joint.kind)) read_frames(item, &joint);
   if (coordinates(joint.kind) > 0)
     read_laws(item, &joint);

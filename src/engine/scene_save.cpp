@@ -278,8 +278,8 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
   };
   *out << YAML::BeginMap;
   write(out, "name", joint.name);
-  const bool is_free = joint.kind == JointKind::kFreeDistance;
-  write(out, "type", name(is_free ? JointKind::kDistance : joint.kind));
+  const bool is_free = is_free_length(joint.kind);
+  write(out, "type", name(is_free ? Joint{}.kind : joint.kind));
   if (is_free) write(out, "free", true);
   if (couples_joints(joint.kind)) {
     *out << YAML::Key << "joints" << YAML::Value << YAML::Flow << YAML::BeginSeq;
@@ -293,7 +293,7 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
     write(out, "body_b", body_name(joint.body_b));
     write(out, "anchor_b", joint.anchor_b);
   }
-  if (joint.kind == JointKind::kScrew) write(out, "pitch", joint.pitch);
+  if (has_pitch(joint.kind)) write(out, "pitch", joint.pitch);
   if (couples(joint.kind)) write(out, "value", state.coupling.constant);
   if (has_frames(joint.kind)) {
     write(out, "frame_a", joint.frame_a.coeffs());

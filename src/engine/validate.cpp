@@ -289,7 +289,7 @@ void validate_distance(const DistanceJoint& joint) {
 void validate_motor(const Joint& joint) {
   const Motor& m = joint.motor;
   validate(m);
-  if (joint.kind == JointKind::kDistance) return;
+  if (if_distance(joint) != nullptr) return;
   if (m.is_moving() || m.max_force != 0.0)
     refuse("motor", "a " + std::string(name(joint.kind)) + " joint has none, got bias " +
                         shortest(m.bias) + ", amplitude " + shortest(m.amplitude) + ", max_force " +
@@ -315,7 +315,7 @@ void validate_coupling(const Joint& joint) {
     if (std::abs(joint.coupling.ratio) < kLeastMagnitude)
       refuse("ratio", "must not be 0, got " + shortest(joint.coupling.ratio));
   }
-  if (joint.kind != JointKind::kScrew) return;
+  if (!has_pitch(joint.kind)) return;
   check_finite("pitch", joint.pitch);
   if (std::abs(joint.pitch) < kLeastMagnitude)
     refuse("pitch", "must not be 0 [m a turn], got " + shortest(joint.pitch));
@@ -343,7 +343,7 @@ void validate(const Joint& joint) {
   if (joint.baumgarte) check_share("baumgarte", *joint.baumgarte);
   check_not_negative("break_force", joint.break_force);
   check_not_negative("break_torque", joint.break_torque);
-  if (joint.kind == JointKind::kDistance && joint.break_torque > 0.0)
+  if (if_distance(joint) != nullptr && joint.break_torque > 0.0)
     refuse("break_torque", "a distance joint has no torque, got " + shortest(joint.break_torque));
 }
 

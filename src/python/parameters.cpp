@@ -320,7 +320,7 @@ namespace {
 /// What a gear, a pulley or a screw has beside the keywords of all.
 void read_coupling(Keywords* reading, const engine::World& world, engine::Joint* joint) {
   reading->read("value", &joint->coupling.value);
-  if (joint->kind == engine::JointKind::kScrew) reading->read("pitch", &joint->pitch);
+  if (engine::has_pitch(joint->kind)) reading->read("pitch", &joint->pitch);
   if (!engine::couples_joints(joint->kind)) return;
   reading->read("ratio", &joint->coupling.ratio);
   const py::object names = reading->find("joints");
@@ -347,7 +347,7 @@ engine::Joint joint_from(const py::dict& keywords, const engine::World& world, b
   joint.body_b = body_named(world, body_b);
   bool is_free = false;
   reading.read("free", &is_free);
-  if (is_free && type == "distance") type = engine::name(engine::JointKind::kFreeDistance);
+  if (is_free && type == "distance") type = engine::name(engine::free_length());
   const std::optional<engine::JointKind> kind = engine::joint_kind_named(type);
   if (!kind)
     throw std::invalid_argument("type: there is no '" + type + "'; there are distance" +
@@ -418,7 +418,7 @@ py::dict joint_dict(const engine::Joint& joint, const engine::World& world, bool
                                     world.joint(joint.coupling.second).name);
     dict["ratio"] = joint.coupling.ratio;
   }
-  if (joint.kind == engine::JointKind::kScrew) dict["pitch"] = joint.pitch;
+  if (engine::has_pitch(joint.kind)) dict["pitch"] = joint.pitch;
   if (engine::couples(joint.kind))
     dict["value"] = world.joint_state(world.find_joint(joint.name)).coupling.constant;
   if (const auto* distance = engine::if_distance(joint)) {

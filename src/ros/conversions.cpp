@@ -248,9 +248,8 @@ engine::JointKind kind_of(const Constraint& msg) {
   const auto free = std::find(msg.keys.begin(), msg.keys.end(), "free");
   const bool is_free = msg.type == "distance" && free != msg.keys.end();
   const auto i = static_cast<std::size_t>(free - msg.keys.begin());
-  if (is_free && i < msg.values.size() && msg.values[i] == 1.0)
-    return engine::JointKind::kFreeDistance;
-  return engine::joint_kind_named(msg.type).value_or(engine::JointKind::kDistance);
+  if (is_free && i < msg.values.size() && msg.values[i] == 1.0) return engine::free_length();
+  return engine::joint_kind_named(msg.type).value_or(engine::Joint{}.kind);
 }
 
 /// With the name and ends that both messages for constraints have.

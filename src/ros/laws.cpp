@@ -135,11 +135,11 @@ void read_laws(const Constraint& msg, engine::Joint* joint) {
              "'" + given + "' must be 1 where there is a motor, got " + std::to_string(value));
     if (i == 0 && name == "break_torque")
       joint->break_torque = value;
-    else if (i == 0 && name == "free" && joint->kind == engine::JointKind::kFreeDistance)
+    else if (i == 0 && name == "free" && engine::is_free_length(joint->kind))
       continue;
-    else if (i == 0 && name == "pitch" && joint->kind == engine::JointKind::kScrew)
+    else if (i == 0 && name == "pitch" && engine::has_pitch(joint->kind))
       joint->pitch = value;
-    else if (i == 0 && name == "value" && joint->kind == engine::JointKind::kScrew)
+    else if (i == 0 && name == "value" && engine::has_pitch(joint->kind))
       joint->coupling.value = value;
     else if (!set_key(joint->coordinates[i], name, value))
       refuse("keys", "constraints of type '" + msg.type + "' have no '" + given + "'");

@@ -184,7 +184,7 @@ Marker Markers::constraint(const engine::World& world, engine::JointId id) const
   }
   const engine::World::Anchors anchors = world.anchors(id);
   marker.points = {to_point(anchors.p_a), to_point(anchors.p_b)};
-  if (engine::if_distance(joint) == nullptr && joint.kind != engine::JointKind::kFreeDistance) {
+  if (engine::if_distance(joint) == nullptr && !engine::is_free_length(joint.kind)) {
     // no length to see: arms from the centres of the bodies instead
     for (const auto& [body, anchor] :
          {std::pair{joint.body_a, anchors.p_a}, std::pair{joint.body_b, anchors.p_b}}) {

@@ -250,11 +250,18 @@ bool has_two_axes(JointKind kind);
 
 /// Whether it couples coordinates of other joints, so that it has no bodies, anchors and axes of
 /// its own.
-inline bool couples_joints(JointKind kind) {
-  return kind == JointKind::kGear || kind == JointKind::kPulley;
-}
-/// Whether it couples any, of other joints or of a screw its own.
-inline bool couples(JointKind kind) { return couples_joints(kind) || kind == JointKind::kScrew; }
+bool couples_joints(JointKind kind);
+/// The same of lengths alone, of joints that are free_length().
+bool couples_lengths(JointKind kind);
+/// Whether it couples its own two coordinates by a pitch.
+bool has_pitch(JointKind kind);
+/// Whether it couples any coordinates, of other joints or its own.
+bool couples(JointKind kind);
+
+/// Whether its one coordinate is the length ‖d‖, and nothing is held.
+bool is_free_length(JointKind kind);
+/// That kind: `distance` with `free: true` in scene files.
+JointKind free_length();
 
 /// All kinds.
 const std::array<JointKind, kJointKindCount>& joint_kinds();

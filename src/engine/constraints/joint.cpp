@@ -275,7 +275,7 @@ void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState&
 
 // of a screw, from its coordinates
 void read_own_coupling(const Joint& joint, JointState& state) {
-  if (joint.kind != JointKind::kScrew) return;
+  if (!has_pitch(joint.kind)) return;
   const CoordinateState &along = state.coordinates[0], &about = state.coordinates[1];
   state.coupling.value = along.position - lead(joint) * about.position;
   state.coupling.rate = along.velocity - lead(joint) * about.velocity;
@@ -285,7 +285,7 @@ void read_own_coupling(const Joint& joint, JointState& state) {
 void measure_coupling(const Joint& joint, JointState& state) {
   read_own_coupling(joint, state);
   const double off = state.coupling.value - state.coupling.constant;
-  if (joint.kind != JointKind::kScrew) state.reached_rate = state.coupling.rate;
+  if (!has_pitch(joint.kind)) state.reached_rate = state.coupling.rate;
   if (std::abs(off) <= state.error) return;
   state.error = std::abs(off);
   state.error_rate = std::copysign(1.0, off) * state.coupling.rate;
@@ -293,7 +293,7 @@ void measure_coupling(const Joint& joint, JointState& state) {
 
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
                    const Passed& passed, const MovingFrame& frame, JointState& state) {
-  if (joint.kind == JointKind::kDistance) return measure_distance(joint, a, b, zeta, state);
+  if (if_distance(joint) != nullptr) return measure_distance(joint, a, b, zeta, state);
   measure_table_rows(joint, a, b, passed, frame, state);
   if (couples(joint.kind)) measure_coupling(joint, state);
 }
@@ -302,7 +302,7 @@ void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, d
 RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
                      const JointState& state) {
   RowVector errors = RowVector::Zero();
-  if (joint.kind == JointKind::kDistance) {
+  if (if_distance(joint) != nullptr) {
     errors[0] = state.error;
     return errors;
   }
@@ -355,7 +355,7 @@ void note_force(const Joint& joint, const RowVector& impulse, double h, JointSta
 
 // a screw's row acts along coordinates of its own
 void add_own_coupling(const Joint& joint, double impulse, RowVector* done) {
-  if (joint.kind != JointKind::kScrew) return;
+  if (!has_pitch(joint.kind)) return;
   const int along = info(joint.kind).rows;
   (*done)[along] += impulse;
   (*done)[along + 1] -= lead(joint) * impulse;
@@ -413,7 +413,7 @@ bool is_closed(const JointState& state, const JointStep& step) {
 // what is left to do once it is known what the rows have done
 void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
             double zeta, const RowVector& impulse, JointState& state) {
-  const bool is_distance = joint.kind == JointKind::kDistance;
+  const bool is_distance = if_distance(joint) != nullptr;
   const Passed passed{step.h, step.counted};
   if (is_distance)
     measure_distance(joint, a, b, zeta, state);
@@ -441,7 +441,7 @@ void forget_impulses(JointState* state) {
 void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                    const JointStep& step, JointState& state, std::vector<Row>* rows) {
   const std::size_t first = rows->size();
-  const bool is_distance = joint.kind == JointKind::kDistance;
+  const bool is_distance = if_distance(joint) != nullptr;
   const JointKindInfo& kind = info(joint.kind);
   rows->resize(first +
                at(is_distance ? kMaxDistanceRows : kind.rows + kMaxLawRows * kind.coordinates));
@@ -462,7 +462,7 @@ void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
 void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
                      const JointStep& step, const JointState& state, const Row* rows, int count,
                      Jacobian* J) {
-  if (joint.kind == JointKind::kDistance) {
+  if (if_distance(joint) != nullptr) {
     const AnchorPair anchors(joint, a, b);
     std::fill(J, J + count, anchors.along(direction(anchors)));
     return;
@@ -518,7 +518,7 @@ double spring_stretch(const Joint& joint, const JointState& state, const Row& ro
 
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
                 const Row* rows, int count, JointState& state) {
-  if (joint.kind == JointKind::kDistance) {
+  if (if_distance(joint) != nullptr) {
     settle(joint.distance, joint, AnchorPair(joint, a, b), step, rows, count, state);
     return finish(joint, a, b, step, state.bias, state.impulse, state);
   }
@@ -693,7 +693,7 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
           const JointState& state) {
   if (!state.closing) return std::abs(state.error) <= kFits;
   const double share = closing_course(step.t - state.closing_since, step.closing_time).value;
-  if (joint.kind == JointKind::kDistance)
+  if (if_distance(joint) != nullptr)
     return std::abs(state.error - share * state.initial_error) <= kFits;
   const JointKindInfo& kind = info(joint.kind);
   const double coupling = state.coupling.value - state.coupling.constant;
@@ -728,7 +728,7 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
 }
 
 void finish_span(const Joint& joint, const JointStep& span, JointState& state) {
-  if (joint.kind == JointKind::kDistance) {
+  if (if_distance(joint) != nullptr) {
     state.travel += state.bias * span.h;
     return;
   }
@@ -740,7 +740,7 @@ void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& 
                        JointState& state) {
   state.impulse = impulse;
   RowVector done = impulse;
-  if (joint.kind == JointKind::kDistance) {
+  if (if_distance(joint) != nullptr) {
     state.force = impulse[0] / step.h;
   } else {
     add_own_coupling(joint, state.coupling.impulse, &done);

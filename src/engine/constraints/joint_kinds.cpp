@@ -33,8 +33,10 @@ constexpr bool is_axis(VectorRef u) {
 }
 
 constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> rows,
-                             Alignment alignment, std::initializer_list<ScalarForm> coordinates) {
+                             Alignment alignment, std::initializer_list<ScalarForm> coordinates,
+                             Couples couples = Couples::kNothing) {
   JointKindInfo made;
+  made.couples = couples;
   made.name = name;
   made.alignment = alignment;
   for (const RowForm& row : rows) {
@@ -68,9 +70,9 @@ constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
     kind("point_on_line", {{xA, d}, {yA, d}}, Alignment::kFree, {along_z}),
     kind("point_on_plane", {{zA, d}}, Alignment::kFree, {along_x, along_y}),
     kind("free_distance", {}, Alignment::kFree, {length}),
-    kind("gear", {}, Alignment::kFree, {}),
-    kind("pulley", {}, Alignment::kFree, {}),
-    kind("screw", {{xA, d}, {yA, d}, {zA, xB}, {zA, yB}}, Alignment::kParallelZ, {along_z, angle}),
+    kind("gear", {}, Alignment::kFree, {}, Couples::kJoints),
+    kind("pulley", {}, Alignment::kFree, {}, Couples::kLengths),
+    kind("screw", {{xA, d}, {yA, d}, {zA, xB}, {zA, yB}}, Alignment::kParallelZ, {along_z, angle}, Couples::kOwn),
 }};
 // clang-format on
 
@@ -106,6 +108,20 @@ int coordinates(JointKind kind) { return info(kind).coordinates; }
 bool is_angle(JointKind kind, int coordinate) {
   return info(kind).coordinate[static_cast<std::size_t>(coordinate)].is_angle;
 }
+
+bool couples_joints(JointKind kind) {
+  return info(kind).couples == Couples::kJoints || couples_lengths(kind);
+}
+
+bool couples_lengths(JointKind kind) { return info(kind).couples == Couples::kLengths; }
+
+bool has_pitch(JointKind kind) { return info(kind).couples == Couples::kOwn; }
+
+bool couples(JointKind kind) { return info(kind).couples != Couples::kNothing; }
+
+bool is_free_length(JointKind kind) { return info(kind).coordinate[0].is_length; }
+
+JointKind free_length() { return JointKind::kFreeDistance; }
 
 bool has_two_axes(JointKind kind) { return info(kind).alignment == Alignment::kPerpendicularZ; }
 

@@ -23,6 +23,14 @@ enum class RowsForm : std::uint8_t {
   kGeneral,
 };
 
+/// Which coordinates a joint couples, in one row.
+enum class Couples : std::uint8_t {
+  kNothing,
+  kJoints,   ///< the first ones of two other joints
+  kLengths,  ///< the same of joints whose coordinate is a length
+  kOwn,      ///< its own two, by a pitch
+};
+
 struct JointKindInfo {
   const char* name = "";  ///< as in scene files
   int rows = 0;           ///< of the next, first those with d
@@ -30,6 +38,7 @@ struct JointKindInfo {
   int separation_rows = 0;  ///< so many of them have d
   RowsForm form = RowsForm::kGeneral;
   Alignment alignment = Alignment::kFree;
+  Couples couples = Couples::kNothing;
   bool has_frames = false;                               ///< whether any row has an axis of A or B
   int coordinates = 0;                                   ///< that are free and can have laws
   std::array<ScalarForm, kMaxCoordinates> coordinate{};  ///< those
@@ -39,6 +48,9 @@ struct JointKindInfo {
 /// Of kDistance: one row ½(d·d − ℓ²), or what its settings make of it; its length has laws of its
 /// own.
 const JointKindInfo& info(JointKind kind);
+
+/// What a rod of length zero is.
+inline constexpr JointKind kKindOfLengthZero = JointKind::kBall;
 
 /// Frame B where it has to be, as seen from frame A: the identity, but of kPerpendicularZ.
 Eigen::Quaterniond home(Alignment alignment);

@@ -49,7 +49,7 @@ bool any_coordinate(const Joint& joint, Holds holds) {
 template <class State, class Visit>
 void visit_motors(const Joint& joint, State& state, Visit visit) {
   const auto count = static_cast<std::size_t>(info(joint.kind).coordinates);
-  if (joint.kind == JointKind::kDistance) visit(joint.motor, state.expires_at);
+  if (if_distance(joint) != nullptr) visit(joint.motor, state.expires_at);
   for (std::size_t i = 0; i < count; ++i)
     if (const auto& motor = joint.coordinates[i].motor)
       visit(static_cast<const Motor&>(*motor), state.coordinates[i].expires_at);

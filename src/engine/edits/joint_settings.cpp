@@ -133,7 +133,7 @@ void World::set_joint(JointId id, const Joint& joint) {
   }
   validate(changed);
   if (changed.enabled != before.enabled) impl_->check_coupled_act(j, changed.enabled);
-  const bool is_distance = joint.kind == JointKind::kDistance;
+  const bool is_distance = if_distance(joint) != nullptr;
   if (is_distance) {
     impl_->fill_in(changed);
     if (changed.kind != joint.kind)

@@ -102,12 +102,12 @@ void World::Impl::check_coupling(const Joint& joint, bool broken) const {
   const Coupling& coupling = joint.coupling;
   const auto check = [&](JointId id) {
     const Joint& of = joints[index(id)];
-    const bool fits = joint.kind == JointKind::kPulley ? of.kind == JointKind::kFreeDistance
-                                                       : coordinates(of.kind) > 0;
+    const bool fits =
+        couples_lengths(joint.kind) ? is_free_length(of.kind) : coordinates(of.kind) > 0;
     if (!fits)
       refuse("joints", quoted(of.name) + " is of type " + name(of.kind) + ", a " +
                            name(joint.kind) +
-                           (joint.kind == JointKind::kPulley
+                           (couples_lengths(joint.kind)
                                 ? " joins distance constraints with free: true"
                                 : " joins constraints with a free coordinate, such as hinges"));
     if (!broken && joint_states[index(id)].broken) refuse("joints", quoted(of.name) + " is broken");
@@ -166,7 +166,7 @@ void World::Impl::fill_in(Joint& joint) const {
     distance->length = present <= kCoincident * size ? 0.0 : present;
   }
   if (distance->length == 0.0 && !distance->is_soft()) {
-    joint.kind = JointKind::kBall;
+    joint.kind = kKindOfLengthZero;
     joint.distance = DistanceJoint{};
   } else if (distance->frequency > 0.0) {
     const Jacobian J = anchors.along(direction(anchors));
@@ -254,7 +254,7 @@ double World::Impl::inverse_effective_mass(const Joint& joint, int coordinate) c
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, states[a], states[b]);
   using Row = Eigen::Matrix<double, 1, 12>;
-  const int rows = kind.rows + (joint.kind == JointKind::kScrew ? 1 : 0);
+  const int rows = kind.rows + (has_pitch(joint.kind) ? 1 : 0);
   Eigen::Matrix<double, Eigen::Dynamic, 12> G(rows + 1, 12);  // times the root of M⁻¹
   for (int k = 0; k <= rows; ++k) {
     const int function = k < rows ? k : kind.rows + coordinate;
@@ -443,7 +443,7 @@ World::JointWrench World::joint_wrench(JointId id) const {
                              ", which couples others and has no wrench of its own");
   const JointState& state = joint_state(id);
   const BodyState &a = this->state(joint.body_a), &b = this->state(joint.body_b);
-  if (joint.kind == JointKind::kDistance)
+  if (if_distance(joint) != nullptr)
     return {b.orientation.conjugate() * (state.force * direction(AnchorPair(joint, a, b))),
             Vector3d::Zero()};
   const double h = options().time_step;
@@ -509,7 +509,7 @@ void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, 
 void World::Impl::shift_couplings(std::size_t j, int coordinate, double change) {
   if (change == 0.0) return;
   std::vector<std::size_t> affected = couplings_of(j);
-  if (joints[j].kind == JointKind::kScrew) affected.push_back(j);
+  if (has_pitch(joints[j].kind)) affected.push_back(j);
   for (const std::size_t coupling : affected)
     for (const CoupledTerm& term : terms_of(coupling))
       if (term.joint == j && term.coordinate == coordinate) {

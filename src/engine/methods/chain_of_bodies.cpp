@@ -96,15 +96,16 @@ void EquationsOfMotion::mirror_chain() {
 
 ChainOfBodies::ChainOfBodies(EquationsOfMotion& equations)
     : equations_(equations),
-      pairs_(equations.pairs_.data()),
-      joints_(equations.links_.size()),
+      view_(equations.kernel_view()),
+      pairs_(view_.pairs),
+      joints_(equations.links().size()),
       middle_(joints_ / 2),
-      position_(equations.position_.data()),
-      velocity_(equations.velocity_.data()),
-      free_(equations.load_acceleration_.data()) {
-  const auto& front = equations.links_.front();
-  const auto& back = equations.links_.back();
-  const std::size_t bodies = equations.bodies_.size();
+      position_(view_.position),
+      velocity_(view_.velocity),
+      free_(view_.load_acceleration) {
+  const auto& front = equations.links().front();
+  const auto& back = equations.links().back();
+  const std::size_t bodies = equations.bodies().size();
   first_ = std::max(front.a, front.b);
   last_ = std::max(back.a, back.b);
   before_ = first_ < bodies ? 0 : 1;
@@ -134,7 +135,7 @@ inline Lanes3 ChainOfBodies::read_turning(std::size_t e, const double* of_bodies
 inline ChainOfBodies::Quaternions ChainOfBodies::read_rotation(std::size_t e,
                                                                const double* y) const {
   static constexpr std::array<double, 4> kNone = {0.0, 0.0, 0.0, 1.0};
-  const auto [a, b] = locate(e, y + equations_.q_at_, 4, kNone.data(), kNone.data());
+  const auto [a, b] = locate(e, y + view_.q_at, 4, kNone.data(), kNone.data());
   return {Lanes(a[3], b[3]), Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
 }
 
@@ -149,17 +150,17 @@ void ChainOfBodies::write(std::size_t e, const Vector& value, double* of_bodies)
     for (std::size_t k = 0; k < kSize; ++k) a[k] = value[static_cast<Eigen::Index>(k)].first();
 }
 
-inline Lanes3 ChainOfBodies::read_rows(std::size_t e, const std::vector<double>& of_rows) const {
+inline Lanes3 ChainOfBodies::read_rows(std::size_t e, const double* of_rows) const {
   const auto [i, j] = pairs_[e].joints;
-  return pairs_[e].sense * gather({of_rows.data() + 3 * i, of_rows.data() + 3 * j});
+  return pairs_[e].sense * gather({of_rows + 3 * i, of_rows + 3 * j});
 }
 
 void ChainOfBodies::write_forces(double* by_unknown) const {
   for (std::size_t e = 0; e <= middle_; ++e) {
     const ChainPair& pair = pairs_[e];
     const Lanes3 force = pair.sense * pair.solution;
-    const auto* const a = equations_.rows_.data() + 3 * pair.joints[0];
-    const auto* const b = equations_.rows_.data() + 3 * pair.joints[1];
+    const auto* const a = view_.rows + 3 * pair.joints[0];
+    const auto* const b = view_.rows + 3 * pair.joints[1];
     for (std::size_t k = 0; k < 3; ++k) {
       by_unknown[a[k].unknown] = force[static_cast<Eigen::Index>(k)].first();
       by_unknown[b[k].unknown] = force[static_cast<Eigen::Index>(k)].second();
@@ -178,27 +179,27 @@ void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, dou
 
 // flat, since calls would take a third of its time
 [[gnu::flatten]] bool ChainOfBodies::accelerate(std::size_t stage, const double* y, double* dydt) {
-  const double* const v = y + equations_.v_at_;
-  const double* const L = y + equations_.L_at_;
-  double* const v_dot = dydt + equations_.v_at_;
-  double* const L_dot = dydt + equations_.L_at_;
-  const double* const torques = equations_.load_torque_.front().data();
+  const double* const v = y + view_.v_at;
+  const double* const L = y + view_.L_at;
+  double* const v_dot = dydt + view_.v_at;
+  double* const L_dot = dydt + view_.L_at;
+  const double* const torques = view_.load_torque->data();
   const auto find_motion = [&](std::size_t e, const Quaternions& q, const Lanes33& I_inverse) {
     const Lanes3 momentum = read_turning(e, L);
     const Lanes3 w = I_inverse * momentum;
     const Lanes3 spun = I_inverse * (read_turning(e, torques) + momentum.cross(w));
-    write(e, quaternion_rate(w, q), dydt + equations_.q_at_);
+    write(e, quaternion_rate(w, q), dydt + view_.q_at);
     const Lanes3 free = read(e, free_->data(), free_);
     return
         [=](const Lanes3& arm) -> Lanes3 { return free + spun.cross(arm) + w.cross(w.cross(arm)); };
   };
-  if (!factor(y, equations_.acceleration_target_, find_motion)) return false;
+  if (!factor(y, view_.acceleration_target, find_motion)) return false;
   substitute([&](std::size_t e, const Lanes3& force, const Lanes3& torque) {
     write(e, read(e, v, velocity_), dydt);
     write(e, Lanes3(read(e, free_->data(), free_) + pairs_[e].inverse_mass * force), v_dot);
     write(e, Lanes3(read_turning(e, torques) + torque), L_dot);
   });
-  write_forces(equations_.stage_forces_.data() + stage * equations_.impulses_.size());
+  write_forces(view_.stage_forces + stage * view_.unknowns);
   return true;
 }
 
@@ -213,22 +214,22 @@ bool ChainOfBodies::project(double t, double* y) {
 }
 
 bool ChainOfBodies::restart(double* y, double* dydt) {
-  double* const v = y + equations_.v_at_;
-  double* const L = y + equations_.L_at_;
+  double* const v = y + view_.v_at;
+  double* const L = y + view_.L_at;
   const auto find_motion = [&](std::size_t e, const Quaternions&, const Lanes33& I_inverse) {
     const Lanes3 w = I_inverse * read_turning(e, L);
     const Lanes3 velocity = read(e, v, velocity_);
     return [=](const Lanes3& arm) -> Lanes3 { return velocity + w.cross(arm); };
   };
-  depends_ = !factor(y, equations_.rate_target_, find_motion);
+  depends_ = !factor(y, view_.rate_target, find_motion);
   if (depends_) return equations_.restart(y, dydt);
   substitute([&](std::size_t e, const Lanes3& force, const Lanes3& torque) {
     write(e, Lanes3(read(e, v, velocity_) + pairs_[e].inverse_mass * force), v);
     write(e, Lanes3(read_turning(e, L) + torque), L);
   });
-  double* const solution = equations_.solution_.data();
+  double* const solution = view_.solution;
   write_forces(solution);
-  for (std::size_t i = 0; i < equations_.rows_.size(); ++i) equations_.impulses_[i] += solution[i];
+  for (std::size_t i = 0; i < view_.row_count; ++i) view_.impulses[i] += solution[i];
   return accelerate(0, y, dydt);
 }
 
@@ -236,12 +237,12 @@ bool ChainOfBodies::restart(double* y, double* dydt) {
 
 // −C, and arms; returns how far the worst is off [m]
 double ChainOfBodies::find_values(double* y) {
-  for (std::size_t i = 0; i < equations_.bodies_.size(); ++i)
-    Eigen::Map<Eigen::Vector4d>(y + equations_.q_at_ + 4 * i).normalize();
-  std::vector<double>& asked = equations_.value_;
-  std::fill(asked.begin(), asked.end(), 0.0);
-  for (const auto& [l, course] : equations_.courses_)
-    Vector3d::Map(asked.data() + 3 * l) = equations_.length_[l].value * course.offset().head<3>();
+  for (std::size_t i = 0; i < equations_.bodies().size(); ++i)
+    Eigen::Map<Eigen::Vector4d>(y + view_.q_at + 4 * i).normalize();
+  double* const asked = view_.value;
+  std::fill_n(asked, view_.row_count, 0.0);
+  for (const auto& [l, course] : view_.courses)
+    Vector3d::Map(asked + 3 * l) = view_.lengths[l].value * course.offset().head<3>();
   double worst = 0.0;
   const auto set_value = [&](std::size_t e, const Lanes3& d) {
     ChainPair& pair = pairs_[e];
@@ -276,7 +277,7 @@ void ChainOfBodies::push(double* y) {
     const Lanes3 turn = R * pairs_[e].inverse_inertia.cwiseProduct(Lanes3(R.transpose() * torque));
     write(e, Lanes3(read(e, y, position_) + pairs_[e].inverse_mass * force), y);
     const Eigen::Matrix<Lanes, 4, 1> turned = q.coeffs() + quaternion_rate(turn, q);
-    write(e, turned, y + equations_.q_at_);
+    write(e, turned, y + view_.q_at);
   });
 }
 
@@ -284,8 +285,7 @@ void ChainOfBodies::push(double* y) {
 
 // A and its factors, and the right-hand side: the target less what the joint's ends do
 template <class FindMotion>
-bool ChainOfBodies::factor(const double* y, const std::vector<double>& target,
-                           const FindMotion& find_motion) {
+bool ChainOfBodies::factor(const double* y, const double* target, const FindMotion& find_motion) {
   // A joint's share of the body on its outer side, with all that is eliminated there.
   struct Side {
     Lanes33 K = Lanes33::Constant(0.0);

@@ -16,28 +16,13 @@ namespace constraint_sim::engine {
 class ChainOfRods {
  public:
   explicit ChainOfRods(EquationsOfMotion& equations)
-      : equations_(equations),
-        rods_(equations.links_.size()),
-        bodies_(equations.bodies_.size()),
-        v_at_(equations.v_at_),
-        first_(equations.links_.front().a),
-        last_(equations.links_.back().b),
-        starts_with_body_(first_ < bodies_),
-        ends_with_body_(last_ < bodies_),
-        rows_(equations.rows_.data()),
-        lengths_(equations.length_.data()),
-        position_(equations.position_.data()),
-        velocity_(equations.velocity_.data()),
-        free_(equations.load_acceleration_.data()),
-        inverse_mass_(equations.inverse_mass_.data()),
-        direction_(equations.direction_.data()),
-        solution_(equations.solution_.data()) {}
+      : ChainOfRods(equations, equations.kernel_view()) {}
 
   std::size_t size() const { return equations_.size(); }
 
   void derivative(std::size_t stage, double t, const double* y, double* dydt) {
     if (equations_.varies()) equations_.move_with_time(t);
-    const double* const target = equations_.acceleration_target_.data();
+    const double* const target = acceleration_target_;
     set_up(y, [=](std::size_t l, const Vector3d& d, const Vector3d& d_dot, const Vector3d& free) {
       return target[l] - d.dot(free) - d_dot.squaredNorm();
     });
@@ -55,7 +40,7 @@ class ChainOfRods {
     return equations_.project_by(
         t, y, [&] { return find_values(y); },
         [&] {
-          equations_.tridiagonal_.solve(solution_);
+          tridiagonal_.solve(solution_);
           push(y);
         });
   }
@@ -67,16 +52,16 @@ class ChainOfRods {
 
   bool restart(double* y, double* dydt) {
     depends_ = false;
-    const double* const rate = equations_.rate_target_.data();
+    const double* const rate = rate_target_;
     set_up(y, [=](std::size_t l, const Vector3d& d, const Vector3d& d_dot, const Vector3d&) {
       return rate[l] - d.dot(d_dot);
     });
     if (!factor_and_solve()) return equations_.restart(y, dydt);
     push(y + v_at_);
     for (std::size_t l = 0; l < rods_; ++l)
-      equations_.impulses_[rows_[l].unknown] += solution_[l] * lengths_[l].value;
+      impulses_[rows_[l].unknown] += solution_[l] * lengths_[l].value;
 
-    const double* const target = equations_.acceleration_target_.data();
+    const double* const target = acceleration_target_;
     Along v = velocities(y);
     Along free = falls();
     for (std::size_t l = 0; l < rods_; ++l) {
@@ -84,7 +69,7 @@ class ChainOfRods {
       solution_[l] =
           target[l] - direction_[l].dot(free.step(is_last)) - v.step(is_last).squaredNorm();
     }
-    equations_.tridiagonal_.solve(solution_);
+    tridiagonal_.solve(solution_);
     write_rates(0, y, dydt);
     return true;
   }
@@ -95,6 +80,30 @@ class ChainOfRods {
   }
 
  private:
+  ChainOfRods(EquationsOfMotion& equations, const EquationsOfMotion::KernelView& view)
+      : equations_(equations),
+        rods_(equations.links().size()),
+        bodies_(equations.bodies().size()),
+        v_at_(view.v_at),
+        first_(equations.links().front().a),
+        last_(equations.links().back().b),
+        starts_with_body_(first_ < bodies_),
+        ends_with_body_(last_ < bodies_),
+        rows_(view.rows),
+        lengths_(view.lengths),
+        position_(view.position),
+        velocity_(view.velocity),
+        free_(view.load_acceleration),
+        inverse_mass_(view.inverse_mass),
+        direction_(view.direction),
+        solution_(view.solution),
+        rate_target_(view.rate_target),
+        acceleration_target_(view.acceleration_target),
+        impulses_(view.impulses),
+        stage_forces_(view.stage_forces),
+        unknowns_(view.unknowns),
+        tridiagonal_(*view.tridiagonal) {}
+
   using Vector3d = Eigen::Vector3d;
   using ConstVector = Eigen::Map<const Vector3d>;
   using Vector = Eigen::Map<Vector3d>;
@@ -131,8 +140,8 @@ class ChainOfRods {
     Along x = positions(y);
     Along v = velocities(y);
     Along free = falls();
-    double* const diagonal = equations_.tridiagonal_.diagonal();
-    double* const off_diagonal = equations_.tridiagonal_.off_diagonal();
+    double* const diagonal = tridiagonal_.diagonal();
+    double* const off_diagonal = tridiagonal_.off_diagonal();
     for (std::size_t l = 0; l < rods_; ++l) {
       const bool is_last = l + 1 == rods_;
       const Vector3d d = x.step(is_last);
@@ -146,7 +155,7 @@ class ChainOfRods {
   }
 
   bool factor_and_solve() {
-    return equations_.tridiagonal_.factor_and_solve(EquationsOfMotion::kLeastPivot, solution_);
+    return tridiagonal_.factor_and_solve(EquationsOfMotion::kLeastPivot, solution_);
   }
 
   // −C, and d; returns how far the worst is off [m]
@@ -178,7 +187,7 @@ class ChainOfRods {
       Vector(dydt + 3 * i) = ConstVector(v + 3 * i);
       Vector(v_dot + 3 * i) = free_[i] + inverse_mass_[i] * pull;
     });
-    double* const forces = equations_.stage_forces_.data() + stage * equations_.impulses_.size();
+    double* const forces = stage_forces_ + stage * unknowns_;
     for (std::size_t l = 0; l < rods_; ++l)
       forces[rows_[l].unknown] = solution_[l] * lengths_[l].value;
   }
@@ -207,7 +216,11 @@ class ChainOfRods {
   const double* inverse_mass_;                    // of points
   Vector3d* direction_;                           // d of rods
   double* solution_;                              // of rods
-  bool depends_ = false;                          // some rows did, since the last restart
+  const double *rate_target_, *acceleration_target_;
+  double *impulses_, *stage_forces_;  // by unknown
+  std::size_t unknowns_;
+  TridiagonalLdlt& tridiagonal_;
+  bool depends_ = false;  // some rows did, since the last restart
 };
 
 }  // namespace constraint_sim::engine

@@ -85,7 +85,7 @@ class EquationsOfMotion {
     Eigen::Vector3d anchor_a, anchor_b;
     bool has_arms;  ///< either end turns
     double stiffness = 0.0, damping = 0.0;
-    JointKind kind = JointKind::kDistance;
+    JointKind kind{};
     std::size_t first_row = 0;  ///< of general ones
     /// Its rigid rows, among the rows and coordinates of its kind.
     int rows = 1;
@@ -283,12 +283,6 @@ class EquationsOfMotion {
   double rounding() const;
   double squared_size_of(const double* dy, double h) const;
 
- private:
-  friend class ChainOfBodies;
-  friend class ChainOfRods;
-  friend class PointOnRod;
-  friend class TreeOfBodies;
-
   /// One scalar equation; `turn_a`, `turn_b` into turns_, -1 where the end does not turn.
   struct Row {
     std::size_t a, b;
@@ -297,6 +291,78 @@ class EquationsOfMotion {
     SparseLdlt::Slot diagonal = 0;
     int turn_a = -1, turn_b = -1;
   };
+
+  // ---- for kernels, which are the same System for one common shape of islands
+
+  /// What a kernel shares with these equations in a span: where the numbers stand.
+  struct KernelView {
+    const Row* rows;
+    std::size_t row_count;
+    std::size_t v_at, q_at, L_at;                // in a state, where x is at 0
+    const Course* lengths;                       // of links
+    const Eigen::Vector3d *position, *velocity;  // of points
+    const Eigen::Vector3d *load_acceleration, *load_torque;
+    const double* inverse_mass;                                       // of points
+    Eigen::Vector3d* direction;                                       // d of rods
+    double* value;                                                    // of rows
+    const double *rate_target, *acceleration_target;                  // of rows
+    const std::vector<std::pair<std::size_t, JointCourse>>& courses;  // of links that change
+    double* solution;                                                 // by unknown
+    double *impulses, *stage_forces;  // by unknown; these stage by stage
+    std::size_t unknowns;
+    double scale;  // what rounding goes by [m]
+    TridiagonalLdlt* tridiagonal;
+    ChainPair* pairs;
+  };
+  KernelView kernel_view() {
+    return {rows_.data(),
+            rows_.size(),
+            v_at_,
+            q_at_,
+            L_at_,
+            length_.data(),
+            position_.data(),
+            velocity_.data(),
+            load_acceleration_.data(),
+            load_torque_.data(),
+            inverse_mass_.data(),
+            direction_.data(),
+            value_.data(),
+            rate_target_.data(),
+            acceleration_target_.data(),
+            courses_,
+            solution_.data(),
+            impulses_.data(),
+            stage_forces_.data(),
+            impulses_.size(),
+            scale_,
+            &tridiagonal_,
+            pairs_.data()};
+  }
+  /// A kernel leaves its factors to the equations where a pivot falls below this share of its
+  /// entry.
+  static constexpr double kLeastPivot = 1e-8;
+
+  /// project() of a kernel, with factors of its own: `find_values` returns how far the worst row is
+  /// off at y, `correct` makes one of Newton's steps. Where these do not do, the equations do.
+  template <class FindValues, class Correct>
+  bool project_by(double t, double* y, FindValues find_values, Correct correct) {
+    if (varies()) move_with_time(t);
+    double error = find_values();
+    const double rounding = std::numeric_limits<double>::epsilon() * std::max(scale_, error);
+    while (!(error <= rounding)) {
+      correct();
+      const double before = error;
+      error = find_values();
+      if (error <= 0.5 * before) continue;
+      return error <= 16.0 * rounding || project(t, y);
+    }
+    return true;
+  }
+
+ private:
+  friend class TreeOfBodies;
+
   /// Where a row or part turns a body.
   struct Turn {
     std::size_t body, row, unknown;
@@ -333,9 +399,6 @@ class EquationsOfMotion {
     Eigen::Vector3d anchor_acceleration = Eigen::Vector3d::Zero();
   };
   using Ends = std::vector<std::pair<std::size_t, std::size_t>>;
-
-  // A kernel leaves its factors to the equations where a pivot falls below this share of its entry.
-  static constexpr double kLeastPivot = 1e-8;
 
   // ---- what is compiled
   void find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
@@ -401,23 +464,6 @@ class EquationsOfMotion {
   }
   void find_right_hand_side(const Eigen::Vector3d* free, double* b) const;
   void weigh_by_length(double* lambda) const;
-
-  /// project() of a kernel, with factors of its own: `find_values` returns how far the worst row is
-  /// off at y, `correct` makes one of Newton's steps. Where these do not do, the equations do.
-  template <class FindValues, class Correct>
-  bool project_by(double t, double* y, FindValues find_values, Correct correct) {
-    if (varies()) move_with_time(t);
-    double error = find_values();
-    const double rounding = std::numeric_limits<double>::epsilon() * std::max(scale_, error);
-    while (!(error <= rounding)) {
-      correct();
-      const double before = error;
-      error = find_values();
-      if (error <= 0.5 * before) continue;
-      return error <= 16.0 * rounding || project(t, y);
-    }
-    return true;
-  }
 
   bool rates_jump(const std::vector<JointCourse>& courses) const;
   double largest_coordinate(const double* y) const;

@@ -121,7 +121,7 @@ class ImplicitStep {
     int rows = 1;
     std::size_t slot = 0;  // first of its slots
     bool is_between_points = false;
-    JointKind joint = JointKind::kDistance;
+    JointKind joint{};
     std::array<Eigen::Matrix3d, 2> frames;               // of a general one, in its bodies
     double radius = 0.0;                                 // of a general one [m]
     std::array<std::uint8_t, kMaxJointRows> function{};  // of its rows, soft ones last

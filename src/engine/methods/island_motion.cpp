@@ -7,27 +7,30 @@ namespace constraint_sim::engine {
 IntegrationResult IslandMotion::advance(Integration way, const SmoothSpan& span,
                                         const IntegratorOptions& accuracy,
                                         std::vector<BodyState>* states) {
-  EquationsOfMotion& equations = substeps_.equations();
   const bool goes_on = way == Integration::kGradients && gradients_ && gradients_->has_started();
   if (follows_gradients_ && !goes_on && !span.is_edited)
-    fit_velocities(span, accuracy.most_projected, &equations, states);
-  IntegrationResult result;
+    fit_velocities(span, accuracy.most_projected, &substeps_.equations(), states);
+  const IntegrationResult result = advance_by(way, span, accuracy, states);
+  if (result.done) follows_gradients_ = way == Integration::kGradients;
+  return result;
+}
+
+IntegrationResult IslandMotion::advance_by(Integration way, const SmoothSpan& span,
+                                           const IntegratorOptions& accuracy,
+                                           std::vector<BodyState>* states) {
+  EquationsOfMotion& equations = substeps_.equations();
   switch (way) {
     case Integration::kSubsteps:
-      result = substeps_.advance(span, accuracy, states);
-      break;
+      return substeps_.advance(span, accuracy, states);
     case Integration::kGradients:
       if (!gradients_) gradients_.emplace(equations);
-      result = gradients_->advance(span, accuracy, &equations, states);
-      break;
+      return gradients_->advance(span, accuracy, &equations, states);
     case Integration::kInconsistent:
       if (!inconsistent_) inconsistent_.emplace(equations);
       change_way();
-      result = inconsistent_->advance(span, &equations, states);
-      break;
+      return inconsistent_->advance(span, &equations, states);
   }
-  if (result.done) follows_gradients_ = way == Integration::kGradients;
-  return result;
+  return {};
 }
 
 void IslandMotion::change_way() {

@@ -58,6 +58,9 @@ class IslandMotion {
   }
 
  private:
+  IntegrationResult advance_by(Integration way, const SmoothSpan& span,
+                               const IntegratorOptions& accuracy, std::vector<BodyState>* states);
+
   RungeKutta substeps_;  // owns the equations
   std::optional<EnergyMomentum> gradients_;
   std::optional<InconsistentMotion> inconsistent_;

@@ -17,9 +17,7 @@ namespace constraint_sim::engine {
 class PointOnRod {
  public:
   explicit PointOnRod(EquationsOfMotion& equations)
-      : equations_(equations),
-        point_(std::max(equations.links_.front().a, equations.links_.front().b)),
-        mass_(1.0 / equations.inverse_mass_.front()) {}
+      : PointOnRod(equations, equations.kernel_view()) {}
 
   static constexpr std::size_t size() { return 8; }  // x and v, each with a number for the pair
 
@@ -33,7 +31,7 @@ class PointOnRod {
   /// Newton's steps along the d of the last one.
   bool project(double t, double* y) {
     if (equations_.varies()) equations_.move_with_time(t);
-    const double length = equations_.length_.front().value;
+    const double length = length_;
     Vector3d d = d_of(y);
     double before = std::numeric_limits<double>::infinity();
     const auto error_of = [=](const Vector3d& of) {
@@ -41,7 +39,7 @@ class PointOnRod {
     };
     double error = error_of(d);
     const double rounding =
-        std::numeric_limits<double>::epsilon() * std::max(equations_.scale_, std::abs(error));
+        std::numeric_limits<double>::epsilon() * std::max(scale_, std::abs(error));
     while (!(std::abs(error) <= rounding)) {
       if (!(std::abs(error) <= 0.5 * before)) return before <= 16.0 * rounding;
       before = std::abs(error);
@@ -62,10 +60,10 @@ class PointOnRod {
     const Vector3d d = d_of(y);
     const double d2 = d.squaredNorm();
     Vector v(y + kV);
-    const Vector3d d_dot = v - equations_.velocity_[point_];
-    const double u = (equations_.rate_target_.front() - d.dot(d_dot)) / d2;
+    const Vector3d d_dot = v - velocity_;
+    const double u = (rate_target_ - d.dot(d_dot)) / d2;
     v += u * d;
-    equations_.impulses_.front() += mass_ * u * equations_.length_.front().value;
+    impulse_ += mass_ * u * length_;
     accelerate(0, d, d2, v, dydt);
     return true;
   }
@@ -79,32 +77,51 @@ class PointOnRod {
   }
 
  private:
+  PointOnRod(EquationsOfMotion& equations, const EquationsOfMotion::KernelView& view)
+      : equations_(equations),
+        point_(std::max(equations.links().front().a, equations.links().front().b)),
+        mass_(1.0 / equations.inverse_mass(0)),
+        scale_(view.scale),
+        length_(view.lengths->value),
+        rate_target_(*view.rate_target),
+        acceleration_target_(*view.acceleration_target),
+        position_(view.position[point_]),
+        velocity_(view.velocity[point_]),
+        free_(*view.load_acceleration),
+        free_point_(view.load_acceleration[point_]),
+        impulse_(*view.impulses),
+        stage_forces_(view.stage_forces) {}
+
   using Vector3d = Eigen::Vector3d;
   using ConstVector = Eigen::Map<const Vector3d>;
   using Vector = Eigen::Map<Vector3d>;
   static constexpr Eigen::Index kV = 4;  // where v stands in a state
 
-  Vector3d d_of(const double* y) const { return ConstVector(y) - equations_.position_[point_]; }
+  Vector3d d_of(const double* y) const { return ConstVector(y) - position_; }
 
   void accelerate(std::size_t stage, const Vector3d& d, double d2, const Vector3d& v,
                   double* dydt) {
-    const Vector3d& a = equations_.load_acceleration_.front();
-    const Vector3d d_dot = v - equations_.velocity_[point_];
-    const Vector3d free = a - equations_.load_acceleration_[point_];
-    const double u =
-        (equations_.acceleration_target_.front() - d_dot.squaredNorm() - d.dot(free)) / d2;
+    const Vector3d& a = free_;
+    const Vector3d d_dot = v - velocity_;
+    const Vector3d free = a - free_point_;
+    const double u = (acceleration_target_ - d_dot.squaredNorm() - d.dot(free)) / d2;
     const Vector3d v_dot = a + u * d;
     for (Eigen::Index i = 0; i < 3; ++i) {
       dydt[i] = v[i];
       dydt[kV + i] = v_dot[i];
     }
     dydt[3] = dydt[kV + 3] = 0.0;
-    equations_.stage_forces_[stage] = mass_ * u * equations_.length_.front().value;
+    stage_forces_[stage] = mass_ * u * length_;
   }
 
   EquationsOfMotion& equations_;
   std::size_t point_;
-  double mass_;
+  double mass_, scale_;
+  const double &length_, &rate_target_, &acceleration_target_;  // as time moves them
+  const Vector3d &position_, &velocity_;                        // of the point
+  const Vector3d &free_, &free_point_;                          // of both without the rod
+  double& impulse_;
+  double* stage_forces_;
 };
 
 }  // namespace constraint_sim::engine

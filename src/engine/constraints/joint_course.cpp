@@ -1,0 +1,129 @@
+// Motors and joints that close, for methods that take time and its derivatives.
+
+#include <algorithm>
+
+#include "engine/constraints/coupling.h"
+#include "engine/constraints/course.h"
+#include "engine/constraints/distance.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/joint_parts.h"
+#include "engine/constraints/law.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+Motor drive(const DistanceJoint& distance, const JointStep& step, Motor motor, JointState& state) {
+  state.saturated = false;
+  state.bias = 0.0;
+  // acts for what is left of its time, so that the travel does not hang on the tick
+  motor.bias *= std::clamp((state.expires_at - step.t) / step.h, 0.0, 1.0);
+  if (motor.bias == 0.0 && motor.amplitude == 0.0) return motor;
+  double travel = motor_travel(motor, step.t, step.h);
+  const double lowest = least_travel(distance);
+  if (state.travel + travel < lowest) {
+    travel = std::min(lowest - state.travel, 0.0);
+    state.saturated = true;
+    motor = Motor{};
+    motor.bias = travel / step.h;
+  }
+  state.bias = travel / step.h;
+  return motor;
+}
+
+Motor drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* state) {
+  Motor motor = *law.motor;
+  if (motor.timeout > 0.0)
+    motor.bias *= std::clamp((state->expires_at - step.t) / step.h, 0.0, 1.0);
+  if (law.motor->position) {
+    motor = Motor{};
+    state->held = *law.motor->position;
+  }
+  state->bias = motor.is_moving() ? motor_travel(motor, step.t, step.h) / step.h : 0.0;
+  return motor;
+}
+
+void JointCourse::begin(const Joint& joint, const JointStep& span, JointState& state) {
+  if (is_closing()) *this = JointCourse{};
+  const JointKindInfo& kind = info(joint.kind);
+  start_ = span.t;
+  is_driven_ = false;
+  rows_ = kind.rows;
+  count_ = at(kind.coordinates);
+  if (const auto* distance = if_distance(joint)) {
+    count_ = 1;
+    rows_ = 0;
+    const Motor motor = drive(*distance, span, joint.motor, state);
+    hold(0, distance->length.value_or(0.0) + state.travel, motor);
+  }
+  for (std::size_t i = 0; i < at(kind.coordinates); ++i) {
+    CoordinateState& coordinate = state.coordinates[i];
+    coordinate.bias = 0.0;
+    held_[i] = Held{};
+    if (!is_held(joint.coordinates[i])) continue;
+    const Motor motor = drive(joint.coordinates[i], span, &coordinate);
+    hold(i, coordinate.held - joint.coordinates[i].zero, motor);
+  }
+  if (kind.coordinates > 0) state.bias = state.coordinates[0].bias;
+  if (!state.closing) return;
+  closing_since_ = state.closing_since;
+  closing_time_ = span.closing_time;
+  closing_offset_ = state.closing_offset;
+  coupling_offset_ = state.coupling.offset;
+  closing_shift_ = state.closing_shift;
+  closing_turn_ = state.closing_turn;
+  moves_frame_ = kind.alignment != Alignment::kFree;
+}
+
+void JointCourse::hold(std::size_t i, double value, const Motor& motor) {
+  held_[i] = {value, motor};
+  is_driven_ = is_driven_ || motor.is_moving();
+}
+
+Course JointCourse::length(double t) const {
+  const Course travel = motor_course(held_[0].motor, start_, t - start_);
+  Course length{held_[0].value + travel.value, travel.rate, travel.acceleration};
+  if (!is_closing()) return length;
+  const Course share = share_to_close(t);
+  length.value += closing_offset_[0] * share.value;
+  length.rate += closing_offset_[0] * share.rate;
+  length.acceleration += closing_offset_[0] * share.acceleration;
+  return length;
+}
+
+Course JointCourse::target(int function, double t) const {
+  const Course share = share_to_close(t);
+  const double offset = closing_offset_[function];
+  Course target{offset * share.value, offset * share.rate, offset * share.acceleration};
+  if (function < rows_) return target;
+  const Held& held = held_[at(function - rows_)];
+  const Course moved = motor_course(held.motor, start_, t - start_);
+  target.value += held.value + moved.value;
+  target.rate += moved.rate;
+  target.acceleration += moved.acceleration;
+  return target;
+}
+
+Course JointCourse::coupling(double t) const {
+  if (coupling_offset_ == 0.0) return {};
+  const Course share = share_to_close(t);
+  return {coupling_offset_ * share.value, coupling_offset_ * share.rate,
+          coupling_offset_ * share.acceleration};
+}
+
+Course JointCourse::share_to_close(double t) const {
+  return is_closing() ? closing_course(t - closing_since_, closing_time_) : Course{};
+}
+
+void finish_span(const Joint& joint, const JointStep& span, JointState& state) {
+  if (if_distance(joint) != nullptr) {
+    state.travel += state.bias * span.h;
+    return;
+  }
+  for (CoordinateState& coordinate : state.coordinates) coordinate.held += coordinate.bias * span.h;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,257 @@
+// Rows of joints for sequential_impulses, and what these have done.
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/constraints/coupling.h"
+#include "engine/constraints/course.h"
+#include "engine/constraints/distance.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/joint_parts.h"
+#include "engine/constraints/law.h"
+#include "engine/constraints/target.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+// What the row may be off by at the start of the step, and the rate at which that goes.
+struct Closing {
+  double offset = 0.0;  // [m]
+  double rate = 0.0;    // [m/s]
+
+  Closing(const JointState& state, const JointStep& step, int component) {
+    if (!state.closing || step.closing_time == 0.0) return;
+    const double begun = step.t - state.closing_since;
+    const double error = state.closing_offset[component];
+    offset = error * closing_course(begun, step.closing_time).value;
+    rate = (error * closing_course(begun + step.h, step.closing_time).value - offset) / step.h;
+  }
+};
+
+// whether an error of this sign is one of the limit that the row keeps
+bool is_beyond(const Row& limit, double error) {
+  return limit.upper == 0.0 ? error > 0.0 : error < 0.0;
+}
+
+int prepare_rows(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
+                 const JointStep& step, JointState& state, Row* rows) {
+  drive(distance, step, joint.motor, state);
+  const double beta = joint.baumgarte.value_or(step.beta);
+  const Closing closing(state, step, 0);
+  const int count = write_distance_rows(distance, anchors, state.travel, rows);
+  for (Row* row = rows; row != rows + count; ++row) {
+    row->target = row->drive = state.bias;
+    const bool is_limit = row->lower == 0.0 || row->upper == 0.0;
+    const bool is_closing = !is_limit || is_beyond(*row, closing.offset);
+    if (is_closing) row->C -= closing.offset;
+    if (is_limit)
+      aim_limit(*row, beta, step.h);
+    else if (distance.is_soft())
+      aim_soft(*row, distance.stiffness, distance.damping, step.h);
+    else
+      aim_rigid(*row, beta, step.h);
+    if (is_closing) row->correction += closing.rate;
+    if (joint.motor.max_force > 0.0) limit_force(*row, joint.motor.max_force, step.h);
+  }
+  return count;
+}
+
+// of every kind but kDistance
+int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& b,
+                       const JointStep& step, JointState& state, Row* rows) {
+  const JointKindInfo& kind = info(joint.kind);
+  const MovingFrame frame = frame_in(joint, step, state, false);
+  const JointVectors vectors(joint, a, b, frame);
+  const JointMotion motion(vectors, a, b);
+  JointVectors ahead;
+  if (frame.moves) ahead = JointVectors(joint, a, b, frame_in(joint, step, state, true));
+  const double beta = joint.baumgarte.value_or(step.beta);
+  for (int k = 0; k < kind.rows; ++k) {
+    const RowForm form = kind.row[at(k)];
+    const Closing closing(state, step, k);
+    rows[k].J = jacobian(form, vectors);
+    rows[k].C = value(form, vectors) - closing.offset;
+    rows[k].component = k;
+    aim_rigid(rows[k], beta, step.h);
+    rows[k].correction += closing.rate;
+    if (frame.moves) rows[k].correction -= (value(form, ahead) - value(form, vectors)) / step.h;
+  }
+  int count = kind.rows;
+  state.saturated = false;
+  for (int i = 0; i < kind.coordinates; ++i) {
+    const CoordinateLaw& law = joint.coordinates[at(i)];
+    CoordinateState& coordinate = state.coordinates[at(i)];
+    coordinate.bias = 0.0;
+    if (law.is_none()) continue;
+    const ScalarForm& form = kind.coordinate[at(i)];
+    CoordinateStep asked{step.h, beta, 0.0, coordinate.held};
+    const Closing closing(state, step, kind.rows + i);
+    if (law.motor && law.motor->is_rigid()) {
+      drive(law, step, &coordinate);
+      asked.bias = coordinate.bias + closing.rate;
+      asked.target = coordinate.held + closing.offset;
+    }
+    const CoordinateMotion moves{reading(form, value(form, vectors), law.zero, coordinate.position),
+                                 rate(form, vectors, motion), jacobian(form, vectors)};
+    const int written = write_law_rows(law, moves, asked, kind.rows + i, rows + count);
+    for (int k = count; k < count + written; ++k) rows[k].coordinate = i;
+    count += written;
+  }
+  state.bias = state.coordinates[0].bias;
+  return count;
+}
+
+// what the step added to the motor's travel; a motor at its force limit gives way, and holds from
+// then on what it has reached
+void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
+            const JointStep& step, const Row* rows, int count, JointState& state) {
+  const double max_force = joint.motor.max_force;
+  bool yields = false;
+  state.force = 0.0;
+  for (int k = 0; k < count; ++k) {
+    const double impulse = rows[k].impulse + rows[k].correction_impulse;
+    state.impulse[k] = rows[k].impulse;
+    state.force += impulse / step.h;
+    yields = yields || (max_force > 0.0 && std::abs(impulse) >= max_force * step.h);
+  }
+  if (!yields) {
+    state.travel += state.bias * step.h;
+    return;
+  }
+  state.saturated = true;
+  state.closing = false;
+  if (!distance.is_soft()) {
+    state.travel += distance_error(distance, anchors.d.norm(), state.travel);
+    state.travel = std::max(state.travel, least_travel(distance));
+  }
+}
+
+// Of every kind but kDistance: what each row and coordinate has done. A motor at its force limit
+// gives way, and holds from then on what it has reached.
+RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, const JointStep& step,
+                            const Row* rows, int count, JointState& state) {
+  const JointKindInfo& kind = info(joint.kind);
+  RowVector done = RowVector::Zero();
+  state.impulse.setZero();
+  for (int i = 0; i < kind.coordinates; ++i)
+    if (joint.coordinates[at(i)].motor)
+      state.coordinates[at(i)].held += state.coordinates[at(i)].bias * step.h;
+  for (const Row* row = rows; row != rows + count; ++row) {
+    const double impulse = row->impulse + row->correction_impulse;
+    if (row->coordinate == kOfCoupling) {  // both have the same
+      state.coupling.impulse = row->impulse;
+      state.coupling.effort = impulse / step.h;
+      continue;
+    }
+    const int component = row->coordinate < 0 ? row->component : kind.rows + row->coordinate;
+    done[component] += impulse;
+    if (row->component < 0) continue;
+    state.impulse[row->component] = row->impulse;
+    if (row->coordinate < 0) continue;
+    const double most = joint.coordinates[at(row->coordinate)].motor->max_force * step.h;
+    if (most == 0.0 || std::abs(impulse) < most) continue;
+    state.saturated = true;
+    CoordinateState& coordinate = state.coordinates[at(row->coordinate)];
+    const ScalarForm& form = kind.coordinate[at(row->coordinate)];
+    coordinate.held =
+        reading(form, value(form, vectors), joint.coordinates[at(row->coordinate)].zero,
+                coordinate.position + 0.5 * step.h * (coordinate.velocity + coordinate.bias));
+  }
+  return done;
+}
+
+}  // namespace
+
+void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
+                   const JointStep& step, JointState& state, std::vector<Row>* rows) {
+  const std::size_t first = rows->size();
+  const bool is_distance = if_distance(joint) != nullptr;
+  const JointKindInfo& kind = info(joint.kind);
+  rows->resize(first +
+               at(is_distance ? kMaxDistanceRows : kind.rows + kMaxLawRows * kind.coordinates));
+  Row* const written = rows->data() + first;
+  int count = 0;
+  if (is_distance) {
+    count = prepare_rows(joint.distance, joint, AnchorPair(joint, a, b), step, state, written);
+    for (int k = 0; k < count; ++k) written[k].component = k;
+  } else {
+    count = prepare_table_rows(joint, a, b, step, state, written);
+  }
+  for (Row* row = written; row != written + count; ++row)
+    if (row->component >= 0)
+      row->impulse = std::clamp(state.impulse[row->component], row->lower, row->upper);
+  rows->resize(first + static_cast<std::size_t>(count));
+}
+
+void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
+                     const JointStep& step, const JointState& state, const Row* rows, int count,
+                     Jacobian* J) {
+  if (if_distance(joint) != nullptr) {
+    const AnchorPair anchors(joint, a, b);
+    std::fill(J, J + count, anchors.along(direction(anchors)));
+    return;
+  }
+  const JointKindInfo& kind = info(joint.kind);
+  const JointVectors vectors(joint, a, b, frame_in(joint, step, state, true));
+  for (int k = 0; k < count && rows[k].coordinate != kOfCoupling; ++k)
+    J[k] = jacobian(rows[k].coordinate < 0 ? kind.function[at(rows[k].component)]
+                                           : kind.coordinate[at(rows[k].coordinate)],
+                    vectors);
+}
+
+void prepare_coupling(const Joint& joint, const JointStep& step, const JointState& state,
+                      const std::array<Jacobian, 2>& J, std::vector<Row>* rows) {
+  Row row;
+  row.coordinate = kOfCoupling;
+  row.normal_row = Row::kCoupled;
+  row.J = J[0];
+  row.C = state.coupling.value - state.coupling.constant;
+  double rate = 0.0;
+  if (state.closing && step.closing_time > 0.0) {
+    const double begun = step.t - state.closing_since;
+    const double left = state.coupling.offset * closing_course(begun, step.closing_time).value;
+    row.C -= left;
+    rate =
+        (state.coupling.offset * closing_course(begun + step.h, step.closing_time).value - left) /
+        step.h;
+  }
+  aim_rigid(row, joint.baumgarte.value_or(step.beta), step.h);
+  row.correction += rate;
+  row.impulse = state.coupling.impulse;
+  rows->push_back(row);
+  row.normal_row = Row::kCoupledPart;
+  row.J = J[1];
+  rows->push_back(row);
+}
+
+Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyState& b,
+                             const JointStep& step, const JointState& state, int coordinate,
+                             bool at_end) {
+  return jacobian(info(joint.kind).coordinate[at(coordinate)],
+                  JointVectors(joint, a, b, frame_in(joint, step, state, at_end)));
+}
+
+double spring_stretch(const Joint& joint, const JointState& state, const Row& row) {
+  if (row.coordinate < 0) return state.error;
+  const CoordinateLaw& law = joint.coordinates[at(row.coordinate)];
+  const bool is_servo = law.motor && law.motor->is_servo() && law.motor->max_force > 0.0 &&
+                        row.stiffness == law.motor->servo_stiffness;
+  return state.coordinates[at(row.coordinate)].position -
+         (is_servo ? *law.motor->position : soft_law(law).R);
+}
+
+void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
+                const Row* rows, int count, JointState& state) {
+  if (if_distance(joint) != nullptr) {
+    settle(joint.distance, joint, AnchorPair(joint, a, b), step, rows, count, state);
+    return finish(joint, a, b, step, state.bias, state.impulse, state);
+  }
+  RowVector done = settle_table_rows(joint, JointVectors(joint, a, b), step, rows, count, state);
+  add_own_coupling(joint, state.coupling.effort * step.h, &done);
+  note_force(joint, done, step.h, state);
+  finish(joint, a, b, step, state.bias, done, state);
+}
+
+}  // namespace constraint_sim::engine

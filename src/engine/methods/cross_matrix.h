@@ -11,4 +11,11 @@ inline Eigen::Matrix3d cross_matrix(const Eigen::Vector3d& a) {
   return m;
 }
 
+/// (1 − ½ŵ)⁻¹, which takes an arm to its mean over a turn by cay(w).
+inline Eigen::Matrix3d mean_rotation(const Eigen::Vector3d& w) {
+  const Eigen::Matrix3d B =
+      Eigen::Matrix3d::Identity() + 0.5 * cross_matrix(w) + 0.25 * w * w.transpose();
+  return B / (1.0 + 0.25 * w.squaredNorm());
+}
+
 }  // namespace constraint_sim::engine

@@ -234,12 +234,33 @@ class ImplicitStep {
     RowVector value;
   };
 
+  // ---- implicit_compile.cpp
+  struct Forest;
+  /// Links and coupled rows by the body whose they are.
+  struct RowsOfBodies {
+    std::vector<std::vector<std::size_t>> links, coupled;
+    bool have_loops;
+  };
+  Forest find_forest() const;
+  RowsOfBodies share_rows(const Forest& forest);
   void make_nodes(const EquationsOfMotion& equations);
+  std::vector<SaddleLu::Link> rows_between(const Forest& forest, const RowsOfBodies& rows) const;
   void set_rule(double h, ImplicitRule rule);
   void predict();
   void find_slots();
+  void place_link(std::size_t l, const EquationsOfMotion& equations);
+  void ask_link(std::size_t l, const EquationsOfMotion& equations);
+  void ask_spring(const Link& link, const Course& length, Shape* shape) const;
+  void scale_equations(const EquationsOfMotion& equations);
   bool leave_out_dependent(double t, EquationsOfMotion* equations);
+
+  // ---- implicit_equations.cpp
   void evaluate_bodies(const Unknowns& unknowns);
+  struct LinkMotion;
+  struct LinkPull;
+  LinkMotion move_link(const Link& link, Shape* shape, const Unknowns& unknowns) const;
+  LinkPull pull_link(const Link& link, const Eigen::Vector3d& d1, Shape* shape,
+                     const Unknowns& unknowns);
   void evaluate_link(const Link& link, Shape* shape, const Unknowns& unknowns);
   void evaluate_rod(const Link& link, Shape* shape, const Unknowns& unknowns);
   void place_axes(const EquationsOfMotion& equations, const Link& link,

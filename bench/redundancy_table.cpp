@@ -1,19 +1,23 @@
 // Figures of scenes with redundant joints, singular poses and mass ratios, with what is allowed and
-// with run times. `constraint_sim_redundancy_table [PART OF A NAME]`; exit status 1 where one is
-// not met. A run ends where it is no longer met, so times of such runs mean nothing.
+// with run times. `constraint_sim_redundancy_table [--long] [PART OF A NAME]`, --long for 1000 s
+// each; exit status 1 where one is not met. A run ends where it is no longer met, so times of such
+// runs mean nothing.
 
 #include <chrono>
 #include <cstdio>
+#include <string>
 
 #include "redundant_cases.h"
 
 int main(int argc, char** argv) {
   namespace redundant = constraint_sim::engine::redundant;
-  const std::string part = argc > 1 ? argv[1] : "";
+  const bool is_long = argc > 1 && std::string(argv[1]) == "--long";
+  const int first = is_long ? 2 : 1;
+  const std::string part = argc > first ? argv[first] : "";
   bool are_all_met = true;
   std::printf("%-28s %-7s %9s %9s %9s %9s %8s %9s\n", "scene", "tick", "joints/m", "(allowed)",
               "energy/J", "(allowed)", "changes", "ms");
-  for (const redundant::Case& c : redundant::all_cases()) {
+  for (const redundant::Case& c : is_long ? redundant::long_cases() : redundant::all_cases()) {
     if (c.name.find(part) == std::string::npos) continue;
     const auto start = std::chrono::steady_clock::now();
     const redundant::Figures figures = measure(c);

@@ -246,6 +246,20 @@ inline std::vector<Case> ratio_cases() {
                4e-12 * 1e10 * problems::kGravity}};
 }
 
+// Whether redundant rows stay where they are, which nothing projects: 1e5 steps of 1/100 s and, of
+// the dome, 6000 of 1/60 s. Minutes; constraint_sim_redundancy_table runs them by --long.
+inline std::vector<Case> long_cases() {
+  return {Case{"bricard_stays", [] { return bricard(); }, kRk, 100, 1000, 5e-15, 4e-8},
+          Case{"bricard_far_stays", [] { return bricard(kFar); }, kRk, 100, 1000, 2e-12, 4e-8},
+          Case{"bennett_stays", [] { return bennett(); }, kRk, 100, 1000, 9e-16, 7e-14, 1e-12},
+          Case{"door_stays", [] { return door(); }, kRk, 100, 1000, 6e-16, 0.0},
+          Case{"ball_and_rod_stays", [] { return ball_and_dependent_rod(); }, kRk, 100, 1000, 3e-12,
+               3e-12},
+          Case{"dome_stays", [] { return dome(); }, kRk, 60, 100, 1e-11, 7e-13},
+          Case{"n_four_bar_40_em", [] { return n_four_bar(40); }, kEm, 1000, 1, 1e-15, 5e-10, 1e-8,
+               true}};
+}
+
 inline std::vector<Case> all_cases() {
   std::vector<Case> all;
   for (const auto& cases :

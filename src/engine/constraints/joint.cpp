@@ -384,13 +384,13 @@ void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& 
                        const JointStep& step, const RowVector& impulse, double zeta,
                        JointState& state) {
   state.impulse = impulse;
-  RowVector done = impulse;
   if (if_distance(joint) != nullptr) {
     state.force = impulse[0] / step.h;
-  } else {
-    add_own_coupling(joint, state.coupling.impulse, &done);
-    note_force(joint, done, step.h, state);
+    return finish(joint, a, b, step, zeta, impulse, state);
   }
+  RowVector done = impulse;
+  add_own_coupling(joint, state.coupling.impulse, &done);
+  note_force(joint, done, step.h, state);
   finish(joint, a, b, step, zeta, done, state);
 }
 

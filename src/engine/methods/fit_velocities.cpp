@@ -1,11 +1,16 @@
 #include "engine/methods/fit_velocities.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "engine/methods/rigid_motion.h"
 
 namespace constraint_sim::engine {
 namespace {
+
+// What second order in the step leaves, as a share of the kinetic energy; more is an impact, as of
+// a pulley's length that passes zero, and is lost.
+constexpr double kMostKept = 1e-3;
 
 bool is_free(const EquationsOfMotion& equations) {
   return equations.points() == equations.bodies().size();
@@ -44,7 +49,7 @@ void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion
   if (!is_met) return;
   const double left = equations->kinetic_energy(y);
   const double moved = energy - left;
-  if (!(moved > 0.0) || moved > most_moved * energy) return;
+  if (!(moved > 0.0) || moved > std::min(most_moved, kMostKept) * energy) return;
 
   const std::vector<BodyState> before = states_of(*equations, *states);
   equations->store(y, states);

@@ -26,7 +26,8 @@ inline std::vector<BodyState> states_of(const EquationsOfMotion& equations,
 /// stay. The velocities move no further for it than P moved them: √(‖Pv‖² + ‖δ‖²) ≤ ‖Pv‖ + ‖δ‖.
 ///
 /// Nothing changes where joints move with time or something has jumped, since there velocities have
-/// other reasons not to fit, and where more than `most_moved` of the kinetic energy would move.
+/// other reasons not to fit, and where more than `most_moved` of the kinetic energy would move, or
+/// more than a second order leaves.
 void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion* equations,
                     std::vector<BodyState>* states);
 

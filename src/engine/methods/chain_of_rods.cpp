@@ -56,6 +56,7 @@ bool EquationsOfMotion::order_as_chain(const std::vector<Joint>& all_joints, con
     const auto& both = rods_of[place(body)];
     rod = both[0] == rod ? both[1] : both[0];
   }
+  if (bodies.size() < bodies_.size()) return false;  // some are on no rod
   joints_ = rods;
   bodies_ = bodies;
   return true;

@@ -19,17 +19,20 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // those that turn come first
 void EquationsOfMotion::find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
-                                    const std::vector<MassProperties>& masses) {
+                                    const std::vector<MassProperties>& masses,
+                                    const std::vector<int>& idle) {
   std::vector<int> turning, others;
   const auto add = [&](std::size_t body, const Vector3d& anchor, bool has_axes) {
     if (!masses[body].is_movable()) return;
     const bool turns = (!anchor.isZero(0.0) || has_axes) && masses[body].can_turn();
     (turns ? turning : others).push_back(static_cast<int>(body));
   };
-  for (const int j : joints_) {
-    const Joint& joint = all_joints[at(j)];
-    add(ends[at(j)].first, joint.anchor_a, info(joint.kind).has_frames);
-    add(ends[at(j)].second, joint.anchor_b, info(joint.kind).alignment != Alignment::kFree);
+  for (const std::vector<int>* list : {static_cast<const std::vector<int>*>(&joints_), &idle}) {
+    for (const int j : *list) {
+      const Joint& joint = all_joints[at(j)];
+      add(ends[at(j)].first, joint.anchor_a, info(joint.kind).has_frames);
+      add(ends[at(j)].second, joint.anchor_b, info(joint.kind).alignment != Alignment::kFree);
+    }
   }
   const auto sort_out = [](std::vector<int>& list) {
     std::sort(list.begin(), list.end());

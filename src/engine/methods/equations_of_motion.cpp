@@ -45,9 +45,10 @@ void copy(const double* from, std::size_t n, double* to) {
 
 EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<Joint>& all_joints,
                                      const Ends& ends, const std::vector<MassProperties>& masses,
-                                     const std::vector<CoupledTerms>& couplings)
+                                     const std::vector<CoupledTerms>& couplings,
+                                     const std::vector<int>& idle)
     : joints_(std::move(joints)) {
-  find_bodies(all_joints, ends, masses);
+  find_bodies(all_joints, ends, masses, idle);
   const bool is_in_line = order_as_chain(all_joints, ends, masses);
   is_chain_ = is_in_line && turning_ == 0;
   is_chain_of_bodies_ = is_in_line && turning_ > 0;
@@ -261,31 +262,38 @@ void EquationsOfMotion::begin_step(const std::vector<JointState>& states) {
   momentary_error_ = 0.0;
 }
 
-RowVector EquationsOfMotion::row_impulse(std::size_t l) const {
-  RowVector impulse = RowVector::Zero();
+RowVector EquationsOfMotion::of_rows(std::size_t l, const double* of_unknowns) const {
+  RowVector rows = RowVector::Zero();
   if (!is_by_offset(l)) {
-    impulse[0] = impulses_[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_];
-    return impulse;
+    rows[0] = of_unknowns[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_];
+    return rows;
   }
   const std::size_t first = first_row(l);
   for (std::size_t k = 0; k < rows_of(l); ++k)
-    impulse[static_cast<Eigen::Index>(k)] = impulses_[rows_[first + k].unknown];
-  return impulse;
+    rows[static_cast<Eigen::Index>(k)] = of_unknowns[rows_[first + k].unknown];
+  return rows;
 }
 
-RowVector EquationsOfMotion::by_function(std::size_t l, const RowVector& of_rows) const {
+RowVector EquationsOfMotion::row_impulse(std::size_t l) const {
+  return of_rows(l, impulses_.data());
+}
+
+RowVector EquationsOfMotion::by_function(std::size_t l, const RowVector& of_rows,
+                                         const double* of_unknowns) const {
   if (!is_general(l)) return of_rows;
   RowVector sorted = RowVector::Zero();
   const Link& link = links_[l];
   for (int k = 0; k < link.rows; ++k) sorted[link.function[at(k)]] = of_rows[k];
   for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
-    sorted[softs_[s].function] += impulses_[soft_force(s)];
+    sorted[softs_[s].function] += of_unknowns[soft_force(s)];
   return sorted;
 }
 
-RowVector EquationsOfMotion::impulse(std::size_t l) const {
-  return is_general(l) ? by_function(l, row_impulse(l)) : row_impulse(l);
+RowVector EquationsOfMotion::by_joint(std::size_t l, const double* of_unknowns) const {
+  return by_function(l, of_rows(l, of_unknowns), of_unknowns);
 }
+
+RowVector EquationsOfMotion::impulse(std::size_t l) const { return by_joint(l, impulses_.data()); }
 
 // ---- for methods that step in their own way
 

@@ -54,11 +54,13 @@ struct ChainPair {
 class EquationsOfMotion {
  public:
   /// Of these joints, given by index. `couplings`: the terms of joints that couple, by index; empty
-  /// where none does. Only this allocates.
+  /// where none does. `idle`: joints that do nothing here; their bodies move with the others. Only
+  /// this allocates.
   EquationsOfMotion(std::vector<int> joints, const std::vector<Joint>& all_joints,
                     const std::vector<std::pair<std::size_t, std::size_t>>& ends,
                     const std::vector<MassProperties>& masses,
-                    const std::vector<CoupledTerms>& couplings = {});
+                    const std::vector<CoupledTerms>& couplings = {},
+                    const std::vector<int>& idle = {});
 
   /// Rods first, those between centres before all others, then ball joints, general ones, springs.
   const std::vector<int>& joints() const { return joints_; }
@@ -195,6 +197,9 @@ class EquationsOfMotion {
   /// second.
   void keep_impulses();
   void restore_impulses();
+  /// The same, with the forces of the first stage, for a substep that is taken again.
+  void keep_first_stage();
+  void restore_first_stage();
   /// Largest ω with which the joints' forces swing their bodies, as of the last first stage
   /// [rad/s]: ω² = 2Σ|λ|/m of rods, Σ‖f‖‖r‖/I_min of a body that turns.
   double frequency();
@@ -240,6 +245,35 @@ class EquationsOfMotion {
     for (std::size_t i = 0; i < impulses_.size(); ++i) add(stage_forces_[i]);
   }
 
+  // ---- what impulses do while the rigid rows hold (held_response.cpp), after start()
+
+  /// What moves, one of these a body as bodies().
+  struct Motions {
+    std::vector<Eigen::Vector3d> linear, angular;  ///< of bodies that do not turn here 0
+  };
+  /// An impulse on two bodies, by index; others than bodies() do not move.
+  struct BodyImpulse {
+    std::array<int, 2> body;
+    std::array<Eigen::Vector3d, 2> linear, angular;
+  };
+  /// The change of velocities, and in `impulses` what rigid rows do to keep their rates.
+  Motions held_response(const BodyImpulse& impulse, std::vector<double>* impulses);
+  /// The same without any rows: impulse times change of velocity [J].
+  double free_response(const BodyImpulse& impulse) const;
+  /// Adds `share` of such a change to the velocities, and to the impulses of the joints.
+  void add_response(const Motions& change, const std::vector<double>& impulses, double share,
+                    double* y);
+  /// Accelerations that a derivative at y says.
+  void find_accelerations(const double* y, const double* dydt, Motions* rates) const;
+  /// Largest force that the last first stage knows of, loads and gravity included [N or N m].
+  double largest_force() const;
+  /// As impulse(), of the last first stage [N or N m].
+  RowVector force(std::size_t l) const { return by_joint(l, stage_forces_.data()); }
+  /// Of what any stage of the last substep had.
+  RowVector stage_force(std::size_t l, std::size_t stage) const {
+    return by_joint(l, stage_forces_.data() + stage * impulses_.size());
+  }
+
   // ---- what the joints did since begin_step()
 
   /// Clears it, and takes coordinates from the states of all joints.
@@ -254,7 +288,9 @@ class EquationsOfMotion {
   /// false where there are none.
   bool count_turns(std::size_t l, std::array<double, kMaxCoordinates>* positions) const;
   /// The same in the order of its rows and coordinates.
-  RowVector by_function(std::size_t l, const RowVector& of_rows) const;
+  RowVector by_function(std::size_t l, const RowVector& of_rows) const {
+    return by_function(l, of_rows, impulses_.data());
+  }
   /// Kinetic energy that velocities have lost to the rows since this was called last, beside what
   /// start() took: rounding, or what passes a pose where a row has no direction [J].
   double take_projected_energy() { return std::exchange(projected_energy_, 0.0); }
@@ -400,9 +436,13 @@ class EquationsOfMotion {
   };
   using Ends = std::vector<std::pair<std::size_t, std::size_t>>;
 
+  RowVector of_rows(std::size_t l, const double* of_unknowns) const;
+  RowVector by_function(std::size_t l, const RowVector& of_rows, const double* of_unknowns) const;
+  RowVector by_joint(std::size_t l, const double* of_unknowns) const;
+
   // ---- what is compiled
   void find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
-                   const std::vector<MassProperties>& masses);
+                   const std::vector<MassProperties>& masses, const std::vector<int>& idle);
   bool order_as_chain(const std::vector<Joint>& all_joints, const Ends& ends,
                       const std::vector<MassProperties>& masses);
   void turn_along_chain();
@@ -601,7 +641,7 @@ class EquationsOfMotion {
   // by unknown, then of springs and soft coordinates; stage by stage
   std::vector<double> stage_forces_;
   std::vector<double> impulses_;  // the same, summed up
-  std::vector<double> kept_impulses_, kept_positions_;
+  std::vector<double> kept_impulses_, kept_positions_, kept_forces_;
   std::vector<double> pose_;     // a state, for find_dependent()
   std::vector<double> squares_;  // ω² of bodies, for frequency()
 };

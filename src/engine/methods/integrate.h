@@ -200,6 +200,67 @@ double stretch(double error, double allowed) {
 
 }  // namespace runge_kutta
 
+/// What is left of a span that substeps go through.
+struct SubstepSpan {
+  double t;      ///< where the state is [s]
+  double left;   ///< to the end [s]
+  double end;    ///< [s]
+  int failures;  ///< attempts without any result
+
+  SubstepSpan(double start, double duration)
+      : t(start), left(duration), end(start + duration), failures(0) {}
+};
+
+/// How long substeps may be, and when they are given up.
+struct SubstepLimits {
+  double tolerance;   ///< [m] of error per second; 0: whatever the error is
+  int most_attempts;  ///< of a span, rejected substeps included
+  StopFlag stop;
+};
+
+/// Takes one substep of at most `step` [s], which is set to what the next one is tried with. False
+/// where it gives up.
+template <class Pair, class System>
+[[gnu::always_inline]] inline bool take_substep(System& system, const StageMemory& memory,
+                                                const SubstepLimits& limits, SubstepSpan& span,
+                                                double& step, IntegrationResult& progress) {
+  for (;;) {
+    const bool is_last = span.left <= step;
+    const double h = is_last ? span.left : span.left / std::ceil(span.left / step);
+    if (progress.substeps + progress.rejected > limits.most_attempts || span.t + h == span.t ||
+        is_set(limits.stop)) {
+      progress.done = false;
+      progress.is_inconsistent = span.failures > 0 && span.t + h == span.t;
+      return false;
+    }
+    const double error = runge_kutta::attempt<Pair>(system, memory, span.t, h);
+    const double allowed = limits.tolerance > 0.0
+                               ? std::max(limits.tolerance * h, system.rounding())
+                               : runge_kutta::kInfinity;
+    step = h * runge_kutta::stretch<Pair>(error, allowed);
+    if (error < 0.0 || error > allowed) {
+      ++progress.rejected;
+      if (error < 0.0 && ++span.failures > runge_kutta::kMostFailures) {
+        progress.done = false;
+        progress.is_inconsistent = true;
+        return false;
+      }
+      continue;
+    }
+    span.left = is_last ? 0.0 : span.left - h;
+    span.t = span.end - span.left;
+    ++progress.substeps;
+    progress.local_error += error;
+    system.template accept<Pair>(h);
+    if (!system.restart(memory.candidate(), memory.derivatives())) {
+      progress.done = false;
+      return false;
+    }
+    std::copy(memory.candidate(), memory.candidate() + system.size(), memory.state());
+    return true;
+  }
+}
+
 /// Carries state() from t to t + duration. stage 0 of derivatives() is there before and after.
 /// `tolerance` [m] of error per second; 0: one step whatever its error. `step` [s] is what the next
 /// substep is tried with. Beyond `most_attempts` substeps, rejected ones included, it gives up,
@@ -209,41 +270,10 @@ IntegrationResult integrate(System& system, const StageMemory& memory, double t,
                             double tolerance, double& step, int most_attempts = 50000,
                             StopFlag stop = nullptr) {
   IntegrationResult progress;
-  const double end = t + duration;
-  double left = duration;
+  SubstepSpan span(t, duration);
   if (tolerance == 0.0) step = duration;
-  int failures = 0;
-  while (left > 0.0) {
-    const bool is_last = left <= step;
-    const double h = is_last ? left : left / std::ceil(left / step);
-    if (progress.substeps + progress.rejected > most_attempts || t + h == t || is_set(stop)) {
-      progress.done = false;
-      progress.is_inconsistent = failures > 0 && t + h == t;
-      return progress;
-    }
-    const double error = runge_kutta::attempt<Pair>(system, memory, t, h);
-    const double allowed =
-        tolerance > 0.0 ? std::max(tolerance * h, system.rounding()) : runge_kutta::kInfinity;
-    step = h * runge_kutta::stretch<Pair>(error, allowed);
-    if (error < 0.0 || error > allowed) {
-      ++progress.rejected;
-      if (error < 0.0 && ++failures > runge_kutta::kMostFailures) {
-        progress.done = false;
-        progress.is_inconsistent = true;
-        return progress;
-      }
-      continue;
-    }
-    left = is_last ? 0.0 : left - h;
-    t = end - left;
-    ++progress.substeps;
-    progress.local_error += error;
-    system.template accept<Pair>(h);
-    if (!system.restart(memory.candidate(), memory.derivatives())) {
-      progress.done = false;
-      return progress;
-    }
-    std::copy(memory.candidate(), memory.candidate() + system.size(), memory.state());
+  const SubstepLimits limits{tolerance, most_attempts, stop};
+  while (span.left > 0.0 && take_substep<Pair>(system, memory, limits, span, step, progress)) {
   }
   return progress;
 }

@@ -86,27 +86,51 @@ void RungeKutta::restart() {
   equations_.forget_redundant_rows();
 }
 
-IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
-                                      std::vector<BodyState>* states) {
+template <class Act>
+auto RungeKutta::with_system(Act act) {
+  if (equations_.redundant_rows() > 0)  // kernels have all rows
+    return act(equations_);
+  if (equations_.is_point_on_rod()) {
+    PointOnRod point(equations_);
+    return act(point);
+  }
+  if (equations_.is_chain_of_bodies()) {
+    ChainOfBodies chain(equations_);
+    return act(chain);
+  }
+  if (equations_.is_tree()) {
+    TreeOfBodies tree(equations_);
+    return act(tree);
+  }
+  if (!equations_.is_chain()) return act(equations_);
+  ChainOfRods chain(equations_);
+  return act(chain);
+}
+
+IntegrationResult RungeKutta::begin(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                    const std::vector<BodyState>& states) {
   if (span.is_disturbed) has_started_ = false;
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
-  double projected = 0.0;
-  if (!has_started_) equations_.load(*states, y);
+  if (!has_started_) equations_.load(states, y);
   const bool begins = !has_started_ || equations_.varies();
   if (begins)
-    equations_.begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
+    equations_.begin(span.t, states, span.gravity, span.loads, span.courses, span.since_tick);
   const bool has_jumped = begins && equations_.has_jumped();  // once, not in all spans that follow
-  if (!has_started_ || has_jumped || !equations_.keeps_pace(span.t, y)) {
-    const IntegrationResult progress = start(span, accuracy, memory);
-    if (!progress.done) return progress;
-    projected = progress.projected;
-  }
+  if (!has_started_ || has_jumped || !equations_.keeps_pace(span.t, y))
+    return start(span, accuracy, memory);
+  return {};
+}
+
+IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                      std::vector<BodyState>* states) {
+  const IntegrationResult begun = begin(span, accuracy, *states);
+  if (!begun.done) return begun;
+  const StageMemory memory(numbers_.data(), equations_.size());
   const double momentary = equations_.momentary_error();
-  equations_.take_projected_energy();
   IntegrationResult progress = integrate_equations(memory, span, accuracy);
   progress.local_error += equations_.momentary_error() - momentary;
-  progress.projected = projected + equations_.take_projected_energy();
+  progress.projected = begun.projected + equations_.take_projected_energy();
   progress.is_inconsistent =
       !progress.done && (progress.is_inconsistent || equations_.is_inconsistent());
   if (std::isfinite(accuracy.most_frequency) &&
@@ -115,10 +139,55 @@ IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOp
     progress.is_stiff = progress.frequency > accuracy.most_frequency;
   }
   if (progress.done)
-    equations_.store(y, states);
+    equations_.store(memory.state(), states);
   else
     has_started_ = false;
   return progress;
+}
+
+// ---- substep by substep
+
+bool RungeKutta::advance_substep(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                 SubstepSpan* left, IntegrationResult* progress) {
+  const StageMemory memory(numbers_.data(), equations_.size());
+  if (accuracy.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
+  const SubstepLimits limits{accuracy.tolerance, accuracy.most_attempts, span.stop};
+  has_started_ = with_system([&](auto& system) {
+    return accuracy.order == 5
+               ? take_substep<DormandPrince5>(system, memory, limits, *left, step_, *progress)
+               : take_substep<DormandPrince8>(system, memory, limits, *left, step_, *progress);
+  });
+  progress->projected += equations_.take_projected_energy();
+  return has_started_;
+}
+
+void RungeKutta::keep_start() {
+  const std::size_t n = equations_.size();
+  const double* const rates = numbers_.data() + StageMemory::kDerivatives * n;
+  kept_.assign(numbers_.begin(), numbers_.begin() + static_cast<std::ptrdiff_t>(n));
+  kept_.insert(kept_.end(), rates, rates + n);
+  equations_.keep_first_stage();
+}
+
+void RungeKutta::return_to_start() {
+  const std::size_t n = equations_.size();
+  std::copy_n(kept_.begin(), n, numbers_.begin());
+  std::copy_n(kept_.begin() + static_cast<std::ptrdiff_t>(n), n,
+              numbers_.begin() + static_cast<std::ptrdiff_t>(StageMemory::kDerivatives * n));
+  equations_.restore_first_stage();
+}
+
+bool RungeKutta::repeat_substep(const SmoothSpan& span, const IntegratorOptions& accuracy, double t,
+                                double h) {
+  return_to_start();
+  IntegratorOptions whatever = accuracy;
+  whatever.tolerance = 0.0;
+  SubstepSpan left(t, h);
+  IntegrationResult progress;
+  const double step = step_;
+  const bool is_done = advance_substep(span, whatever, &left, &progress);
+  step_ = step;
+  return is_done && progress.rejected == 0;
 }
 
 // so stiff that not even a few spans of substeps are to be tried
@@ -134,6 +203,7 @@ IntegrationResult RungeKutta::start(const SmoothSpan& span, const IntegratorOpti
   const double before = equations_.kinetic_energy(memory.state());
   has_started_ = equations_.start(span.t, memory.state(), memory.derivatives());
   progress.projected = before - equations_.kinetic_energy(memory.state());
+  equations_.take_projected_energy();  // among that
   progress.is_inconsistent = !has_started_;
   if (std::isfinite(accuracy.most_projected))
     has_started_ = has_started_ && progress.projected <= accuracy.most_projected * before;
@@ -146,24 +216,9 @@ IntegrationResult RungeKutta::start(const SmoothSpan& span, const IntegratorOpti
 
 IntegrationResult RungeKutta::integrate_equations(const StageMemory& memory, const SmoothSpan& span,
                                                   const IntegratorOptions& accuracy) {
-  if (equations_.redundant_rows() > 0)  // kernels have all rows
-    return integrate(equations_, memory, span.t, span.h, accuracy, span.stop, step_);
-  if (equations_.is_point_on_rod()) {
-    PointOnRod point(equations_);
-    return integrate(point, memory, span.t, span.h, accuracy, span.stop, step_);
-  }
-  if (equations_.is_chain_of_bodies()) {
-    ChainOfBodies chain(equations_);
-    return integrate(chain, memory, span.t, span.h, accuracy, span.stop, step_);
-  }
-  if (equations_.is_tree()) {
-    TreeOfBodies tree(equations_);
-    return integrate(tree, memory, span.t, span.h, accuracy, span.stop, step_);
-  }
-  if (!equations_.is_chain())
-    return integrate(equations_, memory, span.t, span.h, accuracy, span.stop, step_);
-  ChainOfRods chain(equations_);
-  return integrate(chain, memory, span.t, span.h, accuracy, span.stop, step_);
+  return with_system([&](auto& system) {
+    return integrate(system, memory, span.t, span.h, accuracy, span.stop, step_);
+  });
 }
 
 IntegrationResult FreeRotation::advance(double h, const Vector3d& torque,

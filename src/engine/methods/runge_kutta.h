@@ -24,6 +24,27 @@ class RungeKutta {
   /// As method.h says, with its own equations.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                             std::vector<BodyState>* states);
+  /// advance() in parts, for a method that looks at every substep: first this.
+  IntegrationResult begin(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                          const std::vector<BodyState>& states);
+  /// Takes one substep of what is left of the span. Adds to `progress`; false where it gives up.
+  bool advance_substep(const SmoothSpan& span, const IntegratorOptions& accuracy, SubstepSpan* left,
+                       IntegrationResult* progress);
+  /// Keeps where a substep starts.
+  void keep_start();
+  /// Goes back there.
+  void return_to_start();
+  /// Takes a substep of h from there, which was at t. False where that has no result.
+  bool repeat_substep(const SmoothSpan& span, const IntegratorOptions& accuracy, double t,
+                      double h);
+  /// The state and its derivative, as the equations have them.
+  const double* state() const { return numbers_.data(); }
+  const double* derivative() const {
+    return numbers_.data() + StageMemory::kDerivatives * equations_.size();
+  }
+  /// What the next substep is tried with [s].
+  double step() const { return step_; }
+  void set_step(double step) { step_ = step; }
   /// Somebody else has moved the bodies.
   void forget() { has_started_ = false; }
   /// Goes on as one just made.
@@ -45,6 +66,8 @@ class RungeKutta {
                           const StageMemory& memory);
 
   bool is_far_too_stiff(const IntegratorOptions& accuracy);
+  template <class Act>
+  auto with_system(Act act);
   IntegrationResult integrate_equations(const StageMemory& memory, const SmoothSpan& span,
                                         const IntegratorOptions& accuracy);
 
@@ -52,6 +75,7 @@ class RungeKutta {
   std::vector<double> numbers_;  // of StageMemory
   double step_ = 0.0;            // what the next substep is tried with [s]
   bool has_started_ = false;     // the derivative of the first stage is there
+  std::vector<double> kept_;     // state and derivative, of keep_start()
 };
 
 /// A body's rotation that no joint acts on: L is constant, or grows with a constant torque, and

@@ -78,6 +78,8 @@ LEFT_OUT = {
     'runge_kutta': ['methods/integrate.h', 'methods/embedded_pairs.h', 'methods/chain_of_rods.cpp',
                     'methods/chain_of_bodies.cpp', 'methods/tree_of_bodies.cpp'],
     'energy_momentum': ['methods/energy_momentum.cpp', 'methods/implicit_step.', 'linear/saddle_lu.'],
+    'event_driven': ['methods/event_', 'constraints/one_sided_law.', 'linear/box_lcp.',
+                     'methods/held_response.cpp'],
     'sequential_impulses': ['methods/sequential_impulses.cpp', 'methods/row_solver.cpp',
                             'methods/impulse_positions.cpp'],
     'islands': [],

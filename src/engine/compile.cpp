@@ -234,10 +234,16 @@ IslandTraits World::Impl::traits_of(const IslandMembers& members,
                                     const std::vector<double>& fastest_spring) const {
   IslandTraits traits;
   traits.has_joints = !members.joints.empty();
+  int one_sided = 0;
+  bool is_switchable = true, breaks = false;
   for (const int j : members.joints) {
     const Joint& joint = joints[at(j)];
     const auto* distance = if_distance(joint);
     const auto has_coordinate = [&](auto holds) { return any_coordinate(joint, holds); };
+    one_sided += has_one_sided_law(joint) ? std::max(1, coordinates(joint.kind)) : 0;
+    is_switchable = is_switchable && engine::is_switchable(joint);
+    breaks = breaks || joint.break_force > 0.0 || joint.break_torque > 0.0;
+    if (traits.jumps != MethodReason::kSmooth) continue;
     if ((distance != nullptr && distance->is_limited()) ||
         has_coordinate([](const CoordinateLaw& law) { return law.is_limited(); }))
       traits.jumps = MethodReason::kLimit;
@@ -245,8 +251,13 @@ IslandTraits World::Impl::traits_of(const IslandMembers& members,
       traits.jumps = MethodReason::kFriction;
     else if (joint.motor.max_force > 0.0 || has_coordinate(is_one_sided))
       traits.jumps = MethodReason::kForceLimit;
-    if (traits.jumps != MethodReason::kSmooth) break;
   }
+  if (!is_switchable)
+    traits.jumps = MethodReason::kLimitedSpring;
+  else if (one_sided > static_cast<int>(EventDriven::kMostRows))
+    traits.jumps = MethodReason::kManyRows;
+  else if (breaks && traits.jumps == MethodReason::kSmooth)
+    traits.jumps = MethodReason::kBreaks;
   for (const int body : members.bodies)
     traits.fastest_spring = std::max(traits.fastest_spring, fastest_spring[at(body)]);
   return traits;
@@ -259,18 +270,24 @@ void World::Impl::compile_island(IslandParts* parts) {
     couplings.resize(joints.size());
     couplings[at(j)] = terms_of(at(j));
   }
-  EquationsOfMotion equations(parts->members.joints, joints, joint_ends, masses, couplings);
+  const bool has_events = method_for(parts->nature, options) == Method::kEventDriven;
+  IslandMotion motion =
+      has_events
+          ? IslandMotion(EventDriven(parts->members.joints, joints, joint_ends, couplings, masses))
+          : IslandMotion(EquationsOfMotion(parts->members.joints, joints, joint_ends, masses,
+                                           couplings));
+  const EquationsOfMotion& equations = motion.equations();
   const std::vector<int>& held = equations.bodies();
   parts->turning_freely.clear();
   for (std::size_t i = equations.turning(); i < held.size(); ++i)
     if (masses[at(held[i])].can_turn()) parts->turning_freely.push_back(held[i]);
   parts->is_stale = false;
   if (parts->motion >= 0) {
-    motions[at(parts->motion)] = IslandMotion(std::move(equations));
+    motions[at(parts->motion)] = std::move(motion);
     return;
   }
   parts->motion = static_cast<int>(motions.size());
-  motions.emplace_back(std::move(equations));
+  motions.push_back(std::move(motion));
 }
 
 }  // namespace constraint_sim::engine

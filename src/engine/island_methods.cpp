@@ -56,6 +56,7 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
                 (choice.why == MethodReason::kStiff && parts.nature != MethodReason::kStiff);
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.dependent_rows = 0;
+    island.events = 0;
     island.unresolved_bodies = 0;
     const Method before = island.method;
     island.method = choice.method;
@@ -295,6 +296,11 @@ bool World::Impl::note(std::size_t i, const IntegrationResult& progress) {
 bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
   IslandParts& parts = island_parts[i];
   Island& island = islands[i];
+  if (island.method == Method::kEventDriven) {
+    const EventDriven::Surroundings around{span_from(span.t, span.h), joint_states, masses};
+    return note(i, motions[at(parts.motion)].advance(span, accuracy_within(kInfinity), around,
+                                                     &states));
+  }
   bool is_met = island.why != MethodReason::kInconsistent;
   const auto by = [&](Integration way, const IntegratorOptions& accuracy) {
     const IntegrationResult progress = advance_joints(i, way, span, accuracy);
@@ -415,6 +421,8 @@ void World::Impl::report_islands(const Carried& by_method) {
     if (m >= 0)
       island.dependent_rows =
           static_cast<std::uint32_t>(motions[at(m)].equations().dependent_rows());
+    island.events = m >= 0 ? motions[at(m)].events() : 0;
+    report.events += island.events;
     if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
       island.unresolved_bodies = find_unresolved(at(index), nullptr);
     report.unresolved_bodies += island.unresolved_bodies;
@@ -458,29 +466,44 @@ void World::Impl::read_smooth_joints(const JointStep& step, const Carried& by_me
   for (const int i : by_method.smooth) {
     if (island_parts[at(i)].motion < 0) continue;
     IslandMotion& motion = motions[at(island_parts[at(i)].motion)];
+    if (const EventDriven* events = motion.finish_events(states)) {
+      for (std::size_t l = 0; l < events->joints().size(); ++l) {
+        events->write(l, &joint_states[at(events->joints()[l])]);
+        read_smooth_joint(at(events->joints()[l]), step, events->impulse(l),
+                          events->coupled_impulse(l));
+      }
+      continue;
+    }
     const EquationsOfMotion& equations = motion.equations();
     // joints that cannot all be met have shares already
     const bool shares =
         equations.redundant_rows() > 0 && islands[at(i)].why != MethodReason::kInconsistent;
     const LeastNormForces* const shared = shares ? &motion.share_forces(states) : nullptr;
+    const bool any_coupling = !equations.coupled_rows().empty();
     for (std::size_t l = 0; l < equations.joints().size(); ++l) {
-      const std::size_t j = at(equations.joints()[l]);
-      const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;
-      const RowVector impulse = shared ? shared->impulse(equations, l) : equations.impulse(l);
-      const bool has_coupling = !equations.coupled_rows().empty() && couples(joints[j].kind);
-      if (has_coupling)
-        note_coupling(
-            j, step.h,
-            shared ? shared->coupled_impulse(equations, l) : equations.coupled_impulse(l));
       JointStep counted = step;
       std::array<double, kMaxCoordinates> positions;
       if (equations.count_turns(l, &positions)) counted.counted = positions.data();
-      read_smooth_joint(joints[j], state_a(j), state_b(j), counted, impulse, zeta, joint_states[j]);
-      if (has_coupling && couples_joints(joints[j].kind))
-        add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
-      note_if_broken(j);
+      read_smooth_joint(at(equations.joints()[l]), counted,
+                        shared ? shared->impulse(equations, l) : equations.impulse(l),
+                        !any_coupling ? 0.0
+                        : shared      ? shared->coupled_impulse(equations, l)
+                                      : equations.coupled_impulse(l));
     }
   }
+}
+
+// Of a joint that was integrated: where it is by now, and what it did.
+void World::Impl::read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
+                                    double coupled_impulse) {
+  const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;
+  const bool has_coupling = couples(joints[j].kind);
+  if (has_coupling) note_coupling(j, step.h, coupled_impulse);
+  engine::read_smooth_joint(joints[j], state_a(j), state_b(j), step, impulse, zeta,
+                            joint_states[j]);
+  if (has_coupling && couples_joints(joints[j].kind))
+    add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
+  note_if_broken(j);
 }
 
 }  // namespace constraint_sim::engine

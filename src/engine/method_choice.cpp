@@ -54,6 +54,12 @@ const char* to_string(MethodReason why) {
       return "its joints cannot all be met";
     case MethodReason::kAtRest:
       return "at rest";
+    case MethodReason::kBreaks:
+      return "has a joint that can break";
+    case MethodReason::kLimitedSpring:
+      return "has a spring or a position with a force limit";
+    case MethodReason::kManyRows:
+      return "has too many limits, motors and friction for events";
   }
   return "";
 }
@@ -73,8 +79,18 @@ MethodReason classify(const IslandTraits& traits, const WorldOptions& options) {
 Method method_for(MethodReason why, const WorldOptions& options) {
   if (why == MethodReason::kAskedFor) return options.method;
   if (why == MethodReason::kSmooth) return Method::kRungeKutta;
-  const bool is_stiff = why == MethodReason::kStiff || why == MethodReason::kInconsistent;
-  return is_stiff ? Method::kEnergyMomentum : Method::kSequentialImpulses;
+  switch (why) {
+    case MethodReason::kStiff:
+    case MethodReason::kInconsistent:
+      return Method::kEnergyMomentum;
+    case MethodReason::kLimit:
+    case MethodReason::kFriction:
+    case MethodReason::kForceLimit:
+    case MethodReason::kBreaks:
+      return Method::kEventDriven;
+    default:
+      return Method::kSequentialImpulses;
+  }
 }
 
 MethodChoice choose(MethodReason nature, bool in_contact, const IslandMemory& memory,

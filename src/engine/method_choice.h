@@ -50,8 +50,9 @@ struct IslandMemory {
 /// What an island is made of, as far as it decides. Edits change it, steps do not.
 struct IslandTraits {
   bool has_joints = false;
-  MethodReason jumps = MethodReason::kSmooth;  ///< kLimit, kFriction or kForceLimit, of the first
-                                               ///< joint that has such
+  /// kLimit, kFriction or kForceLimit, of the first joint that has such, or kBreaks; kLimitedSpring
+  /// or kManyRows where there is more than events are for.
+  MethodReason jumps = MethodReason::kSmooth;
   double fastest_spring = 0.0;  ///< largest ω that springs and dampers move a body with [1/s]
 };
 

@@ -283,6 +283,8 @@ struct World::Impl : Model, State, IslandLists {
   void advance_kinematic_bodies();
   void finish_step(const Tick& tick, const Carried& by_method);
   void read_smooth_joints(const JointStep& step, const Carried& by_method);
+  void read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
+                         double coupled_impulse);
   void note_if_broken(std::size_t j);
   void give_up(std::size_t j);
   void note_coupling(std::size_t j, double h, double impulse);

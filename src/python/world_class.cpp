@@ -30,6 +30,7 @@ py::dict island_dict(const engine::World& world, const engine::Island& island) {
   dict["substeps"] = island.substeps;
   dict["rejected"] = island.rejected;
   dict["iterations"] = island.iterations;
+  dict["events"] = island.events;
   dict["unresolved_bodies"] = island.unresolved_bodies;
   dict["dependent_rows"] = island.dependent_rows;
   return dict;

@@ -10,7 +10,8 @@ namespace {
 
 constexpr std::uint64_t kNow = 1000;  // [steps]
 constexpr Method kAuto = Method::kAuto, kRungeKutta = Method::kRungeKutta,
-                 kGradients = Method::kEnergyMomentum, kImpulses = Method::kSequentialImpulses;
+                 kGradients = Method::kEnergyMomentum, kImpulses = Method::kSequentialImpulses,
+                 kEvents = Method::kEventDriven;
 
 WorldOptions with(Method method) {
   WorldOptions options;
@@ -37,6 +38,8 @@ TEST(MethodChoice, NatureOfAnIslandByOptionsJointsAndSprings) {
       {kGradients, {true, MethodReason::kSmooth, 0.0}, MethodReason::kAskedFor},
       {kGradients, {false, MethodReason::kSmooth, 0.0}, MethodReason::kSmooth},
       {kGradients, {true, MethodReason::kForceLimit, 0.0}, MethodReason::kForceLimit},
+      {kEvents, {true, MethodReason::kLimit, kFast}, MethodReason::kLimit},
+      {kEvents, {true, MethodReason::kSmooth, kFast}, MethodReason::kSmooth},
       {kImpulses, {true, MethodReason::kLimit, kFast}, MethodReason::kAskedFor},
       {kImpulses, {false, MethodReason::kSmooth, 0.0}, MethodReason::kAskedFor},
   };
@@ -50,7 +53,9 @@ TEST(MethodChoice, EveryReasonHasOneMethod) {
   const std::pair<MethodReason, Method> cases[] = {
       {MethodReason::kSmooth, kRungeKutta},      {MethodReason::kStiff, kGradients},
       {MethodReason::kInconsistent, kGradients}, {MethodReason::kContact, kImpulses},
-      {MethodReason::kLimit, kImpulses},         {MethodReason::kForceLimit, kImpulses},
+      {MethodReason::kLimit, kEvents},           {MethodReason::kForceLimit, kEvents},
+      {MethodReason::kFriction, kEvents},        {MethodReason::kBreaks, kEvents},
+      {MethodReason::kLimitedSpring, kImpulses}, {MethodReason::kManyRows, kImpulses},
       {MethodReason::kRefused, kImpulses},       {MethodReason::kAskedFor, kGradients}};
   for (const auto& [why, method] : cases)
     EXPECT_EQ(method_for(why, with(kGradients)), method) << to_string(why);
@@ -72,12 +77,14 @@ TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
        kImpulses},
       {"touched and stiff", MethodReason::kStiff, true, false, false, true, MethodReason::kContact,
        kImpulses},
-      {"a rope, touched", MethodReason::kLimit, true, false, false, false, MethodReason::kLimit,
+      {"a rope, touched", MethodReason::kLimit, true, false, false, false, MethodReason::kContact,
+       kImpulses},
+      {"a rope, refused", MethodReason::kLimit, false, true, false, false, MethodReason::kRefused,
        kImpulses},
       {"measured stiff", MethodReason::kSmooth, false, false, false, true, MethodReason::kStiff,
        kGradients},
       {"a rope, measured stiff", MethodReason::kLimit, false, false, false, true,
-       MethodReason::kLimit, kImpulses},
+       MethodReason::kLimit, kEvents},
       {"stiff springs", MethodReason::kStiff, false, false, false, false, MethodReason::kStiff,
        kGradients},
       {"refused", MethodReason::kSmooth, false, true, false, true, MethodReason::kRefused,

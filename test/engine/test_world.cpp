@@ -395,6 +395,7 @@ TEST(Names, OfMethodsAndStages) {
   EXPECT_STREQ(name(Method::kAuto), "auto");
   EXPECT_STREQ(name(Method::kSequentialImpulses), "sequential_impulses");
   EXPECT_STREQ(name(Method::kRungeKutta), "runge_kutta");
+  EXPECT_STREQ(name(Method::kEventDriven), "event_driven");
   const std::vector<std::string> expected{"broadphase", "narrowphase", "integration", "rows",
                                           "velocities", "solve",       "positions"};
   for (std::size_t i = 0; i < kStageCount; ++i) EXPECT_EQ(name(static_cast<Stage>(i)), expected[i]);

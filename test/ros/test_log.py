@@ -58,7 +58,7 @@ class NodeSpeaks(unittest.TestCase):
         with speaking(node_command(scene="pendulum", paused="true")) as log:
             log.wait("INFO", "pendulum", "1 body", "1 constraint", "tick 0.002 s", "runge_kutta")
             call("load_scene", path="winch")
-            log.wait("INFO", "winch", "2 bodies", "sequential_impulses")
+            log.wait("INFO", "winch", "2 bodies", "event_driven")
 
             call("load_scene", text="""
 bodies: [{name: load, mass: 1, position: [0, 0, -1]}]

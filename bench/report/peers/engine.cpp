@@ -131,7 +131,7 @@ std::vector<Variant> Contestant::variants() {
       for (const char* order : {"_order_8", "_order_5"}) variants.push_back({name + order});
     } else if (method == Method::kSequentialImpulses) {
       for (const char* sweeps : {"_10", "_50", "_200"}) variants.push_back({name + sweeps});
-    } else {
+    } else if (method == Method::kEnergyMomentum) {
       variants.push_back(variant);
     }
   }

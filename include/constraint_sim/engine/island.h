@@ -19,6 +19,10 @@ enum class MethodReason {
   kInconsistent,  ///< joints contradict each other: met by least squares
   kRefused,       ///< nothing else could carry it
   kAtRest,        ///< nothing moves in it: it is left out until something touches it
+  kBreaks,        ///< a joint that can break
+  kLimitedSpring,  ///< a spring or servo with a force limit, or a motor with one that goes to a
+                   ///< position
+  kManyRows,       ///< more limits, motors and friction than events are worth
 };
 
 /// In words.
@@ -36,6 +40,7 @@ struct Island {
   std::uint32_t substeps = 0;
   std::uint32_t rejected = 0;           ///< substeps tried in vain
   std::uint32_t iterations = 0;         ///< Newton's; 0 where the method has none
+  std::uint32_t events = 0;             ///< at which a one-sided row began or ceased to act
   std::uint32_t unresolved_bodies = 0;  ///< that are moved faster than the step can show: they are
                                         ///< off, though joints and energy are kept
   std::uint32_t dependent_rows = 0;     ///< most equations at once that followed from others

@@ -15,10 +15,12 @@ enum class Method {
   kRungeKutta,          ///< embedded pairs of order 8 and 5, on smooth islands
   kEnergyMomentum,      ///< discrete gradients, order 2 and 4, on stiff islands
   kSequentialImpulses,  ///< the tutorial's six stages
+  kEventDriven,         ///< as kRungeKutta between events, on islands with one-sided rows
 };
-inline constexpr std::size_t kMethodCount = 4;
+inline constexpr std::size_t kMethodCount = 5;
 
-/// As in scene files and reports: `auto`, `runge_kutta`, `energy_momentum`, `sequential_impulses`.
+/// As in scene files and reports: `auto`, `runge_kutta`, `energy_momentum`, `sequential_impulses`,
+/// `event_driven`.
 const char* name(Method method);
 
 /// The stages of a step, in order.
@@ -109,6 +111,7 @@ struct StepReport {
   std::uint32_t substeps = 0;          ///< of all islands
   std::uint32_t rejected = 0;          ///< substeps tried without result
   std::uint32_t iterations = 0;        ///< sweeps over the rows, and Newton's of stiff islands
+  std::uint32_t events = 0;            ///< at which a one-sided row began or ceased to act
   std::uint32_t rows = 0;              ///< scalar equations solved
   std::uint32_t contacts = 0;          ///< contact points, but for those of islands at rest
   std::uint64_t broadphase_tests = 0;  ///< box against box

@@ -181,6 +181,8 @@ RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
     const CoordinateState& coordinate = state.coordinates[at(i)];
     if (is_held(joint.coordinates[at(i)]))
       errors[kind.rows + i] = coordinate.position - coordinate.held;
+    else if (!joint.coordinates[at(i)].motor || !joint.coordinates[at(i)].motor->is_rigid())
+      errors[kind.rows + i] = beyond_limits(joint.coordinates[at(i)], coordinate.position);
   }
   return errors;
 }

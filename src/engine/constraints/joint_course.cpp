@@ -63,8 +63,10 @@ void JointCourse::begin(const Joint& joint, const JointStep& span, JointState& s
     CoordinateState& coordinate = state.coordinates[i];
     coordinate.bias = 0.0;
     held_[i] = Held{};
-    if (!is_held(joint.coordinates[i])) continue;
-    const Motor motor = drive(joint.coordinates[i], span, &coordinate);
+    const CoordinateLaw& law = joint.coordinates[i];
+    if (!law.motor || !law.motor->is_rigid()) continue;
+    const Motor motor = drive(law, span, &coordinate);
+    if (!is_held(law)) continue;  // it may be at its force limit
     hold(i, coordinate.held - joint.coordinates[i].zero, motor);
   }
   if (kind.coordinates > 0) state.bias = state.coordinates[0].bias;

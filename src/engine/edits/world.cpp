@@ -308,7 +308,7 @@ std::optional<BodyId> World::gaining_body() const {
 
 const char* name(Method method) {
   constexpr std::array<const char*, kMethodCount> kNames = {
-      "auto", "runge_kutta", "energy_momentum", "sequential_impulses"};
+      "auto", "runge_kutta", "energy_momentum", "sequential_impulses", "event_driven"};
   return kNames[static_cast<std::size_t>(method)];
 }
 

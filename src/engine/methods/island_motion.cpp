@@ -35,6 +35,7 @@ IntegrationResult IslandMotion::advance_by(Integration way, const SmoothSpan& sp
 
 void IslandMotion::change_way() {
   substeps_.forget();
+  if (events_) events_->forget();
   if (gradients_) gradients_->forget();
 }
 
@@ -46,6 +47,7 @@ void IslandMotion::forget() {
 void IslandMotion::restart() {
   follows_gradients_ = false;
   substeps_.restart();
+  if (events_) events_->forget();
   if (gradients_) gradients_->restart();
   inconsistent_.reset();
 }

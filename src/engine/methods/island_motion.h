@@ -6,6 +6,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "engine/methods/energy_momentum.h"
+#include "engine/methods/event_driven.h"
 #include "engine/methods/inconsistent_motion.h"
 #include "engine/methods/least_norm_forces.h"
 #include "engine/methods/method.h"
@@ -20,11 +21,14 @@ enum class Integration {
   kInconsistent,  ///< energy_momentum where the joints cannot all be met
 };
 
-/// An island with joints, compiled: its equations, and what each way to carry it goes on from. What
+/// An island with joints, compiled: its equations (where rows are one-sided, those that act now), and what each way to carry it goes on from. What
 /// the island never needed is not there.
 class IslandMotion {
  public:
   explicit IslandMotion(EquationsOfMotion equations) : substeps_(std::move(equations)) {}
+  /// One with one-sided rows.
+  explicit IslandMotion(EventDriven events)
+      : substeps_(events.bare()), events_(std::move(events)) {}
 
   const EquationsOfMotion& equations() const { return substeps_.equations(); }
   /// Points on a tree of rods.
@@ -33,10 +37,29 @@ class IslandMotion {
   }
   /// Forgets the impulses of the step before, or those of an attempt in vain, and takes coordinates
   /// from the states of all joints.
-  void begin_step(const std::vector<JointState>& joints) { substeps_.begin_step(joints); }
+  void begin_step(const std::vector<JointState>& joints) {
+    if (events_)
+      events_->begin_step(joints, &substeps_);
+    else
+      substeps_.begin_step(joints);
+  }
   /// As method.h says.
   IntegrationResult advance(Integration way, const SmoothSpan& span,
                             const IntegratorOptions& accuracy, std::vector<BodyState>* states);
+  /// The same from event to event; only of an island with one-sided rows, which has no other way.
+  IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                            const EventDriven::Surroundings& around,
+                            std::vector<BodyState>* states) {
+    return events_->advance(span, accuracy, around, &substeps_, states);
+  }
+  /// What events last went by, with all that was done; nullptr of an island without one-sided rows.
+  const EventDriven* finish_events(const std::vector<BodyState>& states) {
+    if (!events_) return nullptr;
+    events_->collect(states, &substeps_);
+    return &*events_;
+  }
+  /// Events since begin_step().
+  std::uint32_t events() const { return events_ ? events_->events() : 0; }
   /// Somebody else has moved the bodies.
   void forget();
   /// Another of these ways goes on with the bodies as they are.
@@ -55,6 +78,7 @@ class IslandMotion {
   void add_memory(Add&& add) const {
     substeps_.add_memory(add);
     if (gradients_ && gradients_->has_memory()) gradients_->add_memory(add);
+    if (events_) events_->add_memory(add);
   }
 
  private:
@@ -62,6 +86,7 @@ class IslandMotion {
                                const IntegratorOptions& accuracy, std::vector<BodyState>* states);
 
   RungeKutta substeps_;  // owns the equations
+  std::optional<EventDriven> events_;
   std::optional<EnergyMomentum> gradients_;
   std::optional<InconsistentMotion> inconsistent_;
   std::optional<LeastNormForces> least_forces_;

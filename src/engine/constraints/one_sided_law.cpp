@@ -1,0 +1,156 @@
+#include "engine/constraints/one_sided_law.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/constraints/distance.h"
+#include "engine/constraints/joint_kinds.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+double sign(double x) { return x > 0.0 ? 1.0 : (x < 0.0 ? -1.0 : 0.0); }
+
+bool has_one_sided_length(const Joint& joint) {
+  const auto* distance = if_distance(joint);
+  return distance != nullptr && (distance->is_limited() || joint.motor.max_force > 0.0);
+}
+
+bool is_drive(const CoordinateLaw& law) {
+  return law.motor && law.motor->is_rigid() && law.motor->max_force > 0.0;
+}
+
+// beside limits, friction and drives; of a motor that acts with a force up to a limit its share
+SoftLaw soft_beside(const CoordinateLaw& law) {
+  SoftLaw soft = soft_law(law);
+  if (law.motor && law.motor->max_force > 0.0 && law.motor->force)
+    soft.F = std::clamp(*law.motor->force, -law.motor->max_force, law.motor->max_force);
+  return soft;
+}
+
+OneSidedLaw law_of_length(const Joint& joint) {
+  const DistanceJoint& distance = joint.distance;
+  OneSidedLaw law;
+  law.is_distance = true;
+  law.form = ScalarForm(LengthForm{});
+  if (distance.is_limited()) {
+    law.upper = distance.max_length;
+    if (distance.min_length > 0.0) law.lower = distance.min_length;
+    if (joint.motor.max_force > 0.0) law.limit_force = joint.motor.max_force;
+  } else {
+    law.drive = joint.motor.max_force;
+  }
+  if (distance.is_soft())
+    law.soft = {distance.stiffness, *distance.length, distance.damping, 0.0};
+  return law;
+}
+
+CoordinateLaw with_soft_law(CoordinateLaw law, const SoftLaw& soft) {
+  law.stiffness = soft.K;
+  law.rest = soft.R;
+  law.damping = soft.C;
+  law.motor.reset();
+  if (soft.F == 0.0) return law;
+  law.motor.emplace();
+  law.motor->force = soft.F;
+  return law;
+}
+
+}  // namespace
+
+bool has_one_sided_law(const Joint& joint) {
+  return has_one_sided_length(joint) || any_coordinate(joint, is_one_sided);
+}
+
+bool is_switchable(const Joint& joint) {
+  if (has_one_sided_length(joint) && joint.distance.is_soft() && joint.motor.max_force > 0.0)
+    return false;
+  return !any_coordinate(joint, [](const CoordinateLaw& law) {
+    return law.motor && law.motor->max_force > 0.0 && law.motor->position.has_value();
+  });
+}
+
+void add_one_sided_laws(const Joint& joint, std::size_t index, std::vector<OneSidedLaw>* laws) {
+  if (has_one_sided_length(joint)) {
+    laws->push_back(law_of_length(joint));
+    laws->back().joint = index;
+  }
+  const JointKindInfo& kind = info(joint.kind);
+  for (int i = 0; i < kind.coordinates; ++i) {
+    const CoordinateLaw& from = joint.coordinates[static_cast<std::size_t>(i)];
+    if (!is_one_sided(from)) continue;
+    OneSidedLaw law;
+    law.joint = index;
+    law.coordinate = i;
+    law.form = kind.coordinate[static_cast<std::size_t>(i)];
+    law.zero = from.zero;
+    law.lower = from.lower;
+    law.upper = from.upper;
+    law.restitution = from.limit_restitution;
+    law.friction = is_held(from) ? 0.0 : from.friction;
+    law.drive = is_drive(from) ? from.motor->max_force : 0.0;
+    law.soft = soft_beside(from);
+    law.function = kind.rows + i;
+    laws->push_back(law);
+  }
+}
+
+double constant_force(const OneSidedLaw& law, const OneSidedState& state) {
+  double force = -law.friction * state.slip - law.drive * state.drive;
+  if (state.yield != 0) force -= law.limit_force * state.yield;
+  return force;
+}
+
+ForceBounds force_bounds(const OneSidedLaw& law, Hold hold, double rate, double zeta) {
+  ForceBounds bounds;
+  const auto add = [&](double force, double at) {
+    const double above = sign(rate - at);  // of the rate beside the jump
+    bounds.least -= above < 0.0 ? -force : force;
+    bounds.most += above > 0.0 ? -force : force;
+  };
+  if (law.friction > 0.0) add(law.friction, hold == Hold::kStill ? rate : 0.0);
+  if (law.drive > 0.0) add(law.drive, hold == Hold::kDrive ? rate : zeta);
+  const bool is_at_limit = hold == Hold::kUpper || hold == Hold::kLower;
+  const bool is_at_both = is_at_limit && law.lower == law.upper;
+  if (hold == Hold::kUpper || is_at_both) bounds.least -= law.limit_force;
+  if (hold == Hold::kLower || is_at_both) bounds.most += law.limit_force;
+  return bounds;
+}
+
+bool with_rows_switched(const OneSidedLaw* laws, const OneSidedState* states, std::size_t count,
+                        Joint* joint) {
+  bool acts = true;
+  for (std::size_t k = 0; k < count; ++k) {
+    const OneSidedLaw& law = laws[k];
+    const bool is_rigid = states[k].hold != Hold::kNone;
+    const double force = constant_force(law, states[k]);
+    if (!law.is_distance) {
+      CoordinateLaw& of = joint->coordinates[static_cast<std::size_t>(law.coordinate)];
+      if (is_held(of)) continue;
+      CoordinateMotor motor;
+      if (states[k].hold == Hold::kDrive) motor = *of.motor;
+      motor.max_force = 0.0;
+      SoftLaw soft = law.soft;
+      soft.F += force;
+      of = with_soft_law(of, soft);
+      if (is_rigid) of.motor = motor;
+      continue;
+    }
+    DistanceJoint& distance = joint->distance;
+    joint->motor.max_force = 0.0;
+    if (is_rigid) {
+      if (states[k].hold != Hold::kDrive) distance.length = law.limit(states[k].hold == Hold::kUpper);
+      distance.frequency = distance.damping_ratio = distance.stiffness = distance.damping = 0.0;
+    } else if (force != 0.0) {
+      joint->kind = JointKind::kFreeDistance;
+      joint->coordinates[0] = with_soft_law({}, {0.0, 0.0, 0.0, force});
+    } else {
+      acts = distance.is_soft();
+    }
+  }
+  return acts;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,229 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "constraint_sim/engine/body.h"
+#include "engine/constraints/coupling.h"
+#include "engine/constraints/joint.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/one_sided_law.h"
+#include "engine/methods/equations_of_motion.h"
+#include "engine/methods/least_norm_forces.h"
+#include "engine/methods/method.h"
+#include "engine/methods/runge_kutta.h"
+
+namespace constraint_sim::engine {
+
+/// An island with one-sided rows, carried from event to event: between two events every such row is
+/// either a rigid row, a constant force or nothing, so that the island is an ordinary one, which
+/// RungeKutta carries. Substeps watch what each row depends on (gaps, rates, forces); where one
+/// passes zero the substep is taken again from its start, at full order, so that it ends there. At
+/// an event limits that are hit have impacts, and a complementarity problem of the accelerations
+/// says what each row does from there on.
+class EventDriven {
+ public:
+  using Ends = std::vector<std::pair<std::size_t, std::size_t>>;
+
+  /// Beyond so many rows an island is left to others.
+  static constexpr std::size_t kMostRows = 32;
+  static constexpr double kTouching = 1e-10;  ///< [m or rad] a gap no larger is closed
+  static constexpr double kResting = 1e-9;    ///< [m/s or rad/s] a rate no larger is none
+
+  /// Of the joints of an island, `members` by index. `couplings` as EquationsOfMotion.
+  EventDriven(const std::vector<int>& members, const std::vector<Joint>& all_joints,
+              const Ends& ends, const std::vector<CoupledTerms>& couplings,
+              const std::vector<MassProperties>& masses);
+
+  /// The equations without any one-sided row, to begin with.
+  const EquationsOfMotion& bare() const { return bare_; }
+
+  /// What surrounds an island in a span.
+  struct Surroundings {
+    JointStep step;  ///< of the span
+    const std::vector<JointState>& joint_states;
+    const std::vector<MassProperties>& masses;
+  };
+
+  /// Clears impulses and counts of the step before.
+  void begin_step(const std::vector<JointState>& joint_states, RungeKutta* motion);
+  /// As method.h says; `motion` has the equations of the rows that act now.
+  IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                            const Surroundings& around, RungeKutta* motion,
+                            std::vector<BodyState>* states);
+  /// What rows do is decided anew: somebody else has moved the bodies.
+  void forget() { has_started_ = false; }
+
+  // ---- what was done since begin_step(), once the step is over
+  std::uint32_t events() const { return events_; }
+  /// Adds what the rows that act now have done.
+  void collect(const std::vector<BodyState>& states, RungeKutta* motion);
+  const std::vector<int>& joints() const { return members_; }
+  /// As EquationsOfMotion::impulse(), of joints()[l].
+  const RowVector& impulse(std::size_t l) const { return impulses_[l]; }
+  double coupled_impulse(std::size_t l) const { return coupled_impulses_[l]; }
+  /// Sets where motors with a force limit hold, whether these have reached it, and what broke.
+  void write(std::size_t l, JointState* state) const;
+
+  /// All that the next advance() goes on from, beside the bodies and what RungeKutta has.
+  template <class Add>
+  void add_memory(Add&& add) const {
+    add(has_started_);
+    if (!has_started_) return;
+    for (std::size_t c = 0; c < laws_.size(); ++c) {
+      const OneSidedState& state = states_[c];
+      for (const int number :
+           {static_cast<int>(state.hold), int{state.slip}, int{state.drive}, int{state.yield}})
+        add(number);
+      add(held_[c]);
+    }
+  }
+
+ private:
+  /// A coordinate now; `J` of its gradient.
+  struct Reading {
+    double q = 0.0, rate = 0.0, acceleration = 0.0;
+    Jacobian J;
+  };
+  /// What an event waits for: where `value` falls below zero.
+  struct Watched {
+    double value = 0.0, rate = 0.0, acceleration = 0.0;
+    int known = 0;         ///< derivatives of the value that are known
+    int law = -1;          ///< whose it is
+    int breaks = -1;       ///< the joint that breaks then
+    signed char side = 0;  ///< of a force: -1 of its lower bound, +1 of its upper one
+    double tolerance = 0;  ///< [that of the value] below which it is rounding
+    double early = 0.0;    ///< where a stage of the substep had it below, as a share; 0: none did
+  };
+  /// The rows that act, with their equations.
+  struct Variant {
+    std::vector<OneSidedState> states;
+    std::vector<char> is_broken;
+    RungeKutta motion;
+  };
+  /// A joint that breaks.
+  struct Breaking {
+    std::size_t joint;
+    double force, torque;
+  };
+  /// Where something is about to fall below zero, as a share of a substep.
+  struct Crossing {
+    double share;
+    std::size_t which;
+  };
+  /// A held coordinate whose force is at a bound, and gives way.
+  struct Release {
+    int law = -1;
+    signed char side = 0;  ///< of the bound
+  };
+  /// A limit that takes part in an impact: +1 of a lower one, −1 of an upper one.
+  struct Hit {
+    std::size_t law;
+    double direction;
+    double rate;  ///< of the gap
+    double restitution;
+  };
+  /// A coordinate that moves as something that holds it.
+  struct Candidate {
+    std::size_t law;
+    Hold hold;
+    double rate, acceleration;
+    ForceBounds bounds;
+  };
+  struct Span;  // what advance() goes through
+  struct Rows;  // a problem at an event
+
+  // ---- compiled
+  EquationsOfMotion compile(const std::vector<OneSidedState>& states,
+                            const std::vector<MassProperties>& masses) const;
+  bool switched(std::size_t joint, const std::vector<OneSidedState>& states, Joint* result) const;
+  std::pair<std::size_t, std::size_t> laws_of(std::size_t joint) const;
+
+  // ---- where things are
+  BodyState body(const Span& span, int body, double t) const;
+  Reading read(const Span& span, const OneSidedLaw& law, double t,
+               const EquationsOfMotion& equations, const EquationsOfMotion::Motions& rates) const;
+  void note_positions(const Span& span, double t);
+  Course limit(std::size_t law, bool upper_one, double t) const;
+  Course zeta(const Span& span, std::size_t law, double t) const;
+  double travel(std::size_t joint, double t) const;
+  void set_rows(std::size_t joint);
+  void begin_course(const Span& span, std::size_t joint, double t);
+  bool begin_courses(const Span& span);
+
+  // ---- between events (what waits for events: event_location.cpp)
+  bool begin_span(Span* span);
+  void hold_from(const Span& span, std::size_t law);
+  bool advance_to_event(Span* span);
+  void watch(const Span& span, double t, std::vector<Watched>* list);
+  void watch_force(const Span& span, std::size_t law, const Reading& reading, double t,
+                   std::vector<Watched>* list) const;
+  void watch_breaking(const Span& span, double t, std::vector<Watched>* list) const;
+  std::optional<Crossing> earliest(const std::vector<Watched>& from, const std::vector<Watched>& to,
+                                   double h, bool is_all) const;
+  std::optional<std::size_t> find_passed(const std::vector<Watched>& from,
+                                         const std::vector<Watched>& to) const;
+  bool locate(Span* span, const SubstepSpan& start, double h, std::optional<Crossing>* event);
+  void break_joint(Span* span, std::size_t joint);
+  bool finish_event(Span* span, std::size_t which);
+  SmoothSpan rest_of(const Span& span) const;
+
+  // ---- at events (event_states.cpp)
+  bool settle(Span* span, const Release& release, bool is_changed, bool* had_impacts);
+  bool load_rows(Span* span, Rows* rows);
+  void read_rows(const Span& span, Rows* rows) const;
+  void find_responses(Rows* rows);
+  void apply_impulse(Rows* rows, std::size_t law, double impulse);
+  std::vector<Hit> find_hits(const Span& span, const Rows& rows,
+                             const std::vector<char>& rests) const;
+  bool have_impacts(Span* span, Rows* rows, bool* any);
+  bool have_impact(const std::vector<Hit>& hits, Rows* rows);
+  bool go_on_after_impacts(Span* span, Rows* rows);
+  bool let_rest(const Span& span, Rows* rows, const std::vector<char>& bounced,
+                std::vector<char>* rests, bool* is_settled) const;
+  std::optional<Candidate> candidate(const Span& span, std::size_t law, const Reading& reading,
+                                     OneSidedState* state) const;
+  OneSidedState leaving(const Span& span, const Candidate& from, signed char side) const;
+  bool decide(const Span& span, Rows* rows, const Release& release,
+              std::vector<OneSidedState>* next) const;
+  void hold_rows(const Span& span, const Rows& rows, const std::vector<OneSidedState>& next);
+  bool switch_to_states(Span* span);
+
+  std::vector<int> members_;
+  std::vector<Joint> joints_;  // the same
+  Ends ends_;                  // of these
+  std::vector<CoupledTerms> couplings_;
+  std::vector<OneSidedLaw> laws_;       // of one joint after the other
+  std::vector<std::size_t> first_law_;  // of joints, and the end
+  std::vector<Joint> bare_joints_;      // without one-sided rows
+  std::vector<Breaking> breaking_;
+  EquationsOfMotion bare_;
+  std::vector<OneSidedState> compiled_for_;  // what RungeKutta has
+  std::vector<char> broken_then_;            // the same
+  std::vector<Variant> others_;              // those compiled before, for the next time
+
+  bool has_started_ = false;
+  std::vector<OneSidedState> states_;   // of laws
+  std::vector<Joint> switched_joints_;  // as these say, for courses
+  std::vector<double> held_;  // what friction and motors hold: q, or the travel of a length
+
+  // ---- of this step
+  std::vector<char> is_broken_;           // joints
+  std::vector<JointState> joint_states_;  // where coordinates are, and what is being closed
+  std::vector<JointCourse> courses_, bare_courses_;
+  std::vector<double> base_;  // of a distance joint's course, without travel
+  std::vector<RowVector> impulses_;
+  std::vector<double> coupled_impulses_;
+  std::uint32_t events_ = 0;
+  int unchanged_ = 0;  // events that changed nothing
+  std::vector<char> is_muted_;
+  std::vector<Watched> before_, after_, low_, high_;
+  EquationsOfMotion::Motions rates_;
+  std::optional<LeastNormForces> least_forces_;  // of the rows that act now
+};
+
+}  // namespace constraint_sim::engine

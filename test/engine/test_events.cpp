@@ -1,0 +1,331 @@
+// Events on coordinates: ropes, limits, motors with a force limit, friction and joints that break.
+// Oracles: closed forms of the motion before and after each event. Times are to be right to 1e-9 s
+// and positions to 1e-8 m at any tick; what is left is rounding and the tolerance of 1e-10 m/s.
+
+#include "constraint_sim/engine/plan.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kTime = 1e-9, kPlace = 1e-8;
+
+WorldOptions automatic(double time_step, double gravity = kGravity) {
+  WorldOptions options = engine::options(time_step, gravity);
+  options.method = Method::kAuto;
+  options.tolerance = 1e-10;
+  return options;
+}
+
+Body ball(const std::string& name, double mass, const Vector3d& position) {
+  return make_body(name, Sphere{0.1}, mass, position);
+}
+
+/// A slider of the world along z.
+Joint slider_along_z(BodyId body, const CoordinateLaw& law) {
+  Joint joint = make_joint("slider", kWorldBody, Vector3d::Zero(), body, Vector3d::Zero(),
+                           JointKind::kSlider);
+  joint.coordinates[0] = law;
+  return joint;
+}
+
+const Island& only(const std::vector<Island>& islands) { return islands.front(); }
+
+class AtTicks : public testing::TestWithParam<double> {};
+
+INSTANTIATE_TEST_SUITE_P(Events, AtTicks,
+                         testing::Values(1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000));
+
+TEST_P(AtTicks, APendulumBesideASlackRopeIsThePendulum) {
+  World alone(automatic(GetParam())), beside(automatic(GetParam()));
+  for (World* world : {&alone, &beside}) {
+    const BodyId bob = world->add_body(ball("bob", 1.0, {1.0, 0.0, 0.0}));
+    world->add_joint(hang("rod", bob, rod(1.0)));
+    if (world == &beside)
+      world->add_joint(
+          make_joint("rope", kWorldBody, {0.0, 0.5, 0.0}, bob, Vector3d::Zero(), rope(2.0)));
+  }
+  EXPECT_EQ(only(beside.islands()).method, Method::kEventDriven);
+  for (int i = 0; i < 2.0 / GetParam(); ++i) {
+    alone.step();
+    beside.step();
+    ASSERT_EQ(alone.state(alone.find_body("bob")).position,
+              beside.state(beside.find_body("bob")).position);
+    ASSERT_EQ(beside.report().events, 0u);
+  }
+}
+
+// falls until the rope is taut, and hangs
+TEST_P(AtTicks, ABallFallsIntoItsRope) {
+  World world(automatic(GetParam()));
+  const BodyId id = world.add_body(ball("ball", 2.0, {0.0, 0.0, -0.3}));
+  const JointId rope_id = world.add_joint(hang("rope", id, rope(1.0)));
+  const double taut = std::sqrt(2.0 * 0.7 / kGravity);
+  std::uint32_t events = 0;
+  for (int i = 0; i * GetParam() < 1.0; ++i) {
+    world.step();
+    events += world.report().events;
+    const double t = world.time();
+    const double z = t < taut ? -0.3 - 0.5 * kGravity * t * t : -1.0;
+    ASSERT_NEAR(world.state(id).position.z(), z, kPlace) << t;
+    ASSERT_NEAR(world.state(id).linear_velocity.z(), t < taut ? -kGravity * t : 0.0, kPlace) << t;
+    if (t - GetParam() > taut) {
+      ASSERT_NEAR(world.joint_state(rope_id).force, -2.0 * kGravity, 1e-9);
+    }
+  }
+  EXPECT_EQ(events, 1u);
+}
+
+// the part of the velocity across the rope stays; from there on it is a pendulum
+TEST_P(AtTicks, ABallThrownSidewaysSwingsOnItsRope) {
+  World world(automatic(GetParam()));
+  const BodyId id = world.add_body(ball("ball", 2.0, {0.6, 0.0, 0.0}));
+  world.add_joint(hang("rope", id, rope(1.0)));
+  const double taut = std::sqrt(2.0 * 0.8 / kGravity);
+  World pendulum(automatic(1e-3));  // from the exact state when the rope is taut
+  const BodyId bob = pendulum.add_body(ball("bob", 2.0, {0.6, 0.0, -0.8}));
+  pendulum.add_joint(hang("rod", bob, rod(1.0)));
+  BodyState state = pendulum.state(bob);
+  const Vector3d n(0.6, 0.0, -0.8), v(0.0, 0.0, -kGravity * taut);
+  state.linear_velocity = v - n.dot(v) * n;
+  pendulum.set_state(bob, state);
+  const int steps = static_cast<int>(std::lround(0.8 / GetParam()));
+  run(world, steps);
+  // to the same time, the last part of a tick by a tick of its own
+  const int whole = static_cast<int>((world.time() - taut) * 1000.0);
+  run(pendulum, whole);
+  WorldOptions options = pendulum.options();
+  options.time_step = world.time() - taut - pendulum.time();
+  pendulum.set_options(options);
+  run(pendulum, 1);
+  EXPECT_LT((world.state(id).position - pendulum.state(bob).position).norm(), kPlace);
+  EXPECT_LT((world.state(id).linear_velocity - pendulum.state(bob).linear_velocity).norm(), 1e-7);
+}
+
+// Height above the limit at t, of a fall from h with bounces; 0 once at rest.
+double bouncing(double h, double e, double t) {
+  double fall = std::sqrt(2.0 * h / kGravity), v = kGravity * fall;
+  if (t < fall) return h - 0.5 * kGravity * t * t;
+  t -= fall;
+  for (int i = 0; i < 10000; ++i) {
+    v *= e;
+    if (v < 1e-7) return 0.0;
+    const double flight = 2.0 * v / kGravity;
+    if (t < flight) return v * t - 0.5 * kGravity * t * t;
+    t -= flight;
+  }
+  return 0.0;
+}
+
+TEST_P(AtTicks, AStopIsHitWithItsRestitution) {
+  for (const double e : {0.0, 0.5, 0.9, 1.0}) {
+    World world(automatic(GetParam()));
+    const BodyId id = world.add_body(ball("ball", 3.0, {0.0, 0.0, 0.5}));
+    CoordinateLaw law;
+    law.lower = 0.0;
+    law.limit_restitution = e;
+    world.add_joint(slider_along_z(id, law));
+    EXPECT_EQ(only(world.islands()).why, MethodReason::kLimit);
+    const double seconds = e == 0.9 ? 6.5 : 2.0;  // at rest after 6.07 s
+    double worst = 0.0;
+    for (int i = 0; i * GetParam() < seconds; ++i) {
+      world.step();
+      ASSERT_EQ(only(world.islands()).method, Method::kEventDriven);
+      worst =
+          std::max(worst, std::abs(world.state(id).position.z() - bouncing(0.5, e, world.time())));
+    }
+    EXPECT_LT(worst, kPlace) << e;
+    if (e < 1.0) {
+      EXPECT_EQ(world.state(id).linear_velocity.z(), 0.0) << e;
+    }
+  }
+}
+
+// A rope on a brake slips with twice the weight: the load stops as far below as it fell, and hangs.
+TEST_P(AtTicks, ARopeOnABrakeSlipsUntilItHolds) {
+  World world(automatic(GetParam()));
+  const BodyId id = world.add_body(ball("ball", 2.0, {0.0, 0.0, -0.8}));
+  Joint joint = hang("rope", id, rope(1.0));
+  joint.motor.max_force = 2.0 * 2.0 * kGravity;
+  const JointId rope_id = world.add_joint(joint);
+  const double taut = std::sqrt(2.0 * 0.2 / kGravity), v = kGravity * taut;
+  for (int i = 0; i * GetParam() < 0.8; ++i) {
+    world.step();
+    const double t = world.time(), since = std::clamp(t - taut, 0.0, taut);
+    const double z = t < taut ? -0.8 - 0.5 * kGravity * t * t
+                              : -1.0 - v * since + 0.5 * kGravity * since * since;
+    ASSERT_NEAR(world.state(id).position.z(), z, kPlace) << t;
+    ASSERT_LT(std::abs(world.joint_state(rope_id).error), 1e-9) << t;
+    if (std::abs(t - taut) > kTime && std::abs(t - 2.0 * taut) > kTime) {
+      ASSERT_EQ(world.joint_state(rope_id).saturated, t > taut && t < 2.0 * taut) << t;
+    }
+  }
+}
+
+// a motor takes time to come to its speed, with the most force it has
+TEST_P(AtTicks, AMotorAtItsLimitAccelerates) {
+  constexpr double kMass = 2.0, kForce = 5.0, kSpeed = 1.3;
+  World world(automatic(GetParam(), 0.0));
+  const BodyId id = world.add_body(ball("ball", kMass, Vector3d::Zero()));
+  CoordinateLaw law;
+  law.motor.emplace();
+  law.motor->bias = kSpeed;
+  law.motor->max_force = kForce;
+  const JointId joint = world.add_joint(slider_along_z(id, law));
+  const double there = kSpeed * kMass / kForce, a = kForce / kMass;
+  for (int i = 0; i * GetParam() < 1.0; ++i) {
+    world.step();
+    const double t = world.time();
+    const double z = t < there ? 0.5 * a * t * t : kSpeed * (t - 0.5 * there);
+    ASSERT_NEAR(world.state(id).position.z(), z, kPlace) << t;
+    if (std::abs(t - there) > kTime) {
+      ASSERT_EQ(world.joint_state(joint).saturated, t < there) << t;
+    }
+  }
+}
+
+// it cannot follow the steepest part of a sinusoid, and catches up later
+TEST_P(AtTicks, AMotorAtItsLimitFollowsASinusoid) {
+  constexpr double kForce = 1.0, kFrequency = 0.5, kAmplitude = 0.5;
+  const double omega = 2.0 * kPi * kFrequency;
+  World world(automatic(GetParam(), 0.0));
+  const BodyId id = world.add_body(ball("ball", 1.0, Vector3d::Zero()));
+  CoordinateLaw law;
+  law.motor.emplace();
+  law.motor->amplitude = kAmplitude;
+  law.motor->frequency = kFrequency;
+  law.motor->max_force = kForce;
+  world.add_joint(slider_along_z(id, law));
+  // from 0 with the most force until it has the speed asked for, with it until it asks for more
+  // than −1 N, then with that
+  double low = 0.1, high = 0.9;
+  for (int i = 0; i < 60; ++i) {
+    const double t = 0.5 * (low + high);
+    (kForce * t < kAmplitude * std::sin(omega * t) ? low : high) = t;
+  }
+  const double caught = low, lost = std::acos(-kForce / (kAmplitude * omega)) / omega;
+  const auto place = [&](double t) {
+    if (t < caught) return 0.5 * kForce * t * t;
+    const auto driven = [&](double to) {
+      return 0.5 * kForce * caught * caught +
+             kAmplitude / omega * (std::cos(omega * caught) - std::cos(omega * to));
+    };
+    if (t < lost) return driven(t);
+    return driven(lost) + kAmplitude * std::sin(omega * lost) * (t - lost) -
+           0.5 * kForce * (t - lost) * (t - lost);
+  };
+  ASSERT_LT(caught, lost);
+  for (int i = 0; (i + 1) * GetParam() < 1.2; ++i) {
+    world.step();
+    ASSERT_NEAR(world.state(id).position.z(), place(world.time()), kPlace) << world.time();
+  }
+}
+
+TEST_P(AtTicks, FrictionStopsASlider) {
+  constexpr double kMass = 2.0, kFriction = 3.0, kSpeed = 1.1;
+  World world(automatic(GetParam(), 0.0));
+  Body body = ball("ball", kMass, Vector3d::Zero());
+  body.state.linear_velocity.z() = kSpeed;
+  const BodyId id = world.add_body(body);
+  CoordinateLaw law;
+  law.friction = kFriction;
+  world.add_joint(slider_along_z(id, law));
+  EXPECT_EQ(only(world.islands()).why, MethodReason::kFriction);
+  const double stop = kSpeed * kMass / kFriction, a = kFriction / kMass;
+  for (int i = 0; i * GetParam() < 1.0; ++i) {
+    world.step();
+    const double t = std::min(world.time(), stop);
+    ASSERT_NEAR(world.state(id).position.z(), kSpeed * t - 0.5 * a * t * t, kPlace) << t;
+  }
+  EXPECT_EQ(world.state(id).linear_velocity.z(), 0.0);
+}
+
+// Stick and slip: a body on friction f is pulled by a spring k whose other end goes at speed v. It
+// sticks until k v t = f; from then on y = v τ − (v/ω) sin ωτ.
+TEST_P(AtTicks, AnAnchorDraggedByASpringSticksAndSlips) {
+  constexpr double kMass = 1.5, kFriction = 2.0, kStiffness = 30.0, kSpeed = 0.25;
+  World world(automatic(GetParam(), 0.0));
+  const BodyId id = world.add_body(ball("dragged", kMass, Vector3d::Zero()));
+  Body puller = ball("puller", 1.0, {0.0, 0.0, 1.0});
+  puller.state.linear_velocity.z() = kSpeed;
+  puller.type = BodyType::kKinematic;
+  const BodyId end = world.add_body(puller);
+  CoordinateLaw law;
+  law.friction = kFriction;
+  world.add_joint(slider_along_z(id, law));
+  world.add_joint(make_joint("spring", id, Vector3d::Zero(), end, Vector3d::Zero(),
+                             spring(1.0, kStiffness, 0.0)));
+  const double slips = kFriction / (kStiffness * kSpeed), omega = std::sqrt(kStiffness / kMass);
+  for (int i = 0; (i + 1) * GetParam() < slips + 1.9 * kPi / omega; ++i) {
+    world.step();
+    const double tau = std::max(world.time() - slips, 0.0);
+    const double y = kSpeed * tau - kSpeed / omega * std::sin(omega * tau);
+    ASSERT_NEAR(world.state(id).position.z(), y, kPlace) << world.time();
+  }
+}
+
+// A load of 1e4 kg on a rope, and a bob of 1 kg on a rod that hangs on it. The rope is slack at
+// first: both fall, then the load stops on the rope and the bob goes on as a pendulum, straight
+// down.
+TEST_P(AtTicks, AHeavyLoadOnARopeBesideALightBobOnARod) {
+  World world(automatic(GetParam()));
+  const BodyId load = world.add_body(ball("load", 1e4, {0.0, 0.0, -0.8}));
+  const BodyId bob = world.add_body(ball("bob", 1.0, {0.6, 0.0, -0.8}));
+  world.add_joint(hang("rope", load, rope(1.0)));
+  const JointId rod_id =
+      world.add_joint(make_joint("rod", load, Vector3d::Zero(), bob, Vector3d::Zero(), rod(0.6)));
+  const double taut = std::sqrt(2.0 * 0.2 / kGravity);
+  double least = world.energy();
+  for (int i = 0; i * GetParam() < 2.0; ++i) {
+    world.step();
+    ASSERT_EQ(only(world.islands()).method, Method::kEventDriven);
+    ASSERT_LT(world.report().max_constraint_error, 1e-12);
+    ASSERT_NEAR(distance(world, rod_id), 0.6, 1e-12);
+    ASSERT_LT(world.energy(), least + 1e-4);  // 1e-9 of the energy
+    least = std::min(least, world.energy());
+    if (world.time() < taut) {
+      ASSERT_NEAR(world.state(load).position.z(),
+                  -0.8 - 0.5 * kGravity * world.time() * world.time(), kPlace);
+    } else {
+      ASSERT_LT(world.state(load).position.norm(), 1.0 + 1e-12);
+    }
+  }
+}
+
+// A bob let go at the height of its pivot swings down; the rod pulls with 3 m g sin φ.
+TEST_P(AtTicks, ARodBreaksWhereItsForceSays) {
+  constexpr double kShare = 0.6;  // of 3 m g
+  World world(automatic(GetParam()));
+  const BodyId id = world.add_body(ball("bob", 1.0, {1.0, 0.0, 0.0}));
+  Joint joint = hang("rod", id, rod(1.0));
+  joint.break_force = 3.0 * kGravity * kShare;
+  const JointId rod_id = world.add_joint(joint);
+  EXPECT_EQ(only(world.islands()).why, MethodReason::kBreaks);
+  // t = ∫ dφ/√(2 g sin φ) with φ = s², by Simpson's rule to rounding
+  const double phi = std::asin(kShare);
+  const auto rate = [](double s) {
+    return s == 0.0 ? 2.0 / std::sqrt(2.0 * kGravity)
+                    : 2.0 * s / std::sqrt(2.0 * kGravity * std::sin(s * s));
+  };
+  constexpr int kParts = 2000;
+  const double h = std::sqrt(phi) / kParts;
+  double breaks = rate(0.0) + rate(std::sqrt(phi));
+  for (int i = 1; i < kParts; ++i) breaks += (i % 2 == 1 ? 4.0 : 2.0) * rate(i * h);
+  breaks *= h / 3.0;
+  const double speed = std::sqrt(2.0 * kGravity * kShare);
+  const Vector3d x(std::cos(phi), 0.0, -std::sin(phi)),
+      v = speed * Vector3d(-std::sin(phi), 0.0, -std::cos(phi));
+  while (world.time() < breaks + 0.5) {
+    world.step();
+    const double since = world.time() - breaks;
+    ASSERT_EQ(world.joint_state(rod_id).broken, since > 0.0) << world.time();
+    if (since < 0.0) continue;
+    const Vector3d place = x + since * v - Vector3d(0.0, 0.0, 0.5 * kGravity * since * since);
+    ASSERT_LT((world.state(id).position - place).norm(), kPlace) << world.time();
+  }
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

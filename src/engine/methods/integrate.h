@@ -219,11 +219,11 @@ struct SubstepLimits {
 };
 
 /// Takes one substep of at most `step` [s], which is set to what the next one is tried with. False
-/// where it gives up.
+/// where it gives up. A call, so that its stages are in one place only, and inlined there.
 template <class Pair, class System>
-[[gnu::always_inline]] inline bool take_substep(System& system, const StageMemory& memory,
-                                                const SubstepLimits& limits, SubstepSpan& span,
-                                                double& step, IntegrationResult& progress) {
+[[gnu::noinline]] bool take_substep(System& system, const StageMemory& memory,
+                                    const SubstepLimits& limits, SubstepSpan& span, double& step,
+                                    IntegrationResult& progress) {
   for (;;) {
     const bool is_last = span.left <= step;
     const double h = is_last ? span.left : span.left / std::ceil(span.left / step);

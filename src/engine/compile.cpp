@@ -274,8 +274,8 @@ void World::Impl::compile_island(IslandParts* parts) {
   IslandMotion motion =
       has_events
           ? IslandMotion(EventDriven(parts->members.joints, joints, joint_ends, couplings, masses))
-          : IslandMotion(EquationsOfMotion(parts->members.joints, joints, joint_ends, masses,
-                                           couplings));
+          : IslandMotion(
+                EquationsOfMotion(parts->members.joints, joints, joint_ends, masses, couplings));
   const EquationsOfMotion& equations = motion.equations();
   const std::vector<int>& held = equations.bodies();
   parts->turning_freely.clear();

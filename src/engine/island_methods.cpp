@@ -298,8 +298,8 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
   Island& island = islands[i];
   if (island.method == Method::kEventDriven) {
     const EventDriven::Surroundings around{span_from(span.t, span.h), joint_states, masses};
-    return note(i, motions[at(parts.motion)].advance(span, accuracy_within(kInfinity), around,
-                                                     &states));
+    return note(
+        i, motions[at(parts.motion)].advance(span, accuracy_within(kInfinity), around, &states));
   }
   bool is_met = island.why != MethodReason::kInconsistent;
   const auto by = [&](Integration way, const IntegratorOptions& accuracy) {

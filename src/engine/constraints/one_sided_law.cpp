@@ -42,8 +42,7 @@ OneSidedLaw law_of_length(const Joint& joint) {
   } else {
     law.drive = joint.motor.max_force;
   }
-  if (distance.is_soft())
-    law.soft = {distance.stiffness, *distance.length, distance.damping, 0.0};
+  if (distance.is_soft()) law.soft = {distance.stiffness, *distance.length, distance.damping, 0.0};
   return law;
 }
 
@@ -141,7 +140,8 @@ bool with_rows_switched(const OneSidedLaw* laws, const OneSidedState* states, st
     DistanceJoint& distance = joint->distance;
     joint->motor.max_force = 0.0;
     if (is_rigid) {
-      if (states[k].hold != Hold::kDrive) distance.length = law.limit(states[k].hold == Hold::kUpper);
+      if (states[k].hold != Hold::kDrive)
+        distance.length = law.limit(states[k].hold == Hold::kUpper);
       distance.frequency = distance.damping_ratio = distance.stiffness = distance.damping = 0.0;
     } else if (force != 0.0) {
       joint->kind = JointKind::kFreeDistance;

@@ -20,13 +20,13 @@ struct EventDriven::Span {
 
 /// A complementarity problem of all laws at an event, with the rigid joints held.
 struct EventDriven::Rows {
-  std::vector<double> y, dydt;      ///< of the bare equations
-  std::vector<Reading> reading;     ///< of laws, without one-sided forces
+  std::vector<double> y, dydt;                       ///< of the bare equations
+  std::vector<Reading> reading;                      ///< of laws, without one-sided forces
   std::vector<EquationsOfMotion::Motions> response;  ///< to a unit impulse along each law
   std::vector<std::vector<double>> joint_impulses;   ///< the same
-  Eigen::MatrixXd A;                ///< rates of laws by impulses along laws
-  Eigen::VectorXd acceleration;     ///< of laws with their forces, once these are decided
-  std::vector<char> is_free;        ///< laws whose coordinate the rigid joints leave free
+  Eigen::MatrixXd A;                                 ///< rates of laws by impulses along laws
+  Eigen::VectorXd acceleration;  ///< of laws with their forces, once these are decided
+  std::vector<char> is_free;     ///< laws whose coordinate the rigid joints leave free
 };
 
 }  // namespace constraint_sim::engine

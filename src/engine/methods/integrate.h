@@ -54,7 +54,7 @@ struct IntegrationResult {
   int rejected = 0;
   int iterations = 0;            ///< Newton's, where there are any
   bool is_inconsistent = false;  ///< not done because the joints cannot all be met
-  double frequency = 0.0;  ///< of the joints' forces, where it decides on the next [rad/s]
+  double frequency = 0.0;        ///< of the joints' forces, where it decides on the next [rad/s]
   bool is_stiff = false;   ///< the other method is the better one; not done where it was so at once
   double projected = 0.0;  ///< kinetic energy that velocities lost when they were made to fit [J]
   double corrected = 0.0;  ///< energy that corrections of positions added, left in the bodies [J]

@@ -21,8 +21,8 @@ enum class Integration {
   kInconsistent,  ///< energy_momentum where the joints cannot all be met
 };
 
-/// An island with joints, compiled: its equations (where rows are one-sided, those that act now), and what each way to carry it goes on from. What
-/// the island never needed is not there.
+/// An island with joints, compiled: its equations (where rows are one-sided, those that act now),
+/// and what each way to carry it goes on from. What the island never needed is not there.
 class IslandMotion {
  public:
   explicit IslandMotion(EquationsOfMotion equations) : substeps_(std::move(equations)) {}

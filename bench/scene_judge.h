@@ -272,7 +272,8 @@ class Judge {
     so_far->error = error;
     if (is_driven_ || so_far->has_said) return false;
     const double rise = now - so_far->start;
-    const bool loses = is_damped_ || so_far->uses_impulses || is_thrown();
+    // a rope that becomes taut is an inelastic impact
+    const bool loses = is_damped_ || has_limits_ || so_far->uses_impulses || is_thrown();
     const double off = loses ? rise : std::abs(rise);
     // and the energy of 1e-6 m/s, where a scene that rests has no other
     double allowed =

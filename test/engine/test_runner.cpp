@@ -146,7 +146,7 @@ TEST_F(Runner, SaysWhatWasLeftOut) {
   ASSERT_EQ(run("scene.yaml --duration 0.1 --explain --report report.json"), 0) << err();
   EXPECT_NE(out().find("collision: false\n"), std::string::npos) << out();
   const auto left_out = report().at("left_out");
-  ASSERT_EQ(left_out.size(), 10u);
+  ASSERT_EQ(left_out.size(), 11u);
   for (const auto& line : left_out)
     EXPECT_NE(out().find("  - \"" + line.get<std::string>() + "\"\n"), std::string::npos) << out();
 

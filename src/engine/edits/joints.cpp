@@ -9,6 +9,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/constraints/one_sided_law.h"
 #include "engine/edits/find_named.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
@@ -314,8 +315,9 @@ void World::set_motor(JointId id, const Motor& motor) {
 
   impl_->wake_ends(joint);
   impl_->topology_edited |= is_always_rigid(joint) != is_always_rigid(impl_->joints[j]);  // loops
-  impl_->joints[j] = joint;
+  const bool was_one_sided = has_one_sided_law(std::exchange(impl_->joints[j], joint));
   impl_->joint_states[j].expires_at = impl_->end_of(motor);
+  if (was_one_sided || has_one_sided_law(joint)) return impl_->edit_laws(joint);
   impl_->edit_island_of(joint.body_a);
   impl_->edit_island_of(joint.body_b);
 }

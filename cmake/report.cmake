@@ -87,3 +87,11 @@ elseif(CONSTRAINT_SIM_BENCH)
   list(APPEND bench_programs constraint_sim_micro)
   add_dependencies(report_programs constraint_sim_micro)
 endif()
+
+# ODE's contact of two boxes beside ours
+if(TARGET constraint_sim_box_box AND TARGET constraint_sim_report_ode)
+  target_include_directories(constraint_sim_box_box SYSTEM PRIVATE ${ode_INCLUDE_DIRS})
+  target_compile_options(constraint_sim_box_box PRIVATE ${ode_CFLAGS_OTHER})
+  target_compile_definitions(constraint_sim_box_box PRIVATE CONSTRAINT_SIM_BENCH_ODE)
+  target_link_libraries(constraint_sim_box_box PRIVATE ${ode_LINK_LIBRARIES})
+endif()

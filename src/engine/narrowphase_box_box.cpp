@@ -1,0 +1,371 @@
+// Box against box: separating axes in the frame of the first box, then the face of one box clipped
+// by the face of the other, or the crossing of two edges.
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "engine/manifold_points.h"
+#include "engine/narrowphase.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+/// The axis after i, and the one before it.
+constexpr int next(int i) { return i == 2 ? 0 : i + 1; }
+constexpr int last(int i) { return i == 0 ? 2 : i - 1; }
+
+/// Two boxes in the frame of the first.
+struct BoxPair {
+  Vector3d half_a, half_b;  ///< of the edge lengths [m]
+  Matrix3d C;               ///< B's axes in columns
+  Vector3d t;               ///< B's centre [m]
+};
+
+// ---- separating axes
+
+/// A direction along which two boxes may be apart: the normal of a face of A or of B, or the cross
+/// product of an edge of each.
+struct Axis {
+  double depth = std::numeric_limits<double>::infinity();  ///< how far A is to move out [m]
+  int a = -1;                                              ///< axis of A's face or edge
+  int b = -1;                                              ///< the same of B
+
+  bool is_of_edges() const { return a >= 0 && b >= 0; }
+};
+
+/// The face of least depth, the first of a_0, b_0, a_1, b_1, a_2 and b_2 where some tie.
+Axis least_face(const BoxPair& pair) {
+  const auto& [h_a, h_b, C, t] = pair;
+  double of_a[3];
+  double of_b[3];
+  for (int i = 0; i < 3; ++i) {
+    of_a[i] =
+        h_a[i] +
+        (std::abs(C(i, 0)) * h_b[0] + std::abs(C(i, 1)) * h_b[1] + std::abs(C(i, 2)) * h_b[2]) -
+        std::abs(t[i]);
+    of_b[i] =
+        h_b[i] +
+        (std::abs(C(0, i)) * h_a[0] + std::abs(C(1, i)) * h_a[1] + std::abs(C(2, i)) * h_a[2]) -
+        std::abs(C(0, i) * t[0] + C(1, i) * t[1] + C(2, i) * t[2]);
+  }
+  Axis least;
+  least.depth = std::min(
+      {std::min(of_a[0], of_b[0]), std::min(of_a[1], of_b[1]), std::min(of_a[2], of_b[2])});
+  if (!(least.depth > 0.0)) return least;
+  for (int i = 2; i >= 0; --i) {
+    if (of_b[i] == least.depth) least.a = -1, least.b = i;
+    if (of_a[i] == least.depth) least.a = i, least.b = -1;
+  }
+  return least;
+}
+
+/// a_i × b_j in the frame of A.
+Vector3d edge_axis(const BoxPair& pair, int i, int j) {
+  Vector3d n = Vector3d::Zero();
+  n[next(i)] = -pair.C(last(i), j);
+  n[last(i)] = pair.C(next(i), j);
+  return n;
+}
+
+/// How far A is to move out along the cross product of edges that are nearly parallel [m]. The
+/// direction has lost digits, so that the reach of both boxes is taken along the direction as it
+/// came out, and no axis shows too little.
+double depth_of_flat_edges(const BoxPair& pair, int i, int j) {
+  constexpr double kParallelSine = 1e-12;  // the faces' normals see all there is
+  const Vector3d cross = edge_axis(pair, i, j);
+  const double sine = cross.norm();
+  if (sine < kParallelSine) return std::numeric_limits<double>::infinity();
+  const Vector3d n = cross / sine;
+  return n.cwiseAbs().dot(pair.half_a) + (pair.C.transpose() * n).cwiseAbs().dot(pair.half_b) -
+         std::abs(n.dot(pair.t));
+}
+
+/// Separating axes (Gottschalk, Lin & Manocha 1996): the one of least depth, or one of depth ≤ 0.
+/// The first where some tie.
+Axis least_axis(const BoxPair& pair) {
+  constexpr double kFlatSquare = 1e-8;  // of the sine below which rounding takes 1e-12 of the size
+  constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
+  const auto& [h_a, h_b, C, t] = pair;
+  Axis least = least_face(pair);
+  if (!(least.depth > 0.0)) return least;
+
+  // depths along cross products of edges are overlaps over sines; without a root for each, and
+  // with room for what rounding takes of an overlap: which may be less
+  const double rounding = kRounding * (h_a.sum() + h_b.sum() + t.cwiseAbs().sum());
+  const double most = least.depth * least.depth;
+  std::array<double, 9> overlaps;
+  std::array<double, 9> squares;
+  unsigned candidates = 0;
+  for (int i = 0; i < 3; ++i) {
+    const int u = next(i);
+    const int v = last(i);
+    for (int j = 0; j < 3; ++j) {
+      const int k = 3 * i + j;
+      squares[k] = C(u, j) * C(u, j) + C(v, j) * C(v, j);
+      overlaps[k] =
+          (h_a[u] * std::abs(C(v, j)) + h_a[v] * std::abs(C(u, j)) +
+           h_b[next(j)] * std::abs(C(i, last(j))) + h_b[last(j)] * std::abs(C(i, next(j)))) -
+          std::abs(t[v] * C(u, j) - t[u] * C(v, j));
+      const double least_overlap = overlaps[k] - rounding;
+      const bool may_be_less = least_overlap * std::abs(least_overlap) < most * squares[k];
+      candidates |= (may_be_less ? 1u : 0u) << k;
+    }
+  }
+  for (int k = 0; candidates != 0; ++k, candidates >>= 1) {
+    if ((candidates & 1u) == 0) continue;
+    const double depth = squares[k] < kFlatSquare ? depth_of_flat_edges(pair, k / 3, k % 3)
+                                                  : overlaps[k] / std::sqrt(squares[k]);
+    if (depth < least.depth) least = {depth, k / 3, k % 3};
+  }
+  return least;
+}
+
+// ---- features
+
+constexpr std::uint32_t kEdgesOfBox = 12;
+
+/// The number of the edge of a box along `axis` on the given sides of the next axis and the last.
+std::uint32_t edge_number(int axis, bool upper_next, bool upper_last) {
+  return 4u * static_cast<std::uint32_t>(axis) + (upper_next ? 2u : 0u) + (upper_last ? 1u : 0u);
+}
+
+/// Where two edges meet: a vertex of one box, or a point of both. The same whichever comes first.
+std::uint32_t crossing(std::uint32_t edge_1, std::uint32_t edge_2) {
+  return std::min(edge_1, edge_2) * 2 * kEdgesOfBox + std::max(edge_1, edge_2);
+}
+
+// ---- contact of faces
+
+/// A convex polygon over the face of a box, in coordinates along the axes before and after the
+/// face's and along its own. Each vertex knows the edge that leads on to the next.
+struct Polygon {
+  void add(double x, double y, double z, std::uint32_t edge) {
+    if (count == kMost) return;
+    coordinates[0][count] = x;
+    coordinates[1][count] = y;
+    coordinates[2][count] = z;
+    edges[count++] = edge;
+  }
+
+  static constexpr int kMost = 8;  ///< two quadrangles share no more
+  int count = 0;
+  double coordinates[3][kMost];  ///< [m]
+  std::uint32_t edges[kMost];
+};
+
+/// The box beyond a face of another one, in the coordinates of that face.
+struct OverFace {
+  OverFace(const BoxPair& pair, int k, bool is_of_b) {
+    const Vector3d& half = is_of_b ? pair.half_a : pair.half_b;
+    const int axes[] = {next(k), last(k), k};
+    for (int i = 0; i < 3; ++i) {
+      const int axis = axes[i];
+      for (int j = 0; j < 3; ++j) cosines[i][j] = is_of_b ? pair.C(j, axis) : pair.C(axis, j);
+      for (int j = 0; j < 3; ++j) arms[i][j] = cosines[i][j] * half[j];
+      centre[i] = is_of_b ? -pair.C.col(axis).dot(pair.t) : pair.t[axis];
+    }
+  }
+
+  double cosines[3][3];  ///< of the box's axes, in columns
+  double arms[3][3];     ///< from its centre to its upper sides, in columns [m]
+  double centre[3];      ///< [m]
+};
+
+/// A face of the box, and half its width along two axes of the face under it.
+struct UpperFace : Polygon {
+  /// The face that looks most against the side of the one under it.
+  UpperFace(const OverFace& box, double side, std::uint32_t first_edge) {
+    const auto& cosines = box.cosines[2];
+    int j = std::abs(cosines[1]) > std::abs(cosines[0]) ? 1 : 0;
+    if (std::abs(cosines[2]) > std::abs(cosines[j])) j = 2;
+    const bool upper = side * cosines[j] < 0.0;
+    const int u = next(j);
+    const int v = last(j);
+    for (int i = 0; i < 3; ++i) {
+      const double middle = box.centre[i] + (upper ? box.arms[i][j] : -box.arms[i][j]);
+      const double to_u = box.arms[i][u];
+      const double to_v = box.arms[i][v];
+      coordinates[i][0] = middle - to_u - to_v;
+      coordinates[i][1] = middle + to_u - to_v;
+      coordinates[i][2] = middle + to_u + to_v;
+      coordinates[i][3] = middle - to_u + to_v;
+      reach[i] = std::abs(to_u) + std::abs(to_v);
+      centre[i] = middle;
+    }
+    edges[0] = first_edge + edge_number(u, false, upper);
+    edges[1] = first_edge + edge_number(v, upper, true);
+    edges[2] = first_edge + edge_number(u, true, upper);
+    edges[3] = first_edge + edge_number(v, upper, false);
+    count = 4;
+  }
+
+  double centre[3];  ///< [m]
+  double reach[3];   ///< from the centre [m]
+};
+
+/// The part of a polygon where side·coordinate ≤ limit (Sutherland & Hodgman 1974); what bounds it
+/// there is `edge`.
+template <int kAxis>
+void clip(const Polygon& polygon, double side, double limit, std::uint32_t edge, Polygon* part) {
+  const auto& [x, y, z] = polygon.coordinates;
+  const double(&along)[Polygon::kMost] = polygon.coordinates[kAxis];
+  part->count = 0;
+  double beyond = side * along[0] - limit;
+  for (int i = 0; i < polygon.count; ++i) {
+    const int to = i + 1 == polygon.count ? 0 : i + 1;
+    const double beyond_next = side * along[to] - limit;
+    const bool is_within = beyond <= 0.0;
+    if (is_within) part->add(x[i], y[i], z[i], polygon.edges[i]);
+    if (is_within != (beyond_next <= 0.0)) {
+      const double share = beyond / (beyond - beyond_next);
+      part->add(x[i] + share * (x[to] - x[i]), y[i] + share * (y[to] - y[i]),
+                z[i] + share * (z[to] - z[i]), is_within ? edge : polygon.edges[i]);
+    }
+    beyond = beyond_next;
+  }
+}
+
+/// Contact of one box, by its face across axis k that looks at the other, with the face of the
+/// other that looks back.
+void collide_faces(const BoxPair& pair, int k, const BodyState& reference, bool is_of_b,
+                   Manifold* manifold) {
+  const OverFace other(pair, k, is_of_b);
+  const Vector3d& half = is_of_b ? pair.half_b : pair.half_a;
+  const bool upper = other.centre[2] > 0.0;
+  const double side = upper ? 1.0 : -1.0;
+  const int u = next(k);
+  const int v = last(k);
+  const std::uint32_t first_edge = is_of_b ? kEdgesOfBox : 0;
+  const UpperFace face(other, side, kEdgesOfBox - first_edge);
+
+  // a little wider than it is, the reference keeps the vertices, and so the features, of a face
+  // that ends flush with it, whatever the round-off
+  const double wider = 1e-6 * std::min(pair.half_a.minCoeff(), pair.half_b.minCoeff());
+  const double most_u = half[u] + wider;
+  const double most_v = half[v] + wider;
+  std::array<Polygon, 2> parts;
+  const Polygon* polygon = &face;
+  const auto clip_by = [&](auto axis, double end, double most, std::uint32_t edge) {
+    constexpr int kAxis = decltype(axis)::value;
+    if (end * face.centre[kAxis] + face.reach[kAxis] <= most) return;
+    Polygon* const part = polygon == &parts[0] ? &parts[1] : &parts[0];
+    clip<kAxis>(*polygon, end, most, first_edge + edge, part);
+    polygon = part;
+  };
+  const std::integral_constant<int, 0> along_u;
+  const std::integral_constant<int, 1> along_v;
+  clip_by(along_u, 1.0, most_u, edge_number(v, upper, true));
+  clip_by(along_u, -1.0, most_u, edge_number(v, upper, false));
+  clip_by(along_v, 1.0, most_v, edge_number(u, true, upper));
+  clip_by(along_v, -1.0, most_v, edge_number(u, false, upper));
+
+  const Matrix3d R = reference.orientation.toRotationMatrix();
+  const double level = side * half[k];
+  manifold->normal = (is_of_b ? side : -side) * R.col(k);
+  const auto& [x, y, z] = polygon->coordinates;
+  std::uint32_t previous = polygon->edges[polygon->count == 0 ? 0 : polygon->count - 1];
+  for (int i = 0; i < polygon->count; ++i) {
+    const double height = is_of_b ? level : z[i];  // on the surface of B
+    add_point(*manifold,
+              reference.position + (x[i] * R.col(u) + y[i] * R.col(v) + height * R.col(k)),
+              side * (level - z[i]), crossing(previous, polygon->edges[i]));
+    previous = polygon->edges[i];
+  }
+}
+
+// ---- contact of edges
+
+/// An edge of a box.
+struct Edge {
+  Vector3d arm;  ///< from the box's centre to the edge's [m]
+  std::uint32_t number = 0;
+};
+
+/// The edge along axis k that lies farthest along n, which is in the frame of the box.
+Edge support_edge(const Vector3d& half, int k, const Vector3d& n) {
+  const bool upper_next = n[next(k)] > 0.0;
+  const bool upper_last = n[last(k)] > 0.0;
+  Vector3d arm = Vector3d::Zero();
+  arm[next(k)] = upper_next ? half[next(k)] : -half[next(k)];
+  arm[last(k)] = upper_last ? half[last(k)] : -half[last(k)];
+  return {arm, edge_number(k, upper_next, upper_last)};
+}
+
+/// Contact of the edges that lie farthest along their cross product.
+void collide_edges(const BoxPair& pair, const Axis& axis, const BodyState& a, Manifold* manifold) {
+  Vector3d n = edge_axis(pair, axis.a, axis.b).normalized();
+  if (n.dot(pair.t) > 0.0) n = -n;
+  const Edge edge_a = support_edge(pair.half_a, axis.a, -n);
+  const Edge edge_b = support_edge(pair.half_b, axis.b, pair.C.transpose() * n);
+  const Vector3d along_b = pair.C.col(axis.b);
+  const Vector3d middle_b = pair.t + pair.C * edge_b.arm;
+
+  // the point of B's edge nearest to the line of A's
+  Vector3d across = along_b;
+  across[axis.a] = 0.0;
+  const double s = across.dot(edge_a.arm - middle_b) / across.squaredNorm();
+
+  const Matrix3d R = a.orientation.toRotationMatrix();
+  manifold->normal = R * n;
+  add_point(*manifold, a.position + R * (middle_b + s * along_b), axis.depth,
+            crossing(edge_a.number, kEdgesOfBox + edge_b.number));
+}
+
+/// The face of A and that of B whose normals are the nearest to an axis, with the cosines.
+struct NearestFaces {
+  NearestFaces(const BoxPair& pair, const Axis& axis) : a(axis.a), b(axis.b) {
+    const Matrix3d& C = pair.C;
+    if (axis.is_of_edges()) {
+      const double n_u = std::abs(C(last(a), b));  // of the cross product along A's axes
+      const double n_v = std::abs(C(next(a), b));
+      const double m_u = std::abs(C(a, last(b)));  // and along B's
+      const double m_v = std::abs(C(a, next(b)));
+      const double sine = std::sqrt(n_u * n_u + n_v * n_v);
+      cosine_a = std::max(n_u, n_v) / sine;
+      cosine_b = std::max(m_u, m_v) / sine;
+      a = n_u > n_v ? next(a) : last(a);
+      b = m_u > m_v ? next(b) : last(b);
+    } else if (axis.a < 0) {
+      for (int i = 0; i < 3; ++i)
+        if (a < 0 || std::abs(C(i, b)) > std::abs(C(a, b))) a = i;
+      cosine_a = std::abs(C(a, b));
+    }
+  }
+
+  int a, b;
+  double cosine_a = 1.0, cosine_b = 1.0;
+};
+
+}  // namespace
+
+Manifold collide_box_box(const Vector3d& size_a, const BodyState& a, const Vector3d& size_b,
+                         const BodyState& b) {
+  const Quaterniond to_a = a.orientation.conjugate();
+  const BoxPair pair{0.5 * size_a, 0.5 * size_b, (to_a * b.orientation).toRotationMatrix(),
+                     to_a * (b.position - a.position)};
+  const Axis axis = least_axis(pair);
+  Manifold manifold;
+  if (!(axis.depth > 0.0)) return manifold;
+
+  // The points of a face hold a box more firmly than one crossing of edges. So the face is taken
+  // also where the edges' axis is nearly its normal, as it is with boxes that rest on each other.
+  constexpr double kFaceCosine = 0.999;
+  // A's face where both are parallel, so that round-off cannot switch them and rename the points
+  constexpr double kParallel = 1e-6;
+  const NearestFaces faces(pair, axis);
+  if (std::max(faces.cosine_a, faces.cosine_b) < kFaceCosine)
+    collide_edges(pair, axis, a, &manifold);
+  else if (axis.b < 0 || faces.cosine_a > faces.cosine_b - kParallel)
+    collide_faces(pair, faces.a, a, false, &manifold);
+  else
+    collide_faces(pair, faces.b, b, true, &manifold);
+  return manifold;
+}
+
+}  // namespace constraint_sim::engine

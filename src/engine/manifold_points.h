@@ -9,11 +9,11 @@ namespace constraint_sim::engine {
 /// Below this the square of a length [m²] has lost digits, and no direction comes from it.
 inline constexpr double kSmallestSquare = std::numeric_limits<double>::min();
 
-/// Adds a point if it is one of contact. Two boxes share eight at most; only round-off could ask
-/// for more.
+/// Adds a point if its gap is less than the margin. Two boxes share eight at most; only round-off
+/// could ask for more.
 inline void add_point(Manifold& manifold, const Eigen::Vector3d& position, double depth,
-                      std::uint32_t feature) {
-  if (!(depth > 0.0) || manifold.count == static_cast<int>(manifold.points.size())) return;
+                      std::uint32_t feature, double margin) {
+  if (!(depth > -margin) || manifold.count == static_cast<int>(manifold.points.size())) return;
   manifold.points[manifold.count++] = {position, depth, feature};
 }
 

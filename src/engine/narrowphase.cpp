@@ -14,33 +14,34 @@ using Eigen::Vector3d;
 struct Collide {
   const BodyState& a;
   const BodyState& b;
+  double margin;
 
   static Vector3d normal(const BodyState& plane) { return plane.orientation * Vector3d::UnitZ(); }
   static double offset(const BodyState& plane) { return normal(plane).dot(plane.position); }
 
   Manifold operator()(const Sphere& sphere_a, const Sphere& sphere_b) const {
-    return collide_sphere_sphere(a.position, sphere_a.radius, b.position, sphere_b.radius);
+    return collide_sphere_sphere(a.position, sphere_a.radius, b.position, sphere_b.radius, margin);
   }
   Manifold operator()(const Sphere& sphere, const Plane&) const {
-    return collide_sphere_plane(a.position, sphere.radius, normal(b), offset(b));
+    return collide_sphere_plane(a.position, sphere.radius, normal(b), offset(b), margin);
   }
   Manifold operator()(const Box& box, const Plane&) const {
-    return collide_box_plane(box.size, a, normal(b), offset(b));
+    return collide_box_plane(box.size, a, normal(b), offset(b), margin);
   }
   Manifold operator()(const Box& box, const Sphere& sphere) const {
-    return collide_box_sphere(box.size, a, b.position, sphere.radius);
+    return collide_box_sphere(box.size, a, b.position, sphere.radius, margin);
   }
   Manifold operator()(const Box& box_a, const Box& box_b) const {
-    return collide_box_box(box_a.size, a, box_b.size, b);
+    return collide_box_box(box_a.size, a, box_b.size, b, margin);
   }
   Manifold operator()(const Plane& plane, const Sphere& sphere) const {
-    return swapped(Collide{b, a}(sphere, plane));
+    return swapped(Collide{b, a, margin}(sphere, plane));
   }
   Manifold operator()(const Plane& plane, const Box& box) const {
-    return swapped(Collide{b, a}(box, plane));
+    return swapped(Collide{b, a, margin}(box, plane));
   }
   Manifold operator()(const Sphere& sphere, const Box& box) const {
-    return swapped(Collide{b, a}(box, sphere));
+    return swapped(Collide{b, a, margin}(box, sphere));
   }
   template <class ShapeA, class ShapeB>
   Manifold operator()(const ShapeA&, const ShapeB&) const {
@@ -51,31 +52,32 @@ struct Collide {
 }  // namespace
 
 Manifold collide_sphere_sphere(const Vector3d& p_a, double radius_a, const Vector3d& p_b,
-                               double radius_b) {
+                               double radius_b, double margin) {
   const Vector3d p_BA = p_a - p_b;
   const double reach = radius_a + radius_b;
   const double distance_squared = p_BA.squaredNorm();
-  if (distance_squared >= reach * reach) return {};
+  if (distance_squared >= (reach + margin) * (reach + margin)) return {};
 
   Manifold manifold;  // its normal, z, is as good as any where the centres coincide
   const double distance = std::sqrt(distance_squared);
   if (distance_squared >= kSmallestSquare) manifold.normal = p_BA / distance;
   // the tutorial's S1 − N (r1 − p) without its cancellation
-  add_point(manifold, p_b + radius_b * manifold.normal, reach - distance, 0);
+  add_point(manifold, p_b + radius_b * manifold.normal, reach - distance, 0, margin);
   return manifold;
 }
 
-Manifold collide_sphere_plane(const Vector3d& p_a, double radius_a, const Vector3d& N, double d) {
+Manifold collide_sphere_plane(const Vector3d& p_a, double radius_a, const Vector3d& N, double d,
+                              double margin) {
   const double height = N.dot(p_a) - d;
   Manifold manifold;
   manifold.normal = N;
-  add_point(manifold, p_a - height * N, radius_a - height, 0);
+  add_point(manifold, p_a - height * N, radius_a - height, 0, margin);
   return manifold;
 }
 
-Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
-                 const BodyState& b) {
-  return std::visit(Collide{a, b}, shape_a, shape_b);
+Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b, const BodyState& b,
+                 double margin) {
+  return std::visit(Collide{a, b, margin}, shape_a, shape_b);
 }
 
 }  // namespace constraint_sim::engine

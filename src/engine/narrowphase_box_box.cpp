@@ -40,7 +40,7 @@ struct Axis {
 };
 
 /// The face of least depth, the first of a_0, b_0, a_1, b_1, a_2 and b_2 where some tie.
-Axis least_face(const BoxPair& pair) {
+Axis least_face(const BoxPair& pair, double margin) {
   const auto& [h_a, h_b, C, t] = pair;
   double of_a[3];
   double of_b[3];
@@ -57,7 +57,7 @@ Axis least_face(const BoxPair& pair) {
   Axis least;
   least.depth = std::min(
       {std::min(of_a[0], of_b[0]), std::min(of_a[1], of_b[1]), std::min(of_a[2], of_b[2])});
-  if (!(least.depth > 0.0)) return least;
+  if (!(least.depth > -margin)) return least;
   for (int i = 2; i >= 0; --i) {
     if (of_b[i] == least.depth) least.a = -1, least.b = i;
     if (of_a[i] == least.depth) least.a = i, least.b = -1;
@@ -86,19 +86,19 @@ double depth_of_flat_edges(const BoxPair& pair, int i, int j) {
          std::abs(n.dot(pair.t));
 }
 
-/// Separating axes (Gottschalk, Lin & Manocha 1996): the one of least depth, or one of depth ≤ 0.
-/// The first where some tie.
-Axis least_axis(const BoxPair& pair) {
+/// Separating axes (Gottschalk, Lin & Manocha 1996): the one of least depth, or one of depth
+/// ≤ −margin. The first where some tie.
+Axis least_axis(const BoxPair& pair, double margin) {
   constexpr double kFlatSquare = 1e-8;  // of the sine below which rounding takes 1e-12 of the size
   constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
   const auto& [h_a, h_b, C, t] = pair;
-  Axis least = least_face(pair);
-  if (!(least.depth > 0.0)) return least;
+  Axis least = least_face(pair, margin);
+  if (!(least.depth > -margin)) return least;
 
   // depths along cross products of edges are overlaps over sines; without a root for each, and
   // with room for what rounding takes of an overlap: which may be less
   const double rounding = kRounding * (h_a.sum() + h_b.sum() + t.cwiseAbs().sum());
-  const double most = least.depth * least.depth;
+  const double most = least.depth * std::abs(least.depth);
   std::array<double, 9> overlaps;
   std::array<double, 9> squares;
   unsigned candidates = 0;
@@ -234,7 +234,7 @@ void clip(const Polygon& polygon, double side, double limit, std::uint32_t edge,
 /// Contact of one box, by its face across axis k that looks at the other, with the face of the
 /// other that looks back.
 void collide_faces(const BoxPair& pair, int k, const BodyState& reference, bool is_of_b,
-                   Manifold* manifold) {
+                   double margin, Manifold* manifold) {
   const OverFace other(pair, k, is_of_b);
   const Vector3d& half = is_of_b ? pair.half_b : pair.half_a;
   const bool upper = other.centre[2] > 0.0;
@@ -274,7 +274,7 @@ void collide_faces(const BoxPair& pair, int k, const BodyState& reference, bool 
     const double height = is_of_b ? level : z[i];  // on the surface of B
     add_point(*manifold,
               reference.position + (x[i] * R.col(u) + y[i] * R.col(v) + height * R.col(k)),
-              side * (level - z[i]), crossing(previous, polygon->edges[i]));
+              side * (level - z[i]), crossing(previous, polygon->edges[i]), margin);
     previous = polygon->edges[i];
   }
 }
@@ -297,8 +297,10 @@ Edge support_edge(const Vector3d& half, int k, const Vector3d& n) {
   return {arm, edge_number(k, upper_next, upper_last)};
 }
 
-/// Contact of the edges that lie farthest along their cross product.
-void collide_edges(const BoxPair& pair, const Axis& axis, const BodyState& a, Manifold* manifold) {
+/// Contact of the edges that lie farthest along their cross product. None where boxes are apart and
+/// the edges do not cross.
+void collide_edges(const BoxPair& pair, const Axis& axis, const BodyState& a, double margin,
+                   Manifold* manifold) {
   Vector3d n = edge_axis(pair, axis.a, axis.b).normalized();
   if (n.dot(pair.t) > 0.0) n = -n;
   const Edge edge_a = support_edge(pair.half_a, axis.a, -n);
@@ -310,12 +312,102 @@ void collide_edges(const BoxPair& pair, const Axis& axis, const BodyState& a, Ma
   Vector3d across = along_b;
   across[axis.a] = 0.0;
   const double s = across.dot(edge_a.arm - middle_b) / across.squaredNorm();
+  const double s_a = middle_b[axis.a] + s * along_b[axis.a];
+  const bool cross = std::abs(s) <= pair.half_b[axis.b] && std::abs(s_a) <= pair.half_a[axis.a];
+  if (axis.depth < 0.0 && !cross) return;
 
   const Matrix3d R = a.orientation.toRotationMatrix();
   manifold->normal = R * n;
   add_point(*manifold, a.position + R * (middle_b + s * along_b), axis.depth,
-            crossing(edge_a.number, kEdgesOfBox + edge_b.number));
+            crossing(edge_a.number, kEdgesOfBox + edge_b.number), margin);
 }
+
+// ---- boxes apart whose nearest features are neither a face nor crossing edges
+
+/// Two points and their distance, squared.
+struct Nearest {
+  Vector3d on_a, on_b;
+  std::uint32_t feature = 0;
+  double square = std::numeric_limits<double>::infinity();
+
+  void lower(const Vector3d& p_a, const Vector3d& p_b, std::uint32_t of) {
+    const double other = (p_a - p_b).squaredNorm();
+    if (other < square) *this = {p_a, p_b, of, other};
+  }
+};
+
+/// A vertex of a box, from its centre.
+Vector3d vertex(const Vector3d& half, std::uint32_t i) {
+  return {(i & 1u) != 0 ? half[0] : -half[0], (i & 2u) != 0 ? half[1] : -half[1],
+          (i & 4u) != 0 ? half[2] : -half[2]};
+}
+
+/// The nearest points of an edge of A and an edge of B (Ericson 2005, 5.1.9). The ends are among
+/// vertices.
+void lower_by_edges(const BoxPair& pair, int i, const Edge& of_a, int j, const Edge& of_b,
+                    Nearest* nearest) {
+  const Vector3d along_b = pair.C.col(j);
+  const Vector3d middle_b = pair.t + pair.C * of_b.arm;
+  Vector3d across = along_b;
+  across[i] = 0.0;
+  const double square = across.squaredNorm();
+  if (square < kSmallestSquare) return;
+  const double s = across.dot(of_a.arm - middle_b) / square;
+  const Vector3d p_b = middle_b + s * along_b;
+  if (!(std::abs(s) < pair.half_b[j]) || !(std::abs(p_b[i]) < pair.half_a[i])) return;
+  Vector3d p_a = of_a.arm;
+  p_a[i] = p_b[i];
+  nearest->lower(p_a, p_b, crossing(of_a.number, kEdgesOfBox + of_b.number));
+}
+
+/// The nearest points of two boxes apart, among all vertices and edges.
+Nearest nearest_points(const BoxPair& pair) {
+  // features beyond those of edges that meet
+  constexpr std::uint32_t kVerticesOfA = 4 * kEdgesOfBox * kEdgesOfBox;
+  constexpr std::uint32_t kVerticesOfB = kVerticesOfA + 8;
+  const Matrix3d to_b = pair.C.transpose();
+  Nearest nearest;
+  for (std::uint32_t i = 0; i < 8; ++i) {
+    const Vector3d p_a = vertex(pair.half_a, i);
+    const Vector3d in_b = (to_b * (p_a - pair.t)).cwiseMax(-pair.half_b).cwiseMin(pair.half_b);
+    nearest.lower(p_a, pair.t + pair.C * in_b, kVerticesOfA + i);
+    const Vector3d p_b = pair.t + pair.C * vertex(pair.half_b, i);
+    nearest.lower(p_b.cwiseMax(-pair.half_a).cwiseMin(pair.half_a), p_b, kVerticesOfB + i);
+  }
+  const auto edge = [](const Vector3d& half, int k, unsigned corner) {
+    Vector3d sides = Vector3d::Zero();
+    sides[next(k)] = (corner & 2u) != 0 ? 1.0 : -1.0;
+    sides[last(k)] = (corner & 1u) != 0 ? 1.0 : -1.0;
+    return support_edge(half, k, sides);
+  };
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      for (unsigned corners = 0; corners < 16; ++corners)
+        lower_by_edges(pair, i, edge(pair.half_a, i, corners & 3u), j,
+                       edge(pair.half_b, j, corners >> 2), &nearest);
+  return nearest;
+}
+
+/// Where the nearest points of boxes apart are other ones than those found, takes these in their
+/// place. `apart`: the least that their distance can be [m].
+void take_nearest(const BoxPair& pair, const BodyState& a, double apart, double margin,
+                  Manifold* manifold) {
+  constexpr double kShare = 0.01;  // of the margin, so that boxes about to rest keep their faces
+  double least = margin;
+  for (int i = 0; i < manifold->count; ++i)
+    least = std::min(least, -manifold->points[static_cast<std::size_t>(i)].depth);
+  if (manifold->count > 0 && least <= apart + kShare * margin) return;
+  const Nearest nearest = nearest_points(pair);
+  const double gap = std::sqrt(nearest.square);
+  if (!(gap < least) || nearest.square < kSmallestSquare) return;
+  if (manifold->count > 0 && least <= gap + kShare * margin) return;
+  manifold->count = 0;
+  const Matrix3d R = a.orientation.toRotationMatrix();
+  manifold->normal = R * ((nearest.on_a - nearest.on_b) / gap);
+  add_point(*manifold, a.position + R * nearest.on_b, -gap, nearest.feature, margin);
+}
+
+// ---- which of these
 
 /// The face of A and that of B whose normals are the nearest to an axis, with the cosines.
 struct NearestFaces {
@@ -345,13 +437,13 @@ struct NearestFaces {
 }  // namespace
 
 Manifold collide_box_box(const Vector3d& size_a, const BodyState& a, const Vector3d& size_b,
-                         const BodyState& b) {
+                         const BodyState& b, double margin) {
   const Quaterniond to_a = a.orientation.conjugate();
   const BoxPair pair{0.5 * size_a, 0.5 * size_b, (to_a * b.orientation).toRotationMatrix(),
                      to_a * (b.position - a.position)};
-  const Axis axis = least_axis(pair);
+  const Axis axis = least_axis(pair, margin);
   Manifold manifold;
-  if (!(axis.depth > 0.0)) return manifold;
+  if (!(axis.depth > -margin)) return manifold;
 
   // The points of a face hold a box more firmly than one crossing of edges. So the face is taken
   // also where the edges' axis is nearly its normal, as it is with boxes that rest on each other.
@@ -360,11 +452,12 @@ Manifold collide_box_box(const Vector3d& size_a, const BodyState& a, const Vecto
   constexpr double kParallel = 1e-6;
   const NearestFaces faces(pair, axis);
   if (std::max(faces.cosine_a, faces.cosine_b) < kFaceCosine)
-    collide_edges(pair, axis, a, &manifold);
+    collide_edges(pair, axis, a, margin, &manifold);
   else if (axis.b < 0 || faces.cosine_a > faces.cosine_b - kParallel)
-    collide_faces(pair, faces.a, a, false, &manifold);
+    collide_faces(pair, faces.a, a, false, margin, &manifold);
   else
-    collide_faces(pair, faces.b, b, true, &manifold);
+    collide_faces(pair, faces.b, b, true, margin, &manifold);
+  if (axis.depth < 0.0) take_nearest(pair, a, -axis.depth, margin, &manifold);
   return manifold;
 }
 

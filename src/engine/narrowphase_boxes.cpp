@@ -28,8 +28,8 @@ struct OrientedBox {
 
 }  // namespace
 
-Manifold collide_box_plane(const Vector3d& size_a, const BodyState& a, const Vector3d& N,
-                           double d) {
+Manifold collide_box_plane(const Vector3d& size_a, const BodyState& a, const Vector3d& N, double d,
+                           double margin) {
   const OrientedBox box(size_a, a);
   Manifold manifold;
   manifold.normal = N;
@@ -37,18 +37,18 @@ Manifold collide_box_plane(const Vector3d& size_a, const BodyState& a, const Vec
     const Vector3d position = box.centre + box.arm(0, (vertex & 1u) != 0) +
                               box.arm(1, (vertex & 2u) != 0) + box.arm(2, (vertex & 4u) != 0);
     const double depth = d - N.dot(position);
-    add_point(manifold, position + depth * N, depth, vertex);
+    add_point(manifold, position + depth * N, depth, vertex, margin);
   }
   return manifold;
 }
 
 Manifold collide_box_sphere(const Vector3d& size_a, const BodyState& a, const Vector3d& p_b,
-                            double radius_b) {
+                            double radius_b, double margin) {
   const OrientedBox box(size_a, a);
   const Vector3d centre = box.axes.transpose() * (p_b - box.centre);
   const Vector3d nearest = centre.cwiseMax(-box.half).cwiseMin(box.half);
   const double distance_squared = (nearest - centre).squaredNorm();
-  if (distance_squared >= radius_b * radius_b) return {};
+  if (distance_squared >= (radius_b + margin) * (radius_b + margin)) return {};
 
   Manifold manifold;
   double depth = 0.0;
@@ -63,7 +63,7 @@ Manifold collide_box_sphere(const Vector3d& size_a, const BodyState& a, const Ve
     manifold.normal = box.axes.col(k) * (centre[k] < 0.0 ? 1.0 : -1.0);
     depth = radius_b + below_face;
   }
-  add_point(manifold, p_b + radius_b * manifold.normal, depth, 0);
+  add_point(manifold, p_b + radius_b * manifold.normal, depth, 0, margin);
   return manifold;
 }
 

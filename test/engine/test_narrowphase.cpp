@@ -133,6 +133,34 @@ TEST(Interfaces, PutPositionsOnTheSecondSurfaceInEitherOrder) {
   }
 }
 
+TEST(Interfaces, AreThereWithinAMarginWithTheFeaturesOfTheContact) {
+  const double margin = std::pow(2.0, -4);
+  for (const Touch& touch : touches()) {
+    const auto at_gap = [&](double gap) {
+      BodyState a = touch.a;
+      a.position.z() += gap;
+      return std::pair{collide(touch.shape_a, a, touch.shape_b, touch.b, margin),
+                       collide(touch.shape_b, touch.b, touch.shape_a, a, margin)};
+    };
+    EXPECT_EQ(at_gap(margin).first.count, 0) << touch.name;  // nearer than the margin, not at it
+    EXPECT_EQ(at_gap(margin).second.count, 0) << touch.name;
+    const Manifold contact = at_gap(-margin).first;
+    for (const double gap : {0.5 * margin, 0.0, -0.5 * margin}) {
+      const auto [above, below] = at_gap(gap);
+      ASSERT_EQ(above.count, touch.points) << touch.name;
+      ASSERT_EQ(below.count, touch.points) << touch.name;
+      EXPECT_EQ(features(above), features(contact)) << touch.name;
+      EXPECT_EQ(above.normal, Vector3d::UnitZ()) << touch.name;
+      for (int i = 0; i < touch.points; ++i) {
+        // a few roundings at coordinates of about 1
+        EXPECT_NEAR(above.points[i].depth, -gap, 1e-15) << touch.name;
+        EXPECT_NEAR(below.points[i].depth, -gap, 1e-15) << touch.name;
+        EXPECT_NEAR(height(touch.shape_b, touch.b, above.points[i].position), 0.0, 1e-15);
+      }
+    }
+  }
+}
+
 TEST(Interfaces, OfPointsAndOfTwoPlanesAreNone) {
   const BodyState here;
   const std::vector<Shape> shapes{Point{}, Sphere{1.0}, Box{{1.0, 1.0, 1.0}}, Plane{}};
@@ -634,6 +662,68 @@ TEST(BoxBox, AgreesWithAlternatingProjection) {
   EXPECT_GT(yes, 1500);
   EXPECT_GT(no, 1500);
   EXPECT_GT(yes + no, 4990);
+}
+
+// Projecting in turn gives the distance from above, and the plane between the points from below.
+TEST(BoxBox, WithinAMarginHaveTheirDistance) {
+  Random random;
+  const double margin = 0.05;
+  int near = 0;
+  int exact = 0;
+  for (int trial = 0; trial < 20000; ++trial) {
+    Boxes boxes = random_boxes(random);
+    boxes.size_a = boxes.size_a.cwiseMax(10.0 * margin);  // as the margin asks for
+    boxes.size_b = boxes.size_b.cwiseMax(10.0 * margin);
+    Vector3d on_b = boxes.b.position;
+    double longest = 0.0;
+    double shortest = 0.0;
+    for (int i = 0; i < 2000; ++i) {
+      const Vector3d on_a = nearest_in_box(boxes.size_a, boxes.a, on_b);
+      on_b = nearest_in_box(boxes.size_b, boxes.b, on_a);
+      longest = (on_a - on_b).norm();
+      if (longest < 1e-9) break;
+      shortest = -depth_along(boxes, (on_a - on_b) / longest);
+      if (longest - shortest < 1e-14) break;
+    }
+    if (longest < 1e-9 || longest - shortest > 1e-12) continue;  // touching, or not known well
+    const Manifold contact = collide_box_box(boxes.size_a, boxes.a, boxes.size_b, boxes.b, margin);
+    if (shortest >= margin) {
+      EXPECT_EQ(contact.count, 0) << "trial " << trial;
+      continue;
+    }
+    if (longest > 0.98 * margin) continue;  // by a hundredth of which points may be off
+    ++near;
+    ASSERT_GT(contact.count, 0) << "trial " << trial << " " << longest;
+    double gap = margin;
+    for (int i = 0; i < contact.count; ++i) gap = std::min(gap, -contact.points[i].depth);
+    EXPECT_GE(gap, shortest - 2e-6);  // a face is wider by 1e-6 of a half size of up to 1
+    EXPECT_LE(gap, longest + 0.01 * margin + 1e-12);
+    exact += std::abs(gap - longest) < 1e-12 ? 1 : 0;
+  }
+  EXPECT_GT(near, 400);
+  EXPECT_GT(exact, 0.9 * near);
+}
+
+// what is about to land has the points on which it will rest
+TEST(BoxBox, LandingKeepsItsFeatures) {
+  Random random;
+  int landed = 0;
+  for (int trial = 0; trial < 1000; ++trial) {
+    Boxes boxes = resting_boxes(random);
+    const double tilt = std::pow(10.0, random.between(-12.0, -6.0));
+    boxes.a.orientation =
+        AngleAxisd(tilt, random.direction()) * Quaterniond(AngleAxisd(0.4, Vector3d::UnitZ()));
+    boxes.a.position.z() = 0.5 * (boxes.size_a.z() + boxes.size_b.z());
+    const auto at_gap = [&](double gap) {
+      const Boxes moved = boxes.with_a_moved({0.0, 0.0, gap});
+      return features(collide_box_box(moved.size_a, moved.a, moved.size_b, moved.b, 0.01));
+    };
+    const std::set<std::uint32_t> contact = at_gap(-1e-3);
+    if (contact.size() < 3) continue;  // overlapping by less sideways
+    ++landed;
+    for (const double gap : {5e-3, 1e-4, 1e-5}) EXPECT_EQ(at_gap(gap), contact) << trial;
+  }
+  EXPECT_GT(landed, 900);
 }
 
 TEST(BoxBox, DepthIsTheLeastThatParts) {

@@ -22,7 +22,7 @@ struct Contact {
 struct Manifold {
   struct Point {
     Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< on B's surface, world [m]
-    double depth = 0.0;                                  ///< penetration [m] > 0
+    double depth = 0.0;                                  ///< penetration [m]; of a gap negative
     std::uint32_t feature = 0;  ///< which vertex, edge or face made it: the same from step to step
   };
 

@@ -20,7 +20,14 @@ const std::vector<Broadphase::Pair>& World::Impl::find_pairs() {
   if (moving_shapes.empty()) return broadphase.pairs();
   const StageTimer timer(clock, Stage::kBroadphase, &report.stage_times);
   proxies.clear();
-  for (const int body : moving_shapes) proxies.push_back(proxy(body));
+  fast_bodies.clear();
+  find_fast_speed();
+  for (const int body : moving_shapes) {
+    proxies.push_back(proxy(body));
+    if (!is_fast(body)) continue;
+    fast_bodies.push_back(body);
+    sweep(options.time_step, &proxies.back());
+  }
   report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
   report.broadphase_tests = broadphase.tests();
   if (broadphase.is_full()) fail(Failure::kTooManyPairs);
@@ -38,12 +45,14 @@ const std::vector<TouchingPair>& World::Impl::find_contacts(
     const std::vector<Broadphase::Pair>& near) {
   if (near.empty() && touching.empty() && touching_before.empty()) return touching;
   collide_pairs(near);
+  if (!fast_bodies.empty()) find_hits(near);
   while (wake_touched()) {
     std::swap(touching, touching_before);  // back to the contacts of the step before
     contacts_are_new = false;
     spread_waking();
     save_state();
     collide_pairs(find_pairs());
+    if (!fast_bodies.empty()) find_hits(broadphase.pairs());
   }
   return touching;
 }

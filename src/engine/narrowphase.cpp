@@ -1,6 +1,8 @@
 #include "engine/narrowphase.h"
 
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <variant>
 
 #include "engine/manifold_points.h"
@@ -78,6 +80,20 @@ Manifold collide_sphere_plane(const Vector3d& p_a, double radius_a, const Vector
 Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b, const BodyState& b,
                  double margin) {
   return std::visit(Collide{a, b, margin}, shape_a, shape_b);
+}
+
+Separation separation(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
+                      const BodyState& b) {
+  const auto* box_a = std::get_if<Box>(&shape_a);
+  const auto* box_b = std::get_if<Box>(&shape_b);
+  if (box_a != nullptr && box_b != nullptr)
+    return separation_of_boxes(box_a->size, a, box_b->size, b);
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  const Manifold all = collide(shape_a, a, shape_b, b, kInfinity);
+  double gap = kInfinity;
+  for (int i = 0; i < all.count; ++i)
+    gap = std::min(gap, -all.points[static_cast<std::size_t>(i)].depth);
+  return {all.normal, gap};
 }
 
 }  // namespace constraint_sim::engine

@@ -46,4 +46,18 @@ Manifold collide_box_box(const Eigen::Vector3d& size_a, const BodyState& a,
 Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b, const BodyState& b,
                  double margin = 0.0);
 
+/// A plane between two shapes, or where they overlap the least that would part them.
+struct Separation {
+  Eigen::Vector3d normal;  ///< unit, from B to A
+  double gap;  ///< between them along the normal, ≤ their distance [m]; < 0: overlapping
+};
+
+/// Of two boxes.
+Separation separation_of_boxes(const Eigen::Vector3d& size_a, const BodyState& a,
+                               const Eigen::Vector3d& size_b, const BodyState& b);
+
+/// Of any two shapes but points and two planes; 0 where they touch.
+Separation separation(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
+                      const BodyState& b);
+
 }  // namespace constraint_sim::engine

@@ -22,6 +22,13 @@ constexpr int last(int i) { return i == 0 ? 2 : i - 1; }
 
 /// Two boxes in the frame of the first.
 struct BoxPair {
+  BoxPair(const Vector3d& size_a, const BodyState& a, const Vector3d& size_b, const BodyState& b)
+      : half_a(0.5 * size_a), half_b(0.5 * size_b) {
+    const Quaterniond to_a = a.orientation.conjugate();
+    C = (to_a * b.orientation).toRotationMatrix();
+    t = to_a * (b.position - a.position);
+  }
+
   Vector3d half_a, half_b;  ///< of the edge lengths [m]
   Matrix3d C;               ///< B's axes in columns
   Vector3d t;               ///< B's centre [m]
@@ -436,11 +443,24 @@ struct NearestFaces {
 
 }  // namespace
 
+Separation separation_of_boxes(const Vector3d& size_a, const BodyState& a, const Vector3d& size_b,
+                               const BodyState& b) {
+  const BoxPair pair(size_a, a, size_b, b);
+  const Axis axis = least_axis(pair, std::numeric_limits<double>::infinity());
+  Vector3d n;
+  if (axis.is_of_edges())
+    n = edge_axis(pair, axis.a, axis.b).normalized();
+  else if (axis.a >= 0)
+    n = Vector3d::Unit(axis.a);
+  else
+    n = pair.C.col(axis.b);
+  if (n.dot(pair.t) > 0.0) n = -n;
+  return {a.orientation * n, -axis.depth};
+}
+
 Manifold collide_box_box(const Vector3d& size_a, const BodyState& a, const Vector3d& size_b,
                          const BodyState& b, double margin) {
-  const Quaterniond to_a = a.orientation.conjugate();
-  const BoxPair pair{0.5 * size_a, 0.5 * size_b, (to_a * b.orientation).toRotationMatrix(),
-                     to_a * (b.position - a.position)};
+  const BoxPair pair(size_a, a, size_b, b);
   const Axis axis = least_axis(pair, margin);
   Manifold manifold;
   if (!(axis.depth > -margin)) return manifold;

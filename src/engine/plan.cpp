@@ -206,6 +206,9 @@ std::vector<StepWarning> step_warnings(const World& world) {
   if (const std::optional<BodyId> body = world.gaining_body())
     list.push_back(
         {StepWarning::Kind::kEnergyRise, world.body(*body).name, world.report().energy_rise});
+  if (const std::optional<BodyId> body = world.hits_left_body())
+    list.push_back({StepWarning::Kind::kHitsLeft, world.body(*body).name,
+                    static_cast<double>(world.report().hits)});
   return list;
 }
 
@@ -215,6 +218,9 @@ std::string to_string(const StepWarning& warning) {
   if (warning.kind == StepWarning::Kind::kUnclosed)
     return "constraint " + quoted(warning.whose) + ": its error of " + amount +
            " m is not being closed";
+  if (warning.kind == StepWarning::Kind::kHitsLeft)
+    return "body " + quoted(warning.whose) + ": it and what it hits met " + amount +
+           " times in a step, and may pass through each other: take a shorter time_step";
   return "body " + quoted(warning.whose) + ": energy of its island rose by " + amount +
          " J without a cause";
 }

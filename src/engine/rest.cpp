@@ -8,7 +8,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
+#include "engine/fast_bodies.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -258,6 +260,9 @@ void World::Impl::list_shapes(const std::vector<int>& resting_bodies) {
   if (!any_movable || moving_shapes.size() + proxies.size() < 2) moving_shapes.clear();
   if (moving_shapes.empty()) proxies.clear();
   broadphase.set_resting(proxies);
+  thinnest = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 1; i < bodies.size(); ++i)
+    if (has_shape(static_cast<int>(i))) thinnest = std::min(thinnest, thickness(bodies[i].shape));
 }
 
 }  // namespace constraint_sim::engine

@@ -22,17 +22,6 @@ struct StepFailed {
   Failure why;
 };
 
-void add(const ImpulseReport& impulses, StepReport* report) {
-  report->rows += impulses.rows;
-  report->contacts = impulses.contacts;
-  report->max_penetration = impulses.max_penetration;
-  report->iterations += impulses.iterations;
-  report->solver_residual = impulses.solver_residual;
-  report->driven_work = impulses.driven_work;
-  report->correction_work = impulses.correction_work;
-  for (std::size_t i = 0; i < kStageCount; ++i) report->stage_times[i] += impulses.stage_times[i];
-}
-
 }  // namespace
 
 // a whole physics engine in six steps, as the tutorial has it
@@ -139,23 +128,44 @@ void World::Impl::find_acting_wrenches(const Tick& tick) {
   }
 }
 
+void World::Impl::book(const ImpulseReport& impulses) {
+  report.rows += impulses.rows;
+  report.contacts += impulses.contacts;
+  report.max_penetration = std::max(report.max_penetration, impulses.max_penetration);
+  report.iterations += impulses.iterations;
+  report.solver_residual = std::max(report.solver_residual, impulses.solver_residual);
+  report.driven_work += impulses.driven_work;
+  report.correction_work += impulses.correction_work;
+  for (std::size_t i = 0; i < kStageCount; ++i) report.stage_times[i] += impulses.stage_times[i];
+}
+
 void World::Impl::advance_by_impulses(const Tick& tick, const Carried& by_method) {
+  fast_group.bodies.clear();
   if (by_method.impulse_bodies.empty()) return;
   acting_wrenches.clear();
   if (!wrenches.empty()) find_acting_wrenches(tick);
-  add(sequential_impulses.advance(*this, impulse_step(tick, by_method), this), &report);
+  if (!fast_bodies.empty() && is_any_about_to_hit()) {
+    find_fast_group(by_method);
+    advance_fast_group(tick);
+    if (slow_group.is_empty()) return;
+  }
+  book(sequential_impulses.advance(*this, impulse_step(tick, by_method), this));
 }
 
 void World::Impl::finish_impulses(const Tick& tick, const Carried& by_method) {
   if (by_method.impulse_bodies.empty()) return;
-  report.correction_work += sequential_impulses.finish(*this, impulse_step(tick, by_method), this);
+  if (fast_group.is_empty() || !slow_group.is_empty())
+    report.correction_work +=
+        sequential_impulses.finish(*this, impulse_step(tick, by_method), this);
+  if (!fast_group.is_empty()) take_hits();
   for (const int j : by_method.impulse_joints) note_if_broken(static_cast<std::size_t>(j));
 }
 
 ImpulseStep World::Impl::impulse_step(const Tick& tick, const Carried& by_method) const {
+  const bool is_divided = !fast_group.is_empty();
   return {joint_step(tick),
-          by_method.impulse_bodies,
-          by_method.impulse_joints,
+          is_divided ? slow_group.bodies : by_method.impulse_bodies,
+          is_divided ? slow_group.joints : by_method.impulse_joints,
           joint_ends,
           is_in_loop,
           acting_wrenches,
@@ -188,7 +198,8 @@ void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
   fall_asleep();
   for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
   fresh_islands.clear();
-  if (!by_method.impulse_bodies.empty()) sequential_impulses.keep_self_stress(&self_stress);
+  if (!by_method.impulse_bodies.empty() && fast_group.is_empty())
+    sequential_impulses.keep_self_stress(&self_stress);
   report.step = step_count;
   report.time = tick.end;
 }

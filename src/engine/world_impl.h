@@ -64,6 +64,15 @@ struct Tick {
   double start, end;
 };
 
+/// Bodies that may hit each other within a step, and all that is joined to them, by index.
+struct FastGroup {
+  std::vector<int> bodies;      ///< movable
+  std::vector<int> joints;      ///< on them
+  std::vector<bool> is_member;  ///< of all bodies; of others where they are in no group
+
+  bool is_empty() const { return bodies.empty(); }
+};
+
 /// What each method carries in a step; made anew when that changes.
 struct Carried {
   std::array<std::uint32_t, kMethodCount> islands{};  ///< so many
@@ -135,6 +144,12 @@ struct World::Impl : Model, State, IslandLists {
   Broadphase broadphase;
   std::vector<Proxy> proxies;
   std::vector<TouchingPair> touching_before;  // in the step before
+  double thinnest = 0.0;                      // [m] of all shapes
+  double fast_square = 0.0;                   // of the speed from which bodies are fast [m²/s²]
+  std::vector<int> fast_bodies;               // that may pass through a shape in this step
+  FastGroup fast_group;                       // of those that hit something, carried to each hit
+  FastGroup slow_group;                       // what else impulses carry, where there is a group
+  std::vector<TouchingPair> hits;             // of the group, with the impulses of all its hits
   std::vector<ActingWrench> acting_wrenches;  // on bodies that impulses carry
   SequentialImpulses sequential_impulses;
   bool is_state_saved = false;   // the state before the step is in the next two
@@ -280,6 +295,26 @@ struct World::Impl : Model, State, IslandLists {
   void finish_impulses(const Tick& tick, const Carried& by_method);
   ImpulseStep impulse_step(const Tick& tick, const Carried& by_method) const;
   void find_acting_wrenches(const Tick& tick);
+  void book(const ImpulseReport& impulses);
+
+  // ---- bodies that pass through shapes in a step (fast_bodies.cpp)
+  void find_fast_speed();
+  bool is_fast(int body) const;
+  double travel(int body, double duration) const;
+  bool is_fast(const Broadphase::Pair& pair, double duration) const;
+  void sweep(double duration, Proxy* proxy) const;
+  void find_hits(const std::vector<Broadphase::Pair>& near);
+  std::optional<double> time_of_hit(const Broadphase::Pair& pair, double duration) const;
+  void find_fast_group(const Carried& by_method);
+  void advance_fast_group(const Tick& tick);
+  bool collide_group(const std::vector<Broadphase::Pair>& near, double left);
+  std::vector<Broadphase::Pair> pairs_of_group(double duration, bool* is_any_left);
+  void advance_group(const Tick& tick, double done, double duration);
+  double time_to_watch(const TouchingPair& pair) const;
+  bool is_hit(const TouchingPair& pair, double duration) const;
+  void gather_hits();
+  void take_hits();
+  bool is_any_about_to_hit() const;
   void advance_kinematic_bodies();
   void finish_step(const Tick& tick, const Carried& by_method);
   void read_smooth_joints(const JointStep& step, const Carried& by_method);

@@ -40,12 +40,19 @@ std::string unclosed(const World& world) {
          ": these constraints contradict others, or the method cannot hold them";
 }
 
-std::string gaining(const World& world) {
+std::string warning_of(const World& world, engine::StepWarning::Kind kind) {
   for (const engine::StepWarning& warning : engine::step_warnings(world))
-    if (warning.kind == engine::StepWarning::Kind::kEnergyRise)
-      return engine::to_string(warning) +
-             ": a shorter time_step or a smaller tolerance may keep it";
+    if (warning.kind == kind) return engine::to_string(warning);
   return {};
+}
+
+std::string gaining(const World& world) {
+  const std::string rise = warning_of(world, engine::StepWarning::Kind::kEnergyRise);
+  return rise.empty() ? rise : rise + ": a shorter time_step or a smaller tolerance may keep it";
+}
+
+std::string hitting_too_often(const World& world) {
+  return warning_of(world, engine::StepWarning::Kind::kHitsLeft);
 }
 
 bool is_beyond_range(const engine::StepReport& report) {
@@ -68,6 +75,8 @@ const Reported kReported[] = {
      "errors are closed, or are being closed, again"},
     {[](const engine::StepReport& report) { return report.energy_rise > 0.0; }, gaining,
      "energy no longer rises without a cause"},
+    {[](const engine::StepReport& report) { return report.hits_left_body.has_value(); },
+     hitting_too_often, "fast bodies no longer hit more often than a tick looks for"},
     {is_beyond_range,
      [](const World&) {
        return std::string(

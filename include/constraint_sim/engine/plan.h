@@ -17,16 +17,17 @@ std::vector<std::string> left_out(const World& world);
 /// body whose inertia no distribution of mass has.
 std::vector<std::string> warnings(const World& world);
 
-/// A warning of the last step: an error that is not being closed, or energy that rose without a
-/// cause.
+/// A warning of the last step: an error that is not being closed, energy that rose without a cause,
+/// or fast bodies that hit more often than a step looks for.
 struct StepWarning {
-  enum class Kind { kUnclosed, kEnergyRise };
+  enum class Kind { kUnclosed, kEnergyRise, kHitsLeft };
   Kind kind;
-  std::string whose;    ///< a joint, or the first body of an island
-  double amount = 0.0;  ///< |error| [m], or the rise [J]
+  std::string whose;    ///< a joint, or the first body of an island or group
+  double amount = 0.0;  ///< |error| [m], the rise [J], or how many hits there were
 };
 
-/// Warnings of the last step: joints in the order of adding, then the island. None between an edit
+/// Warnings of the last step: joints in the order of adding, then the island and
+/// the group. None between an edit
 /// and the next step.
 std::vector<StepWarning> step_warnings(const World& world);
 

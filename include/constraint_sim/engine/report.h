@@ -56,6 +56,8 @@ inline constexpr double kMostMagnitude = 1e20;
 /// What a step may have to do with: beyond these it fails, within a bounded time and memory.
 inline constexpr std::size_t kMostPairs = 1000000;
 inline constexpr std::size_t kMostContacts = 300000;
+/// Hits of fast bodies that are looked for in a step.
+inline constexpr std::uint32_t kMostHits = 20;
 
 /// Error of a joint that is reported as unclosed: above this, and not falling by a tenth within 0.5
 /// s, `closing_time` or 20 ticks, whichever is the longest [m].
@@ -91,6 +93,9 @@ struct StepReport {
       0;                          ///< that move faster than a step can show: of stiff islands,
                                   ///< and by impulses those on joints that turn so fast
   std::uint32_t torn_joints = 0;  ///< that broke in this step
+  std::optional<BodyId> hits_left_body;  ///< the first of fast bodies with more than kMostHits, or
+                                         ///< a thousand parts of a step, or that hit what had its
+                                         ///< step: later hits come late, or are missed
   double projected_energy = 0.0;  ///< kinetic energy lost where velocities were made to fit the
                                   ///< joints, when a method took over or an edit came [J]
   double correction_work = 0.0;  ///< of closing errors where impulses advance islands: weight times
@@ -112,6 +117,7 @@ struct StepReport {
   std::uint32_t rejected = 0;          ///< substeps tried without result
   std::uint32_t iterations = 0;        ///< sweeps over the rows, and Newton's of stiff islands
   std::uint32_t events = 0;            ///< at which a one-sided row began or ceased to act
+  std::uint32_t hits = 0;              ///< of fast bodies, at their times within the step
   std::uint32_t rows = 0;              ///< scalar equations solved
   std::uint32_t contacts = 0;          ///< contact points, but for those of islands at rest
   std::uint64_t broadphase_tests = 0;  ///< box against box

@@ -173,6 +173,8 @@ class World {
   /// First body of the island whose energy has risen without a cause, as of the last step; none
   /// between an edit and the next step.
   std::optional<BodyId> gaining_body() const;
+  /// StepReport::hits_left_body of the last step; none between an edit and the next step.
+  std::optional<BodyId> hits_left_body() const;
   /// Kinetic energy plus the potential energy of gravity (0 at the origin) and of springs [J], now.
   double energy() const;
   /// Returns every body and joint to the state it was added or loaded with: pose, twist, motor,

@@ -306,6 +306,11 @@ std::optional<BodyId> World::gaining_body() const {
   return impl_->report.energy_rise_body;
 }
 
+std::optional<BodyId> World::hits_left_body() const {
+  if (impl_->is_edited()) return std::nullopt;
+  return impl_->report.hits_left_body;
+}
+
 const char* name(Method method) {
   constexpr std::array<const char*, kMethodCount> kNames = {
       "auto", "runge_kutta", "energy_momentum", "sequential_impulses", "event_driven"};

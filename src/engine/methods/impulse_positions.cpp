@@ -60,14 +60,6 @@ void turn(const MassProperties& mass, double h, BodyState* body) {
   body->angular_velocity = apply_inertia(mass.inverse_inertia, body->orientation, L_W);
 }
 
-void advance_orientation(const MassProperties& mass, double h, BodyState* body) {
-  if (body->angular_velocity.isZero(0.0)) return;
-  if (mass.can_turn() && !mass.is_isotropic())
-    turn(mass, h, body);
-  else
-    body->orientation = (rotation(h * body->angular_velocity) * body->orientation).normalized();
-}
-
 // Turns a body by the vector `angle` at the same angular momentum, and returns the energy gained.
 double turn_at_rest(const MassProperties& mass, const Vector3d& angle, BodyState* body) {
   const Quaterniond q_0 = body->orientation;
@@ -86,6 +78,14 @@ Vector3d spin(const MassProperties& mass, const BodyState& body, const Vector3d&
 }
 
 }  // namespace
+
+void advance_orientation(const MassProperties& mass, double h, BodyState* body) {
+  if (body->angular_velocity.isZero(0.0)) return;
+  if (mass.can_turn() && !mass.is_isotropic())
+    turn(mass, h, body);
+  else
+    body->orientation = (rotation(h * body->angular_velocity) * body->orientation).normalized();
+}
 
 double RowSolver::update_positions(const std::vector<int>& moved, const Masses& masses,
                                    const Vector3d& gravity, double h, Bodies& bodies) {

@@ -164,6 +164,9 @@ class RowSolver {
   bool any_corrections_ = false, is_to_finish_ = false;
 };
 
+/// Turns a body for h without torque; of bodies with three moments ω changes as L asks.
+void advance_orientation(const MassProperties& mass, double h, BodyState* body);
+
 /// x += h v and q by the rotation h ω, of bodies that move by themselves.
 void advance_kinematic(const std::vector<int>& moved, double h, std::vector<BodyState>& bodies);
 

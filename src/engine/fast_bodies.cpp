@@ -1,0 +1,422 @@
+// Bodies that move so far in a step that they could pass through another one, or through themselves
+// into it: they are carried to each hit by conservative advancement (Mirtich 1996), and on from
+// there. All that may hit each other within the step, with what is joined to it, is one group; the
+// tick of the group is divided at its hits, which happen in no time. What is not in the group takes
+// its step as always. Where nothing is fast, a step has one comparison a body.
+
+#include "engine/fast_bodies.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "engine/narrowphase.h"
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kFastShare = 0.25;  // of the smaller thickness, that is moved by in a step
+constexpr double kNear = 1e-9;       // of it, within which a hit happens
+constexpr double kInstant = 1e-9;    // of a step, that a hit takes
+constexpr double kMostTurn = 0.5;    // [rad] of a body in a part of a step
+constexpr int kMostAdvances = 100;   // towards one hit
+constexpr int kMostLegs = 1000;      // parts of a step
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+struct Thickness {
+  double operator()(const Point&) const { return kInfinity; }
+  double operator()(const Sphere& sphere) const { return 2.0 * sphere.radius; }
+  double operator()(const Box& box) const { return box.size.minCoeff(); }
+  double operator()(const Plane&) const { return kInfinity; }
+};
+
+/// How far from the centre of a body its rotation moves a shape [m]. A plane is the same everywhere
+/// but where it is met: `distance` away.
+struct Reach {
+  double distance;
+  double operator()(const Point&) const { return 0.0; }
+  double operator()(const Sphere&) const { return 0.0; }
+  double operator()(const Box& box) const { return 0.5 * box.size.norm(); }
+  double operator()(const Plane&) const { return distance; }
+};
+
+/// Where a step of impulses of length t leaves a body that nothing but gravity acts on.
+BodyState moved(const BodyState& state, const MassProperties& mass, const Vector3d& gravity,
+                double t) {
+  BodyState later = state;
+  later.position += t * (state.linear_velocity + t * gravity);
+  advance_orientation(mass, t, &later);
+  return later;
+}
+
+/// The most that a body may turn by without torque, by its moments, and what the rotation of a step
+/// of up to kMostTurn is beyond that of the motion [rad/s].
+double fastest_turn(const BodyState& state, const MassProperties& mass) {
+  const double w = state.angular_velocity.norm();
+  if (!mass.can_turn() || mass.is_isotropic()) return w;
+  return 1.1 * w * mass.inertia.maxCoeff() / mass.inertia.minCoeff();
+}
+
+bool in_order(const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); }
+
+/// The contact of a pair in a list that is sorted; null where there is none.
+const TouchingPair* find(const std::vector<TouchingPair>& pairs, const std::pair<int, int>& ends) {
+  const auto found =
+      std::lower_bound(pairs.begin(), pairs.end(), ends,
+                       [](const TouchingPair& pair, const std::pair<int, int>& wanted) {
+                         return pair.ends() < wanted;
+                       });
+  return found != pairs.end() && found->ends() == ends ? &*found : nullptr;
+}
+
+}  // namespace
+
+double thickness(const Shape& shape) { return std::visit(Thickness{}, shape); }
+
+// ---- who is fast
+
+void World::Impl::find_fast_speed() {
+  const double h = options.time_step;
+  const double speed = kFastShare * thinnest / h - h * options.gravity.norm();
+  fast_square = speed > 0.0 ? speed * speed : -1.0;
+}
+
+bool World::Impl::is_fast(int body) const {
+  const BodyState& state = states[at(body)];
+  if (state.linear_velocity.squaredNorm() > fast_square) return true;
+  return !state.angular_velocity.isZero(0.0) &&
+         travel(body, options.time_step) > kFastShare * thinnest;
+}
+
+// the most that a point of a body moves by
+double World::Impl::travel(int body, double duration) const {
+  const BodyState& state = states[at(body)];
+  const double fall = is_movable(at(body)) ? duration * options.gravity.norm() : 0.0;
+  double speed = state.linear_velocity.norm() + fall;
+  if (!state.angular_velocity.isZero(0.0))
+    speed += state.angular_velocity.norm() * std::visit(Reach{0.0}, bodies[at(body)].shape);
+  return duration * speed;
+}
+
+// whether two bodies move against each other by more than a share of the thinner one
+bool World::Impl::is_fast(const Broadphase::Pair& pair, double duration) const {
+  const auto [a, b] = pair;
+  const double thinner = std::min(thickness(bodies[at(a)].shape), thickness(bodies[at(b)].shape));
+  return travel(a, duration) + travel(b, duration) > kFastShare * thinner;
+}
+
+// everywhere that a body gets to in a time, whatever it bounces off
+void World::Impl::sweep(double duration, Proxy* proxy) const {
+  const Vector3d margin = Vector3d::Constant(travel(proxy->body, duration));
+  proxy->box.min -= margin;
+  proxy->box.max += margin;
+}
+
+// ---- what they hit
+
+// The first time at which a pair that is apart touches, as far as its velocities say. The plane
+// between two shapes keeps them apart as long as they do not close the gap along its normal.
+std::optional<double> World::Impl::time_of_hit(const Broadphase::Pair& pair,
+                                               double duration) const {
+  const std::size_t i = at(pair.first);
+  const std::size_t j = at(pair.second);
+  const Vector3d none = Vector3d::Zero();
+  const Vector3d g_i = is_movable(i) ? options.gravity : none;
+  const Vector3d g_j = is_movable(j) ? options.gravity : none;
+  const Vector3d v = states[i].linear_velocity - states[j].linear_velocity;
+  const double far = (states[i].position - states[j].position).norm() +
+                     travel(pair.first, duration) + travel(pair.second, duration);
+  const double spin = fastest_turn(states[i], masses[i]) * std::visit(Reach{far}, bodies[i].shape) +
+                      fastest_turn(states[j], masses[j]) * std::visit(Reach{far}, bodies[j].shape);
+  const double near = kNear * std::min(thickness(bodies[i].shape), thickness(bodies[j].shape));
+  double t = 0.0;
+  for (int k = 0; k < kMostAdvances; ++k) {
+    const Separation apart = separation(bodies[i].shape, moved(states[i], masses[i], g_i, t),
+                                        bodies[j].shape, moved(states[j], masses[j], g_j, t));
+    const double left = duration - t;
+    const double falling = std::max(0.0, -apart.normal.dot(g_i - g_j));
+    const double closing = spin - apart.normal.dot(v + 2.0 * t * (g_i - g_j)) + left * falling;
+    if (apart.gap <= near && closing > 0.0) return t;
+    if (!(closing * left > apart.gap - near)) return std::nullopt;
+    t += std::max(apart.gap, near) / closing;
+    if (t >= duration) return std::nullopt;
+  }
+  return t;  // so far they are apart, and from here it is looked again
+}
+
+// Adds pairs without points, of fast bodies that hit something and of all that they may hit then.
+void World::Impl::find_hits(const std::vector<Broadphase::Pair>& near) {
+  const double h = options.time_step;
+  // a joint leads its bodies along curves, and closes errors in each part of a step anew
+  const auto has_joints = [&](int body) {
+    return is_movable(at(body)) && !island_parts[at(island_of[at(body)])].members.joints.empty();
+  };
+  const auto is_open = [&](const Broadphase::Pair& pair) {
+    return !has_joints(pair.first) && !has_joints(pair.second) && is_fast(pair, h) &&
+           find(touching, pair) == nullptr &&
+           !std::binary_search(unpaired.begin(), unpaired.end(), pair);
+  };
+  std::vector<bool> hits_something(bodies.size());
+  bool any = false;
+  for (const Broadphase::Pair& pair : near) {
+    if (!is_open(pair) || !time_of_hit(pair, h)) continue;
+    any = true;
+    for (const int body : {pair.first, pair.second})
+      if (is_movable(at(body))) hits_something[at(body)] = true;
+  }
+  if (!any) return;
+  std::vector<TouchingPair> found;
+  for (const Broadphase::Pair& pair : near) {
+    if (!hits_something[at(pair.first)] && !hits_something[at(pair.second)]) continue;
+    if (!is_open(pair)) continue;
+    TouchingPair& hit = found.emplace_back();
+    hit.a = pair.first;
+    hit.b = pair.second;
+    hit.id_a = body_ids[at(pair.first)];
+    hit.id_b = body_ids[at(pair.second)];
+  }
+  touching.insert(touching.end(), found.begin(), found.end());
+  std::sort(touching.begin(), touching.end(), in_order);
+}
+
+// ---- the group
+
+bool World::Impl::is_any_about_to_hit() const {
+  return std::any_of(touching.begin(), touching.end(), [this](const TouchingPair& pair) {
+    return time_to_watch(pair) < options.time_step;
+  });
+}
+
+// from the pairs that hit to all that contacts and joints connect with them
+void World::Impl::find_fast_group(const Carried& by_method) {
+  std::vector<bool>& is_member = fast_group.is_member;
+  is_member.assign(bodies.size(), false);
+  bool spreads = false;
+  const auto join = [&](int body) {
+    if (!is_movable(at(body)) || is_member[at(body)]) return;
+    spreads = true;
+    for (const int other : island_parts[at(island_of[at(body)])].members.bodies)
+      is_member[at(other)] = true;
+  };
+  for (const TouchingPair& pair : touching) {
+    if (time_to_watch(pair) >= options.time_step) continue;
+    join(pair.a);
+    join(pair.b);
+  }
+  while (spreads) {
+    spreads = false;
+    for (const TouchingPair& pair : touching) {
+      if (is_member[at(pair.a)]) join(pair.b);
+      if (is_member[at(pair.b)]) join(pair.a);
+    }
+  }
+  for (FastGroup* group : {&fast_group, &slow_group}) {
+    group->bodies.clear();
+    group->joints.clear();
+  }
+  for (const int body : by_method.impulse_bodies)
+    (is_member[at(body)] ? fast_group : slow_group).bodies.push_back(body);
+  for (const int j : by_method.impulse_joints) {
+    const auto [a, b] = joint_ends[at(j)];
+    (is_member[is_movable(a) ? a : b] ? fast_group : slow_group).joints.push_back(j);
+  }
+}
+
+// Pairs that may touch in a time, of the group with itself and with what does not move.
+std::vector<Broadphase::Pair> World::Impl::pairs_of_group(double duration, bool* is_any_left) {
+  const std::vector<bool>& is_member = fast_group.is_member;
+  proxies.clear();
+  for (const int body : moving_shapes) {
+    proxies.push_back(proxy(body));
+    if (is_member[at(body)] || !is_movable(at(body))) sweep(duration, &proxies.back());
+  }
+  std::vector<Broadphase::Pair> pairs;
+  for (const Broadphase::Pair& pair : broadphase.find_pairs(proxies)) {
+    const bool has_a = is_member[at(pair.first)];
+    const bool has_b = is_member[at(pair.second)];
+    if (!has_a && !has_b) continue;
+    if (std::binary_search(unpaired.begin(), unpaired.end(), pair)) continue;
+    const int other = has_a ? pair.second : pair.first;
+    if (has_a != has_b && is_movable(at(other)))
+      *is_any_left = *is_any_left || (is_fast(pair, duration) && time_of_hit(pair, duration));
+    else
+      pairs.push_back(pair);
+  }
+  if (broadphase.is_full()) fail(Failure::kTooManyPairs);
+  return pairs;
+}
+
+// Finds the contacts of the group, those about to hit among them, and says whether any is a hit.
+bool World::Impl::collide_group(const std::vector<Broadphase::Pair>& near, double left) {
+  const std::vector<TouchingPair> before = std::move(touching);
+  touching.clear();
+  bool any_hit = false;
+  for (const Broadphase::Pair& ends : near) {
+    const std::size_t a = at(ends.first);
+    const std::size_t b = at(ends.second);
+    const double thinner = std::min(thickness(bodies[a].shape), thickness(bodies[b].shape));
+    const Manifold manifold = collide(bodies[a].shape, states[a], bodies[b].shape, states[b],
+                                      std::isfinite(thinner) ? 4.0 * kNear * thinner : 0.0);
+    if (manifold.count == 0) continue;
+    TouchingPair& pair = touching.emplace_back();
+    pair.a = ends.first;
+    pair.b = ends.second;
+    pair.id_a = body_ids[a];
+    pair.id_b = body_ids[b];
+    pair.manifold = manifold;
+    const TouchingPair* known = options.warm_starting ? find(before, ends) : nullptr;
+    for (std::size_t k = 0; k < at(manifold.count); ++k)
+      pair.impulses[k] = known != nullptr ? known->impulse_of(manifold.points[k].feature)
+                                          : Vector3d::Zero().eval();
+    any_hit = any_hit || is_hit(pair, left);
+  }
+  return any_hit;
+}
+
+// For how long a pair that touches moves no farther into each other than the rows of a contact
+// hold, whatever corner comes round; 0 for one about to hit.
+double World::Impl::time_to_watch(const TouchingPair& pair) const {
+  if (pair.manifold.count == 0) return 0.0;
+  for (const int body : {pair.a, pair.b})  // joints hold a body back: as contacts always had it
+    if (is_movable(at(body)) && !island_parts[at(island_of[at(body)])].members.joints.empty())
+      return kInfinity;
+  const BodyState& a = states[at(pair.a)];
+  const BodyState& b = states[at(pair.b)];
+  const Shape& shape_a = bodies[at(pair.a)].shape;
+  const Shape& shape_b = bodies[at(pair.b)].shape;
+  const double far = (a.position - b.position).norm();
+  const double closing =
+      std::max(0.0, -pair.manifold.normal.dot(a.linear_velocity - b.linear_velocity)) +
+      a.angular_velocity.norm() * std::visit(Reach{far}, shape_a) +
+      b.angular_velocity.norm() * std::visit(Reach{far}, shape_b);
+  return kFastShare * std::min(thickness(shape_a), thickness(shape_b)) / closing;
+}
+
+// whether two that touch would move into each other as far as fast ones do
+bool World::Impl::is_hit(const TouchingPair& pair, double duration) const {
+  const BodyState& a = states[at(pair.a)];
+  const BodyState& b = states[at(pair.b)];
+  const double thinner =
+      std::min(thickness(bodies[at(pair.a)].shape), thickness(bodies[at(pair.b)].shape));
+  double closing = 0.0;
+  for (std::size_t k = 0; k < at(pair.manifold.count); ++k) {
+    const Vector3d& p = pair.manifold.points[k].position;
+    const Vector3d v = a.linear_velocity + a.angular_velocity.cross(p - a.position) -
+                       b.linear_velocity - b.angular_velocity.cross(p - b.position);
+    closing = std::max(closing, -v.dot(pair.manifold.normal));
+  }
+  return closing * duration > kFastShare * thinner;
+}
+
+// Adds the impulses of a part of the step to those before.
+void World::Impl::gather_hits() {
+  std::vector<TouchingPair> all;
+  for (const TouchingPair& pair : hits)
+    if (find(touching, pair.ends()) == nullptr) all.push_back(pair);
+  for (const TouchingPair& pair : touching) {
+    all.push_back(pair);
+    const TouchingPair* before = find(hits, pair.ends());
+    if (before == nullptr) continue;
+    Vector3d sum = Vector3d::Zero();
+    for (std::size_t k = 0; k < at(before->manifold.count); ++k) sum += before->impulses[k];
+    for (std::size_t k = 0; k < at(pair.manifold.count); ++k) {
+      const Vector3d same = before->impulse_of(pair.manifold.points[k].feature);
+      all.back().impulses[k] += same;
+      sum -= same;
+    }
+    all.back().impulses[0] += sum;  // of points that are no longer there
+  }
+  std::sort(all.begin(), all.end(), in_order);
+  hits = std::move(all);
+}
+
+// Returns the contacts of the group to those of all.
+void World::Impl::take_hits() {
+  for (const TouchingPair& pair : hits)
+    report.contacts += static_cast<std::uint32_t>(pair.manifold.count);
+  touching.insert(touching.end(), hits.begin(), hits.end());
+  std::sort(touching.begin(), touching.end(), in_order);
+}
+
+// ---- the tick of the group
+
+// Carries the group on by a part of the step that begins after `done` of it.
+void World::Impl::advance_group(const Tick& tick, double done, double duration) {
+  if (any_corrections) take_out_corrections();
+  const double share = duration / options.time_step;
+  std::vector<ActingWrench> wrenches_now;
+  for (ActingWrench wrench : acting_wrenches) {
+    if (!fast_group.is_member[wrench.body]) continue;
+    wrench.duration *= share;
+    wrenches_now.push_back(wrench);
+  }
+  const ImpulseStep step{span_from(tick.start + done, duration),
+                         fast_group.bodies,
+                         fast_group.joints,
+                         joint_ends,
+                         is_in_loop,
+                         wrenches_now,
+                         stop,
+                         clock};
+  const std::uint32_t contacts_before = report.contacts;
+  book(sequential_impulses.advance(*this, step, this));
+  report.contacts = contacts_before;  // each is counted once, with the hits
+  report.correction_work += sequential_impulses.finish(*this, step, this);
+}
+
+void World::Impl::advance_fast_group(const Tick& tick) {
+  std::vector<TouchingPair> of_others;
+  const auto is_of_group = [&](const TouchingPair& pair) {
+    return fast_group.is_member[at(pair.a)] || fast_group.is_member[at(pair.b)];
+  };
+  std::stable_partition(touching.begin(), touching.end(), is_of_group);
+  const auto others = std::find_if_not(touching.begin(), touching.end(), is_of_group);
+  of_others.assign(others, touching.end());
+  touching.erase(others, touching.end());
+  hits.clear();
+
+  const double h = options.time_step;
+  const std::vector<BodyState> at_start = states;  // of what moves by itself
+  bool is_any_left = false;
+  std::uint32_t found = 0;
+  double done = 0.0;
+  for (int leg = 0; done < h && !is_set(stop); ++leg) {
+    for (const int body : kinematic)
+      states[at(body)] = moved(at_start[at(body)], MassProperties{}, Vector3d::Zero(), done);
+    const double left = h - done;
+    const std::vector<Broadphase::Pair> near = pairs_of_group(left, &is_any_left);
+    const bool is_any_hit = collide_group(near, left);
+    double duration = left;
+    if (found == kMostHits || leg == kMostLegs) {
+      is_any_left = true;
+    } else if (is_any_hit) {
+      ++found;
+      duration = std::min(left, kInstant * h);
+    } else {
+      for (const int body : fast_group.bodies)
+        if (std::visit(Reach{0.0}, bodies[at(body)].shape) > 0.0)
+          duration = std::min(duration, kMostTurn / states[at(body)].angular_velocity.norm());
+      for (const TouchingPair& pair : touching) duration = std::min(duration, time_to_watch(pair));
+      for (const Broadphase::Pair& pair : near)
+        if (is_fast(pair, duration) && find(touching, pair) == nullptr)
+          duration = std::max(kInstant * h, time_of_hit(pair, duration).value_or(duration));
+    }
+    const bool is_last = duration >= left;
+    advance_group(tick, done, is_last ? left : duration);
+    gather_hits();
+    done = is_last ? h : done + duration;
+  }
+  for (const int body : kinematic) states[at(body)] = at_start[at(body)];
+  for (TouchingPair& pair : hits)
+    for (Manifold::Point& point : pair.manifold.points) point.depth = std::max(point.depth, 0.0);
+  report.hits += found;
+  if (is_any_left) report.hits_left_body = body_ids[at(fast_group.bodies.front())];
+  touching = std::move(of_others);
+}
+
+}  // namespace constraint_sim::engine

@@ -223,7 +223,7 @@ TEST_F(Runner, RefusesBadInputInOneLine) {
        {"", "scene.yaml", "--duration 1", "none.yaml --duration 1", "scene.yaml --duration -1",
         "scene.yaml --duration nan", "scene.yaml --duration inf", "scene.yaml --duration 1e300",
         "scene.yaml --duration 1s", "scene.yaml --duration 1 --time-step 0",
-        "scene.yaml --duration 1 --method event_driven", "scene.yaml --duration 1 --order 7",
+        "scene.yaml --duration 1 --method leapfrog", "scene.yaml --duration 1 --order 7",
         "scene.yaml --duration 1 --tolerance -1", "scene.yaml --duration 1 --time 0.1",
         "scene.yaml --duration 1 --sleep-after .infinite", "scene.yaml --duration 1 --threads 1.5",
         "scene.yaml other.yaml --duration 1", "scene.yaml --duration 1 --csv no/such/folder.csv"}) {

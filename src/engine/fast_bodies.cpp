@@ -93,14 +93,18 @@ bool World::Impl::is_fast(int body) const {
          travel(body, options.time_step) > kFastShare * thinnest;
 }
 
+// the most that a body's centre moves by
+double World::Impl::way(int body, double duration) const {
+  const double fall = is_movable(at(body)) ? duration * options.gravity.norm() : 0.0;
+  return duration * (states[at(body)].linear_velocity.norm() + fall);
+}
+
 // the most that a point of a body moves by
 double World::Impl::travel(int body, double duration) const {
   const BodyState& state = states[at(body)];
-  const double fall = is_movable(at(body)) ? duration * options.gravity.norm() : 0.0;
-  double speed = state.linear_velocity.norm() + fall;
-  if (!state.angular_velocity.isZero(0.0))
-    speed += state.angular_velocity.norm() * std::visit(Reach{0.0}, bodies[at(body)].shape);
-  return duration * speed;
+  if (state.angular_velocity.isZero(0.0)) return way(body, duration);
+  return way(body, duration) +
+         duration * state.angular_velocity.norm() * std::visit(Reach{0.0}, bodies[at(body)].shape);
 }
 
 // whether two bodies move against each other by more than a share of the thinner one
@@ -110,9 +114,13 @@ bool World::Impl::is_fast(const Broadphase::Pair& pair, double duration) const {
   return travel(a, duration) + travel(b, duration) > kFastShare * thinner;
 }
 
-// everywhere that a body gets to in a time, whatever it bounces off
+// Everywhere that a body gets to in a time, whatever it bounces off: however fast it turns, it
+// stays within its reach.
 void World::Impl::sweep(double duration, Proxy* proxy) const {
-  const Vector3d margin = Vector3d::Constant(travel(proxy->body, duration));
+  const int body = proxy->body;
+  const double reach = std::visit(Reach{0.0}, bodies[at(body)].shape);
+  const Vector3d margin =
+      Vector3d::Constant(std::min(travel(body, duration), way(body, duration) + reach));
   proxy->box.min -= margin;
   proxy->box.max += margin;
 }

@@ -300,6 +300,7 @@ struct World::Impl : Model, State, IslandLists {
   // ---- bodies that pass through shapes in a step (fast_bodies.cpp)
   void find_fast_speed();
   bool is_fast(int body) const;
+  double way(int body, double duration) const;
   double travel(int body, double duration) const;
   bool is_fast(const Broadphase::Pair& pair, double duration) const;
   void sweep(double duration, Proxy* proxy) const;

@@ -85,6 +85,7 @@ class Island(TypedDict):
     local_error: float  # [m]
     substeps: int
     rejected: int
+    events: int
     iterations: int
     unresolved_bodies: int
     dependent_rows: int
@@ -151,6 +152,10 @@ class StepReport:
     def changes(self) -> int: ...
     @property
     def substeps(self) -> int: ...
+    @property
+    def events(self) -> int: ...  # at which a one-sided row began or ceased to act
+    @property
+    def hits(self) -> int: ...  # of fast bodies, at their times within the step
     @property
     def rejected(self) -> int: ...
     @property

@@ -65,6 +65,7 @@ void define_step_report(py::module* module) {
       .def_readonly("rejected", &Report::rejected, "rejected substeps")
       .def_readonly("iterations", &Report::iterations, "sweeps over the rows, and Newton's")
       .def_readonly("events", &Report::events, "at which a one-sided row began or ceased to act")
+      .def_readonly("hits", &Report::hits, "of fast bodies, at their times within the step")
       .def_readonly("rows", &Report::rows, "scalar equations solved")
       .def_readonly("contacts", &Report::contacts, "contact points of islands that are awake")
       .def_readonly("candidate_pairs", &Report::candidate_pairs, "pairs after the broadphase")

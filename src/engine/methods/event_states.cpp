@@ -94,7 +94,8 @@ void EventDriven::find_responses(Rows* rows) {
     rows->response[c] = bare_.held_response(unit, &rows->joint_impulses[c]);
     for (std::size_t d = 0; d < n; ++d)
       rows->A(index(d), index(c)) = rate_of(laws_[d], rows->reading[d].J, rows->response[c]);
-    rows->is_free[c] = rows->A(index(c), index(c)) > kHeld * bare_.free_response(unit);
+    const bool is_free = rows->A(index(c), index(c)) > kHeld * bare_.free_response(unit);
+    rows->is_free[c] = is_free ? 1 : 0;
   }
   rows->A = (0.5 * (rows->A + rows->A.transpose())).eval();
 }

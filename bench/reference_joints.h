@@ -47,7 +47,7 @@ auto& at(Items& items, int i) {
 /// C, γ = C̈ − J V̇, the rate C is to have, and J, body by body.
 struct Row {
   struct Block {
-    int body;
+    int body = -1;
     Vector3 v, w;
   };
   std::array<Block, 4> blocks;

@@ -9,8 +9,6 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
 double sign(double x) { return x > 0.0 ? 1.0 : (x < 0.0 ? -1.0 : 0.0); }
 
 bool has_one_sided_length(const Joint& joint) {

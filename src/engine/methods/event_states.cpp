@@ -19,8 +19,6 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kTouching = EventDriven::kTouching;
-constexpr double kResting = EventDriven::kResting;
 constexpr double kHeld = 1e-12;        // of what a coordinate would do without the rigid joints
 constexpr double kNoWork = 1e-12;      // of the energy that impulses exchange: rounding
 constexpr double kAtRest = 1e-10;      // of the largest acceleration: less is none

@@ -4,4 +4,4 @@ from setuptools import setup
 from catkin_pkg.python_setup import generate_distutils_setup
 
 setup(**generate_distutils_setup(
-    packages=['constraint_sim', 'constraint_sim.sweep'], package_dir={'': 'python'}))
+    packages=['constraint_sim', 'constraint_sim.sweep', 'constraint_sim_client'], package_dir={'': 'python'}))

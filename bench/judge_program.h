@@ -1,6 +1,7 @@
 #pragma once
 
-// Programs that judge many random scenes on threads, print a line for each finding and a table.
+// Programs that judge many random scenes on threads, print a line for each finding as it occurs, on
+// stderr how many scenes are judged by then, and a table.
 //
 //   PROGRAM [--scenes N] [--seed 1] [--only SEED] [--method NAME] [--threads 2]
 //
@@ -16,6 +17,9 @@
 #include "scene_judge.h"
 
 namespace constraint_sim::engine::random_scenes {
+
+constexpr std::uint64_t kProgressInterval = 10;  // [scenes]
+
 struct Arguments {
   std::uint64_t first = 1;
   std::uint64_t scenes = 600;
@@ -70,6 +74,7 @@ int run(const Arguments& arguments, JudgeSeed judge) {
   std::vector<Verdict> verdicts(arguments.scenes);
   std::atomic<std::uint64_t> next{0};
   std::mutex output;
+  std::uint64_t judged = 0;
   const auto work = [&] {
     for (std::uint64_t i = next++; i < arguments.scenes; i = next++) {
       verdicts[i] = judge(arguments.first + i, arguments.method);
@@ -77,6 +82,9 @@ int run(const Arguments& arguments, JudgeSeed judge) {
       for (const Finding& finding : verdicts[i].findings)
         std::printf("%s\n", line_of(verdicts[i], finding).c_str());
       std::fflush(stdout);
+      if (++judged % kProgressInterval == 0)
+        std::fprintf(stderr, "%llu of %llu scenes\n", static_cast<unsigned long long>(judged),
+                     static_cast<unsigned long long>(arguments.scenes));
     }
   };
   std::vector<std::thread> threads;

@@ -199,6 +199,9 @@ inline std::vector<Case> few_digits_cases() {
           Case{"bricard_7", [] { return rounded(bricard(), 7); }, kRk, 100, 3, 1e-7, 8e-5}};
 }
 
+inline World flat_at_rest() { return flat_four_bar_with_spring(); }
+inline World flat_and_moving() { return flat_four_bar_with_spring(0.5); }
+
 // Without permanently dependent rows: singular poses twice a turn, and loops through the world.
 inline std::vector<Case> momentary_cases() {
   return {
@@ -213,14 +216,23 @@ inline std::vector<Case> momentary_cases() {
       Case{"four_bar_1_em", [] { return problems::four_bar(1); }, kEm, 100, 3, 1e-15, 1e-9},
       Case{"four_bar_10_em", [] { return problems::four_bar(10); }, kEm, 100, 3, 1e-15, 1e-9},
       Case{"peaucellier_rk", peaucellier, kRk, 100, 4, 1e-15, 7e-6},
-      // the prototype's 7e-12 J is not reached where a tick is halved in a flat pose
-      Case{"peaucellier_em", peaucellier, kEm, 10, 4, 1e-15, 5e-10},
+      Case{"peaucellier_em", peaucellier, kEm, 10, 4, 1e-15, 7e-12},
       Case{"peaucellier_em", peaucellier, kEm, 30, 4, 1e-15, 2e-11},
       Case{"peaucellier_em", peaucellier, kEm, 100, 4, 1e-15, 7e-10},
       Case{"peaucellier_em", peaucellier, kEm, 1000, 4, 1e-15, 2e-6},
-      // a branch is taken within the 3e-5 m in which a row is left out, against 100 N of the spring
-      Case{"flat_with_spring_rk", flat_four_bar_with_spring, kRk, 100, 3, 1e-15, 3e-4},
-      Case{"flat_with_spring_em", flat_four_bar_with_spring, kEm, 100, 3, 1e-15, 1e-3},
+      // two ways part where it starts
+      Case{"flat_with_spring_rk", flat_at_rest, kRk, 30, 3, 1e-15, 7e-9},
+      Case{"flat_with_spring_rk", flat_at_rest, kRk, 100, 3, 1e-15, 7e-9},
+      Case{"flat_with_spring_rk", flat_at_rest, kRk, 1000, 1, 1e-15, 7e-9},
+      Case{"flat_with_spring_em", flat_at_rest, kEm, 10, 3, 1e-15, 7e-9},
+      Case{"flat_with_spring_em", flat_at_rest, kEm, 30, 3, 1e-15, 7e-9},
+      Case{"flat_with_spring_em", flat_at_rest, kEm, 100, 3, 1e-15, 7e-9},
+      Case{"flat_with_spring_em", flat_at_rest, kEm, 1000, 1, 1e-15, 7e-9},
+      Case{"flat_and_moving_rk", flat_and_moving, kRk, 100, 3, 1e-15, 7e-9},
+      Case{"flat_and_moving_em", flat_and_moving, kEm, 100, 3, 1e-15, 7e-9},
+      // a tick ends within 5e-6 m of the flat pose, where what is left out is off by 3e-11 m
+      Case{"flat_bars_with_spring_rk", flat_bars_with_spring, kRk, 100, 3, 3e-12, 7e-9},
+      Case{"flat_bars_with_spring_em", flat_bars_with_spring, kEm, 100, 3, 1e-15, 7e-9},
       Case{"window_with_spring_em", [] { return window_with_spring(1e3); }, kEm, 100, 3, 1e-15,
            1e-9, 1e-8, true},
       Case{"window_with_stiff_spring_em", [] { return window_with_spring(1e6); }, kEm, 100, 3,

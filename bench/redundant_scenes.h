@@ -362,17 +362,38 @@ inline World peaucellier() {
   return world;
 }
 
-/// A four-bar of point masses that starts flat and at rest, bent by a spring from above.
-inline World flat_four_bar_with_spring() {
+/// A four-bar of point masses that starts flat, at rest or moving up, bent by a spring from above.
+inline World flat_four_bar_with_spring(double speed = 0.0) {
   World world;
   const BodyId a = problems::add_mass(&world, "a", {1.0, 0.0, 0.0});
   const BodyId b = problems::add_mass(&world, "b", {2.0, 0.0, 0.0});
+  for (const BodyId id : {a, b}) set_twist(&world, id, {0.0, 0.0, speed}, Vector3d::Zero());
   join(&world, kWorldBody, Vector3d::Zero(), a, {1.0, 0.0, 0.0});
   join_centres(&world, a, b);
   join(&world, kWorldBody, {1.0, 0.0, 0.0}, b, {2.0, 0.0, 0.0});
   DistanceJoint above = spring(100.0);
   above.length = 1.0;
   join(&world, kWorldBody, {1.0, 0.0, 2.0}, a, {1.0, 0.0, 0.0}, above);
+  return world;
+}
+
+/// The same of slender bars on ball joints, at rest.
+inline World flat_bars_with_spring() {
+  World world;
+  const auto add_bar = [&](const std::string& name, double from) {
+    Body bar = body_at(name, {1.0, 0.05, 0.05}, 1.0, {from + 0.5, 0.0, 0.0});
+    bar.inertia = {1.0 / 1200.0, 1.0 / 12.0, 1.0 / 12.0};
+    return world.add_body(bar);
+  };
+  const BodyId first = add_bar("first", 0.0), across = add_bar("across", 1.0);
+  const BodyId last = add_bar("last", 1.0);
+  join_ball(&world, kWorldBody, first, Vector3d::Zero());
+  join_ball(&world, first, across, {1.0, 0.0, 0.0});
+  join_ball(&world, across, last, {2.0, 0.0, 0.0});
+  join_ball(&world, kWorldBody, last, {1.0, 0.0, 0.0});
+  DistanceJoint above = spring(100.0);
+  above.length = 1.0;
+  join(&world, kWorldBody, {1.0, 0.0, 2.0}, first, {1.0, 0.0, 0.0}, above);
   return world;
 }
 

@@ -183,6 +183,8 @@ inline void add_rows(JointKind kind, const Placed& p, std::vector<Row>* rows) {
     case JointKind::kFreeDistance:
     case JointKind::kGear:
     case JointKind::kPulley:
+    case JointKind::kCustom:
+    case JointKind::kCustomForce:
       break;
     case JointKind::kBall:
       return add_point();
@@ -292,6 +294,8 @@ inline Real error_of(JointKind kind, const Placed& p, Real radius) {
     case JointKind::kFreeDistance:
     case JointKind::kGear:
     case JointKind::kPulley:
+    case JointKind::kCustom:
+    case JointKind::kCustomForce:
       return 0;
     case JointKind::kHinge:
       angle = between();

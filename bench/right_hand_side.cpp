@@ -29,8 +29,8 @@ struct SwingingChain {
       state.linear_velocity = {0.0, std::sin(i), std::cos(i)};
       state.angular_velocity = {0.1, std::cos(i), std::sin(i)};
     }
-    equations.load(states, y.data());
-    equations.begin(0.0, states, gravity, {}, std::vector<JointCourse>(states.size() - 1));
+    equations.gather_state(states, y.data());
+    equations.begin(0.0, states, gravity, {}, std::vector<PrescribedMotion>(states.size() - 1));
   }
 
   static EquationsOfMotion equations_of(int links, bool has_bars) {

@@ -16,6 +16,7 @@ pybind11_add_module(constraint_sim_python MODULE NO_EXTRAS
   src/python/shapes.cpp
   src/python/shared_world.cpp
   src/python/world_class.cpp
+  src/python/world_joints.cpp
 )
 constraint_sim_own_code(constraint_sim_python)
 # includes of others are not ours to warn about

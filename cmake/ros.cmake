@@ -1,8 +1,8 @@
 # The ROS shell: messages, node, and where catkin wants things installed.
 
 find_package(catkin REQUIRED COMPONENTS
-  geometry_msgs message_generation nodelet pluginlib roscpp rosgraph_msgs roslib sensor_msgs std_msgs
-  std_srvs tf2_msgs visualization_msgs
+  diagnostic_msgs geometry_msgs interactive_markers message_generation nav_msgs nodelet pluginlib rosbag_storage roscpp
+  rosgraph_msgs roslib sensor_msgs std_msgs std_srvs tf2_msgs tf2_ros trajectory_msgs visualization_msgs
 )
 
 if(CONSTRAINT_SIM_PYTHON AND NOT CONSTRAINT_SIM_SANITIZE)
@@ -21,15 +21,33 @@ catkin_package(
 )
 
 add_library(constraint_sim_ros STATIC
+  src/ros/commands.cpp
   src/ros/conversions.cpp
+  src/ros/diagnostics.cpp
+  src/ros/edit_log.cpp
+  src/ros/edits.cpp
   src/ros/event_log.cpp
+  src/ros/events.cpp
+  src/ros/frame_follower.cpp
+  src/ros/hands.cpp
+  src/ros/labels.cpp
   src/ros/laws.cpp
+  src/ros/marker_lines.cpp
+  src/ros/marker_set.cpp
+  src/ros/marker_style.cpp
   src/ros/markers.cpp
+  src/ros/odometry.cpp
   src/ros/parameters.cpp
+  src/ros/plugins.cpp
   src/ros/publishers.cpp
+  src/ros/robots.cpp
   src/ros/scenes.cpp
   src/ros/services.cpp
   src/ros/simulator_node.cpp
+  src/ros/snapshot_services.cpp
+  src/ros/snapshots.cpp
+  src/ros/urdf_loader.cpp
+  src/ros/view.cpp
   src/ros/wrench_topics.cpp
 )
 constraint_sim_own_code(constraint_sim_ros)
@@ -38,26 +56,57 @@ add_dependencies(constraint_sim_ros ${PROJECT_NAME}_generate_messages_cpp)
 # SYSTEM also takes the generated headers out of our own warnings
 target_include_directories(constraint_sim_ros SYSTEM PUBLIC
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
-target_link_libraries(constraint_sim_ros PUBLIC constraint_sim_stepper ${catkin_LIBRARIES})
+target_link_libraries(constraint_sim_ros PUBLIC constraint_sim_stepper constraint_sim_urdf ${catkin_LIBRARIES})
 
 add_executable(constraint_sim_node src/ros/node_main.cpp)
 constraint_sim_own_code(constraint_sim_node)
 target_link_libraries(constraint_sim_node PRIVATE constraint_sim_ros)
 
+# `replay` is the name that users type; a target of it would be one of many
+add_executable(constraint_sim_replay src/tools/replay.cpp)
+set_target_properties(constraint_sim_replay PROPERTIES OUTPUT_NAME replay)
+constraint_sim_own_code(constraint_sim_replay)
+target_link_libraries(constraint_sim_replay PRIVATE constraint_sim_ros)
+
+add_executable(constraint_sim_rviz_config src/tools/rviz_config.cpp)
+set_target_properties(constraint_sim_rviz_config PROPERTIES OUTPUT_NAME rviz_config)
+constraint_sim_own_code(constraint_sim_rviz_config)
+target_link_libraries(constraint_sim_rviz_config PRIVATE constraint_sim_ros yaml-cpp)
+
+add_executable(client_example examples/client.cpp)
+constraint_sim_own_code(client_example)
+add_dependencies(client_example ${PROJECT_NAME}_generate_messages_cpp)
+target_include_directories(client_example SYSTEM PRIVATE
+  ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
+target_link_libraries(client_example PRIVATE ${catkin_LIBRARIES})
+
 add_library(constraint_sim_nodelet SHARED src/ros/nodelet.cpp)
 constraint_sim_own_code(constraint_sim_nodelet)
 target_link_libraries(constraint_sim_nodelet PRIVATE constraint_sim_ros)
 
+include(cmake/panel.cmake)
+
+if(CONSTRAINT_SIM_BENCH)
+  add_executable(constraint_sim_marker_costs bench/ros/marker_costs.cpp)
+  constraint_sim_own_code(constraint_sim_marker_costs)
+  target_link_libraries(constraint_sim_marker_costs PRIVATE constraint_sim_ros)
+  list(APPEND bench_programs constraint_sim_marker_costs)
+endif()
+
+# where packages find it that use the devel space
+set_target_properties(constraint_sim_engine PROPERTIES
+  ARCHIVE_OUTPUT_DIRECTORY ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_LIB_DESTINATION})
 install(TARGETS constraint_sim_engine EXPORT constraint_sim
   ARCHIVE DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 install(EXPORT constraint_sim NAMESPACE constraint_sim:: FILE constraint_sim_engine_targets.cmake
   DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION}/cmake)
 export(EXPORT constraint_sim NAMESPACE constraint_sim::
   FILE ${CMAKE_CURRENT_BINARY_DIR}/constraint_sim_engine_targets.cmake)
-install(TARGETS constraint_sim_node constraint_sim_run ${bench_programs}
+install(TARGETS client_example constraint_sim_node constraint_sim_replay constraint_sim_run
+  constraint_sim_rviz_config ${bench_programs}
   RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(TARGETS constraint_sim_nodelet LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
-install(FILES nodelet_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
+install(FILES nodelet_plugins.xml rviz_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 install(DIRECTORY include/constraint_sim/ DESTINATION ${CATKIN_PACKAGE_INCLUDE_DESTINATION})
 install(DIRECTORY launch config DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
 # not executable where they lie: rosrun would find them there as well as where they are installed

@@ -32,6 +32,15 @@ else()
   find_package(GTest REQUIRED)
 endif()
 file(GLOB engine_tests CONFIGURE_DEPENDS test/engine/*.cpp)
+if(CONSTRAINT_SIM_SANITIZE STREQUAL "thread")
+  # what runs on one thread alone has nothing that this sanitizer could find
+  foreach(path IN LISTS engine_tests)
+    file(STRINGS ${path} uses_threads REGEX "threads|std::thread" LIMIT_COUNT 1)
+    if(path MATCHES "/test_[^/]*$" AND NOT uses_threads)
+      list(REMOVE_ITEM engine_tests ${path})
+    endif()
+  endforeach()
+endif()
 file(GLOB sim_tests CONFIGURE_DEPENDS test/sim/*.cpp)
 
 constraint_sim_add_gtest(engine_tests ${engine_tests})
@@ -44,6 +53,15 @@ add_dependencies(engine_tests constraint_sim_run)
 constraint_sim_add_gtest(sim_tests ${sim_tests})
 target_link_libraries(sim_tests constraint_sim_stepper)
 
+if(TARGET constraint_sim_urdf)
+  file(GLOB urdf_tests CONFIGURE_DEPENDS test/urdf/*.cpp)
+  constraint_sim_add_gtest(urdf_tests ${urdf_tests})
+  target_include_directories(urdf_tests PRIVATE bench test/engine)  # support.h
+  target_link_libraries(urdf_tests constraint_sim_urdf)
+  target_compile_definitions(urdf_tests PRIVATE
+    CONSTRAINT_SIM_ROBOT_DIR="${CMAKE_CURRENT_SOURCE_DIR}/config/robots")
+endif()
+
 constraint_sim_add_gtest(report_tests test/report/test_report.cpp)
 target_include_directories(report_tests PRIVATE bench)
 target_link_libraries(report_tests constraint_sim_report_common constraint_sim_engine)
@@ -55,6 +73,13 @@ add_dependencies(report_tests constraint_sim_report_engine)
 if(CONSTRAINT_SIM_ROS)
   constraint_sim_add_gtest(conversions_test test/ros/test_conversions.cpp)
   target_link_libraries(conversions_test constraint_sim_ros)
+
+  constraint_sim_add_gtest(markers_test test/ros/test_markers.cpp
+    test/engine/counted_allocations.cpp)
+  target_include_directories(markers_test PRIVATE test/engine)
+  target_link_libraries(markers_test constraint_sim_ros)
+  target_compile_definitions(markers_test PRIVATE
+    CONSTRAINT_SIM_SOURCE_DIR="${CMAKE_CURRENT_SOURCE_DIR}")
 
   file(GLOB ros_tests CONFIGURE_DEPENDS test/ros/*.test)
   foreach(ros_test IN LISTS ros_tests)

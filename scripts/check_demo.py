@@ -17,7 +17,7 @@ TOPICS = ['/tf'] + ['/constraint_sim/' + name for name in
 MOVED = 0.05  # [m] that some frame must travel at least
 
 # The 3-D view of config/constraint_sim.rviz in pixels, well inside its frame
-VIEW = (slice(70, 760), slice(24, 1256))
+VIEW = (slice(70, 760), slice(24, 850))
 BACKGROUND = (48, 48, 48)
 DYNAMIC_BODY = (69, 130, 181)
 SMALL_ERROR, LARGE_ERROR = (51, 204, 51), (204, 51, 51)

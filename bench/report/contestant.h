@@ -15,8 +15,13 @@ namespace constraint_sim::report {
 struct Unsupported : std::runtime_error {
   using std::runtime_error::runtime_error;
 };
-/// For adapters that build no joints with axes.
+/// For adapters that couple no coordinates.
+inline void check_without_couplings(const Problem& problem) {
+  if (!problem.couplings.empty()) throw Unsupported("gears, racks, screws and pulleys");
+}
+/// For adapters that build no joints with axes, nor what couples these.
 inline void check_without_axes(const Problem& problem) {
+  check_without_couplings(problem);
   for (const Joint& joint : problem.joints)
     if (has_axes(joint.kind)) throw Unsupported(name(joint.kind));
 }

@@ -76,7 +76,7 @@ double pair_penetration(const Body& a, const State& state_a, const Body& b, cons
 }
 
 double error_of_axes(const Problem& problem, const States& states) {
-  const engine::reference::Mechanics mechanics(axes_of(problem));
+  const engine::reference::Mechanics mechanics(axes_of(problem, false));
   std::vector<engine::reference::Pose> poses;
   for (const State& state : states)
     poses.push_back(engine::reference::pose_of(
@@ -118,7 +118,8 @@ double constraint_error(const Problem& problem, const States& states, double tim
   bool any_axes = false;
   for (const Joint& joint : problem.joints) {
     any_axes = any_axes || has_axes(joint.kind);
-    if (joint.kind != JointKind::kSpring && !has_axes(joint.kind))
+    if (joint.kind != JointKind::kSpring && joint.kind != JointKind::kFreeLength &&
+        !has_axes(joint.kind))
       raise(&largest,
             std::abs(distance(joint, states) - rest_length(problem, joint) - joint.rate * time));
   }

@@ -148,6 +148,51 @@ def write_sizes(output, sizes):
                           for name, value in row.items()} for row in sizes)
 
 
+def write_references(output, problems, own_errors):
+    with open(output / 'references.csv', 'w', newline='') as file:
+        writer = csv.writer(file, lineterminator='\n')
+        writer.writerow(REFERENCE_COLUMNS)
+        writer.writerows([name, problems[name].source, f'{own_errors[name]:.2g}']
+                         for name in sorted(own_errors))
+
+
+def write_columns(output):
+    described = [('cells.csv, grid.csv and many.csv', cells.COLUMNS),
+                 ('references.csv', REFERENCE_COLUMNS), ('scaling.csv', SCALING_COLUMNS)]
+    (output / 'columns.md').write_text(
+        '`nan`: there is nothing to compare with. micro.csv is as Google Benchmark writes it.\n\n' +
+        '\n'.join(f'# Columns of {name}\n\n' + markdown_table(
+            ['column', 'meaning'], [[f'`{column}`', text] for column, text in columns.items()])
+            for name, columns in described))
+
+
+def conditions_of(facts, runs, variants, own_errors, grid, many, sizes):
+    """What was measured, on what, and for how long."""
+    versions = sorted({f'{variant.engine} {variant.version}' for variant in variants})
+    median, worst = figures.spread(runs)
+    return [f'{key}: {facts[key]}' for key in ('processor', 'system', 'compiler', 'commit')] + [
+        'engines: ' + ', '.join(versions),
+        'absent peers: ' + (', '.join(facts['absent']) or 'none'),
+        f'{facts["kind"]} run, measured in {facts["measured in"]}; each time the best of '
+        f'{facts["rounds"]} interleaved rounds; the median of the rounds is above it by '
+        f'{100 * median:.0f} % (median of all settings), at most {100 * worst:.0f} %',
+        f'budget of a run: {facts["budget"]:g} s' +
+        (f', in the stability grid {facts["grid_budget"]:g} s' if grid else '') +
+        (f', with many bodies {facts["many_budget"]:g} s' if many else '') +
+        (f', of a size {facts["sizes_budget"]:g} s' if sizes else ''),
+        f'largest error of a reference of the diagrams: '
+        f'{max((own_errors.get(name, 0.0) for name in runs), default=0.0):.1g} m (references.csv)']
+
+
+def micro_body(micro):
+    kept = [row for row in micro if row['name'].endswith('_median')]
+    return ['<h2>Micro figures</h2>', table(
+        ['benchmark (median of 5)', 'ns', 'ns per item'],
+        [[row['name'], brief(float(row['cpu_time'])),
+          brief(1e9 / float(row['items_per_second']) if row['items_per_second'] else math.nan)]
+         for row in kept])]
+
+
 def write(output, rows, sizes, problems, variants, own_errors, facts):
     """`rows` are those of the diagrams, the grid and the scenes of many bodies."""
     runs = figures.runs_of(rows['diagrams'])
@@ -170,33 +215,9 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
     if grid:
         (output / 'grid.html').write_text(page('Stability', grid_body(
             grid, problems, in_grid, 'two seconds (longer where ticks are scaled)')))
-    with open(output / 'references.csv', 'w', newline='') as file:
-        writer = csv.writer(file, lineterminator='\n')
-        writer.writerow(REFERENCE_COLUMNS)
-        writer.writerows([name, problems[name].source, f'{own_errors[name]:.2g}']
-                         for name in sorted(own_errors))
-    described = [('cells.csv, grid.csv and many.csv', cells.COLUMNS),
-                 ('references.csv', REFERENCE_COLUMNS), ('scaling.csv', SCALING_COLUMNS)]
-    (output / 'columns.md').write_text(
-        '`nan`: there is nothing to compare with. micro.csv is as Google Benchmark writes it.\n\n' +
-        '\n'.join(f'# Columns of {name}\n\n' + markdown_table(
-            ['column', 'meaning'], [[f'`{column}`', text] for column, text in columns.items()])
-            for name, columns in described))
-
-    versions = sorted({f'{variant.engine} {variant.version}' for variant in variants})
-    median, worst = figures.spread(runs)
-    conditions = [f'{key}: {facts[key]}' for key in ('processor', 'system', 'compiler', 'commit')] + [
-        'engines: ' + ', '.join(versions),
-        'absent peers: ' + (', '.join(facts['absent']) or 'none'),
-        f'{facts["kind"]} run, measured in {facts["measured in"]}; each time the best of '
-        f'{facts["rounds"]} interleaved rounds; the median of the rounds is above it by '
-        f'{100 * median:.0f} % (median of all settings), at most {100 * worst:.0f} %',
-        f'budget of a run: {facts["budget"]:g} s' +
-        (f', in the stability grid {facts["grid_budget"]:g} s' if grid else '') +
-        (f', with many bodies {facts["many_budget"]:g} s' if many else '') +
-        (f', of a size {facts["sizes_budget"]:g} s' if sizes else ''),
-        f'largest error of a reference of the diagrams: '
-        f'{max((own_errors.get(name, 0.0) for name in runs), default=0.0):.1g} m (references.csv)']
+    write_references(output, problems, own_errors)
+    write_columns(output)
+    conditions = conditions_of(facts, runs, variants, own_errors, grid, many, sizes)
     texts = judgement(lines)
     header, counted = count_lines(counts, in_grid)
     stability = f'{len(grid)} cases. ' + ' '.join(exploded_of(grid, name) for name in in_grid
@@ -228,12 +249,7 @@ def write(output, rows, sizes, problems, variants, own_errors, facts):
         body += [f'<h2>Scaling</h2><p>{html.escape(SLOPE_TEXT)}</p>'
                  '<img src="scaling.svg" alt="cost of a tick against size">', table(SLOPE_HEADER, slopes)]
     if micro:
-        kept = [row for row in micro if row['name'].endswith('_median')]
-        body += ['<h2>Micro figures</h2>', table(
-            ['benchmark (median of 5)', 'ns', 'ns per item'],
-            [[row['name'], brief(float(row['cpu_time'])),
-              brief(1e9 / float(row['items_per_second']) if row['items_per_second'] else math.nan)]
-             for row in kept])]
+        body += micro_body(micro)
     if beside:
         body += [f'<h2>Peers beside an earlier comparison</h2><p>{published_text(factor)}</p>',
                  table(PUBLISHED_HEADER, beside)]

@@ -42,6 +42,7 @@ const char* name(JointKind kind) {
     case JointKind::kRod:
     case JointKind::kBall:
     case JointKind::kSpring:
+    case JointKind::kFreeLength:
       break;
     case JointKind::kHinge:
       return "hinge";
@@ -83,6 +84,12 @@ const Problem& problem_named(const std::string& name) {
   for (const Problem& problem : problems())
     if (problem.name == name) return problem;
   throw std::invalid_argument("there is no problem '" + name + "'");
+}
+
+const Coupling* Problem::screw_of(std::size_t joint) const {
+  for (const Coupling& coupling : couplings)
+    if (coupling.is_screw() && coupling.first == static_cast<int>(joint)) return &coupling;
+  return nullptr;
 }
 
 int Problem::samples() const { return static_cast<int>(std::lround(duration / sample)); }

@@ -34,11 +34,13 @@ struct Body {
   Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< constant, at the centre [N]
 };
 
-/// Those from kHinge on keep axes, and have the names that scenes have for them.
+/// Those from kHinge on keep axes, and have the names that scenes have for them. A free length is
+/// nothing but the distance of two points, for a pulley.
 enum class JointKind {
   kRod,
   kBall,
   kSpring,
+  kFreeLength,
   kHinge,
   kSlider,
   kCylindrical,
@@ -70,6 +72,19 @@ struct Joint {
   double max_force = 0.0;  ///< of the motor [N]; 0: no limit
 };
 
+/// q₁ + ratio q₂ stays what it is at the start: of a gear or a rack the coordinates of a hinge or
+/// slider each, of a pulley two free lengths, of a screw the translation and the angle of one
+/// cylindrical joint, which both ends name.
+struct Coupling {
+  int first = 0;  ///< joint
+  int second = 0;
+  double ratio = 1.0;  ///< unit of q₁ per unit of q₂
+
+  bool is_screw() const { return first == second; }
+  /// Of a screw [m a turn].
+  double pitch() const { return -2.0 * 3.14159265358979323846 * ratio; }
+};
+
 struct Problem {
   std::string name;
   /// What it shows: smooth, stiff, contact, mechanism; or a row of the stability grid.
@@ -78,6 +93,7 @@ struct Problem {
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< [m/s²]
   std::vector<Body> bodies;
   std::vector<Joint> joints;
+  std::vector<Coupling> couplings{};
   double duration = 1.0;        ///< [s]
   double sample = 0.1;          ///< errors are taken at multiples of this [s]
   double tick_scale = 1.0;      ///< ticks of the stability grid are multiplied by it
@@ -94,6 +110,8 @@ struct Problem {
 
   int samples() const;  ///< after the start
   bool has_shapes() const;
+  /// That couples the coordinates of this joint with each other; nullptr where none does.
+  const Coupling* screw_of(std::size_t joint) const;
 };
 
 /// All that problems/*.cpp registered, by name. The order of files does not matter.

@@ -190,7 +190,30 @@ std::function<Trajectory(int)> rigid_motion(const Problem& problem, bool is_free
   };
 }
 
-engine::reference::Scene axes_of(const Problem& problem) {
+namespace {
+
+engine::Joint axes_of(const Problem& problem, std::size_t j, bool with_couplings) {
+  const Joint& joint = problem.joints[j];
+  const auto id = [](int body) { return engine::BodyId{static_cast<std::uint32_t>(body + 1)}; };
+  engine::Joint made;
+  made.kind = has_axes(joint.kind) ? *engine::joint_kind_named(name(joint.kind))
+                                   : engine::JointKind::kFreeDistance;
+  made.body_a = id(joint.a);
+  made.body_b = id(joint.b);
+  made.anchor_a = joint.anchor_a;
+  made.anchor_b = joint.anchor_b;
+  made.frame_a = joint.frame_a;
+  made.frame_b = joint.frame_b;
+  const Coupling* screw = problem.screw_of(j);
+  if (!with_couplings || screw == nullptr) return made;
+  made.kind = engine::JointKind::kScrew;
+  made.pitch = screw->pitch();
+  return made;
+}
+
+}  // namespace
+
+engine::reference::Scene axes_of(const Problem& problem, bool with_couplings) {
   engine::reference::Scene scene;
   scene.options.gravity = problem.gravity;
   for (const Body& body : problem.bodies) {
@@ -202,17 +225,22 @@ engine::reference::Scene axes_of(const Problem& problem) {
                    body.start.angular_velocity};
     scene.bodies.push_back(added);
   }
-  const auto id = [](int body) { return engine::BodyId{static_cast<std::uint32_t>(body + 1)}; };
-  for (const Joint& joint : problem.joints) {
-    if (!has_axes(joint.kind)) continue;
+  std::vector<engine::JointId> ids(problem.joints.size());  // numbers from 1, in their order
+  for (std::size_t j = 0; j < problem.joints.size(); ++j) {
+    const JointKind kind = problem.joints[j].kind;
+    if (!has_axes(kind) && kind != JointKind::kFreeLength) continue;
+    scene.joints.push_back(axes_of(problem, j, with_couplings));
+    ids[j].value = static_cast<std::uint32_t>(scene.joints.size());
+  }
+  for (const Coupling& coupling : problem.couplings) {
+    if (!with_couplings || coupling.is_screw()) continue;
     engine::Joint added;
-    added.kind = *engine::joint_kind_named(name(joint.kind));
-    added.body_a = id(joint.a);
-    added.body_b = id(joint.b);
-    added.anchor_a = joint.anchor_a;
-    added.anchor_b = joint.anchor_b;
-    added.frame_a = joint.frame_a;
-    added.frame_b = joint.frame_b;
+    const auto first = static_cast<std::size_t>(coupling.first);
+    added.kind = problem.joints[first].kind == JointKind::kFreeLength ? engine::JointKind::kPulley
+                                                                      : engine::JointKind::kGear;
+    added.coupling.first = ids[first];
+    added.coupling.second = ids[static_cast<std::size_t>(coupling.second)];
+    added.coupling.ratio = coupling.ratio;
     scene.joints.push_back(added);
   }
   return scene;
@@ -221,7 +249,7 @@ engine::reference::Scene axes_of(const Problem& problem) {
 std::function<Trajectory(int)> mechanism_motion(const Problem& problem) {
   const int samples = problem.samples();
   const double interval = problem.sample;
-  return [=, scene = axes_of(problem)](int refinement) {
+  return [=, scene = axes_of(problem, true)](int refinement) {
     constexpr long kMostEvaluations = 3000000;
     const engine::reference::Mechanics mechanics(scene);
     engine::reference::Integrator integrator(mechanics, refinement == 1 ? 1e-12 : 1e-15,

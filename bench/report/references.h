@@ -35,12 +35,12 @@ std::function<Trajectory(int)> one_angle(
     const Problem& problem, double a, double b, double angle, double rate, double step,
     const std::function<States(long double angle, long double rate)>& states);
 
-/// The bodies and joints with axes of a problem as the dense reference reads them; others are left
-/// out.
-engine::reference::Scene axes_of(const Problem& problem);
+/// The bodies, joints with axes and free lengths of a problem as the dense reference reads them,
+/// with what couples them or without; others are left out.
+engine::reference::Scene axes_of(const Problem& problem, bool with_couplings);
 
-/// Any bodies on joints with axes, by the dense reference in long double: extrapolation to a
-/// tolerance that `refinement` divides by a thousand.
+/// Any bodies on joints with axes, and what couples these, by the dense reference in long double:
+/// extrapolation to a tolerance that `refinement` divides by a thousand.
 std::function<Trajectory(int)> mechanism_motion(const Problem& problem);
 
 }  // namespace constraint_sim::report

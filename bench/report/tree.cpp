@@ -49,6 +49,8 @@ std::vector<Link> tree_of(const Problem& problem, std::vector<Joint>* loops) {
       throw Unsupported("springs and motors in joint coordinates");
   std::vector<Link> tree;
   std::vector<bool> is_placed(problem.bodies.size(), false), is_used(problem.joints.size(), false);
+  for (std::size_t k = 0; k < problem.joints.size(); ++k)  // holds nothing
+    is_used[k] = problem.joints[k].kind == JointKind::kFreeLength;
   const auto placed = [&](int i) { return i == kWorld || is_placed[static_cast<std::size_t>(i)]; };
   const auto place = [&](const Link& link) {
     tree.push_back(link);

@@ -98,6 +98,8 @@ class Contact(TypedDict):
     normal: Tuple3       # unit, from B to A, world
     depth: float         # [m]
     normal_force: float  # mean over the step [N]
+    force: Tuple3        # normal and friction, on A, world [N]
+    state: str           # closed, sticking or slipping
 
 
 class StepReport:
@@ -256,8 +258,8 @@ class World:
     def add_body(self, name: str, *, type: str = ..., shape: Shape = ..., mass: float = ...,
                  inertia: Vector = ..., position: Vector = ..., orientation: Vector = ...,
                  linear_velocity: Vector = ..., angular_velocity: Vector = ...,
-                 friction: float = ..., restitution: float = ..., no_collision: bool = ...
-                 ) -> None: ...
+                 friction: float = ..., restitution: float = ..., no_collision: bool = ...,
+                 shape_pose: Optional[Mapping[str, Vector]] = ...) -> None: ...
     def remove_body(self, name: str) -> List[str]: ...
     def body(self, name: str) -> Dict[str, Any]: ...
     def state(self, name: str) -> State: ...

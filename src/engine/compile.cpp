@@ -31,9 +31,11 @@ void World::Impl::rebuild_topology() {
 
   joint_ends.clear();
   unpaired.clear();
+  any_custom_forces = false;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const auto [a, b] = joint_ends.emplace_back(ends_of(joints[j]));
     if (!acts(joints[j], joint_states[j])) release(&joint_states[j]);
+    any_custom_forces |= joints[j].kind == JointKind::kCustomForce;
     if (!joints[j].collide_connected && acts(joints[j], joint_states[j]))
       unpaired.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
   }
@@ -49,7 +51,7 @@ void World::Impl::rebuild_topology() {
   }
 
   smooth_changed = true;
-  changing_courses.clear();  // until the islands are sorted
+  time_varying_joints.clear();  // until the islands are sorted
   span_ends.clear();
 
   if (all_edited)
@@ -263,23 +265,42 @@ IslandTraits World::Impl::traits_of(const IslandMembers& members,
   return traits;
 }
 
+// joints without axes that are being closed
+std::vector<int> World::Impl::open_points_of(const IslandMembers& members) const {
+  std::vector<int> open;
+  for (const int j : members.joints)
+    if (joint_states[at(j)].closing && info(joints[at(j)].kind).form == RowsForm::kPoint)
+      open.push_back(j);
+  return open;
+}
+
 void World::Impl::compile_island(IslandParts* parts) {
+  compile_island(parts, open_points_of(parts->members));
+}
+
+void World::Impl::compile_island(IslandParts* parts, const std::vector<int>& open_points) {
   std::vector<CoupledTerms> couplings;
   for (const int j : parts->members.joints) {
     if (!couples(joints[at(j)].kind)) continue;
     couplings.resize(joints.size());
     couplings[at(j)] = terms_of(at(j));
   }
+  std::vector<char> open;
+  parts->open_points = open_points;
+  for (const int j : open_points) {
+    open.resize(joints.size());
+    open[at(j)] = 1;
+  }
   const bool has_events = method_for(parts->nature, options) == Method::kEventDriven;
   IslandMotion motion =
-      has_events
-          ? IslandMotion(EventDriven(parts->members.joints, joints, joint_ends, couplings, masses))
-          : IslandMotion(
-                EquationsOfMotion(parts->members.joints, joints, joint_ends, masses, couplings));
+      has_events ? IslandMotion(EventDriven(parts->members.joints, joints, joint_ends, couplings,
+                                            masses, open))
+                 : IslandMotion(EquationsOfMotion(parts->members.joints, joints, joint_ends, masses,
+                                                  couplings, {}, open));
   const EquationsOfMotion& equations = motion.equations();
   const std::vector<int>& held = equations.bodies();
   parts->turning_freely.clear();
-  for (std::size_t i = equations.turning(); i < held.size(); ++i)
+  for (std::size_t i = equations.rotating(); i < held.size(); ++i)
     if (masses[at(held[i])].can_turn()) parts->turning_freely.push_back(held[i]);
   parts->is_stale = false;
   if (parts->motion >= 0) {

@@ -12,6 +12,11 @@ using Eigen::Vector3d;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
+void widen(double margin, Proxy* proxy) {
+  proxy->box.min -= Vector3d::Constant(margin);
+  proxy->box.max += Vector3d::Constant(margin);
+}
+
 }  // namespace
 
 // ---- 1. broadphase
@@ -22,11 +27,13 @@ const std::vector<Broadphase::Pair>& World::Impl::find_pairs() {
   proxies.clear();
   fast_bodies.clear();
   find_fast_speed();
+  if (follows_contacts()) find_group_reach();
   for (const int body : moving_shapes) {
     proxies.push_back(proxy(body));
-    if (!is_fast(body)) continue;
-    fast_bodies.push_back(body);
-    sweep(options.time_step, &proxies.back());
+    const bool is_fast_one = is_fast(body);
+    if (is_fast_one) fast_bodies.push_back(body);
+    if (is_fast_one) sweep(options.time_step, &proxies.back());
+    if (follows_contacts()) widen(group_reach, &proxies.back());
   }
   report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
   report.broadphase_tests = broadphase.tests();
@@ -36,17 +43,19 @@ const std::vector<Broadphase::Pair>& World::Impl::find_pairs() {
 
 Proxy World::Impl::proxy(int body) const {
   const auto i = at(body);
-  return {bounds(bodies[i].shape, states[i]), body, is_movable(i)};
+  const PlacedShape placed(bodies[i], states[i]);
+  return {bounds(placed.shape(), placed.state()), body, is_movable(i)};
 }
 
 // ---- 2. narrowphase
 
 const std::vector<TouchingPair>& World::Impl::find_contacts(
     const std::vector<Broadphase::Pair>& near) {
-  if (near.empty() && touching.empty() && touching_before.empty()) return touching;
+  if (near.empty() && touching.empty() && touching_before.empty() && contact_groups.empty())
+    return touching;
   collide_pairs(near);
   if (!fast_bodies.empty()) find_hits(near);
-  while (wake_touched()) {
+  while (wake_touched() || (follows_contacts() && wake_approached(broadphase.pairs()))) {
     std::swap(touching, touching_before);  // back to the contacts of the step before
     contacts_are_new = false;
     spread_waking();
@@ -54,6 +63,7 @@ const std::vector<TouchingPair>& World::Impl::find_contacts(
     collide_pairs(find_pairs());
     if (!fast_bodies.empty()) find_hits(broadphase.pairs());
   }
+  find_contact_groups(broadphase.pairs());
   return touching;
 }
 
@@ -70,7 +80,8 @@ void World::Impl::collide_pairs(const std::vector<Broadphase::Pair>& near) {
     if (is_set(stop)) return;
     const auto a = at(ends.first);
     const auto b = at(ends.second);
-    const Manifold manifold = collide(bodies[a].shape, states[a], bodies[b].shape, states[b]);
+    const Manifold manifold =
+        collide(PlacedShape(bodies[a], states[a]), PlacedShape(bodies[b], states[b]));
     if (manifold.count == 0) continue;
     points += at(manifold.count);
     if (points > kMostContacts) fail(Failure::kTooManyContacts);
@@ -106,9 +117,10 @@ void World::Impl::tell_contacts() {
 void World::Impl::add_contacts(const TouchingPair& pair) {
   for (std::size_t k = 0; k < at(pair.manifold.count); ++k) {
     const Manifold::Point& point = pair.manifold.points[k];
-    const double force = pair.impulses[k].dot(pair.manifold.normal) / options.time_step;
-    contacts.push_back(
-        {pair.id_a, pair.id_b, point.position, pair.manifold.normal, point.depth, force});
+    const Vector3d force = pair.impulses[k] / options.time_step;
+    const double normal_force = pair.impulses[k].dot(pair.manifold.normal) / options.time_step;
+    contacts.push_back({pair.id_a, pair.id_b, point.position, pair.manifold.normal, point.depth,
+                        normal_force, force, pair.contact_states[k]});
   }
 }
 

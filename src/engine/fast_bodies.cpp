@@ -45,6 +45,11 @@ struct Reach {
   double operator()(const Plane&) const { return distance; }
 };
 
+double reach_of(const Body& body, double distance = 0.0) {
+  const double arm = body.shape_pose ? body.shape_pose->position.norm() : 0.0;
+  return std::visit(Reach{distance}, body.shape) + arm;
+}
+
 /// Where a step of impulses of length t leaves a body that nothing but gravity acts on.
 BodyState moved(const BodyState& state, const MassProperties& mass, const Vector3d& gravity,
                 double t) {
@@ -104,7 +109,7 @@ double World::Impl::travel(int body, double duration) const {
   const BodyState& state = states[at(body)];
   if (state.angular_velocity.isZero(0.0)) return way(body, duration);
   return way(body, duration) +
-         duration * state.angular_velocity.norm() * std::visit(Reach{0.0}, bodies[at(body)].shape);
+         duration * state.angular_velocity.norm() * reach_of(bodies[at(body)]);
 }
 
 // whether two bodies move against each other by more than a share of the thinner one
@@ -118,7 +123,7 @@ bool World::Impl::is_fast(const Broadphase::Pair& pair, double duration) const {
 // stays within its reach.
 void World::Impl::sweep(double duration, Proxy* proxy) const {
   const int body = proxy->body;
-  const double reach = std::visit(Reach{0.0}, bodies[at(body)].shape);
+  const double reach = reach_of(bodies[at(body)]);
   const Vector3d margin =
       Vector3d::Constant(std::min(travel(body, duration), way(body, duration) + reach));
   proxy->box.min -= margin;
@@ -139,13 +144,16 @@ std::optional<double> World::Impl::time_of_hit(const Broadphase::Pair& pair,
   const Vector3d v = states[i].linear_velocity - states[j].linear_velocity;
   const double far = (states[i].position - states[j].position).norm() +
                      travel(pair.first, duration) + travel(pair.second, duration);
-  const double spin = fastest_turn(states[i], masses[i]) * std::visit(Reach{far}, bodies[i].shape) +
-                      fastest_turn(states[j], masses[j]) * std::visit(Reach{far}, bodies[j].shape);
+  const double spin = fastest_turn(states[i], masses[i]) * reach_of(bodies[i], far) +
+                      fastest_turn(states[j], masses[j]) * reach_of(bodies[j], far);
   const double near = kNear * std::min(thickness(bodies[i].shape), thickness(bodies[j].shape));
   double t = 0.0;
   for (int k = 0; k < kMostAdvances; ++k) {
-    const Separation apart = separation(bodies[i].shape, moved(states[i], masses[i], g_i, t),
-                                        bodies[j].shape, moved(states[j], masses[j], g_j, t));
+    const BodyState later_i = moved(states[i], masses[i], g_i, t);
+    const BodyState later_j = moved(states[j], masses[j], g_j, t);
+    const PlacedShape shape_i(bodies[i], later_i), shape_j(bodies[j], later_j);
+    const Separation apart =
+        separation(shape_i.shape(), shape_i.state(), shape_j.shape(), shape_j.state());
     const double left = duration - t;
     const double falling = std::max(0.0, -apart.normal.dot(g_i - g_j));
     const double closing = spin - apart.normal.dot(v + 2.0 * t * (g_i - g_j)) + left * falling;
@@ -268,8 +276,9 @@ bool World::Impl::collide_group(const std::vector<Broadphase::Pair>& near, doubl
     const std::size_t a = at(ends.first);
     const std::size_t b = at(ends.second);
     const double thinner = std::min(thickness(bodies[a].shape), thickness(bodies[b].shape));
-    const Manifold manifold = collide(bodies[a].shape, states[a], bodies[b].shape, states[b],
-                                      std::isfinite(thinner) ? 4.0 * kNear * thinner : 0.0);
+    const Manifold manifold =
+        collide(PlacedShape(bodies[a], states[a]), PlacedShape(bodies[b], states[b]),
+                std::isfinite(thinner) ? 4.0 * kNear * thinner : 0.0);
     if (manifold.count == 0) continue;
     TouchingPair& pair = touching.emplace_back();
     pair.a = ends.first;
@@ -295,14 +304,14 @@ double World::Impl::time_to_watch(const TouchingPair& pair) const {
       return kInfinity;
   const BodyState& a = states[at(pair.a)];
   const BodyState& b = states[at(pair.b)];
-  const Shape& shape_a = bodies[at(pair.a)].shape;
-  const Shape& shape_b = bodies[at(pair.b)].shape;
+  const Body& body_a = bodies[at(pair.a)];
+  const Body& body_b = bodies[at(pair.b)];
   const double far = (a.position - b.position).norm();
   const double closing =
       std::max(0.0, -pair.manifold.normal.dot(a.linear_velocity - b.linear_velocity)) +
-      a.angular_velocity.norm() * std::visit(Reach{far}, shape_a) +
-      b.angular_velocity.norm() * std::visit(Reach{far}, shape_b);
-  return kFastShare * std::min(thickness(shape_a), thickness(shape_b)) / closing;
+      a.angular_velocity.norm() * reach_of(body_a, far) +
+      b.angular_velocity.norm() * reach_of(body_b, far);
+  return kFastShare * std::min(thickness(body_a.shape), thickness(body_b.shape)) / closing;
 }
 
 // whether two that touch would move into each other as far as fast ones do
@@ -407,7 +416,7 @@ void World::Impl::advance_fast_group(const Tick& tick) {
       duration = std::min(left, kInstant * h);
     } else {
       for (const int body : fast_group.bodies)
-        if (std::visit(Reach{0.0}, bodies[at(body)].shape) > 0.0)
+        if (reach_of(bodies[at(body)]) > 0.0)
           duration = std::min(duration, kMostTurn / states[at(body)].angular_velocity.norm());
       for (const TouchingPair& pair : touching) duration = std::min(duration, time_to_watch(pair));
       for (const Broadphase::Pair& pair : near)

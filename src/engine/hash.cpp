@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cstring>
+#include <type_traits>
 
 #include "engine/constraints/joint_kinds.h"
 #include "engine/world_impl.h"
@@ -31,15 +32,25 @@ class Fnv1a {
   std::uint64_t hash_ = 0xcbf29ce484222325ULL;
 };
 
-/// What the add_memory() of a method tells goes into a hash.
+/// Adds what methods remember to a hash, as engine/memory.h says.
 class MemoryHash {
  public:
+  static constexpr bool kReads = false;
+
   explicit MemoryHash(Fnv1a* hash) : hash_(hash) {}
+
+  template <class Value>
+  void beside(const Value&) const {}
 
   void operator()(double value) const { hash_->add(value); }
   void operator()(bool value) const { hash_->add(std::uint64_t{value}); }
   void operator()(char value) const { hash_->add(static_cast<std::uint64_t>(value)); }
+  void operator()(signed char value) const { (*this)(int{value}); }
   void operator()(int value) const { hash_->add(static_cast<std::uint64_t>(value)); }
+  template <class Enum, class = std::enable_if_t<std::is_enum_v<Enum>>>
+  void operator()(Enum value) const {
+    (*this)(static_cast<int>(value));
+  }
   void operator()(const Eigen::Vector3d& v) const { hash_->add(v); }
   void operator()(const Eigen::Vector4d& v) const { hash_->add(v.data(), 4 * sizeof(double)); }
   template <class Element>
@@ -78,6 +89,11 @@ void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodySt
   hash.add(static_cast<std::uint64_t>(body.type));
   hash.add(std::uint64_t{body.shape.index()});
   std::visit([&](const auto& shape) { add(hash, shape); }, body.shape);
+  if (body.shape_pose) {
+    hash.add(body.shape_pose->position);
+    hash.add(Eigen::Vector3d(body.shape_pose->orientation.vec()));
+    hash.add(body.shape_pose->orientation.w());
+  }
   hash.add(body.mass);
   hash.add(mass.inertia);
   hash.add(body.friction);
@@ -102,6 +118,13 @@ void add_settings(Fnv1a& hash, const Joint& joint) {
     for (const double number :
          {distance->min_length, distance->max_length, distance->stiffness, distance->damping})
       hash.add(number);
+  }
+  if (is_custom(joint.kind)) {
+    hash.add(joint.custom.type);
+    for (const CustomParameter& parameter : joint.custom.parameters) {
+      hash.add(parameter.name);
+      hash.add(parameter.value);
+    }
   }
   if (!info(joint.kind).has_frames) return;
   for (const Eigen::Quaterniond& frame : {joint.frame_a, *joint.frame_b}) {
@@ -165,7 +188,7 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   hash.add(state.closing_since);
   if (couples(joint.kind)) hash.add(state.coupling.offset);
   add(hash, state.closing_offset);
-  if (info(joint.kind).alignment != Alignment::kFree) {
+  if (closes_by_frame(info(joint.kind))) {
     hash.add(state.closing_shift);
     hash.add(state.closing_turn);
     hash.add(state.closing_share);
@@ -190,6 +213,7 @@ void add(Fnv1a& hash, const IslandMemory& memory, const std::string& first_body)
         static_cast<std::uint64_t>(memory.stiff_ticks), memory.stiff_until, memory.refused_until,
         memory.touched_until, memory.inconsistent_until, std::uint64_t{memory.gradient_iterations}})
     hash.add(value);
+  if (memory.contacts_refused_until > 0) hash.add(memory.contacts_refused_until);
   hash.add(memory.substep_cost);
 }
 
@@ -210,14 +234,15 @@ void add_methods(Fnv1a& hash, const Impl& world) {
       const FreeRotation& rotation = world.rotations[static_cast<std::size_t>(body)];
       if (!rotation.has_memory()) continue;
       add(body);
-      rotation.add_memory(add);
+      FreeRotation::visit_memory(rotation, add);
     }
     if (parts.motion < 0) continue;
     hash.add(std::uint64_t{i});
     for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
       add(word);
     add(world.had_wrenches);
-    world.motions[static_cast<std::size_t>(parts.motion)].add_memory(add);
+    IslandMotion::visit_memory(world.motions[static_cast<std::size_t>(parts.motion)], add,
+                               world.masses);
   }
 }
 

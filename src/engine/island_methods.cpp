@@ -28,8 +28,9 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 Carried& World::Impl::choose_methods(const std::vector<TouchingPair>& pairs) {
   entering.clear();
   if (!fresh_islands.empty() || awake_changed || !pairs.empty() || !touching_before.empty() ||
-      any_refused || any_stiff)
+      any_refused || any_stiff || had_groups || !contact_groups.empty())
     sort_islands(pairs);
+  had_groups = !contact_groups.empty();
   report.islands = carried.islands;
   report.rows = carried.integrated_rows;
   return carried;
@@ -49,9 +50,11 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
     Island& island = islands[i];
     IslandParts& parts = island_parts[i];
     const bool has_woken = island.why == MethodReason::kAtRest;
-    const MethodChoice choice = choose(parts.nature, in_contact[i], parts, step_count, options);
+    MethodChoice choice = choose(parts.nature, in_contact[i], parts, step_count, options);
+    if (is_in_group(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
     remember_choice(choice, in_contact[i], step_count, &parts);
-    any_refused = any_refused || choice.why == MethodReason::kRefused;
+    any_refused = any_refused || choice.why == MethodReason::kRefused ||
+                  choice.why == MethodReason::kContactsGivenUp;
     any_stiff = any_stiff || choice.why == MethodReason::kInconsistent ||
                 (choice.why == MethodReason::kStiff && parts.nature != MethodReason::kStiff);
     island.local_error = 0.0;
@@ -66,6 +69,7 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
     if (!parts.is_fresh && island.method != before) ++report.changes;
     parts.energy.has_changed |= !parts.is_fresh && (island.method == Method::kSequentialImpulses ||
                                                     before == Method::kSequentialImpulses);
+    parts.energy.has_changed |= is_in_group(i);  // what touches exchanges energy
     const bool restarts = parts.is_fresh || has_woken;
     if (restarts) {
       restart(parts);
@@ -144,7 +148,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
     const JointStep span = span_from(t, span_ends[k + 1] - t);
     if (!wrenches.empty() || !loads.empty()) find_loads(t, span_ends[k + 1]);
     const bool is_disturbed = had_wrenches || !loads.empty() || k > 0;
-    for (const int j : changing_courses)
+    for (const int j : time_varying_joints)
       if (is_integrated(at(j))) courses[at(j)].begin(joints[at(j)], span, joint_states[at(j)]);
     const double since = t - tick.start;
     const SmoothSpan continued{t,    span.h, options.gravity, loads, courses, is_disturbed, k > 0,
@@ -152,7 +156,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
     workers.run(threads_worth_it(smooth), smooth.size(), [&](std::size_t s) {
       const std::size_t i = at(smooth[s]);
       IslandParts& parts = island_parts[i];
-      if (parts.has_failed) return;
+      if (parts.has_failed || is_in_group(i)) return;
       if (parts.is_fresh)
         parts.has_failed = !integrate_island(i, continued.after_edit());
       else
@@ -160,12 +164,14 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
     });
     for (const int i : smooth)
       if (island_parts[at(i)].has_failed && islands[at(i)].method != Method::kSequentialImpulses)
-        refuse_island(at(i));
-    for (const int j : changing_courses)
+        refuse_island(at(i), MethodReason::kRefused);
+    if (!contact_groups.empty()) advance_contact_groups(continued);
+    for (const int j : time_varying_joints)
       if (is_integrated(at(j))) finish_span(joints[at(j)], span, joint_states[at(j)]);
     had_wrenches = !loads.empty();
   }
   if (gather_changes(smooth)) list_by_method();
+  if (!contact_groups.empty()) take_out_group_contacts();
   report_islands(*by_method);
 }
 
@@ -196,11 +202,15 @@ bool World::Impl::gather_changes(const std::vector<int>& smooth) {
 void World::Impl::assemble_entering(const JointStep& step) {
   for (const int i : entering) {
     IslandParts& parts = island_parts[at(i)];
+    // a scene that was saved says of which joints it is known that they cannot all be met
+    const bool is_known_off = islands[at(i)].why == MethodReason::kInconsistent;
     for (const int index : parts.members.joints) {
       const std::size_t j = at(index);
-      if (is_rigid(joints[j]) && !fits(joints[j], state_a(j), state_b(j), step, joint_states[j]))
+      if (!is_known_off && is_rigid(joints[j]) &&
+          !fits(joints[j], state_a(j), state_b(j), step, joint_states[j]))
         open_joint(j, step.t);
     }
+    compile_if_opened(&parts);
   }
   courses.resize(joints.size());
   for (const int i : entering)
@@ -208,15 +218,33 @@ void World::Impl::assemble_entering(const JointStep& step) {
       courses[at(index)].begin(joints[at(index)], step, joint_states[at(index)]);
 }
 
+// joints without axes are others for their equations once they are closed
+void World::Impl::compile_where_closed(const JointStep& step) {
+  for (const int index : time_varying_joints) {
+    const std::size_t j = at(index);
+    if (joint_states[j].closing || info(joints[j].kind).form != RowsForm::kPoint) continue;
+    courses[j].begin(joints[j], step, joint_states[j]);
+    const auto [a, b] = joint_ends[j];
+    compile_if_opened(&island_parts[at(island_of[is_movable(a) ? a : b])]);
+  }
+}
+
+// or where they have been opened
+void World::Impl::compile_if_opened(IslandParts* parts) {
+  if (parts->motion < 0 || open_points_of(parts->members) == parts->open_points) return;
+  compile_island(parts);
+  restart(*parts);
+}
+
 // joints of smooth islands that time moves, also those that stand still for now, at the end of
 // their travel
 void World::Impl::list_changing_courses(const std::vector<int>& smooth) {
   smooth_changed = false;
-  changing_courses.clear();
+  time_varying_joints.clear();
   for (const int i : smooth) {
     for (const int index : island_parts[at(i)].members.joints) {
       if (joint_states[at(index)].closing || has_moving_motor(joints[at(index)]))
-        changing_courses.push_back(index);
+        time_varying_joints.push_back(index);
     }
   }
 }
@@ -226,7 +254,7 @@ void World::Impl::split_step(const Tick& tick) {
   span_ends.resize(2);
   span_ends[0] = tick.start;
   span_ends[1] = tick.end;
-  if (wrenches.empty() && changing_courses.empty()) return;
+  if (wrenches.empty() && time_varying_joints.empty()) return;
   const double margin = 1e-9 * options.time_step;  // nearer to the ends is at the ends
   const auto split_at = [&](double time) {
     if (time > tick.start + margin && time < tick.end - margin) span_ends.push_back(time);
@@ -235,7 +263,7 @@ void World::Impl::split_step(const Tick& tick) {
     split_at(wrench.start);
     split_at(wrench.end);
   }
-  for (const int j : changing_courses) {
+  for (const int j : time_varying_joints) {
     visit_motors(joints[at(j)], joint_states[at(j)],
                  [&](const Motor&, double end) { split_at(end); });
     if (joint_states[at(j)].closing)
@@ -258,7 +286,7 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   const IslandParts& parts = island_parts[i];
   for (const int body : parts.turning_freely) {
     Vector3d torque = Vector3d::Zero();
-    for (const Load& load : loads)
+    for (const AppliedWrench& load : loads)
       if (load.body == body) torque += load.torque;
     if (!FreeRotation::turns(torque, states[at(body)])) continue;
     if (!note(i, rotations[at(body)].advance(span.h, torque, masses[at(body)],
@@ -270,7 +298,7 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
 
   const int body = parts.members.bodies.front();
   Vector3d acceleration = options.gravity;
-  for (const Load& load : loads)
+  for (const AppliedWrench& load : loads)
     if (load.body == body) acceleration += masses[at(body)].inverse_mass * load.force;
   integrate_ballistic(span.h, acceleration, &states[at(body)]);
   return true;
@@ -398,112 +426,18 @@ void World::Impl::switch_method(std::size_t i, Method method, MethodReason why) 
 }
 
 // the other method takes this step, from its start, and some more
-void World::Impl::refuse_island(std::size_t i) {
+void World::Impl::refuse_island(std::size_t i, MethodReason why) {
   for (const int body : island_parts[i].members.bodies) states[at(body)] = states_before[at(body)];
   for (const int j : island_parts[i].members.joints)
     joint_states[at(j)] = joint_states_before[at(j)];
   islands[i].method = Method::kSequentialImpulses;
-  islands[i].why = MethodReason::kRefused;
+  islands[i].why = why;
   island_parts[i].projected_energy = island_parts[i].correction_work = 0.0;
-  learn_from_refusal(step_count, &island_parts[i]);
+  learn_from_refusal(why, step_count, &island_parts[i]);
   any_refused = true;
   ++island_parts[i].changes;
   island_parts[i].energy.has_changed = true;
   report.rejected += islands[i].rejected;
-}
-
-void World::Impl::report_islands(const Carried& by_method) {
-  report.islands = by_method.islands;
-  report.rows = by_method.integrated_rows;
-  for (const int index : by_method.smooth) {
-    Island& island = islands[at(index)];
-    const int m = island_parts[at(index)].motion;
-    if (m >= 0)
-      island.dependent_rows =
-          static_cast<std::uint32_t>(motions[at(m)].equations().dependent_rows());
-    island.events = m >= 0 ? motions[at(m)].events() : 0;
-    report.events += island.events;
-    if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
-      island.unresolved_bodies = find_unresolved(at(index), nullptr);
-    report.unresolved_bodies += island.unresolved_bodies;
-    report.local_error = std::max(report.local_error, island.local_error);
-    report.dependent_rows = std::max(report.dependent_rows, island.dependent_rows);
-    report.substeps += island.substeps;
-    report.rejected += island.rejected;
-    report.iterations += island.iterations;
-  }
-}
-
-// how many there are in an island, and if asked for which bodies
-std::uint32_t World::Impl::find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const {
-  if (islands[i].method == Method::kSequentialImpulses) return find_spinning(i, bodies);
-  const IslandMotion& motion = motions[at(island_parts[i].motion)];
-  const std::vector<int>& held = motion.equations().bodies();
-  std::uint32_t count = 0;
-  for (std::size_t k = 0; k < held.size(); ++k) {
-    if (options.time_step * motion.gradients().frequency_of(k) <= EnergyMomentum::kResolved)
-      continue;
-    ++count;
-    if (bodies != nullptr) bodies->push_back(at(held[k]));
-  }
-  return count;
-}
-
-// Of a joint that couples: where the coordinates are by now, and what it did in a step.
-void World::Impl::note_coupling(std::size_t j, double h, double impulse) {
-  CouplingState& coupling = joint_states[j].coupling;
-  if (couples_joints(joints[j].kind)) read_coupling(terms_of(j), joint_states, &coupling);
-  coupling.impulse = impulse;
-  coupling.effort = impulse / h;
-}
-
-void World::Impl::read_smooth_joints(const JointStep& step, const Carried& by_method) {
-  for (const int index : changing_courses) {
-    const std::size_t j = at(index);
-    if (span_ends.size() > 2 && is_integrated(j))
-      joint_states[j].bias = (joint_states[j].travel - joint_states_before[j].travel) / step.h;
-  }
-  for (const int i : by_method.smooth) {
-    if (island_parts[at(i)].motion < 0) continue;
-    IslandMotion& motion = motions[at(island_parts[at(i)].motion)];
-    if (const EventDriven* events = motion.finish_events(states)) {
-      for (std::size_t l = 0; l < events->joints().size(); ++l) {
-        events->write(l, &joint_states[at(events->joints()[l])]);
-        read_smooth_joint(at(events->joints()[l]), step, events->impulse(l),
-                          events->coupled_impulse(l));
-      }
-      continue;
-    }
-    const EquationsOfMotion& equations = motion.equations();
-    // joints that cannot all be met have shares already
-    const bool shares =
-        equations.redundant_rows() > 0 && islands[at(i)].why != MethodReason::kInconsistent;
-    const LeastNormForces* const shared = shares ? &motion.share_forces(states) : nullptr;
-    const bool any_coupling = !equations.coupled_rows().empty();
-    for (std::size_t l = 0; l < equations.joints().size(); ++l) {
-      JointStep counted = step;
-      std::array<double, kMaxCoordinates> positions;
-      if (equations.count_turns(l, &positions)) counted.counted = positions.data();
-      read_smooth_joint(at(equations.joints()[l]), counted,
-                        shared ? shared->impulse(equations, l) : equations.impulse(l),
-                        !any_coupling ? 0.0
-                        : shared      ? shared->coupled_impulse(equations, l)
-                                      : equations.coupled_impulse(l));
-    }
-  }
-}
-
-// Of a joint that was integrated: where it is by now, and what it did.
-void World::Impl::read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
-                                    double coupled_impulse) {
-  const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;
-  const bool has_coupling = couples(joints[j].kind);
-  if (has_coupling) note_coupling(j, step.h, coupled_impulse);
-  engine::read_smooth_joint(joints[j], state_a(j), state_b(j), step, impulse, zeta,
-                            joint_states[j]);
-  if (has_coupling && couples_joints(joints[j].kind))
-    add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
-  note_if_broken(j);
 }
 
 }  // namespace constraint_sim::engine

@@ -60,6 +60,10 @@ const char* to_string(MethodReason why) {
       return "has a spring or a position with a force limit";
     case MethodReason::kManyRows:
       return "has too many limits, motors and friction for events";
+    case MethodReason::kFewContacts:
+      return "near few others";
+    case MethodReason::kContactsGivenUp:
+      return "its contacts could not be followed by events";
   }
   return "";
 }
@@ -87,6 +91,7 @@ Method method_for(MethodReason why, const WorldOptions& options) {
     case MethodReason::kFriction:
     case MethodReason::kForceLimit:
     case MethodReason::kBreaks:
+    case MethodReason::kFewContacts:
       return Method::kEventDriven;
     default:
       return Method::kSequentialImpulses;
@@ -101,6 +106,7 @@ MethodChoice choose(MethodReason nature, bool in_contact, const IslandMemory& me
   MethodReason why = nature;
   if (in_contact && !is_by_impulses(why)) why = MethodReason::kContact;
   if (step < memory.refused_until) why = MethodReason::kRefused;
+  if (step < memory.contacts_refused_until) why = MethodReason::kContactsGivenUp;
   if (!is_by_impulses(why)) {
     if (step < memory.inconsistent_until)
       why = MethodReason::kInconsistent;
@@ -165,8 +171,9 @@ void learn_from_gradients(int iterations, double frequency, bool is_simple, std:
   memory->is_stiff = memory->is_stiff && step < memory->stiff_until;
 }
 
-void learn_from_refusal(std::uint64_t step, IslandMemory* memory) {
-  memory->refused_until = step + kRefusedFor;
+void learn_from_refusal(MethodReason why, std::uint64_t step, IslandMemory* memory) {
+  (why == MethodReason::kContactsGivenUp ? memory->contacts_refused_until : memory->refused_until) =
+      step + kRefusedFor;
 }
 
 void learn_from_inconsistency(std::uint64_t step, IslandMemory* memory) {

@@ -14,13 +14,14 @@ namespace constraint_sim::engine {
 
 /// What decides which method an island has, beside its bodies and joints. An edit clears it.
 struct IslandMemory {
-  std::uint64_t quiet_for = 0;            ///< steps in a row that moved nothing to speak of
-  bool is_stiff = false;                  ///< as measured when it was last carried
-  int stiff_ticks = 0;                    ///< how often in a row substeps found it so
-  std::uint64_t stiff_until = 0;          ///< step before which it is not asked again
-  std::uint64_t refused_until = 0;        ///< step
-  std::uint64_t touched_until = 0;        ///< step until which its last contact counts as near
-  std::uint64_t inconsistent_until = 0;   ///< step
+  std::uint64_t quiet_for = 0;               ///< steps in a row that moved nothing to speak of
+  bool is_stiff = false;                     ///< as measured when it was last carried
+  int stiff_ticks = 0;                       ///< how often in a row substeps found it so
+  std::uint64_t stiff_until = 0;             ///< step before which it is not asked again
+  std::uint64_t refused_until = 0;           ///< step
+  std::uint64_t contacts_refused_until = 0;  ///< step before which its contacts are not by events
+  std::uint64_t touched_until = 0;           ///< step until which its last contact counts as near
+  std::uint64_t inconsistent_until = 0;      ///< step
   std::uint32_t gradient_iterations = 0;  ///< Newton's, of the last tick by gradients; 0: none yet
   /// Evaluations that substeps took per radian of h ω, when they were last found stiff; 0: never.
   double substep_cost = 0.0;
@@ -34,13 +35,14 @@ struct IslandMemory {
   }
   bool is_none() const {
     return !is_stiff &&
-           (quiet_for | stiff_until | refused_until | touched_until | inconsistent_until |
-            gradient_iterations) == 0 &&
+           (quiet_for | stiff_until | refused_until | contacts_refused_until | touched_until |
+            inconsistent_until | gradient_iterations) == 0 &&
            stiff_ticks == 0 && substep_cost == 0.0;
   }
   /// The steps are counted from another one.
   void move(std::uint64_t from, std::uint64_t to) {
-    for (std::uint64_t* until : {&stiff_until, &refused_until, &touched_until, &inconsistent_until})
+    for (std::uint64_t* until : {&stiff_until, &refused_until, &contacts_refused_until,
+                                 &touched_until, &inconsistent_until})
       *until = *until > from ? *until - from + to : 0;
   }
 };
@@ -105,7 +107,7 @@ void learn_from_gradients(int iterations, double frequency, bool is_simple, std:
                           const WorldOptions& options, IslandMemory* memory);
 
 /// An island that was refused is left to impulses for a while.
-void learn_from_refusal(std::uint64_t step, IslandMemory* memory);
+void learn_from_refusal(MethodReason why, std::uint64_t step, IslandMemory* memory);
 
 /// An island with inconsistent constraints stays with their method until they can be met, and a
 /// little longer, so that what comes and goes does not change the method in every step.

@@ -53,6 +53,13 @@ struct Collide {
 
 }  // namespace
 
+void PlacedShape::place(const ShapePose& pose) {
+  beside_ = *state_;
+  beside_->position += state_->orientation * pose.position;
+  beside_->orientation = state_->orientation * pose.orientation;
+  state_ = &*beside_;
+}
+
 Manifold collide_sphere_sphere(const Vector3d& p_a, double radius_a, const Vector3d& p_b,
                                double radius_b, double margin) {
   const Vector3d p_BA = p_a - p_b;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/contact.h"
@@ -13,6 +14,26 @@ namespace constraint_sim::engine {
 // points whose gap is less than that are there as well, with negative depths and the features that
 // they keep when they touch. There is no length below which anything is
 // neglected: scenes of micrometres and of kilometres behave alike. Orientations are unit.
+
+/// Where the shape of a body lies that is at `state`: there, or beside it. Refers to `state`.
+class PlacedShape {
+ public:
+  PlacedShape(const Body& body, const BodyState& state) : shape_(body.shape), state_(&state) {
+    if (body.shape_pose) place(*body.shape_pose);
+  }
+  PlacedShape(const PlacedShape&) = delete;
+  PlacedShape& operator=(const PlacedShape&) = delete;
+
+  const Shape& shape() const { return shape_; }
+  const BodyState& state() const { return *state_; }
+
+ private:
+  void place(const ShapePose& pose);
+
+  const Shape& shape_;
+  const BodyState* state_;
+  std::optional<BodyState> beside_;
+};
 
 /// One point. Coincident centres part along z.
 Manifold collide_sphere_sphere(const Eigen::Vector3d& p_a, double radius_a,
@@ -41,10 +62,14 @@ Manifold collide_box_sphere(const Eigen::Vector3d& size_a, const BodyState& a,
 Manifold collide_box_box(const Eigen::Vector3d& size_a, const BodyState& a,
                          const Eigen::Vector3d& size_b, const BodyState& b, double margin = 0.0);
 
-/// Any two shapes, in either order; points, and two planes, never touch. A plane's body says where
-/// it is: N is its z axis.
+/// Any two shapes at these states, in either order; points, and two planes, never touch. A plane's
+/// body says where it is: N is its z axis.
 Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b, const BodyState& b,
                  double margin = 0.0);
+
+inline Manifold collide(const PlacedShape& a, const PlacedShape& b, double margin = 0.0) {
+  return collide(a.shape(), a.state(), b.shape(), b.state(), margin);
+}
 
 /// A plane between two shapes, or where they overlap the least that would part them.
 struct Separation {

@@ -140,8 +140,9 @@ std::string explain(const World& world) {
       << ", box: " << counts.boxes << ", plane: " << counts.planes << "}\n";
   out << "constraints: {rod: " << counts.rods << ", limited: " << counts.limited
       << ", spring: " << counts.springs;
-  for (const JointKind kind : joint_kinds()) {  // balls always, others where there are any
-    const int number = counts.joints[static_cast<std::size_t>(kind)];
+  for (std::size_t i = 0; i < kJointKindCount; ++i) {  // balls always, others where there are any
+    const auto kind = static_cast<JointKind>(i);
+    const int number = counts.joints[i];
     const RowsForm form = info(kind).form;
     if (form == RowsForm::kPoint || (form != RowsForm::kDistance && number > 0))
       out << ", " << name(kind) << ": " << number;

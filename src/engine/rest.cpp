@@ -126,7 +126,8 @@ void World::Impl::fall_asleep() {
 }
 
 bool World::Impl::is_quiet(std::size_t island) const {
-  const bool by_impulses = islands[island].method == Method::kSequentialImpulses;
+  const bool by_impulses = islands[island].method == Method::kSequentialImpulses ||
+                           islands[island].why == MethodReason::kFewContacts;
   const double limit = by_impulses ? options.sleep_speed * options.sleep_speed : 0.0;
   for (const int body : island_parts[island].members.bodies) {
     const BodyState& state = states[at(body)];
@@ -146,7 +147,7 @@ bool World::Impl::is_quiet(std::size_t island) const {
 bool World::Impl::is_driven(std::size_t island) const {
   for (const int index : island_parts[island].members.joints) {
     const std::size_t j = at(index);
-    if (joint_states[j].closing) return true;
+    if (joint_states[j].closing || joints[j].kind == JointKind::kCustomForce) return true;
     bool is_moving = false;
     visit_motors(joints[j], joint_states[j],
                  [&](const Motor& motor, double end) { is_moving |= drives(motor, time() < end); });

@@ -27,9 +27,9 @@ void read_option(const YamlElement& item, const char* key, Method* value, AnyVal
   *value = item.attempt([&] { return method_named(word); });
 }
 
-WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults) {
+WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults,
+                          YamlElement::Words keys = {}) {
   WorldOptions options = defaults;
-  YamlElement::Words keys{"clock"};
   visit_options(options, [&](const OptionInfo& info, auto&, auto) { keys.push_back(info.name); });
   item.expect_keys(keys);
   visit_options(options, [&](const OptionInfo& info, auto& value, auto range) {
@@ -100,6 +100,16 @@ BodyState read_state(const YamlElement& item) {
   return state;
 }
 
+ShapePose read_shape_pose(const YamlElement& item) {
+  item.expect_keys({"position", "orientation"});
+  ShapePose pose;
+  item.read("position", &pose.position);
+  if (const auto orientation = item.find("orientation"))
+    pose.orientation.coeffs() = Eigen::Vector4d(orientation->numbers(4));
+  item.attempt([&] { validate(pose); });
+  return pose;
+}
+
 /// Places a body whose plane is given as `normal` and `offset`.
 void read_plane_pose(const YamlElement& item, const YamlElement& plane, BodyState* state) {
   if (!plane.find("normal") && !plane.find("offset")) return;
@@ -121,7 +131,7 @@ void read_plane_pose(const YamlElement& item, const YamlElement& plane, BodyStat
 Body read_body(const YamlElement& item) {
   item.expect_keys({"name", "type", "shape", "mass", "inertia", "position", "orientation",
                     "linear_velocity", "angular_velocity", "friction", "restitution",
-                    "no_collision", "asleep", "correction"});
+                    "no_collision", "color", "asleep", "correction", "shape_pose"});
   Body body;
   body.name = item.at("name").word();
   if (const auto type = item.find("type")) body.type = read_body_type(*type);
@@ -134,9 +144,14 @@ Body read_body(const YamlElement& item) {
     parameters.attempt([&] { validate(body.shape); }, "shape.");
     if (std::holds_alternative<Plane>(body.shape)) read_plane_pose(item, parameters, &body.state);
   }
+  if (const auto pose = item.find("shape_pose")) body.shape_pose = read_shape_pose(*pose);
   item.read("friction", &body.friction);
   item.read("restitution", &body.restitution);
   item.read("no_collision", &body.no_collision);
+  if (const auto color = item.find("color")) {
+    const Eigen::VectorXd values = color->numbers(4);
+    body.color = {values[0], values[1], values[2], values[3]};
+  }
   return body;
 }
 
@@ -209,8 +224,8 @@ TouchingPair read_contact(const YamlElement& item, const World& world) {
 
 IslandMemory read_island(const YamlElement& item) {
   item.expect_keys({"first_body", "quiet_for", "is_stiff", "stiff_ticks", "stiff_until",
-                    "refused_until", "touched_until", "inconsistent_until", "gradient_iterations",
-                    "substep_cost"});
+                    "refused_until", "contacts_refused_until", "touched_until",
+                    "inconsistent_until", "gradient_iterations", "substep_cost"});
   const auto read = [&](const char* key, std::uint64_t* target) {
     if (const auto value = item.find(key)) *target = value->count();
   };
@@ -221,6 +236,7 @@ IslandMemory read_island(const YamlElement& item) {
   item.attempt([&] { check_not_negative("stiff_ticks", memory.stiff_ticks); });
   read("stiff_until", &memory.stiff_until);
   read("refused_until", &memory.refused_until);
+  read("contacts_refused_until", &memory.contacts_refused_until);
   read("touched_until", &memory.touched_until);
   read("inconsistent_until", &memory.inconsistent_until);
   std::uint64_t iterations = 0;
@@ -265,12 +281,17 @@ void continue_from_saved(const YamlElement& scene, const std::vector<BodyId>& as
 
 }  // namespace
 
+WorldOptions change_options(const std::string& text, const WorldOptions& options,
+                            const std::string& source) {
+  return read_options(YamlElement::parse(text, source), options);
+}
+
 World load_scene(const std::string& text, const std::string& source, const WorldOptions& defaults) {
   const YamlElement scene = YamlElement::parse(text, source);
   scene.expect_keys({"world", "bodies", "constraints", "wrenches", "contacts", "islands"});
 
   const auto options = scene.find("world");
-  World world(options ? read_options(*options, defaults) : defaults);
+  World world(options ? read_options(*options, defaults, {"clock"}) : defaults);
 
   if (options)
     if (const auto clock = options->find("clock")) read_clock(*clock, &world);
@@ -287,7 +308,9 @@ World load_scene(const std::string& text, const std::string& source, const World
     item.read("broken", &broken);
     const auto state = item.find("state");
     auto& impl = Insides::of(world);
-    const JointId id = item.attempt([&] { return impl.add_joint(joint, broken); });
+    // those that were saved go on, also where they have come to contradict each other
+    const JointId id = item.attempt(
+        [&] { return state ? impl.add_joint(joint, broken) : world.add_joint(joint, broken); });
     if (state) {
       impl.continue_joint(impl.index(id), read_joint_state(*state, joint.kind));
       impl.self_stress[impl.index(id)] = read_self_stress(*state, joint.kind);

@@ -8,10 +8,10 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
-#include <numeric>
 #include <system_error>
 
 #include "constraint_sim/engine/scene.h"
+#include "engine/edit_distance.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
@@ -65,22 +65,6 @@ std::string text_of_file(const std::string& path) {
   return text;
 }
 
-/// How many letters have to be changed, added or left out to make one word of the other.
-std::size_t distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t changed = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({changed, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row.back();
-}
-
 std::string joined(const std::vector<std::string>& words) {
   std::string text;
   for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
@@ -115,7 +99,7 @@ std::string file_of_scene(const std::string& scene, const std::string& folder) {
   std::vector<std::string> near;
   if (scene.size() <= kLongest)
     for (const std::string& name : names)
-      if (distance(scene, name) <= 1 + name.size() / 4 || name.rfind(scene, 0) == 0)
+      if (edit_distance(scene, name) <= 1 + name.size() / 4 || name.rfind(scene, 0) == 0)
         near.push_back(name);
   const std::string what = "there is no such file or scene";
   fail(excerpt(scene), near.empty() ? what + "; there are " + joined(names)

@@ -43,6 +43,7 @@ YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type
   }
   if (has_frames(*kind) || info(*kind).form == RowsForm::kPoint) keys.push_back("break_torque");
   if (couples_joints(*kind)) keys.insert(keys.end(), {"joints", "ratio"});
+  if (is_custom(*kind)) keys.insert(keys.end(), {"custom", "parameters"});
   if (has_pitch(*kind)) keys.push_back("pitch");
   if (couples(*kind)) keys.push_back("value");
   return keys;
@@ -114,6 +115,8 @@ Motor read_motor(const YamlElement& item) {
   return motor;
 }
 
+}  // namespace
+
 CoordinateMotor read_coordinate_motor(const YamlElement& item) {
   YamlElement::Words keys = kMotorKeys;
   keys.insert(keys.end(), {"position", "servo_frequency", "servo_damping_ratio", "servo_stiffness",
@@ -130,6 +133,8 @@ CoordinateMotor read_coordinate_motor(const YamlElement& item) {
   item.attempt([&] { validate(motor); });
   return motor;
 }
+
+namespace {
 
 CoordinateLaw read_law(const YamlElement& item) {
   CoordinateLaw law;
@@ -202,6 +207,16 @@ void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
   item.read("ratio", &joint->coupling.ratio);
 }
 
+/// The type of another package and its parameters.
+CustomElement read_custom(const YamlElement& item) {
+  CustomElement custom;
+  custom.type = item.at("custom").word();
+  if (const auto parameters = item.find("parameters"))
+    for (const std::string& key : parameters->keys())
+      custom.parameters.push_back({key, parameters->at(key).number()});
+  return custom;
+}
+
 /// The numbers of a joint's rows, at least three.
 void read_rows(const YamlElement& item, const char* key, JointKind kind, RowVector* rows) {
   const int size = std::max(info(kind).rows + info(kind).coordinates, 3);
@@ -256,6 +271,7 @@ Joint read_joint(const YamlElement& item, const World& world) {
   if (couples(kind)) read_coupling(item, world, &joint);
   if (if_distance(joint) != nullptr) joint.distance = read_distance(item, type, world, joint);
   if (has_frames(joint.kind)) read_frames(item, &joint);
+  if (is_custom(joint.kind)) joint.custom = read_custom(item);
   if (coordinates(joint.kind) > 0)
     read_laws(item, &joint);
   else if (const auto motor = item.find("motor"))

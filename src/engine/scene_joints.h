@@ -20,6 +20,9 @@ namespace constraint_sim::engine {
 /// The body that a key names; the world where it is left out.
 BodyId read_body_reference(const YamlElement& item, const std::string& key, const World& world);
 
+/// `motor` of a free coordinate.
+CoordinateMotor read_coordinate_motor(const YamlElement& item);
+
 /// Its bodies, and joints that it couples, have to be there already.
 Joint read_joint(const YamlElement& item, const World& world);
 

@@ -109,6 +109,12 @@ void write_body(YAML::Emitter* out, const World& world, BodyId id) {
   *out << YAML::Key << "shape" << YAML::Value << YAML::Flow << YAML::BeginMap;
   std::visit(ShapeWriter{out}, body.shape);
   *out << YAML::EndMap << YAML::EndMap;
+  if (body.shape_pose) {
+    *out << YAML::Key << "shape_pose" << YAML::Value << YAML::Flow << YAML::BeginMap;
+    write(out, "position", body.shape_pose->position);
+    write(out, "orientation", body.shape_pose->orientation.coeffs());
+    *out << YAML::EndMap;
+  }
   write(out, "mass", body.mass);
   write(out, "inertia", body.inertia);
   write(out, "position", state.position);
@@ -118,6 +124,7 @@ void write_body(YAML::Emitter* out, const World& world, BodyId id) {
   write(out, "friction", body.friction);
   write(out, "restitution", body.restitution);
   write(out, "no_collision", body.no_collision);
+  if (body.color) write(out, "color", Eigen::Map<const Eigen::VectorXd>(body.color->data(), 4));
   const std::size_t i = impl.index(id);
   if (impl.asleep[i]) write(out, "asleep", true);
   if (impl.any_corrections && !impl.corrections[i].isZero(0.0))
@@ -137,15 +144,20 @@ void write_distance(YAML::Emitter* out, const DistanceJoint& distance) {
   write(out, "damping", distance.damping);
 }
 
+/// What a motor by velocity goes at.
+void write_rate(YAML::Emitter* out, const Motor& motor) {
+  write(out, "bias", motor.bias);
+  write(out, "amplitude", motor.amplitude);
+  write(out, "frequency", motor.frequency);
+  write(out, "phase", motor.phase);
+}
+
 void write_motor(YAML::Emitter* out, const Motor& motor) {
   const bool is_default = motor.bias == 0.0 && motor.amplitude == 0.0 && motor.frequency == 0.0 &&
                           motor.phase == 0.0 && motor.max_force == 0.0 && motor.timeout == 0.0;
   if (is_default) return;
   *out << YAML::Key << "motor" << YAML::Value << YAML::Flow << YAML::BeginMap;
-  write(out, "bias", motor.bias);
-  write(out, "amplitude", motor.amplitude);
-  write(out, "frequency", motor.frequency);
-  write(out, "phase", motor.phase);
+  write_rate(out, motor);
   write(out, "max_force", motor.max_force);
   write(out, "timeout", motor.timeout);
   *out << YAML::EndMap;
@@ -163,10 +175,7 @@ void write_motor_of_coordinate(YAML::Emitter* out, const CoordinateMotor& motor)
   } else if (motor.force) {
     write(out, "force", *motor.force);
   } else {
-    write(out, "bias", motor.bias);
-    write(out, "amplitude", motor.amplitude);
-    write(out, "frequency", motor.frequency);
-    write(out, "phase", motor.phase);
+    write_rate(out, motor);
   }
   write(out, "max_force", motor.max_force);
   write(out, "timeout", motor.timeout);
@@ -260,7 +269,7 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
   if (state.closing) {
     write(out, "closing_since", state.closing_since);
     write_rows(out, "closing_offset", joint, state.closing_offset);
-    if (info(joint.kind).alignment != Alignment::kFree) {
+    if (closes_by_frame(info(joint.kind))) {
       write(out, "closing_shift", state.closing_shift);
       write(out, "closing_turn", state.closing_turn);
       write(out, "closing_share", state.closing_share);
@@ -292,6 +301,13 @@ void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
     write(out, "anchor_a", joint.anchor_a);
     write(out, "body_b", body_name(joint.body_b));
     write(out, "anchor_b", joint.anchor_b);
+  }
+  if (is_custom(joint.kind)) {
+    write(out, "custom", joint.custom.type);
+    *out << YAML::Key << "parameters" << YAML::Value << YAML::Flow << YAML::BeginMap;
+    for (const CustomParameter& parameter : joint.custom.parameters)
+      write(out, parameter.name.c_str(), parameter.value);
+    *out << YAML::EndMap;
   }
   if (has_pitch(joint.kind)) write(out, "pitch", joint.pitch);
   if (couples(joint.kind)) write(out, "value", state.coupling.constant);
@@ -371,6 +387,8 @@ void write_islands(YAML::Emitter* out, const World& world) {
     write(out, "stiff_ticks", static_cast<std::uint64_t>(memory.stiff_ticks));
     write(out, "stiff_until", memory.stiff_until);
     write(out, "refused_until", memory.refused_until);
+    if (memory.contacts_refused_until > 0)
+      write(out, "contacts_refused_until", memory.contacts_refused_until);
     write(out, "touched_until", memory.touched_until);
     write(out, "inconsistent_until", memory.inconsistent_until);
     write(out, "gradient_iterations", std::uint64_t{memory.gradient_iterations});

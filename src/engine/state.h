@@ -19,7 +19,8 @@ struct TouchingPair {
   int a = 0, b = 0;
   BodyId id_a, id_b;  ///< survive the removal of other bodies, which moves the indices
   Manifold manifold;
-  std::array<Eigen::Vector3d, 8> impulses{};  ///< of each point on A, world [N s]
+  std::array<Eigen::Vector3d, 8> impulses{};     ///< of each point on A, world [N s]
+  std::array<ContactState, 8> contact_states{};  ///< of each point, as the last step left it
 
   std::pair<int, int> ends() const { return {a, b}; }
   /// What held the same point before; zero for a new one.

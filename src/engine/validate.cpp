@@ -153,9 +153,32 @@ void validate(const BodyState& state) {
   check_finite("angular_velocity", state.angular_velocity);
 }
 
+void validate(const ShapePose& pose) {
+  check_finite("position", pose.position);
+  check_unit("orientation", pose.orientation);
+}
+
+namespace {
+
+void check_shape_pose(const Body& body) {
+  if (!body.shape_pose) return;
+  validate(*body.shape_pose);
+  if (!std::holds_alternative<Sphere>(body.shape) && !std::holds_alternative<Box>(body.shape))
+    refuse("shape_pose", "only a sphere or a box has one");
+  if (body.type == BodyType::kDynamic && body.inertia.isZero(0.0))
+    refuse("inertia", "must be given for a shape that is beside the centre of mass");
+}
+
+}  // namespace
+
 void validate(const Body& body) {
   check_name("name", body.name);
+  if (body.color)
+    for (const double value : *body.color)
+      if (!(value >= 0.0 && value <= 1.0))
+        refuse("color", "must be four numbers from 0 to 1, got " + shortest(value));
   validate(body.shape);
+  check_shape_pose(body);
   validate(body.state);
   if (body.type == BodyType::kDynamic) {
     check_positive("mass", body.mass);
@@ -343,6 +366,9 @@ void validate(const Joint& joint) {
   if (joint.baumgarte) check_share("baumgarte", *joint.baumgarte);
   check_not_negative("break_force", joint.break_force);
   check_not_negative("break_torque", joint.break_torque);
+  if (joint.kind == JointKind::kCustomForce && joint.break_force + joint.break_torque > 0.0)
+    refuse("break_force", "a custom force does not break, got " + shortest(joint.break_force) +
+                              " and a break_torque of " + shortest(joint.break_torque));
   if (if_distance(joint) != nullptr && joint.break_torque > 0.0)
     refuse("break_torque", "a distance joint has no torque, got " + shortest(joint.break_torque));
 }

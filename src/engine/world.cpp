@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "engine/constraints/contact.h"
+#include "engine/constraints/custom.h"
 #include "engine/constraints/joint.h"
 #include "engine/narrowphase.h"
 #include "engine/validate.h"
@@ -39,6 +40,8 @@ const StepReport& World::step() {
     world.finish_step(tick, carried);
   } catch (const StepFailed& failed) {
     world.keep_state_before(failed.why);
+  } catch (const CustomFailure& failed) {
+    world.fail_by(failed);
   } catch (...) {
     world.abandon_step();
     throw;
@@ -48,6 +51,19 @@ const StepReport& World::step() {
 }
 
 void World::Impl::fail(Failure why) { throw StepFailed{why}; }
+
+// of whatever thread it was thrown in
+void World::Impl::fail_by(const CustomFailure& failed) {
+  if (is_state_saved)
+    keep_state_before(Failure::kCustom);
+  else
+    abandon_step();
+  report.failure = Failure::kCustom;
+  failed_why = failed.what();
+  failed_joint.reset();
+  const auto found = joint_by_name.find(failed.joint_name);
+  if (found != joint_by_name.end()) failed_joint = found->second;
+}
 
 // where what the system threw may have left anything half done: as after an edit
 void World::Impl::abandon_step() {
@@ -70,6 +86,7 @@ Tick World::Impl::begin_step() {
   save_state();
   const Tick tick{time(), time_of(step_count + 1)};
   report = StepReport{};
+  events.clear();
   contacts_are_new = false;
   if (!has_next_tick(tick.start, options.time_step)) fail(Failure::kNoNextTick);
   return tick;
@@ -128,6 +145,18 @@ void World::Impl::find_acting_wrenches(const Tick& tick) {
   }
 }
 
+// as they are at the start of the step
+void World::Impl::find_custom_forces(const Tick& tick, const Carried& by_method) {
+  for (const int index : by_method.impulse_joints) {
+    const auto j = static_cast<std::size_t>(index);
+    if (joints[j].kind != JointKind::kCustomForce || !acts(joints[j], joint_states[j])) continue;
+    const Jacobian wrench = custom_wrench(joints[j], state_a(j), state_b(j), tick.start);
+    const auto [a, b] = joint_ends[j];
+    if (is_movable(a)) acting_wrenches.push_back({a, options.time_step, wrench.j1, wrench.j2});
+    if (is_movable(b)) acting_wrenches.push_back({b, options.time_step, wrench.j3, wrench.j4});
+  }
+}
+
 void World::Impl::book(const ImpulseReport& impulses) {
   report.rows += impulses.rows;
   report.contacts += impulses.contacts;
@@ -144,6 +173,7 @@ void World::Impl::advance_by_impulses(const Tick& tick, const Carried& by_method
   if (by_method.impulse_bodies.empty()) return;
   acting_wrenches.clear();
   if (!wrenches.empty()) find_acting_wrenches(tick);
+  if (any_custom_forces) find_custom_forces(tick, by_method);
   if (!fast_bodies.empty() && is_any_about_to_hit()) {
     find_fast_group(by_method);
     advance_fast_group(tick);
@@ -191,13 +221,16 @@ void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
   finish_impulses(tick, by_method);
   if (!motions.empty() && !by_method.smooth.empty())
     read_smooth_joints(joint_step(tick), by_method);
+  if (!contact_groups.empty()) tell_contact_groups(joint_step(tick));
   if (!touching.empty() || !contacts.empty()) tell_contacts();
   if (!tells_finite_numbers()) fail(Failure::kNotFinite);
+  if (events.size() > 1) sort_events();
   ++step_count;
   drop_spent_wrenches(tick.end);
   fall_asleep();
   for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
   fresh_islands.clear();
+  if (!time_varying_joints.empty()) compile_where_closed(joint_step(tick));
   if (!by_method.impulse_bodies.empty() && fast_group.is_empty())
     sequential_impulses.keep_self_stress(&self_stress);
   report.step = step_count;
@@ -209,6 +242,7 @@ void World::Impl::keep_state_before(Failure why) {
   for (IslandMotion& motion : motions) motion.forget();
   restart_all();
   contacts.resize(resting_contacts);
+  events.clear();
   report.failed = true;
   report.failure = why;
   report.step = step_count;
@@ -264,11 +298,30 @@ void World::Impl::note_if_broken(std::size_t j) {
 
 // A joint that broke in this step, and what couples it, which is read after it.
 void World::Impl::give_up(std::size_t j) {
-  for (const std::size_t coupling : couplings_of(j)) joint_states[coupling].broken = true;
+  tell_broken(j);
+  for (const std::size_t coupling : couplings_of(j)) {
+    joint_states[coupling].broken = true;
+    tell_broken(coupling);
+  }
   topology_edited = true;
   edit_island_of(joints[j].body_a);
   edit_island_of(joints[j].body_b);
   ++report.torn_joints;
+}
+
+// at the end of the step, unless it broke at a moment within
+void World::Impl::tell_broken(std::size_t j) {
+  const bool is_told = std::any_of(events.begin(), events.end(), [&](const Event& event) {
+    return event.kind == EventKind::kBroken && event.joint == joint_ids[j];
+  });
+  if (is_told) return;
+  events.push_back({EventKind::kBroken, time_of(step_count + 1), joints[j].body_a, joints[j].body_b,
+                    joint_ids[j]});
+}
+
+void World::Impl::sort_events() {
+  std::stable_sort(events.begin(), events.end(),
+                   [](const Event& l, const Event& r) { return l.time < r.time; });
 }
 
 void World::Impl::drop_spent_wrenches(double now) {

@@ -25,6 +25,8 @@
 
 namespace constraint_sim::engine {
 
+struct CustomFailure;
+
 /// Of gravity, with 0 at the height 0, and of springs where potential [J].
 struct Energy {
   double kinetic = 0.0, potential = 0.0;
@@ -43,11 +45,14 @@ struct IslandParts : IslandMemory {
   bool is_to_be_asked = false;                           ///< what it is, again in the next step
   bool has_failed = false;
 
-  bool is_fresh = true;   ///< no step since an edit that concerns it
-  bool is_stale = false;  ///< the laws of its joints are others than those compiled
+  bool is_fresh = true;          ///< no step since an edit that concerns it
+  bool is_stale = false;         ///< the laws of its joints are others than those compiled
+  std::vector<int> open_points;  ///< joints without axes that were open when it was compiled
   WatchedEnergy energy;
   bool gives_way = false;  ///< has a spring with a force limit, whose energy is not ½ k C²
 };
+
+class ContactEvents;
 
 /// Islands and what is compiled for them.
 struct IslandLists {
@@ -71,6 +76,14 @@ struct FastGroup {
   std::vector<bool> is_member;  ///< of all bodies; of others where they are in no group
 
   bool is_empty() const { return bodies.empty(); }
+};
+
+/// Islands that may touch each other, or what does not move, within a step.
+struct ContactGroup {
+  std::vector<int> islands;
+  std::vector<Broadphase::Pair> pairs;
+  std::shared_ptr<ContactEvents> events;  ///< of this step alone
+  bool has_failed = false;                ///< in this step: others carry them
 };
 
 /// What each method carries in a step; made anew when that changes.
@@ -129,17 +142,18 @@ struct World::Impl : Model, State, IslandLists {
   // ---- which islands have which method; made anew when that changes
   Carried carried;
   bool any_refused = false;
-  bool any_stiff = false;             // or one that no longer is, or was just found to be
-  std::vector<bool> in_contact;       // islands in contact
-  std::vector<int> entering;          // islands that were not integrated before, or were edited
-  std::vector<JointCourse> courses;   // of joints
-  bool smooth_changed = true;         // since changing_courses was listed
-  std::vector<int> changing_courses;  // joints whose course is not constant
+  bool any_stiff = false;                 // or one that no longer is, or was just found to be
+  std::vector<bool> in_contact;           // islands in contact
+  std::vector<int> entering;              // islands that were not integrated before, or were edited
+  std::vector<PrescribedMotion> courses;  // of joints
+  bool smooth_changed = true;             // since time_varying_joints was listed
+  std::vector<int> time_varying_joints;   // joints whose course is not constant
 
   // ---- what one stage hands to the next, and one step to the following
-  std::vector<double> span_ends;  // of the spans of a step in which nothing jumps [s]
-  std::vector<Load> loads;        // of wrenches, in a span
-  bool had_wrenches = false;      // in the span before
+  std::vector<double> span_ends;     // of the spans of a step in which nothing jumps [s]
+  std::vector<AppliedWrench> loads;  // of wrenches, in a span
+  bool had_wrenches = false;         // in the span before
+  bool any_custom_forces = false;
   Workers workers;
   Broadphase broadphase;
   std::vector<Proxy> proxies;
@@ -162,10 +176,19 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- what a step tells
   std::vector<Contact> contacts;  // those of sleepers first
+  std::vector<Event> events;
   Watch watch;
   StepReport report;
+  std::optional<JointId> failed_joint;  // of a step that failed by Failure::kCustom
+  std::string failed_why;               // the same
   Clock clock = nullptr;
   StopFlag stop = nullptr;
+
+  // ---- what touches by events, in this step
+  std::vector<ContactGroup> contact_groups;
+  std::vector<int> group_of;  // of islands; -1: none
+  bool had_groups = false;    // in the step before
+  double group_reach = 0.0;   // [m] that anybody may get to in this step, whoever hits it
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
@@ -210,6 +233,9 @@ struct World::Impl : Model, State, IslandLists {
   std::vector<std::pair<BodyId, IslandMemory>> next_memories() const;
   bool restarts_methods(std::size_t island) const;
   std::uint64_t hash() const;
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit);
+  void continue_from_snapshot();
   bool is_edited() const { return seen ? seen->is_edited : edited; }
   void note_edit();
   void edit_all();
@@ -245,6 +271,7 @@ struct World::Impl : Model, State, IslandLists {
 
   // ---- stepping (world.cpp), in the order of a step
   void abandon_step();
+  void fail_by(const CustomFailure& failed);
   Tick begin_step();
   void take_out_corrections();
   void save_state();
@@ -263,7 +290,9 @@ struct World::Impl : Model, State, IslandLists {
   std::vector<double> fastest_springs(const std::vector<JointEnds>& ends) const;
   IslandTraits traits_of(const IslandMembers& members,
                          const std::vector<double>& fastest_spring) const;
+  std::vector<int> open_points_of(const IslandMembers& members) const;
   void compile_island(IslandParts* parts);
+  void compile_island(IslandParts* parts, const std::vector<int>& open_points);
   const std::vector<Broadphase::Pair>& find_pairs();
   Proxy proxy(int body) const;
   const std::vector<TouchingPair>& find_contacts(const std::vector<Broadphase::Pair>& near);
@@ -275,6 +304,8 @@ struct World::Impl : Model, State, IslandLists {
   void list_by_method();
   void integrate(const Tick& tick, Carried* by_method);
   void assemble_entering(const JointStep& step);
+  void compile_where_closed(const JointStep& step);
+  void compile_if_opened(IslandParts* parts);
   void list_changing_courses(const std::vector<int>& smooth);
   void split_step(const Tick& tick);
   void find_loads(double from, double to);
@@ -288,14 +319,32 @@ struct World::Impl : Model, State, IslandLists {
   int threads_worth_it(const std::vector<int>& smooth) const;
   bool gather_changes(const std::vector<int>& smooth);
   void switch_method(std::size_t i, Method method, MethodReason why);
-  void refuse_island(std::size_t i);
+  void refuse_island(std::size_t i, MethodReason why);
   void report_islands(const Carried& by_method);
   std::uint32_t find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const;
   void advance_by_impulses(const Tick& tick, const Carried& by_method);
   void finish_impulses(const Tick& tick, const Carried& by_method);
   ImpulseStep impulse_step(const Tick& tick, const Carried& by_method) const;
   void find_acting_wrenches(const Tick& tick);
+  void find_custom_forces(const Tick& tick, const Carried& by_method);
   void book(const ImpulseReport& impulses);
+
+  // ---- contacts of few bodies, by events (contact_groups.cpp)
+  bool follows_contacts() const;
+  bool is_in_group(std::size_t island) const {
+    return !contact_groups.empty() && group_of[island] >= 0;
+  }
+  void find_group_reach();
+  bool may_touch(const Broadphase::Pair& pair) const;
+  bool wake_approached(const std::vector<Broadphase::Pair>& near);
+  void find_contact_groups(const std::vector<Broadphase::Pair>& near);
+  bool can_be_in_group(std::size_t i) const;
+  bool compile_group(ContactGroup* group);
+  void advance_contact_groups(const SmoothSpan& span);
+  void take_out_group_contacts();
+  void tell_contact_groups(const JointStep& step);
+  void add_group_contacts(const ContactEvents& by_events);
+  std::uint32_t events_of_group(std::size_t island) const;
 
   // ---- bodies that pass through shapes in a step (fast_bodies.cpp)
   void find_fast_speed();
@@ -322,6 +371,9 @@ struct World::Impl : Model, State, IslandLists {
   void read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
                          double coupled_impulse);
   void note_if_broken(std::size_t j);
+  void tell_broken(std::size_t j);
+  void tell_events(const EventDriven& from);
+  void sort_events();
   void give_up(std::size_t j);
   void note_coupling(std::size_t j, double h, double impulse);
   void tell_contacts();

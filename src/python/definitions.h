@@ -14,4 +14,7 @@ void define_shapes(py::module* module);
 void define_reports(py::module* module);  ///< StepReport and RunReport
 void define_world(py::module* module);
 
+using WorldClass = py::class_<SharedWorld>;
+void define_joints(WorldClass* world);
+
 }  // namespace constraint_sim::python

@@ -168,6 +168,28 @@ engine::Shape shape_from(const py::object& value) {
   }
 }
 
+std::optional<engine::ShapePose> shape_pose_from(const py::object& value) {
+  if (value.is_none()) return std::nullopt;
+  if (!py::isinstance<py::dict>(value))
+    throw std::invalid_argument("shape_pose: must be a dict of position and orientation, got " +
+                                std::string(py::str(py::repr(value))));
+  Keywords reading("shape_pose", value.cast<py::dict>());
+  engine::ShapePose pose;
+  reading.read("position", &pose.position);
+  reading.read("orientation", &pose.orientation);
+  reading.expect_no_more();
+  return pose;
+}
+
+py::object shape_pose_dict(const std::optional<engine::ShapePose>& pose) {
+  if (!pose) return py::none();
+  py::dict dict;
+  dict["position"] = tuple_of(pose->position);
+  const Eigen::Vector4d& q = pose->orientation.coeffs();
+  dict["orientation"] = py::make_tuple(q[0], q[1], q[2], q[3]);
+  return dict;
+}
+
 engine::BodyId body_named(const engine::World& world, const std::string& name) {
   return name == "world" ? engine::kWorldBody : world.find_body(name);
 }
@@ -208,6 +230,8 @@ void body_from(const py::dict& keywords, engine::Body* target) {
   reading.read("type", &type);
   target->type = named("type", type, kBodyTypes);
   if (const py::object shape = reading.find("shape")) target->shape = shape_from(shape);
+  if (const py::object pose = reading.find("shape_pose"))
+    target->shape_pose = shape_pose_from(pose);
   reading.expect_no_more();
 }
 
@@ -217,6 +241,7 @@ py::dict body_dict(const engine::Body& body) {
   for (const auto& [name, type] : kBodyTypes)
     if (type == body.type) dict["type"] = name;
   dict["shape"] = body.shape;
+  dict["shape_pose"] = shape_pose_dict(body.shape_pose);
   return dict;
 }
 

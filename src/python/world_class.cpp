@@ -44,61 +44,14 @@ py::dict contact_dict(const engine::World& world, const engine::Contact& contact
   dict["normal"] = tuple_of(contact.normal);
   dict["depth"] = contact.depth;
   dict["normal_force"] = contact.normal_force;
+  dict["force"] = tuple_of(contact.force);
+  dict["state"] = engine::name(contact.state);
   return dict;
-}
-
-py::dict joint_state_dict(const engine::Joint& joint, const engine::JointState& state) {
-  py::dict dict;
-  py::list coordinates;
-  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
-    const engine::CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(i)];
-    py::dict each;
-    each["position"] = coordinate.position;
-    each["velocity"] = coordinate.velocity;
-    each["effort"] = coordinate.effort;
-    each["bias"] = coordinate.bias;
-    coordinates.append(each);
-  }
-  dict["coordinates"] = coordinates;
-  dict["error"] = state.error;
-  dict["error_rate"] = state.error_rate;
-  dict["angle_error"] = state.angle_error;
-  dict["force"] = state.force;
-  dict["bias"] = state.bias;
-  dict["reached_rate"] = state.reached_rate;
-  dict["travel"] = state.travel;
-  dict["saturated"] = state.saturated;
-  dict["broken"] = state.broken;
-  dict["closing"] = state.closing;
-  return dict;
-}
-
-/// Of one coordinate where the joint has any, else of its length.
-void set_motor(engine::World* world, const std::string& name, const py::kwargs& keywords) {
-  const engine::JointId id = world->find_joint(name);
-  if (engine::coordinates(world->joint(id).kind) == 0) {
-    engine::Motor motor;
-    motor_from(keywords, &motor);
-    world->set_motor(id, motor);
-    return;
-  }
-  const py::dict rest = keywords.attr("copy")();
-  Keywords reading("set_motor", keywords);
-  int coordinate = 0;
-  bool removed = false;
-  reading.read("coordinate", &coordinate);
-  reading.read("removed", &removed);
-  for (const char* key : {"coordinate", "removed"}) rest.attr("pop")(key, py::none());
-  engine::CoordinateMotor motor;
-  motor_from(rest, &motor);
-  if (removed && !rest.empty())
-    throw std::invalid_argument("removed: a motor that is taken away has no settings");
-  world->set_motor(id, coordinate, removed ? std::nullopt : std::optional(motor));
 }
 
 // ---- the world
 
-using Class = py::class_<SharedWorld>;
+using Class = WorldClass;
 
 void define_bodies(Class* world) {
   world->def(
@@ -112,7 +65,10 @@ void define_bodies(Class* world) {
       py::arg("name"),
       "add_body(name, *, type='dynamic', shape=Point(), mass [kg], inertia=(0, 0, 0) [kg m^2] "
       "principal, zero: from the shape, position [m], orientation x y z w, linear_velocity [m/s], "
-      "angular_velocity [rad/s] in world axes, friction=0, restitution=0, no_collision=False)\n\n"
+      "angular_velocity [rad/s] in world axes, friction=0, restitution=0, no_collision=False,\n"
+      "shape_pose=None: a dict of position [m] and orientation (x, y, z, w) of a sphere or box in "
+      "the\n"
+      "body's frame)\n\n"
       "Adds a body. Raises ValueError naming field and value.");
   world->def(
       "remove_body",
@@ -186,138 +142,6 @@ void define_arrays(Class* world) {
   define("orientations", 3, 4, "Body to world, x y z w, shape (bodies, 4).");
   define("linear_velocities", 7, 3, "Of the centres of mass, world [m/s], shape (bodies, 3).");
   define("angular_velocities", 10, 3, "World axes [rad/s], shape (bodies, 3).");
-}
-
-void define_joints(Class* world) {
-  world->def(
-      "add_joint",
-      [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
-        keywords["name"] = name;
-        bool is_broken = false;
-        const engine::Joint joint = joint_from(keywords, self.read(), &is_broken);
-        self.edit([&](engine::World& edited) { edited.add_joint(joint, is_broken); });
-      },
-      py::arg("name"),
-      "add_joint(name, *, type='distance', 'ball', 'hinge', 'slider', 'cylindrical', 'planar', "
-      "'universal', 'weld', 'point_on_line' or 'point_on_plane', body_a='world', "
-      "anchor_a=(0, 0, 0) [m] in the body's frame, body_b='world', anchor_b, for types with axes "
-      "axis_a=(0, 0, 1) and axis_b or frame_a and frame_b (x, y, z, w), length=None [m] None: the "
-      "present distance, "
-      "min_length=0, max_length=inf [m], frequency [Hz] and damping_ratio, or stiffness [N/m] and "
-      "damping [N s/m], baumgarte=None, break_force=0 [N], break_torque=0 [N m], "
-      "collide_connected=False, enabled=True, broken=False, motor={}; of types with free "
-      "coordinates, for the "
-      "first: lower, upper [m or rad], limit_restitution=0, friction, damping, stiffness, rest, "
-      "frequency, damping_ratio, position, motor; or coordinates=[{...}, ...], these for each)"
-      "\n\nAdds a joint; the motor's keywords are those of set_motor.");
-  world->def(
-      "remove_joint",
-      [](SharedWorld& self, const std::string& name) {
-        self.edit([&](engine::World& edited) { edited.remove_joint(edited.find_joint(name)); });
-      },
-      py::arg("name"), "Removes a joint.");
-  world->def(
-      "joint",
-      [](const SharedWorld& self, const std::string& name) {
-        const engine::World& read = self.read();
-        const engine::JointId id = read.find_joint(name);
-        return joint_dict(read.joint(id), read, read.joint_state(id).broken);
-      },
-      py::arg("name"),
-      "The joint with its length and stiffness filled in: the keywords of "
-      "add_joint.");
-}
-
-void define_joint_states(Class* world) {
-  world->def(
-      "joint_state",
-      [](const SharedWorld& self, const std::string& name) {
-        const engine::JointId id = self.read().find_joint(name);
-        return joint_state_dict(self.read().joint(id), self.read().joint_state(id));
-      },
-      py::arg("name"),
-      "State after the last step: error [m], error_rate [m/s], angle_error [rad], force [N] along "
-      "the joint, < 0 is tension, bias and reached_rate [m/s], travel of the motor [m], saturated, "
-      "broken, closing, and coordinates, a list of those that are free: position, velocity, bias "
-      "[m or rad, a second], effort [N or N m] of what acts along each.");
-  world->def(
-      "joint_wrench",
-      [](const SharedWorld& self, const std::string& name) {
-        const engine::World::JointWrench wrench =
-            self.read().joint_wrench(self.read().find_joint(name));
-        py::dict dict;
-        dict["force"] = tuple_of(wrench.force);
-        dict["torque"] = tuple_of(wrench.torque);
-        return dict;
-      },
-      py::arg("name"),
-      "What the joint does to body B, mean over the last step: force [N], and torque [N m] about "
-      "anchor B, in the joint's frame on B, of types without axes in that of the body.");
-  world->def(
-      "opening",
-      [](const SharedWorld& self, const std::string& name) {
-        return engine::text_of_opening(self.read(), self.read().find_joint(name));
-      },
-      py::arg("name"), "How far a joint that closes is open now, in words; '' where it fits.");
-  world->def_property_readonly(
-      "joint_names",
-      [](const SharedWorld& self) {
-        py::list names;
-        for (const engine::JointId id : self.read().joint_ids())
-          names.append(self.read().joint(id).name);
-        return names;
-      },
-      "In the order of adding.");
-  world->def(
-      "set_motor",
-      [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
-        self.edit([&](engine::World& edited) { set_motor(&edited, name, keywords); });
-      },
-      py::arg("name"),
-      "set_motor(name, *, bias=0 [m/s or rad/s] > 0 lengthens or turns positively about the axis, "
-      "amplitude=0 [m/s or rad/s], frequency=0 [Hz], phase=0 [rad], max_force=0 [N or N m] 0: no "
-      "limit, timeout=0 [s] 0: never), and of types with free coordinates coordinate=0, "
-      "position=None [m or rad], servo_frequency=0 [Hz], servo_damping_ratio=1, servo_stiffness=0, "
-      "servo_damping=0, force=None [N or N m], removed=False: free from now on\n\nReplaces the "
-      "motor; its timeout counts from now.");
-  world->def(
-      "set_joint",
-      [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
-        return self.edit([&](engine::World& edited) {
-          const engine::JointId id = edited.find_joint(name);
-          engine::Joint joint = edited.joint(id);
-          change_joint(keywords, &joint);
-          edited.set_joint(id, joint);
-          return engine::text_of_opening(edited, id);
-        });
-      },
-      py::arg("name"),
-      "set_joint(name, *, baumgarte, break_force, break_torque, collide_connected, enabled; of a "
-      "distance joint length, min_length, max_length, frequency, damping_ratio, stiffness, "
-      "damping, "
-      "motor; of types with free coordinates coordinate=0, and of that one lower, upper, "
-      "limit_restitution, friction, damping, stiffness, rest, frequency, damping_ratio, position, "
-      "motor={...} or None)\n\nSets what is named and keeps the rest; returns opening(): what the "
-      "joint is then off by closes.");
-  world->def(
-      "set_broken",
-      [](SharedWorld& self, const std::string& name, bool is_broken) {
-        self.edit(
-            [&](engine::World& edited) { edited.set_broken(edited.find_joint(name), is_broken); });
-      },
-      py::arg("name"), py::arg("broken"), "Marks a joint as broken, or whole again.");
-  world->def(
-      "set_enabled",
-      [](SharedWorld& self, const std::string& name, bool is_enabled) {
-        return self.edit([&](engine::World& edited) {
-          const engine::JointId id = edited.find_joint(name);
-          edited.set_enabled(id, is_enabled);
-          return engine::text_of_opening(edited, id);
-        });
-      },
-      py::arg("name"), py::arg("enabled"),
-      "Disables a joint, which then does not act, or enables it again, and returns opening(): what "
-      "it is then off by closes.");
 }
 
 void define_wrenches(Class* world) {
@@ -423,7 +247,7 @@ void define_lists(Class* world) {
         return list;
       },
       "Contact points of the last step: bodies, position [m], normal from B to A, depth [m], "
-      "normal_force [N].");
+      "normal_force [N], force of both normal and friction on A [N], state.");
   world->def(
       "unresolved_bodies",
       [](const SharedWorld& self) {
@@ -518,7 +342,6 @@ void define_world(py::module* module) {
   define_states(&world);
   define_arrays(&world);
   define_joints(&world);
-  define_joint_states(&world);
   define_wrenches(&world);
   define_motion(&world);
   define_time(&world);

@@ -112,7 +112,8 @@ engine::DistanceJoint distance_joint(const Constraint& msg, double present_dista
     distance.length = length_of(msg);
   } else {
     refuse("type", "there is no '" + msg.type + "' (yet); there are distance, rope, strut, spring" +
-                       engine::names_of_further_kinds());
+                       engine::names_of_further_kinds() +
+                       "; custom: and custom_force: go before the type of a plugin");
   }
   distance.frequency = msg.frequency;
   distance.damping_ratio = msg.damping_ratio;
@@ -249,7 +250,16 @@ engine::JointKind kind_of(const Constraint& msg) {
   const bool is_free = msg.type == "distance" && free != msg.keys.end();
   const auto i = static_cast<std::size_t>(free - msg.keys.begin());
   if (is_free && i < msg.values.size() && msg.values[i] == 1.0) return engine::free_length();
-  return engine::joint_kind_named(msg.type).value_or(engine::Joint{}.kind);
+  return engine::joint_kind_named(msg.type.substr(0, msg.type.find(':')))
+      .value_or(engine::Joint{}.kind);
+}
+
+// of another package: its type stands after a colon, and all keys are parameters of it
+void read_custom(const Constraint& msg, engine::Joint* joint) {
+  const std::size_t colon = msg.type.find(':');
+  if (colon != std::string::npos) joint->custom.type = msg.type.substr(colon + 1);
+  for (std::size_t i = 0; i < msg.keys.size(); ++i)
+    joint->custom.parameters.push_back({msg.keys[i], msg.values[i]});
 }
 
 /// With the name and ends that both messages for constraints have.
@@ -288,7 +298,11 @@ engine::Joint from_msg(const Constraint& msg, const engine::World& world) {
                                           anchor_in_world(world, joint.body_a, joint.anchor_a))
                                              .norm());
   check_keys(msg);
-  if (engine::coordinates(joint.kind) > 0) {
+  if (engine::is_custom(joint.kind)) {
+    read_custom(msg, &joint);
+  } else if (msg.type.find(':') != std::string::npos) {
+    refuse("type", "only custom: and custom_force: have a type after them, got '" + msg.type + "'");
+  } else if (engine::coordinates(joint.kind) > 0) {
     read_laws(msg, &joint);
   } else {
     joint.motor = {msg.bias, msg.amplitude, msg.motor_frequency, msg.phase, msg.max_force, 0.0};
@@ -440,5 +454,27 @@ ContactState to_msg(const engine::World& world, const engine::Contact& contact) 
   msg.normal_force = finite(contact.normal_force);
   return msg;
 }
+
+ContactForce to_force_msg(const engine::World& world, const engine::Contact& contact) {
+  const auto velocity = [&](engine::BodyId id) -> Eigen::Vector3d {
+    const engine::BodyState& state = world.state(id);
+    return state.linear_velocity + state.angular_velocity.cross(contact.position - state.position);
+  };
+  const Eigen::Vector3d v = velocity(contact.body_a) - velocity(contact.body_b);
+  ContactForce msg;
+  msg.body_a = world.body(contact.body_a).name;
+  msg.body_b = world.body(contact.body_b).name;
+  msg.position = to_point(contact.position);
+  msg.normal = to_vector(contact.normal);
+  msg.force = to_vector(contact.force);
+  msg.slip_velocity = to_vector(v - v.dot(contact.normal) * contact.normal);
+  msg.gap = -finite(contact.depth);
+  msg.state = static_cast<std::uint8_t>(contact.state);
+  return msg;
+}
+
+static_assert(ContactForce::CLOSED == static_cast<int>(engine::ContactState::kClosed));
+static_assert(ContactForce::STICKING == static_cast<int>(engine::ContactState::kSticking));
+static_assert(ContactForce::SLIPPING == static_cast<int>(engine::ContactState::kSlipping));
 
 }  // namespace constraint_sim

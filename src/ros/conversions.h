@@ -6,6 +6,7 @@
 #include <constraint_sim/BodyState.h>
 #include <constraint_sim/Constraint.h>
 #include <constraint_sim/ConstraintState.h>
+#include <constraint_sim/ContactForce.h>
 #include <constraint_sim/ContactState.h>
 #include <constraint_sim/Shape.h>
 #include <geometry_msgs/Point.h>
@@ -70,5 +71,7 @@ ConstraintState to_msg(const engine::Joint& joint, const engine::JointState& sta
 void add_coordinates(const engine::Joint& joint, const engine::JointState& state,
                      sensor_msgs::JointState* msg);
 ContactState to_msg(const engine::World& world, const engine::Contact& contact);
+/// With how the two bodies move now.
+ContactForce to_force_msg(const engine::World& world, const engine::Contact& contact);
 
 }  // namespace constraint_sim

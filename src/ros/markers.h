@@ -1,45 +1,98 @@
 #pragma once
 
 #include <ros/time.h>
-#include <visualization_msgs/MarkerArray.h>
 
 #include <cstdint>
-#include <set>
+#include <map>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "ros/marker_lines.h"
+#include "ros/marker_set.h"
+#include "ros/marker_style.h"
+#include "ros/robots.h"
 
 namespace constraint_sim {
 
-/// What rviz draws: `bodies` and `constraints` with the ids of the world, and all `contacts` as one
-/// marker. Bodies are blue, kinematic ones orange, static ones grey; constraints are lines from
-/// green (error up to 1e-6 m) over yellow to red (from 1e-2 m); contacts are magenta normals.
+/// What rviz draws, with the ids of the world, in fixed namespaces: `bodies`; `constraints` (rods
+/// as cylinders; ropes striped, hanging through while slack; coils, struts, arms); `joints`, the
+/// solid of what turns or slides where; `motors` as arrows; `contacts` and `friction`, each one
+/// marker for all; `visuals` of robots. A constraint that breaks is grey for two seconds.
 class Markers {
  public:
-  explicit Markers(std::string frame) : frame_(std::move(frame)) {}
+  Markers(const std::string& frame, Robots& robots) : set_(frame), robots_(robots) {}
 
   /// The message that brings a listener from the last one to this world: what moves, what is new,
-  /// what is gone, and everything once a second and for a newcomer.
-  visualization_msgs::MarkerArray update(const engine::World& world, const ros::Time& stamp,
-                                         bool for_newcomer);
+  /// what is gone, and everything once a second and for a newcomer. Settings of bodies and
+  /// constraints are looked at where `is_edited`, and with each full message.
+  const MarkerMessage& update(const engine::World& world, const ForceScale& forces,
+                              const ros::Time& stamp, bool for_newcomer, bool is_edited);
   /// Nobody has seen the last messages: the next one has everything again.
-  void forget() { started_ = false; }
+  void forget() { set_.forget(); }
 
  private:
-  visualization_msgs::Marker make(const char* ns, std::int32_t id, std::int32_t type) const;
-  visualization_msgs::Marker body(const engine::World& world, engine::BodyId id) const;
-  visualization_msgs::Marker constraint(const engine::World& world, engine::JointId id) const;
-  visualization_msgs::Marker contacts(const engine::World& world) const;
-  void delete_missing(const char* ns, const std::set<std::int32_t>& present,
-                      std::set<std::int32_t>& shown, visualization_msgs::MarkerArray& array) const;
+  /// Of a constraint, what changes only with an edit.
+  struct JointLook {
+    engine::JointId id;
+    Look look = Look::kJoint;
+    bool is_grip = false;
+    bool is_drawn = false;
+    bool has_motor = false;
+    double axis = 0.0;  ///< length that the axis of a joint is drawn with [m]
+    double arm = 0.0;   ///< the longer one, from a body's centre to its anchor [m]
+  };
+  /// Of a body, the same.
+  struct BodyLook {
+    engine::BodyId id;
+    bool is_static = false;
+    bool has_shape_pose = false;
+  };
+  /// A constraint as it is now.
+  struct Seen {
+    std::int32_t number;
+    const JointLook& look;
+    const engine::Joint& joint;
+    const engine::JointState& state;
+    Eigen::Vector3d p_a, p_b;  ///< its anchors [m]; none of a coupling
+    double load;               ///< share of the largest force
+  };
 
-  std::string frame_;
-  ros::Time stamp_;
-  bool started_ = false;
-  ros::Time last_full_;
-  std::set<std::int32_t> bodies_shown_;
-  std::set<std::int32_t> constraints_shown_;
-  std::set<std::int32_t> contacts_shown_;
+  void find_looks(const engine::World& world);
+  void find_extent(const engine::World& world);
+  void add_bodies(const engine::World& world, bool are_static);
+  void add_body(const engine::World& world, const BodyLook& look);
+  void add_grip(const engine::World& world, engine::JointId id);
+  void add_constraint(const engine::World& world, const JointLook& look, const ros::Time& stamp);
+  bool is_drawn(const JointLook& look, bool is_broken, const ros::Time& stamp);
+  void draw_length(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
+  void draw_rope(const engine::World& world, const Seen& seen, double length,
+                 ShownMarker* marker) const;
+  void draw_arms(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
+  void draw_coupling(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
+  void add_solid(const engine::World& world, const Seen& seen);
+  void add_motor(const engine::World& world, const Seen& seen);
+  void add_contacts(const engine::World& world);
+
+  MarkerSet set_;
+  MarkerSet::Namespace& bodies_ = set_.in("bodies");
+  MarkerSet::Namespace& constraints_ = set_.in("constraints");
+  MarkerSet::Namespace& joints_ = set_.in("joints");
+  MarkerSet::Namespace& motors_ = set_.in("motors");
+  MarkerSet::Namespace& contacts_ = set_.in("contacts");
+  MarkerSet::Namespace& friction_ = set_.in("friction");
+  MarkerSet::Namespace& hands_ = set_.in("hands");
+  MarkerSet::Namespace& visuals_ = set_.in("visuals");
+  Robots& robots_;
+  const ForceScale* forces_ = nullptr;  // while update() runs
+  bool is_edited_ = true;               // since the last message
+  std::vector<engine::BodyId> body_ids_;
+  std::vector<BodyLook> body_looks_;
+  std::vector<JointLook> joint_looks_;
+  Extent extent_;
+  std::pair<std::size_t, std::int32_t> extent_of_;  // how many bodies, and the last one
+  std::map<std::int32_t, double> broken_since_;     // stamps [s], of what was seen to break
 };
 
 }  // namespace constraint_sim

@@ -7,7 +7,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <iterator>
+#include <sstream>
 
+#include "ros/topic_names.h"
 #include "sim/words.h"
 
 namespace constraint_sim {
@@ -46,6 +49,25 @@ void for_each(Do do_with) {
   do_with("frame_prefix", &Parameters::frame_prefix);
   do_with("closing_time", &Parameters::closing_time);
   do_with("scene_folder", &Parameters::scene_folder);
+  do_with("hands", &Parameters::hands);
+  do_with("diagnostics_real_time_factor", &Parameters::diagnostics_real_time_factor);
+  do_with("diagnostics_constraint_error", &Parameters::diagnostics_constraint_error);
+  do_with("robot", &Parameters::robot);
+  do_with("robot_extra", &Parameters::robot_extra);
+  do_with("robot_prefix", &Parameters::robot_prefix);
+  do_with("robot_fixed", &Parameters::robot_fixed);
+  do_with("robot_x", &Parameters::robot_x);
+  do_with("robot_y", &Parameters::robot_y);
+  do_with("robot_z", &Parameters::robot_z);
+  do_with("publish_links", &Parameters::publish_links);
+  do_with("publish_com", &Parameters::publish_com);
+  do_with("command", &Parameters::command);
+  do_with("cmd_vel", &Parameters::cmd_vel);
+  do_with("wrench", &Parameters::wrench);
+  do_with("odometry", &Parameters::odometry);
+  do_with("plugins", &Parameters::plugins);
+  do_with("follow", &Parameters::follow);
+  do_with("follow_delay", &Parameters::follow_delay);
 }
 
 void check_positive(const std::string& name, double value) {
@@ -53,20 +75,36 @@ void check_positive(const std::string& name, double value) {
     refuse(name, "must be a number > 0, got " + shown(value));
 }
 
+void check_names(const std::string& parameter, const std::string& names) {
+  for (const std::string& name : names_in(names)) {
+    std::string why;
+    if (!ros::names::validate(topic_of(parameter, name), why))
+      refuse(parameter, "no topic can have the name " + shown(name) + ": " + why);
+  }
+}
+
 void check(const Parameters& p) {
   check_positive("time_step", p.time_step);
-  check_positive("publish_rate", p.publish_rate);
-  if (p.publish_rate > kMostPublishRate)
-    refuse("publish_rate",
-           "must be at most " + shown(kMostPublishRate) + ", got " + shown(p.publish_rate));
+  check_publish_rate(p.publish_rate);
   check_positive("closing_time", p.closing_time);
-  if (!(p.real_time_factor >= 0.0 && p.real_time_factor <= kMostRealTimeFactor))
-    refuse("real_time_factor", "must be from 0 to " + shown(kMostRealTimeFactor) + ", got " +
-                                   shown(p.real_time_factor));
+  check_real_time_factor(p.real_time_factor);
+  check_positive("diagnostics_constraint_error", p.diagnostics_constraint_error);
+  if (!(p.diagnostics_real_time_factor >= 0.0 && p.diagnostics_real_time_factor <= 1.0))
+    refuse("diagnostics_real_time_factor",
+           "must be from 0 to 1, got " + shown(p.diagnostics_real_time_factor));
   if (p.world_frame.empty() || p.world_frame.front() == '/')
     refuse("world_frame", "must be a frame without a leading slash, got " + shown(p.world_frame));
   if (!p.frame_prefix.empty() && p.frame_prefix.front() == '/')
     refuse("frame_prefix", "must not begin with a slash, got " + shown(p.frame_prefix));
+  if (p.publish_links != "all" && p.publish_links != "root" && p.publish_links != "none")
+    refuse("publish_links", "must be all, root or none, got " + shown(p.publish_links));
+  check_names("command", p.command);
+  check_names("cmd_vel", p.cmd_vel);
+  check_names("wrench", p.wrench);
+  check_names("odometry", p.odometry);
+  followed_in(p.follow);
+  if (!(p.follow_delay >= 0.0 && p.follow_delay <= 5.0))  // tf keeps 10 s
+    refuse("follow_delay", "must be from 0 to 5, got " + shown(p.follow_delay));
   struct stat status {};
   if (!p.scene_folder.empty() &&
       (::stat(p.scene_folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)))
@@ -74,6 +112,38 @@ void check(const Parameters& p) {
 }
 
 }  // namespace
+
+void check_real_time_factor(double value) {
+  if (!(value >= 0.0 && value <= kMostRealTimeFactor))
+    refuse("real_time_factor",
+           "must be from 0 to " + shown(kMostRealTimeFactor) + ", got " + shown(value));
+}
+
+void check_publish_rate(double value) {
+  check_positive("publish_rate", value);
+  if (value > kMostPublishRate)
+    refuse("publish_rate", "must be at most " + shown(kMostPublishRate) + ", got " + shown(value));
+}
+
+std::vector<std::string> names_in(const std::string& parameter) {
+  std::istringstream words(parameter);
+  return {std::istream_iterator<std::string>(words), {}};
+}
+
+std::vector<std::pair<std::string, std::string>> followed_in(const std::string& parameter) {
+  std::vector<std::pair<std::string, std::string>> followed;
+  for (const std::string& pair : names_in(parameter)) {
+    const std::size_t middle = pair.find('=');
+    const std::string body = pair.substr(0, middle);
+    const std::string frame = middle == std::string::npos ? "" : pair.substr(middle + 1);
+    if (body.empty() || frame.empty() || frame.front() == '/')
+      refuse("follow", "must be BODY=FRAME, frames without a leading slash, got " + shown(pair));
+    for (const auto& before : followed)
+      if (before.first == body) refuse("follow", "has the body " + shown(body) + " twice");
+    followed.emplace_back(body, frame);
+  }
+  return followed;
+}
 
 Parameters read_parameters(const ros::NodeHandle& private_handle) {
   Parameters p;

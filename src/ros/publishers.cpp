@@ -2,6 +2,7 @@
 
 #include <constraint_sim/BodyStates.h>
 #include <constraint_sim/ConstraintStates.h>
+#include <constraint_sim/ContactForces.h>
 #include <constraint_sim/ContactStates.h>
 #include <rosgraph_msgs/Clock.h>
 #include <sensor_msgs/JointState.h>
@@ -20,8 +21,10 @@ namespace constraint_sim {
 namespace {
 
 constexpr double kStatisticsPeriod = 0.1;  // [s]
-constexpr double kRepeatPeriod = 1.0;      // [s] between repetitions while nothing changes
-constexpr double kClockPeriod = 0.005;     // [s] between two messages on /clock, at least
+constexpr double kLabelsPeriod = 0.1;      // [s] between labels: nobody reads faster
+constexpr char kFollowedFrame[] = "followed";
+constexpr double kRepeatPeriod = 1.0;   // [s] between repetitions while nothing changes
+constexpr double kClockPeriod = 0.005;  // [s] between two messages on /clock, at least
 // [s] that listeners get to see /clock go back, before transforms follow
 constexpr double kSettlingTime = 0.1;
 
@@ -31,25 +34,34 @@ std::int64_t wall_now() { return static_cast<std::int64_t>(ros::WallTime::now().
 
 }  // namespace
 
-Publishers::Publishers(const Parameters& parameters, ros::NodeHandle& handle,
-                       ros::NodeHandle& private_handle)
+Publishers::Publishers(const Parameters& parameters, Robots& robots, ros::NodeHandle& handle,
+                       ros::NodeHandle& private_handle, Hands& hands)
     : parameters_(parameters),
+      robots_(robots),
+      hands_(hands),
       wrench_topics_(parameters, private_handle,
                      [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
+      odometry_(parameters, robots, private_handle,
+                [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; }),
       stamps_(
           parameters.stamps_simulated_time() ? Stamps::Source::kSimulated : Stamps::Source::kWall,
           parameters.real_time_factor),
       last_statistics_(steady_now()),
-      markers_(parameters.world_frame) {
+      markers_(parameters.world_frame, robots),
+      labels_(parameters.world_frame) {
   const auto welcome = [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; };
-  if (parameters.publish_tf)
+  if (parameters.publish_tf) {
     transforms_topic_ = handle.advertise<tf2_msgs::TFMessage>("/tf", 100, welcome);
+    static_transforms_topic_ = handle.advertise<tf2_msgs::TFMessage>("/tf_static", 100, true);
+  }
   markers_topic_ =
       private_handle.advertise<visualization_msgs::MarkerArray>("markers", 10, welcome);
+  labels_topic_ = private_handle.advertise<visualization_msgs::MarkerArray>("labels", 10, welcome);
   body_states_topic_ = private_handle.advertise<BodyStates>("body_states", 100, welcome);
   constraint_states_topic_ =
       private_handle.advertise<ConstraintStates>("constraint_states", 100, welcome);
   contact_states_topic_ = private_handle.advertise<ContactStates>("contact_states", 100, welcome);
+  contact_forces_topic_ = private_handle.advertise<ContactForces>("contact_forces", 100, welcome);
   joint_states_topic_ =
       private_handle.advertise<sensor_msgs::JointState>("joint_states", 100, welcome);
   plan_topic_ = private_handle.advertise<std_msgs::String>("plan", 1, true);
@@ -137,10 +149,11 @@ void Publishers::publish_clock(const World& world, double now) {
 
 bool Publishers::anybody_listens() const {
   for (const ros::Publisher* topic :
-       {&transforms_topic_, &markers_topic_, &body_states_topic_, &constraint_states_topic_,
-        &contact_states_topic_, &joint_states_topic_, &statistics_topic_})
+       {&transforms_topic_, &markers_topic_, &labels_topic_, &body_states_topic_,
+        &constraint_states_topic_, &contact_states_topic_, &contact_forces_topic_,
+        &joint_states_topic_, &statistics_topic_})
     if (topic->getNumSubscribers() > 0) return true;
-  return wrench_topics_.anybody_listens();
+  return wrench_topics_.anybody_listens() || odometry_.anybody_listens() || hands_.anybody_looks();
 }
 
 void Publishers::take_snapshot(const World& world, const Stepper& stepper, double now) {
@@ -149,6 +162,7 @@ void Publishers::take_snapshot(const World& world, const Stepper& stepper, doubl
   incoming_.stamp = time_from_nanoseconds(stamps_.next(wall_now(), world.time(), running));
   incoming_.plan_changed = std::exchange(plan_changed_, false);
   incoming_.for_newcomer = newcomer_.exchange(false);
+  incoming_.renew_markers = renew_markers_.exchange(false);
   incoming_.has_statistics = !stepped_ || now >= last_statistics_ + kStatisticsPeriod;
   if (incoming_.has_statistics) take_statistics(world, stepper, now, incoming_.statistics);
 
@@ -219,16 +233,17 @@ void Publishers::publish(const Snapshot& snapshot) {
   if (body_states_topic_.getNumSubscribers() > 0) publish_body_states(snapshot);
   if (constraint_states_topic_.getNumSubscribers() > 0) publish_constraint_states(snapshot);
   if (contact_states_topic_.getNumSubscribers() > 0) publish_contact_states(snapshot);
+  if (contact_forces_topic_.getNumSubscribers() > 0) publish_contact_forces(snapshot);
   if (joint_states_topic_.getNumSubscribers() > 0) publish_joint_states(snapshot);
   if (snapshot.plan_changed) {
     publish_plan(snapshot);
+    publish_static_transforms(snapshot);
     wrench_topics_.update(snapshot.world);
   }
   if (wrench_topics_.anybody_listens()) publish_wrenches(snapshot);
-  if (markers_topic_.getNumSubscribers() > 0)
-    markers_topic_.publish(markers_.update(snapshot.world, snapshot.stamp, snapshot.for_newcomer));
-  else
-    markers_.forget();
+  odometry_.publish(snapshot.world, snapshot.stamp);
+  publish_markers(snapshot);
+  hands_.show(snapshot.world);
   if (snapshot.has_statistics && statistics_topic_.getNumSubscribers() > 0) {
     Statistics message = snapshot.statistics;
     message.header.stamp = snapshot.stamp;
@@ -237,16 +252,71 @@ void Publishers::publish(const Snapshot& snapshot) {
   }
 }
 
+void Publishers::publish_markers(const Snapshot& snapshot) {
+  const bool markers = markers_topic_.getNumSubscribers() > 0;
+  const bool labels = labels_topic_.getNumSubscribers() > 0;
+  if (snapshot.renew_markers) {
+    markers_.forget();
+    labels_.forget();
+  }
+  if (markers || labels) forces_.update(snapshot.world, snapshot.stamp);
+  if (markers) {
+    markers_topic_.publish(markers_.update(snapshot.world, forces_, snapshot.stamp,
+                                           snapshot.for_newcomer, snapshot.plan_changed));
+  } else {
+    markers_.forget();
+  }
+  if (!labels) return labels_.forget();
+  const double now = steady_now();
+  if (now < last_labels_ + kLabelsPeriod && !snapshot.for_newcomer) return;
+  last_labels_ = now;
+  labels_topic_.publish(
+      labels_.update(snapshot.world, forces_, snapshot.stamp, snapshot.for_newcomer));
+}
+
+geometry_msgs::TransformStamped Publishers::transform_of(const Snapshot& snapshot,
+                                                         engine::BodyId id) const {
+  geometry_msgs::TransformStamped transform;
+  transform.header.stamp = snapshot.stamp;
+  transform.header.frame_id = parameters_.world_frame;
+  transform.child_frame_id = parameters_.frame_prefix + snapshot.world.body(id).name;
+  transform.transform = to_transform(snapshot.world.state(id));
+  return transform;
+}
+
 void Publishers::publish_transforms(const Snapshot& snapshot) {
   tf2_msgs::TFMessage message;
   for (const engine::BodyId id : snapshot.world.body_ids()) {
-    geometry_msgs::TransformStamped& transform = message.transforms.emplace_back();
-    transform.header.stamp = snapshot.stamp;
-    transform.header.frame_id = parameters_.world_frame;
-    transform.child_frame_id = parameters_.frame_prefix + snapshot.world.body(id).name;
-    transform.transform = to_transform(snapshot.world.state(id));
+    if (robots_.add_frames(snapshot.world, id, snapshot.stamp, &message)) continue;
+    if (snapshot.world.body(id).type != engine::BodyType::kStatic)
+      message.transforms.push_back(transform_of(snapshot, id));
   }
-  transforms_topic_.publish(message);
+  if (const std::string body = hands_.followed();
+      !body.empty() && snapshot.world.has_body(body)) {  // without its turns, for cameras
+    message.transforms.push_back(transform_of(snapshot, snapshot.world.find_body(body)));
+    geometry_msgs::TransformStamped& followed = message.transforms.back();
+    followed.child_frame_id = parameters_.frame_prefix + kFollowedFrame;
+    followed.transform.rotation = to_msg(Eigen::Quaterniond::Identity());
+  }
+  if (!message.transforms.empty()) transforms_topic_.publish(message);
+}
+
+// All static bodies, latched, again when one has come, gone or been set elsewhere.
+void Publishers::publish_static_transforms(const Snapshot& snapshot) {
+  if (!parameters_.publish_tf) return;
+  tf2_msgs::TFMessage message;
+  for (const engine::BodyId id : snapshot.world.body_ids())
+    if (snapshot.world.body(id).type == engine::BodyType::kStatic && !robots_.have(id))
+      message.transforms.push_back(transform_of(snapshot, id));
+  const auto is_same = [](const auto& a, const auto& b) {
+    return a.child_frame_id == b.child_frame_id && a.transform == b.transform;
+  };
+  if (std::equal(message.transforms.begin(), message.transforms.end(),
+                 static_transforms_.transforms.begin(), static_transforms_.transforms.end(),
+                 is_same))
+    return;
+  static_transforms_topic_.publish(message);
+  static_transforms_ = std::move(message);
 }
 
 void Publishers::publish_body_states(const Snapshot& snapshot) {
@@ -274,6 +344,15 @@ void Publishers::publish_contact_states(const Snapshot& snapshot) {
   for (const engine::Contact& contact : snapshot.world.contacts())
     message.contacts.push_back(to_msg(snapshot.world, contact));
   contact_states_topic_.publish(message);
+}
+
+void Publishers::publish_contact_forces(const Snapshot& snapshot) {
+  ContactForces message;
+  message.header.stamp = snapshot.stamp;
+  message.header.frame_id = parameters_.world_frame;
+  for (const engine::Contact& contact : snapshot.world.contacts())
+    message.contacts.push_back(to_force_msg(snapshot.world, contact));
+  contact_forces_topic_.publish(message);
 }
 
 void Publishers::publish_joint_states(const Snapshot& snapshot) {

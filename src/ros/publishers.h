@@ -1,8 +1,10 @@
 #pragma once
 
 #include <constraint_sim/Statistics.h>
+#include <geometry_msgs/TransformStamped.h>
 #include <ros/node_handle.h>
 #include <ros/publisher.h>
+#include <tf2_msgs/TFMessage.h>
 
 #include <atomic>
 #include <condition_variable>
@@ -12,8 +14,12 @@
 #include <string>
 #include <thread>
 
+#include "ros/hands.h"
+#include "ros/labels.h"
 #include "ros/markers.h"
+#include "ros/odometry.h"
 #include "ros/parameters.h"
+#include "ros/robots.h"
 #include "ros/wrench_topics.h"
 #include "sim/stamps.h"
 #include "sim/statistics.h"
@@ -25,8 +31,8 @@ namespace constraint_sim {
 /// listens; messages are built and sent on a thread of its own.
 class Publishers {
  public:
-  Publishers(const Parameters& parameters, ros::NodeHandle& handle,
-             ros::NodeHandle& private_handle);
+  Publishers(const Parameters& parameters, Robots& robots, ros::NodeHandle& handle,
+             ros::NodeHandle& private_handle, Hands& hands);
   ~Publishers();
   Publishers(const Publishers&) = delete;
   Publishers& operator=(const Publishers&) = delete;
@@ -37,8 +43,16 @@ class Publishers {
   /// Answers after how many seconds it has something to do again. Throws what the publishing thread
   /// did.
   double passed(const World& world, const Stepper& stepper);
+  void set_real_time_factor(double factor) { stamps_.set_real_time_factor(factor); }
+  void set_publish_rate(double rate) {
+    parameters_.publish_rate = rate;
+    next_publication_ = 0.0;
+  }
+  /// On any thread: the next markers begin by deleting all that viewers have.
+  void renew_markers() { renew_markers_ = true; }
   /// Of an answer about this world: the stamp of messages about it.
   ros::Time stamp(const World& world) const;
+  const std::string& world_frame() const { return parameters_.world_frame; }
   bool wants_stage_times() const { return statistics_topic_.getNumSubscribers() > 0; }
 
  private:
@@ -47,6 +61,7 @@ class Publishers {
     World world;
     ros::Time stamp;
     bool for_newcomer = false;
+    bool renew_markers = false;
     bool plan_changed = false;
     bool has_statistics = false;
     Statistics statistics;
@@ -60,22 +75,32 @@ class Publishers {
 
   void run();
   void publish(const Snapshot& snapshot);
+  geometry_msgs::TransformStamped transform_of(const Snapshot& snapshot, engine::BodyId id) const;
   void publish_transforms(const Snapshot& snapshot);
+  void publish_static_transforms(const Snapshot& snapshot);
+  void publish_markers(const Snapshot& snapshot);
   void publish_body_states(const Snapshot& snapshot);
   void publish_constraint_states(const Snapshot& snapshot);
   void publish_contact_states(const Snapshot& snapshot);
+  void publish_contact_forces(const Snapshot& snapshot);
   void publish_joint_states(const Snapshot& snapshot);
   void publish_plan(const Snapshot& snapshot);
   void publish_wrenches(const Snapshot& snapshot);
 
   Parameters parameters_;
+  Robots& robots_;
+  Hands& hands_;
   ros::Publisher transforms_topic_;
+  ros::Publisher static_transforms_topic_;
   ros::Publisher markers_topic_;
+  ros::Publisher labels_topic_;
   ros::Publisher body_states_topic_;
   ros::Publisher constraint_states_topic_;
   ros::Publisher contact_states_topic_;
+  ros::Publisher contact_forces_topic_;
   ros::Publisher joint_states_topic_;
   WrenchTopics wrench_topics_;
+  Odometry odometry_;
   ros::Publisher statistics_topic_;
   ros::Publisher plan_topic_;
   ros::Publisher clock_topic_;
@@ -98,6 +123,7 @@ class Publishers {
 
   // between the two threads
   std::atomic<bool> newcomer_{false};  // somebody has just subscribed
+  std::atomic<bool> renew_markers_{false};
   std::mutex mutex_;
   std::condition_variable wake_up_;
   bool fresh_ = false;
@@ -108,7 +134,11 @@ class Publishers {
 
   // of the publishing thread
   Snapshot current_;
+  ForceScale forces_;
   Markers markers_;
+  Labels labels_;
+  double last_labels_ = 0.0;  // steady clock [s]
+  tf2_msgs::TFMessage static_transforms_;
   std::string plan_;
   std::thread thread_;
 };

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <sstream>
 #include <stdexcept>
 
 #include "constraint_sim/engine/scene.h"
@@ -46,15 +47,10 @@ std::string file_in_package(const std::string& name, const std::string& rest) {
 }
 
 std::string file_of_scene(const std::string& name, const Parameters& parameters, Caller caller) {
-  const std::string scheme = "package://";
-  if (name.compare(0, scheme.size(), scheme) == 0)
-    return file_in_package(name, name.substr(scheme.size()));
   const std::vector<std::string> shipped = shipped_scenes();
   if (std::find(shipped.begin(), shipped.end(), name) != shipped.end())
     return shipped_folder() + name + ".yaml";
-  return caller == Caller::kService && !parameters.scene_folder.empty()
-             ? path_below(parameters.scene_folder, name)
-             : name;
+  return file_named(name, parameters, caller);
 }
 
 std::string count_of(std::size_t count, const char* one, const char* several) {
@@ -99,6 +95,23 @@ std::vector<std::string> shipped_scenes() {
   ::closedir(folder);
   std::sort(names.begin(), names.end());
   return names;
+}
+
+std::string description(const std::string& scene) {
+  std::istringstream text(read_file(shipped_folder() + scene + ".yaml"));
+  std::string line, description;
+  while (std::getline(text, line) && line.compare(0, 2, "# ") == 0)
+    description += (description.empty() ? "" : " ") + line.substr(2);
+  return description;
+}
+
+std::string file_named(const std::string& name, const Parameters& parameters, Caller caller) {
+  const std::string scheme = "package://";
+  if (name.compare(0, scheme.size(), scheme) == 0)
+    return file_in_package(name, name.substr(scheme.size()));
+  return caller == Caller::kService && !parameters.scene_folder.empty()
+             ? path_below(parameters.scene_folder, name)
+             : name;
 }
 
 engine::World load_world(const std::string& name, const std::string& text,

@@ -15,6 +15,11 @@ enum class Caller { kParameter, kService };
 /// Names of the scenes that come with the package, sorted.
 std::vector<std::string> shipped_scenes();
 
+/// The first comment of a shipped scene, as one line.
+std::string description(const std::string& scene);
+/// The file that a path or package://PACKAGE/PATH stands for. Throws std::invalid_argument.
+std::string file_named(const std::string& name, const Parameters& parameters, Caller caller);
+
 /// The world that a scene describes. `text` unless empty, else the file that `name` stands for: a
 /// path, package://PACKAGE/PATH, or a shipped scene; neither: an empty world. Throws
 /// std::invalid_argument, with at most 40 characters of the file.

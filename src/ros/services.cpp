@@ -3,11 +3,12 @@
 #include <ros/console.h>
 
 #include <exception>
+#include <type_traits>
 
-#include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
+#include "ros/answer.h"
 #include "ros/conversions.h"
-#include "ros/laws.h"
+#include "ros/edits.h"
 #include "ros/scenes.h"
 #include "ros/time_conversions.h"
 #include "sim/files.h"
@@ -16,22 +17,8 @@
 namespace constraint_sim {
 namespace {
 
-// Runs `work` and fills in what every answer has. Errors, bad input foremost, are answered and not
-// thrown, so that roscpp passes the response on.
-template <class Response, class Work>
-bool answer(Response& response, Work work) {
-  try {
-    work();
-    response.success = true;
-  } catch (const std::exception& error) {
-    response = Response{};
-    response.status_message = error.what();
-  }
-  return true;
-}
-
-// The same of a service whose answer has no room for an error: its caller sees that it failed, and
-// the log why.
+// As answer(), of a service whose answer has no room for an error: its caller sees that it failed,
+// and the log why.
 template <class Work>
 bool done(const char* service, Work work) {
   try {
@@ -43,53 +30,32 @@ bool done(const char* service, Work work) {
   }
 }
 
-template <class Response, class Change>
-bool answer_edit(Stepper& stepper, Response& response, Change change) {
-  return answer(response, [&] {
-    const Boundary boundary = stepper.edit(change);
-    response.applied_at = time_from_seconds(boundary.time);
-    response.step = boundary.step;
-  });
-}
-
-// Bias, limit and timeout of a motor, of the first coordinate where there are several; amplitude,
-// frequency and phase stay what they are. One that goes to a position, or with a force, no longer
-// does.
-void set_bias(World& world, const std::string& constraint, double bias, double max_force,
-              double timeout) {
-  const engine::JointId id = find_joint(world, "constraint", constraint);
-  const engine::Joint& joint = world.joint(id);
-  engine::Motor motor = joint.motor;
-  if (joint.coordinates[0].motor) motor = *joint.coordinates[0].motor;
-  motor.bias = bias;
-  motor.max_force = max_force;
-  motor.timeout = timeout;
-  world.set_motor(id, motor);
-}
-
 }  // namespace
 
-Services::Services(Stepper& stepper, const Publishers& publishers, const Parameters& parameters,
-                   ServiceHandles handles)
-    : stepper_(stepper), publishers_(publishers), parameters_(parameters) {
+Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
+                   const Parameters& parameters, ServiceHandles handles)
+    : stepper_(stepper),
+      edit_log_(edit_log),
+      publishers_(publishers),
+      parameters_(parameters),
+      snapshots_(stepper, edit_log, parameters, handles.edits, handles.queries) {
   const auto advertise_on = [&](ros::NodeHandle& handle, const char* name, auto handler) {
     servers_.push_back(handle.advertiseService(name, handler, this));
   };
   const auto advertise = [&](const char* name, auto handler) {
     advertise_on(handles.edits, name, handler);
   };
-  advertise("add_body", &Services::add_body);
-  advertise("remove_body", &Services::remove_body);
-  advertise("add_distance_constraint", &Services::add_distance_constraint);
-  advertise("add_constraint", &Services::add_constraint);
-  advertise("remove_constraint", &Services::remove_constraint);
-  advertise("set_motor_bias", &Services::set_motor_bias);
-  advertise("set_constraint_properties", &Services::set_constraint_properties);
-  advertise("apply_body_wrench", &Services::apply_body_wrench);
-  advertise("clear_body_wrenches", &Services::clear_body_wrenches);
   advertise_on(handles.queries, "get_body_state", &Services::get_body_state);
-  advertise("set_body_state", &Services::set_body_state);
+  visit_edits([&](const char* name, auto* service) {
+    using Service = std::remove_pointer_t<decltype(service)>;
+    const auto edit = [this, name](auto& request, auto& response) {
+      return this->edit(name, request, response);
+    };
+    using Call = boost::function<bool(typename Service::Request&, typename Service::Response&)>;
+    servers_.push_back(handles.edits.advertiseService(name, Call(edit)));
+  });
   advertise("load_scene", &Services::load_scene);
+  advertise_on(handles.queries, "list_scenes", &Services::list_scenes);
   advertise("save_scene", &Services::save_scene);
   advertise_on(handles.pauses, "pause_physics", &Services::pause_physics);
   advertise_on(handles.pauses, "unpause_physics", &Services::unpause_physics);
@@ -100,68 +66,53 @@ Services::Services(Stepper& stepper, const Publishers& publishers, const Paramet
   motor_bias_ = handles.edits.subscribe("motor_bias", 100, &Services::on_motor_bias, this);
 }
 
-bool Services::add_body(AddBodyRequest& request, AddBodyResponse& response) {
-  return answer_edit(stepper_, response,
-                     [&](World& world) { world.add_body(from_msg(request.body)); });
-}
-
-bool Services::remove_body(RemoveBodyRequest& request, RemoveBodyResponse& response) {
-  return answer_edit(stepper_, response, [&](World& world) {
-    response.removed_constraints = world.remove_body(find_own_body(world, "name", request.name));
+template <class Request, class Response>
+bool Services::edit(const char* service, const Request& request, Response& response) {
+  return answer(response, [&] {
+    const Boundary boundary = stepper_.edit([&](World& world) {
+      change(world, request, &response);
+      follow(request);
+      edit_log_.record(stepper_, service, request, world);
+    });
+    response.applied_at = time_from_seconds(boundary.time);
+    response.step = boundary.step;
   });
 }
 
-bool Services::add_distance_constraint(AddDistanceConstraintRequest& request,
-                                       AddDistanceConstraintResponse& response) {
-  return answer_edit(stepper_, response, [&](World& world) {
-    const engine::JointId id = world.add_joint(from_msg(request, world));
-    response.initial_error = finite(world.joint_state(id).initial_error);
-    response.status_message = engine::text_of_opening(world, id);
-  });
+void Services::follow(const SetOptionsRequest& request) {
+  const Pacing asked = pacing(request);
+  if (asked.real_time_factor) {
+    stepper_.set_real_time_factor(*asked.real_time_factor);
+    publishers_.set_real_time_factor(*asked.real_time_factor);
+  }
+  if (asked.publish_rate) publishers_.set_publish_rate(*asked.publish_rate);
 }
 
-bool Services::add_constraint(AddConstraintRequest& request, AddConstraintResponse& response) {
-  return answer_edit(stepper_, response, [&](World& world) {
-    const engine::JointId id = world.add_joint(from_msg(request.constraint, world));
-    response.initial_error = finite(world.joint_state(id).initial_error);
-    response.status_message = engine::text_of_opening(world, id);
-  });
-}
-
-bool Services::remove_constraint(RemoveConstraintRequest& request,
-                                 RemoveConstraintResponse& response) {
-  return answer_edit(stepper_, response, [&](World& world) {
-    world.remove_joint(find_joint(world, "name", request.name));
-  });
-}
-
-bool Services::set_motor_bias(SetMotorBiasRequest& request, SetMotorBiasResponse& response) {
-  return answer_edit(stepper_, response, [&](World& world) {
-    set_bias(world, request.constraint, request.bias, request.max_force, request.timeout);
-  });
-}
-
-bool Services::set_constraint_properties(SetConstraintPropertiesRequest& request,
-                                         SetConstraintPropertiesResponse& response) {
-  return answer_edit(stepper_, response, [&](World& world) {
-    const engine::JointId id = find_joint(world, "name", request.name);
-    engine::Joint joint = world.joint(id);
-    change_properties(request.keys, request.values, &joint);
-    world.set_joint(id, joint);
-    response.status_message = engine::text_of_opening(world, id);
+bool Services::list_scenes(ListScenesRequest&, ListScenesResponse& response) {
+  return answer(response, [&] {
+    response.scenes = shipped_scenes();
+    for (const std::string& scene : response.scenes)
+      response.descriptions.push_back(description(scene));
   });
 }
 
 void Services::on_motor_bias(const MotorBias& message) {
-  const auto change = [this, message](World& world) {
+  SetMotorBiasRequest request;
+  request.constraint = message.constraint;
+  request.bias = message.bias;
+  request.max_force = message.max_force;
+  request.timeout = message.timeout;
+  const auto set = [this, request](World& world) {
     try {
-      set_bias(world, message.constraint, message.bias, message.max_force, message.timeout);
+      SetMotorBiasResponse response;
+      change(world, request, &response);
+      edit_log_.record(stepper_, "set_motor_bias", request, world);
     } catch (const std::invalid_argument& error) {
       tell_of_motor(error.what());
     }
   };
   try {
-    stepper_.post(change);
+    stepper_.post(set);
   } catch (const NotNow& error) {
     tell_of_motor(error.what());
   } catch (const Cancelled&) {
@@ -175,19 +126,6 @@ void Services::tell_of_motor(const char* why) {
   if (now < told_of_motor_ + 1.0) return;
   told_of_motor_ = now;
   ROS_WARN("motor_bias: %s", why);
-}
-
-bool Services::apply_body_wrench(ApplyBodyWrenchRequest& request,
-                                 ApplyBodyWrenchResponse& response) {
-  return answer_edit(stepper_, response,
-                     [&](World& world) { world.add_wrench(from_msg(request, world)); });
-}
-
-bool Services::clear_body_wrenches(ClearBodyWrenchesRequest& request,
-                                   ClearBodyWrenchesResponse& response) {
-  return answer_edit(stepper_, response, [&](World& world) {
-    world.clear_wrenches(find_own_body(world, "body_name", request.body_name));
-  });
 }
 
 bool Services::get_body_state(GetBodyStateRequest& request, GetBodyStateResponse& response) {
@@ -205,16 +143,6 @@ bool Services::get_body_state(GetBodyStateRequest& request, GetBodyStateResponse
   });
 }
 
-bool Services::set_body_state(SetBodyStateRequest& request, SetBodyStateResponse& response) {
-  return answer_edit(stepper_, response, [&](World& world) {
-    const engine::BodyId body = find_own_body(world, "name", request.state.name);
-    const engine::BodyId frame = find_body(world, "reference_frame", request.reference_frame);
-    const engine::BodyState state = from_msg(request.state.pose, request.state.twist);
-    engine::validate(state);
-    world.set_state(body, from_relative(world.state(frame), state));
-  });
-}
-
 bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response) {
   return answer(response, [&] {
     if (request.path.empty() == request.text.empty())
@@ -226,6 +154,7 @@ bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response
     const Boundary boundary = stepper_.interrupt("load_scene", [&](World& world) {
       scene.continue_from(world);
       world = std::move(scene);
+      edit_log_.record_replaced(stepper_, world);
     });
     ROS_INFO("load_scene %s: %s",
              request.path.empty() ? "of a text" : shortened(request.path, 200).c_str(),
@@ -265,17 +194,24 @@ bool Services::unpause_physics(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&
   });
 }
 
-bool Services::reset_world(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
-  return done("reset_world",
-              [&] { stepper_.interrupt("reset_world", [](World& world) { world.reset(); }); });
+bool Services::reset_world(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse&) {
+  return done("reset_world", [&] {
+    stepper_.interrupt("reset_world", [&](World& world) {
+      constraint_sim::reset_world(world);
+      edit_log_.record(stepper_, "reset_world", request, world);
+    });
+    publishers_.renew_markers();
+  });
 }
 
-bool Services::reset_simulation(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
+bool Services::reset_simulation(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse&) {
   return done("reset_simulation", [&] {
-    stepper_.interrupt("reset_simulation", [](World& world) {
-      world.reset();
-      world.set_time(0.0, 0);
+    stepper_.interrupt("reset_simulation", [&](World& world) {
+      edit_log_.check(stepper_, world);
+      constraint_sim::reset_simulation(world);
+      edit_log_.record(stepper_, "reset_simulation", request, world);
     });
+    publishers_.renew_markers();
   });
 }
 

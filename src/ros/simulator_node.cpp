@@ -2,6 +2,7 @@
 
 #include <ros/console.h>
 
+#include <algorithm>
 #include <future>
 #include <stdexcept>
 #include <vector>
@@ -36,11 +37,21 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
       handle_(queries_.serving(handle)),
       private_handle_(queries_.serving(private_handle)),
       parameters_(read_parameters(private_handle_)),
+      plugins_(parameters_, private_handle_),
       log_(parameters_),
-      publishers_(parameters_, handle_, private_handle_),
+      edit_log_(private_handle_),
+      hands_(parameters_, private_handle_),
+      robots_(parameters_),
+      publishers_(parameters_, robots_, handle_, private_handle_, hands_),
+      event_topic_(private_handle_, publishers_),
+      diagnostics_(parameters_, handle_, private_handle_.getNamespace()),
       stepper_(first_world(), stepper_options(parameters_), clock(), events()),
-      services_(stepper_, publishers_, parameters_, service_handles()),
+      services_(stepper_, edit_log_, publishers_, parameters_, service_handles()),
+      urdf_loader_(stepper_, parameters_, robots_, edits_.serving(private_handle_)),
+      commands_(stepper_, parameters_, robots_, edits_.serving(private_handle_)),
+      follower_(parameters_, handle_),
       stepping_thread_(&Stepper::run, &stepper_) {
+  hands_.start(&stepper_);
   tell_of_start(first_summary_);
   if (parameters_.follows_clock())
     clock_topic_ = handle_.subscribe("/clock", 10, &SimulatorNode::on_clock, this);
@@ -50,6 +61,7 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
 SimulatorNode::~SimulatorNode() {
   stepper_.stop();  // all who wait for it are answered, so that the queues can end
   stepping_thread_.join();
+  hands_.stop();
   // at the same time: the threads of each look up every 0.1 s
   std::vector<std::future<void>> stopping;
   for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_})
@@ -59,9 +71,12 @@ SimulatorNode::~SimulatorNode() {
 World SimulatorNode::first_world() {
   try {
     World world = load_world(parameters_.scene, "", parameters_, Caller::kParameter);
+    add_first_robot(handle_, parameters_, &robots_, &world);
     log_.edited(world);
     first_summary_ = summary(world);
     return world;
+  } catch (const ParameterError&) {
+    throw;
   } catch (const std::invalid_argument& error) {
     const std::string text = error.what();
     const bool is_tick = text.compare(0, 10, "time_step:") == 0;  // of the world's options
@@ -112,18 +127,32 @@ void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
 
 StepperEvents SimulatorNode::events() {
   StepperEvents events;
+  events.stepping = [this](World& world) {
+    commands_.before_step(&world);
+    follower_.before_step(&world, stepper_.real_time_factor());
+  };
   events.stepped = [this](const World& world, double seconds) {
     publishers_.stepped(world, seconds);
+    event_topic_.stepped(world);
+    diagnostics_.stepped(world, seconds);
     log_.stepped(world);
+    edit_log_.stepped(world);
+    plugins_.stepped(world);
   };
   events.edited = [this](const World& world) {
     publishers_.edited(world);
+    event_topic_.edited(world);
+    hands_.edited(world);
     log_.edited(world);
+    edit_log_.edited(stepper_, world);
   };
   events.passed = [this](const World& world) {
     log_.passed(world, stepper_);
+    edit_log_.passed(world);
+    event_topic_.passed(world, stepper_);
     stepper_.time_stages(publishers_.wants_stage_times());
-    return publishers_.passed(world, stepper_);
+    const double again = std::min(diagnostics_.passed(world, stepper_, follower_), hands_.passed());
+    return std::min(again, publishers_.passed(world, stepper_));
   };
   return events;
 }

@@ -8,11 +8,20 @@
 #include <string>
 #include <thread>
 
+#include "ros/commands.h"
+#include "ros/diagnostics.h"
+#include "ros/edit_log.h"
 #include "ros/event_log.h"
+#include "ros/events.h"
+#include "ros/frame_follower.h"
+#include "ros/hands.h"
 #include "ros/parameters.h"
+#include "ros/plugins.h"
 #include "ros/publishers.h"
+#include "ros/robots.h"
 #include "ros/service_queue.h"
 #include "ros/services.h"
+#include "ros/urdf_loader.h"
 #include "sim/stepper.h"
 
 namespace constraint_sim {
@@ -42,11 +51,20 @@ class SimulatorNode {
   ros::NodeHandle handle_;
   ros::NodeHandle private_handle_;
   Parameters parameters_;
+  Plugins plugins_;  // before the first world, which may need them
   EventLog log_;
   std::string first_summary_;
+  EditLog edit_log_;
+  Hands hands_;
+  Robots robots_;
   Publishers publishers_;
+  EventTopic event_topic_;
+  Diagnostics diagnostics_;
   Stepper stepper_;
   Services services_;
+  UrdfLoader urdf_loader_;
+  Commands commands_;
+  FrameFollower follower_;
   ros::Subscriber clock_topic_;
   double clock_ = 0.0;  // [s] that /clock said last
   std::thread stepping_thread_;

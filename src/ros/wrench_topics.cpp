@@ -2,22 +2,18 @@
 
 #include <geometry_msgs/WrenchStamped.h>
 #include <ros/console.h>
-#include <ros/names.h>
 
 #include <algorithm>
 #include <utility>
 
 #include "ros/conversions.h"
+#include "ros/topic_names.h"
+#include "sim/grip.h"
 
 namespace constraint_sim {
 namespace {
 
-// Names of constraints may have characters that those of topics have not.
-std::string topic_of(std::string constraint) {
-  for (char& c : constraint)
-    if (c == '.' || c == '-') c = '_';
-  return ros::names::clean("force_torque/" + constraint);
-}
+constexpr const char* kForceTorque = "force_torque";
 
 geometry_msgs::WrenchStamped to_msg(const engine::World::JointWrench& wrench) {
   geometry_msgs::WrenchStamped message;
@@ -47,6 +43,7 @@ void WrenchTopics::update(const engine::World& world) {
   for (const engine::JointId id : world.joint_ids()) {
     const engine::Joint& joint = world.joint(id);
     if (engine::couples_joints(joint.kind)) continue;  // acts along coordinates of others
+    if (is_grip(joint)) continue;                      // there while a mouse button is down
     const std::string& name = joint.name;
     if (++count > kMost) {
       if (without_.insert("").second)
@@ -57,7 +54,7 @@ void WrenchTopics::update(const engine::World& world) {
     const auto known = topics_.find(name);
     ros::Publisher topic = known != topics_.end() ? known->second : advertise(name, taken);
     if (!topic) continue;
-    taken.insert(topic_of(name));
+    taken.insert(topic_of(kForceTorque, name));
     next.emplace(name, std::move(topic));
   }
   const std::lock_guard<std::mutex> lock(mutex_);
@@ -67,7 +64,7 @@ void WrenchTopics::update(const engine::World& world) {
 // none where the name cannot be that of a topic, or is that of another one
 ros::Publisher WrenchTopics::advertise(const std::string& constraint,
                                        const std::set<std::string>& taken) {
-  const std::string topic = topic_of(constraint);
+  const std::string topic = topic_of(kForceTorque, constraint);
   std::string why;
   if (ros::names::validate(topic, why) && taken.count(topic) == 0)
     return private_handle_.advertise<geometry_msgs::WrenchStamped>(topic, 100, welcome_);

@@ -3,30 +3,25 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <boost/program_options.hpp>
 #include <chrono>
 #include <cmath>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
-#include <filesystem>
 #include <fstream>
 #include <iostream>
-#include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
-#include <sstream>
 #include <string>
-#include <type_traits>
 #include <vector>
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
-#include "engine/method_names.h"
-#include "engine/option_values.h"
+#include "constraint_sim/engine/snapshot.h"
 #include "engine/validate.h"
+#include "runner/arguments.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -35,161 +30,6 @@ constexpr int kBadInput = 2;
 constexpr int kPhysicsFailed = 3;
 constexpr int kFinishedWithWarnings = 4;
 constexpr int kSignalled = 128;  // plus the signal, as shells have it
-
-// ---- scenes
-
-/// The folder of the scenes that come with this program: in its installation, or in its sources.
-std::string scene_folder() {
-  namespace fs = std::filesystem;
-  std::error_code error;
-  const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
-  for (const char* prefix : {"..", "../.."}) {  // PREFIX/bin, and catkin's PREFIX/lib/PACKAGE
-    const fs::path scenes = folder / prefix / "share/constraint_sim/config/scenes";
-    if (!error && fs::is_directory(scenes, error)) return fs::weakly_canonical(scenes, error);
-  }
-  return CONSTRAINT_SIM_SOURCE_SCENES;
-}
-
-/// The scene in a file, of a name, or `-`: from standard input.
-World load_scene_named(const std::string& scene) {
-  if (scene != "-") return load_scene_file(file_of_scene(scene, scene_folder()));
-  std::string text(kMostSceneBytes + 1, '\0');
-  std::cin.read(text.data(), static_cast<std::streamsize>(text.size()));
-  text.resize(static_cast<std::size_t>(std::cin.gcount()));
-  return load_scene(text, "standard input");
-}
-
-// ---- arguments
-
-struct Arguments {
-  std::string scene;
-  double duration = 0.0;                          ///< [s]
-  boost::program_options::variables_map options;  ///< of the world, in place of the scene's
-  std::string csv, report, save;                  ///< paths; empty: not wanted
-  bool explain = false;
-};
-
-/// A number, or `.inf` as in scenes.
-struct NumberOrInfinity {
-  double value = 0.0;
-};
-
-std::istream& operator>>(std::istream& in, NumberOrInfinity& number) {
-  std::string word;
-  in >> word;
-  std::istringstream text(word);
-  if (word == ".inf")
-    number.value = std::numeric_limits<double>::infinity();
-  else if (!(text >> number.value) || text.peek() != std::istringstream::traits_type::eof())
-    in.setstate(std::ios::failbit);
-  return in;
-}
-
-/// The type by which an option of the world stands on the command line; void: it does not.
-template <class Value, class Range>
-struct Argument {
-  using Type = Value;
-};
-template <class Range>
-struct Argument<Eigen::Vector3d, Range> {
-  using Type = void;
-};
-template <>
-struct Argument<double, PositiveOrInfinity> {
-  using Type = NumberOrInfinity;
-};
-template <>
-struct Argument<Method, AnyValue> {
-  using Type = std::string;
-};
-
-template <class Value>
-Value value_of(const Value& argument) {
-  return argument;
-}
-double value_of(const NumberOrInfinity& argument) { return argument.value; }
-Method value_of(const std::string& argument) { return method_named(argument); }
-
-/// Calls visit(its name here, OptionInfo, member of `options`, range, null pointer to its type
-/// here) for each option of the world that stands on the command line.
-template <class Visit>
-void visit_arguments(WorldOptions* options, Visit visit) {
-  visit_options(*options, [&](const OptionInfo& info, auto& value, auto range) {
-    using Type = typename Argument<std::decay_t<decltype(value)>, decltype(range)>::Type;
-    if constexpr (!std::is_void_v<Type>) {
-      std::string argument = info.name;
-      std::replace(argument.begin(), argument.end(), '_', '-');
-      visit(argument, info, value, range, static_cast<const Type*>(nullptr));
-    }
-  });
-}
-
-/// Nothing when only help was asked for.
-std::optional<Arguments> parse(int argc, char** argv) {
-  namespace po = boost::program_options;
-  Arguments arguments;
-  po::options_description visible("Options");
-  auto add = visible.add_options();
-  add("help,h", "print this");
-  add("duration", po::value(&arguments.duration)->required()->value_name("SECONDS"),
-      "simulated time to run, to the nearest tick");
-  add("csv", po::value(&arguments.csv)->value_name("FILE"),
-      "write the state of each body, at the start and after every step");
-  add("report", po::value(&arguments.report)->value_name("FILE"), "write the outcome as JSON");
-  add("save", po::value(&arguments.save)->value_name("FILE"), "write the final state as a scene");
-  add("explain", po::bool_switch(&arguments.explain),
-      "print what the scene uses and what is left out, as YAML");
-  po::options_description of_world("Options of the world, in place of the scene's");
-  auto add_of_world = of_world.add_options();
-  WorldOptions defaults;
-  visit_arguments(&defaults, [&](const std::string& argument, const OptionInfo& info,
-                                 const auto& value, auto range, const auto* as) {
-    using Type = std::decay_t<decltype(*as)>;
-    const std::string unit = *info.unit == '\0' ? "" : "[" + std::string(info.unit) + "] ";
-    add_of_world(argument.c_str(), po::value<Type>()->value_name("VALUE"),
-                 (unit + range_and_meaning(info, value, range)).c_str());
-  });
-  po::options_description all;
-  all.add(visible).add(of_world).add_options()("scene", po::value(&arguments.scene)->required());
-  po::positional_options_description positions;
-  positions.add("scene", 1);
-
-  po::variables_map values;
-  const int style = po::command_line_style::unix_style & ~po::command_line_style::allow_guessing;
-  po::store(
-      po::command_line_parser(argc, argv).options(all).positional(positions).style(style).run(),
-      values);
-  if (values.count("help") > 0) {
-    std::cout << "Usage: constraint_sim_run SCENE --duration SECONDS [options]\n\n"
-              << "SCENE is a file, `-` for standard input, or one of those that come with this:\n";
-    for (const std::string& name : scene_names(scene_folder())) std::cout << "  " << name << '\n';
-    std::cout
-        << '\n'
-        << visible << '\n'
-        << of_world
-        << "\nExit status: 0, 2 for bad input, 3 when the physics failed, 4 when it finished but\n"
-           "an error was not closed or energy rose without a cause, 130 or 143 when\n"
-           "interrupted or terminated: the files are written as far as it came.\n";
-    return std::nullopt;
-  }
-  po::notify(values);
-  arguments.options = values;
-  return arguments;
-}
-
-World load(const Arguments& arguments) {
-  World world = load_scene_named(arguments.scene);
-  WorldOptions options = world.options();
-  bool any = false;
-  visit_arguments(&options, [&](const std::string& argument, const OptionInfo&, auto& value, auto,
-                                const auto* as) {
-    if (arguments.options.count(argument) == 0) return;
-    value = value_of(arguments.options[argument].as<std::decay_t<decltype(*as)>>());
-    any = true;
-  });
-  if (any) world.set_options(options);
-  return world;
-}
 
 std::uint64_t steps_in(double duration, double time_step) {
   check_not_negative("duration", duration);
@@ -448,6 +288,7 @@ int run(const Arguments& arguments) {
 
   stop_on_signals();
   OutputFile csv(arguments.csv), report(arguments.report), save(arguments.save);
+  OutputFile snapshot(arguments.snapshot);
   const Outcome outcome = run(steps, &world, &csv);
 
   if (report.is_wanted()) report.stream() << report_of(world, outcome).dump(2) << '\n';
@@ -460,7 +301,8 @@ int run(const Arguments& arguments) {
                    scene.size(), kMostSceneBytes);
     save.stream() << scene;
   }
-  for (OutputFile* file : {&csv, &report, &save}) file->close();
+  if (snapshot.is_wanted()) snapshot.stream() << write_snapshot(world);
+  for (OutputFile* file : {&csv, &report, &save, &snapshot}) file->close();
   print_summary(world, outcome);
   if (outcome.failed) {
     std::fprintf(stderr, "constraint_sim_run: the physics failed after %g s: %s\n", world.time(),

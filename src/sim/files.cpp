@@ -49,9 +49,8 @@ void check_regular(const std::string& what, const std::string& path, const struc
   if (!S_ISREG(status.st_mode)) refuse(what, path, "it is not a regular file");
 }
 
-void check_size(const std::string& path, std::size_t size) {
-  if (size > kMostBytes)
-    refuse("read", path, "it is larger than " + std::to_string(kMostBytes >> 20) + " MiB");
+void check_size(const std::string& path, std::size_t size, std::size_t most) {
+  if (size > most) refuse("read", path, "it is larger than " + std::to_string(most >> 20) + " MiB");
 }
 
 std::string real_path(const std::string& what, const std::string& path) {
@@ -119,7 +118,7 @@ class Unfinished {
 
 }  // namespace
 
-std::string read_file(const std::string& path) {
+std::string read_file(const std::string& path, std::size_t most) {
   if (path.find('\0') != std::string::npos) refuse("read", path, "it has a zero byte");
   // before it is opened, which some devices take for an order
   struct stat status {};
@@ -128,7 +127,7 @@ std::string read_file(const std::string& path) {
   const Descriptor file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_NOCTTY | O_CLOEXEC));
   if (file < 0 || ::fstat(file, &status) != 0) refuse("read", path, errno);
   check_regular("read", path, status);
-  check_size(path, static_cast<std::size_t>(status.st_size));
+  check_size(path, static_cast<std::size_t>(status.st_size), most);
   std::string text;
   char piece[1 << 16];
   for (;;) {
@@ -137,7 +136,7 @@ std::string read_file(const std::string& path) {
     if (count < 0) refuse("read", path, errno);
     if (count == 0) return text;
     text.append(piece, static_cast<std::size_t>(count));
-    check_size(path, text.size());  // some grow, and those of the kernel have no size
+    check_size(path, text.size(), most);  // some grow, and those of the kernel have no size
   }
 }
 

@@ -9,8 +9,8 @@ namespace constraint_sim {
 
 inline constexpr std::size_t kMostBytes = std::size_t{6} << 20;  ///< of a scene, as load_scene
 
-/// The text of a regular file of up to kMostBytes; a link is followed.
-std::string read_file(const std::string& path);
+/// The bytes of a regular file of up to `most`; a link is followed.
+std::string read_file(const std::string& path, std::size_t most = kMostBytes);
 
 /// Replaces or makes a regular file: the whole text, on the disk when this returns, or the file as
 /// it was. Of a link the file that it leads to. The mode of a file that was there stays.

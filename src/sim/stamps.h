@@ -52,6 +52,10 @@ class Stamps {
   /// Simulated time has lost touch with the wall, as in a pause or when ticks were dropped: the
   /// next stamp is taken from the wall again.
   void let_go() { anchored_ = false; }
+  void set_real_time_factor(double factor) {
+    let_go();
+    real_time_factor_ = factor;
+  }
 
  private:
   void restart() {

@@ -20,6 +20,7 @@ double run_time() {
 std::string why_failed(const World& world) {
   const engine::StepReport& report = world.report();
   std::string why = engine::to_string(report.failure);
+  if (report.failure == engine::Failure::kCustom) why += ": " + world.failed_why();
   if (report.failed_body) why += ": '" + world.body(*report.failed_body).name + "'";
   return why;
 }
@@ -79,6 +80,12 @@ void Stepper::fail(const std::string& why) {
   const std::lock_guard<std::mutex> lock(mutex_);
   failure_ = why;
   failed_ = true;
+}
+
+// what was owed at another pace is not made up for at this one
+void Stepper::set_real_time_factor(double factor) {
+  options_.real_time_factor = factor;
+  owed_ = 0.0;
 }
 
 std::string Stepper::failure() const {
@@ -191,6 +198,7 @@ void Stepper::drop_beyond(double most_owed) {
 
 // whether it was taken
 bool Stepper::step_once() {
+  if (events_.stepping) events_.stepping(world_);
   if (may_be_long_) keep_world_before();
   world_.set_clock(time_stages_ ? run_time : nullptr);
   world_.set_stop_flag(&abandon_);
@@ -259,6 +267,7 @@ Boundary Stepper::interrupt(const std::string& by, std::function<void(World&)> c
 
 void Stepper::apply(const std::function<void(World&)>& change) {
   change(world_);
+  ++edits_;
   edited_ = true;
   failed_ = false;
 }

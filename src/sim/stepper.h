@@ -57,6 +57,8 @@ struct StepperEvents {
   std::function<void(const World&)> edited;                   ///< at least one edit took effect
   /// At the end of every pass; answers after how many seconds [run time] it wants the next one.
   std::function<double(const World&)> passed;
+  /// Before a step: drives what moves.
+  std::function<void(World&)> stepping = nullptr;
 };
 
 /// Owns a World and advances it, on a thread of its own: what is due by the clock, what
@@ -119,8 +121,12 @@ class Stepper {
   bool has_failed() const { return failed_; }
   /// MethodReason it has, in words; empty where it has not.
   std::string failure() const;
+  /// Changes that took effect; of the stepping thread.
+  std::uint64_t edits() const { return edits_; }
   std::uint64_t dropped_ticks() const { return dropped_ticks_; }
   double real_time_factor() const { return options_.real_time_factor; }
+  /// From the next step on; as StepperOptions says. Of the stepping thread.
+  void set_real_time_factor(double factor);
   /// Whether to time the stages of each step, from the next one on.
   void time_stages(bool on) { time_stages_ = on; }
 
@@ -177,6 +183,7 @@ class Stepper {
   double last_clock_ = 0.0;
   double owed_ = 0.0;  // simulated seconds that the clock has passed and the world has not
   bool edited_ = false;
+  std::uint64_t edits_ = 0;
   bool may_be_long_ = true;  // the next tick, by the last one or because of an edit
 
   // the world before the tick that runs, where that may be long

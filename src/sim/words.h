@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "engine/edit_distance.h"
+
 namespace constraint_sim {
 
 /// At most so many characters of a text, with dots where something is left out.
@@ -23,22 +25,6 @@ inline std::string with_short_quotes(const std::string& message, std::size_t fro
   return message.substr(0, first + 1) + shortened(quoted) + message.substr(last);
 }
 
-/// Letters to add, take away or change to make one word of the other.
-inline std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t changed = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({changed, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row[b.size()];
-}
-
 /// The one of these that was probably meant by a word, empty if none is close.
 inline std::string closest(const std::string& word, const std::vector<std::string>& known) {
   constexpr std::size_t kLongestWord = 100;
@@ -46,7 +32,7 @@ inline std::string closest(const std::string& word, const std::vector<std::strin
   std::size_t least = std::max<std::size_t>(1, word.size() / 3) + 1;
   std::string found;
   for (const std::string& candidate : known) {
-    const std::size_t distance = edit_distance(word, candidate);
+    const std::size_t distance = engine::edit_distance(word, candidate);
     if (distance >= least) continue;
     least = distance;
     found = candidate;

@@ -208,4 +208,14 @@ inline double order(const std::vector<double>& steps, const std::vector<double>&
   return (n * xy - x * y) / (n * xx - x * x);
 }
 
+/// What all contacts of a body do to it together [N].
+inline Eigen::Vector3d contact_force_on(const World& world, BodyId body) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const Contact& contact : world.contacts()) {
+    if (contact.body_a == body) sum += contact.force;
+    if (contact.body_b == body) sum -= contact.force;
+  }
+  return sum;
+}
+
 }  // namespace constraint_sim::engine

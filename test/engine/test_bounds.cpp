@@ -223,7 +223,7 @@ TEST(Bounds, OfContactsEndAStepOfAHeap) {
   EXPECT_TRUE(boxes.step().failed);
   EXPECT_EQ(boxes.report().failure, Failure::kTooManyContacts);
   EXPECT_EQ(boxes.step_count(), 0u);
-  EXPECT_LT(seconds_since(start), 10.0);
+  EXPECT_LT(seconds_since(start), 30.0);
   EXPECT_LT(peak_memory(), 1e9);
 }
 
@@ -237,7 +237,7 @@ TEST(Bounds, OfSubstepsEndAStepOfBodiesThatTurnTooFast) {
     world.add_body(body);
   }
   EXPECT_FALSE(world.step().failed);
-  EXPECT_LT(seconds_since(start), 5.0 * kSanitizedShare);
+  EXPECT_LT(seconds_since(start), 30.0 * kSanitizedShare);
   for (const Island& island : world.islands()) EXPECT_EQ(island.why, MethodReason::kRefused);
 }
 

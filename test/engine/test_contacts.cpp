@@ -216,6 +216,11 @@ TEST(Incline, WithinFrictionStaysPut) {
             slop(incline.world));
   EXPECT_LT(incline.world.state(incline.box).linear_velocity.norm(), 1e-6);
   EXPECT_NEAR(total_normal_force(incline.world), 3.0 * kGravity * std::cos(kSlope), 0.01);
+  // friction bears the rest of the weight, within what the sweeps leave
+  const Vector3d force = contact_force_on(incline.world, incline.box);
+  EXPECT_LT((force - Vector3d(0.0, 0.0, 3.0 * kGravity)).norm(), 0.01);
+  for (const Contact& contact : incline.world.contacts())
+    EXPECT_EQ(contact.state, ContactState::kSticking);
 }
 
 // Angular momentum about the line of contact is kept: m r v₀ = (m r² + ⅖ m r²) v/r. The contact is
@@ -249,6 +254,15 @@ TEST(Sliding, FrictionSlowsByMuG) {
   // sweeps that start from the step before leave less than a hundredth of a step's braking
   EXPECT_LT((world.state(box).linear_velocity - expected).norm(), 0.01 * 0.3 * kGravity * 0.01);
   EXPECT_LT(world.state(box).angular_velocity.norm(), 1e-3);
+  ASSERT_FALSE(world.contacts().empty());
+  for (const Contact& contact : world.contacts()) {
+    EXPECT_EQ(contact.state, ContactState::kSlipping);
+    const Vector3d friction = contact.force - contact.normal_force * contact.normal;
+    // at Coulomb's limit to rounding, against the slip to what the sweeps leave
+    const Vector3d on_box = contact.body_a == box ? friction : Vector3d(-friction);
+    EXPECT_NEAR(friction.norm(), 0.3 * contact.normal_force, 1e-9 * contact.normal_force);
+    EXPECT_LT(on_box.normalized().dot(Vector3d(0.6, 0.8, 0.0)), -0.999);
+  }
 }
 
 // ---- rows, and who collides

@@ -294,6 +294,57 @@ TEST(AngleMotor, GivesWayAtItsForceLimit) {
   EXPECT_NEAR(bar.angle().effort, 0.6, 1e-9);
 }
 
+// The crank of a slider-crank from rest: its motor is at the limit, also where closing errors of
+// other rows takes back a little of its impulse.
+TEST(AngleMotor, TellsItsForceLimitByImpulses) {
+  World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR) + "/slider_crank.yaml");
+  WorldOptions chosen = world.options();
+  chosen.method = Method::kSequentialImpulses;
+  world.set_options(chosen);
+  const JointId shaft = world.find_joint("shaft");
+  CoordinateMotor motor;
+  motor.bias = 6.0;
+  motor.max_force = 5.0;
+  world.set_motor(shaft, 0, motor);
+  int at_limit = 0, with_corrections = 0;
+  for (int i = 0; i < 200; ++i) {
+    world.step();
+    const JointState& state = world.joint_state(shaft);
+    EXPECT_LE(std::abs(state.force), 5.0 * (1.0 + 1e-12));
+    if (std::abs(state.force) < 5.0 * (1.0 - 1e-6)) continue;
+    ++at_limit;
+    if (std::abs(state.force) < 5.0) ++with_corrections;
+    EXPECT_TRUE(state.saturated) << i;
+  }
+  EXPECT_GT(at_limit, 100);
+  EXPECT_GT(with_corrections, 0);
+}
+
+// A servo and a force are at their limits as motors by velocity are.
+TEST(AngleMotor, TellsTheForceLimitOfAServoAndOfAForce) {
+  CoordinateLaw servo;
+  servo.motor.emplace();
+  servo.motor->position = 1.0;
+  servo.motor->servo_stiffness = 2.0;
+  servo.motor->servo_damping = 2.0;
+  servo.motor->max_force = 0.6;
+  Bar bar(Method::kSequentialImpulses, 0.001, servo);
+  bar.run(0.1);
+  EXPECT_TRUE(bar.world.joint_state(bar.hinge).saturated);
+  EXPECT_NEAR(bar.angle().effort, 0.6, 1e-9);
+  bar.run(4.9);
+  EXPECT_FALSE(bar.world.joint_state(bar.hinge).saturated);
+  for (const double force : {0.5, 0.7}) {
+    CoordinateLaw law;
+    law.motor.emplace();
+    law.motor->force = force;
+    law.motor->max_force = 0.6;
+    Bar pushed(Method::kSequentialImpulses, 0.001, law);
+    pushed.run(0.1);
+    EXPECT_EQ(pushed.world.joint_state(pushed.hinge).saturated, force > 0.6);
+  }
+}
+
 TEST(AngleMotor, IsSetAndReleasedWhileRunning) {
   for (const Method method : kSmoothMethods) {
     Bar bar(method, 0.01, CoordinateLaw{}, 1.0);

@@ -45,14 +45,14 @@ struct Wheels {
     }
   }
 
-  JointId gear(int first, int second, double ratio) {
+  JointId gear(int first, int second, double ratio, std::optional<double> value = std::nullopt,
+               bool enabled = true) {
     Joint joint;
     joint.name = "gear_" + std::to_string(first) + "_" + std::to_string(second);
     joint.kind = JointKind::kGear;
     joint.coupling = {hinges[static_cast<std::size_t>(first)],
-                      hinges[static_cast<std::size_t>(second)],
-                      ratio,
-                      {}};
+                      hinges[static_cast<std::size_t>(second)], ratio, value};
+    joint.enabled = enabled;
     return world.add_joint(joint);
   }
 
@@ -273,6 +273,54 @@ TEST(Gear, TellsALoopThatContradictsAMotor) {
     EXPECT_EQ(wheels.world.islands().front().why, MethodReason::kInconsistent) << name(method);
     EXPECT_LE(wheels.world.energy(), energy + 10.0);
   }
+}
+
+// Gears that cannot be met together are refused by name, when they are added or begin to act, and
+// nothing changes. What they say is the same around the loop in all directions.
+TEST(Gear, RefusesALoopThatContradicts) {
+  Wheels wheels(4);
+  wheels.gear(0, 1, 1.0);
+  wheels.gear(2, 1, 1.0);
+  const auto refused = [&](int first, int second, double ratio, double value) {
+    const std::uint64_t before = wheels.world.state_hash();
+    const std::string said = refusal([&] { wheels.gear(first, second, ratio, value); });
+    EXPECT_EQ(wheels.world.state_hash(), before);
+    return said;
+  };
+  EXPECT_EQ(refused(0, 2, -1.0, 0.5),
+            "value: contradicts 'gear_0_1', 'gear_2_1', by which it is 0, got 0.5");
+  EXPECT_EQ(refused(2, 0, -1.0, -0.5),
+            "value: contradicts 'gear_0_1', 'gear_2_1', by which it is 0, got -0.5");
+  EXPECT_EQ(refused(1, 0, 1.0, 1e-5), "value: contradicts 'gear_0_1', by which it is 0, got 1e-05");
+  const JointId idle = wheels.gear(0, 2, -1.0, 0.5, false);
+  EXPECT_EQ(refusal([&] { wheels.world.set_enabled(idle, true); }),
+            "value: contradicts 'gear_0_1', 'gear_2_1', by which it is 0, got 0.5");
+  EXPECT_FALSE(wheels.world.joint(idle).enabled);
+  wheels.world.remove_joint(idle);
+  wheels.gear(0, 2, 1.0, 0.3);  // which stops all of them, the first at 0.15
+  wheels.gear(3, 0, 1.0, 7.0);  // in no loop
+  for (int i = 0; i < 100; ++i) ASSERT_FALSE(wheels.world.step().failed);
+  EXPECT_NEAR(wheels.angle(0), 0.15, 1e-12);
+  EXPECT_NEAR(wheels.angle(3), 6.85, 1e-12);
+  EXPECT_EQ(refused(1, 0, 3.0, 0.0),
+            "value: contradicts 'gear_0_1', 'gear_2_1', 'gear_0_2', by which it is 0.3, got 0");
+}
+
+// Those that impulses leave off a little fit each other, also when they are loaded, and those that
+// came to contradict each other before.
+TEST(Gear, MayBeAddedOnceMoreWhileItIsOff) {
+  Wheels wheels(2, Method::kSequentialImpulses);
+  wheels.gear(0, 1, 1.3);
+  BodyState pushed = wheels.world.state(wheels.bodies[0]);
+  pushed.orientation = Eigen::AngleAxisd(0.01, Vector3d::UnitZ());
+  wheels.world.set_state(wheels.bodies[0], pushed);
+  for (int i = 0; i < 3; ++i) wheels.world.step();
+  const JointId first = wheels.world.find_joint("gear_0_1");
+  EXPECT_GT(std::abs(wheels.world.joint_state(first).error), 1e-4);
+  wheels.gear(1, 0, 1.0 / 1.3);
+  EXPECT_EQ(save_scene(load_scene(save_scene(wheels.world), "saved")), save_scene(wheels.world));
+  for (int i = 0; i < 300; ++i) wheels.world.step();
+  EXPECT_EQ(save_scene(load_scene(save_scene(wheels.world), "saved")), save_scene(wheels.world));
 }
 
 // A hinge and a slider as rack and pinion, driven by a motor on the hinge.

@@ -136,15 +136,15 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
         Case{false, ImplicitRule::kBdf2}, Case{true, ImplicitRule::kBdf2}}) {
     const Assembly assembly(is_closed);
     EquationsOfMotion equations = assembly.equations();
-    std::vector<JointCourse> courses(assembly.joints.size());
+    std::vector<PrescribedMotion> courses(assembly.joints.size());
     for (std::size_t j = 0; j < courses.size(); ++j) {
       JointState state;
-      courses[j] = JointCourse(assembly.joints[j], {0.0, 0.1, 0.1, 0.5}, state);
+      courses[j] = PrescribedMotion(assembly.joints[j], {0.0, 0.1, 0.1, 0.5}, state);
     }
-    const std::vector<Load> loads{{1, {1.0, 2.0, 3.0}, {0.5, -0.3, 0.2}}};
+    const std::vector<AppliedWrench> loads{{1, {1.0, 2.0, 3.0}, {0.5, -0.3, 0.2}}};
     equations.begin(0.0, assembly.states, {0.0, 0.0, -kGravity}, loads, courses);
     ImplicitStep step(equations);
-    step.load(assembly.states, equations);
+    step.gather_state(assembly.states, equations);
     step.begin(0.0, 0.1, ImplicitRule::kMidpoint, &equations);
     if (rule != ImplicitRule::kMidpoint) {  // with a step before it, whatever that found
       step.finish(ImplicitStep::Unknowns(step.size(), 0.01), &equations);
@@ -558,12 +558,12 @@ class LightLinks {
  private:
   double t_ = 0.0;
   Vector3d gravity_ = Vector3d::Zero();
-  std::vector<Load> loads_;
+  std::vector<AppliedWrench> loads_;
   std::vector<BodyState> states_;
   std::vector<MassProperties> masses_;
   std::vector<Joint> joints_;
   std::vector<std::pair<std::size_t, std::size_t>> ends_;
-  std::vector<JointCourse> courses_;
+  std::vector<PrescribedMotion> courses_;
   std::optional<IslandMotion> motion_;
 };
 

@@ -2,6 +2,7 @@
 // Oracles: closed forms of the motion before and after each event. Times are to be right to 1e-9 s
 // and positions to 1e-8 m at any tick; what is left is rounding and the tolerance of 1e-10 m/s.
 
+#include "bouncing.h"
 #include "constraint_sim/engine/plan.h"
 #include "support.h"
 
@@ -102,21 +103,6 @@ TEST_P(AtTicks, ABallThrownSidewaysSwingsOnItsRope) {
   run(pendulum, 1);
   EXPECT_LT((world.state(id).position - pendulum.state(bob).position).norm(), kPlace);
   EXPECT_LT((world.state(id).linear_velocity - pendulum.state(bob).linear_velocity).norm(), 1e-7);
-}
-
-// Height above the limit at t, of a fall from h with bounces; 0 once at rest.
-double bouncing(double h, double e, double t) {
-  double fall = std::sqrt(2.0 * h / kGravity), v = kGravity * fall;
-  if (t < fall) return h - 0.5 * kGravity * t * t;
-  t -= fall;
-  for (int i = 0; i < 10000; ++i) {
-    v *= e;
-    if (v < 1e-7) return 0.0;
-    const double flight = 2.0 * v / kGravity;
-    if (t < flight) return v * t - 0.5 * kGravity * t * t;
-    t -= flight;
-  }
-  return 0.0;
 }
 
 TEST_P(AtTicks, AStopIsHitWithItsRestitution) {

@@ -38,6 +38,10 @@ double seconds_of(const std::function<void()>& action) {
   return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
 }
 
+/// [s] More than ten times what each takes here: others slow a processor down, and what is not
+/// bounded takes hours.
+constexpr double kAtOnce = 10.0 * kSanitizedShare;
+
 /// The most memory this process ever had [bytes].
 double peak_memory() {
   rusage usage{};
@@ -70,7 +74,7 @@ TEST(HostileScene, IsAnsweredAtOnceHoweverItNests) {
     for (const std::size_t count : {40u, 1000u, 100000u}) {
       const std::string text = repeated(opening, count);
       std::string answer;
-      EXPECT_LT(seconds_of([&] { answer = answer_to(text); }), 1.0) << opening;
+      EXPECT_LT(seconds_of([&] { answer = answer_to(text); }), kAtOnce) << opening;
       EXPECT_NE(answer, "") << opening;
       expect_short(answer, text);
     }
@@ -110,9 +114,8 @@ std::string many_keys(std::size_t size) {
   return text;
 }
 
-// As long as is allowed. Others use the processor as well, so the best of five tries counts: what
-// takes more than a second in itself does so each time.
-TEST(HostileScene, OfGreatLengthIsAnsweredWithinASecond) {
+// As long as is allowed.
+TEST(HostileScene, OfGreatLengthIsAnsweredAtOnce) {
 #ifdef CONSTRAINT_SIM_SANITIZED
   constexpr std::size_t kSize = kMostSceneBytes / 20;  // sanitizers cost that much
 #else
@@ -153,11 +156,7 @@ TEST(HostileScene, OfGreatLengthIsAnsweredWithinASecond) {
   };
   for (const std::string& text : texts) {
     std::string answer;
-    constexpr double kMost = 1.0 * kSanitizedShare;  // [s]
-    double seconds = kMost;
-    for (int i = 0; i < 5 && seconds >= kMost; ++i)
-      seconds = seconds_of([&] { answer = answer_to(text); });
-    EXPECT_LT(seconds, kMost) << text.substr(0, 40);
+    EXPECT_LT(seconds_of([&] { answer = answer_to(text); }), kAtOnce) << text.substr(0, 40);
     EXPECT_NE(answer, "") << text.substr(0, 40);
     expect_short(answer, text);
   }
@@ -269,7 +268,7 @@ TEST(HostileScene, OfRandomTextIsAnsweredAtOnce) {
         expect_short(error.what(), text);
       }
     });
-    EXPECT_LT(seconds, 2.0) << text;
+    EXPECT_LT(seconds, kAtOnce) << text;
   }
   EXPECT_GT(loaded, 100);  // mutations of comments and numbers
 }
@@ -306,7 +305,7 @@ TEST_F(HostileFile, ThatIsNoneIsRefusedAtOnce) {
   for (const std::string& path : {in_folder("pipe"), std::string("/dev/zero"), in_folder("zeros"),
                                   std::string("/dev/tty"), in_folder(".")}) {
     std::string answer;
-    EXPECT_LT(seconds_of([&] { answer = answer_to_file(path); }), 1.0) << path;
+    EXPECT_LT(seconds_of([&] { answer = answer_to_file(path); }), kAtOnce) << path;
     EXPECT_EQ(answer.rfind(path + ": cannot read this", 0), 0u) << answer;
   }
 }

@@ -61,7 +61,7 @@ class Island {
   IntegrationResult step(double h) {
     if (!motion_) compile();
     const JointStep step{t, h, 0.1, kClosingTime};
-    std::vector<JointCourse> courses;
+    std::vector<PrescribedMotion> courses;
     for (std::size_t j = 0; j < joints.size(); ++j)
       courses.emplace_back(joints[j], step, joint_states[j]);
     equations_->begin_step(joint_states);
@@ -77,6 +77,7 @@ class Island {
                         equations_->impulse(l), zeta, joint_states[j]);
     }
     t += h;
+    compile_as_closed();
     return progress;
   }
   bool can_be_met() const { return motion_->can_be_met(); }
@@ -137,23 +138,36 @@ class Island {
   std::vector<BodyState> states;
   std::vector<Joint> joints;
   std::vector<JointState> joint_states;
-  std::vector<Load> loads;
+  std::vector<AppliedWrench> loads;
   double t = 0.0;
 
  private:
   void compile() {
     joint_states.resize(joints.size());
     for (std::size_t j = 0; j < joints.size(); ++j)
-      begin_joint(joints[j], states[ends_[j].first], states[ends_[j].second], t, joint_states[j]);
+      begin_joint(joints[j], states[ends_[j].first], states[ends_[j].second], t, joint_states[j],
+                  masses_[ends_[j].second].can_turn());
+    compile_as_closed();
+  }
+
+  // as a world does it when joints begin or end to be closed
+  void compile_as_closed() {
+    std::vector<char> open(joints.size());
+    for (std::size_t j = 0; j < joints.size(); ++j)
+      open[j] = joint_states[j].closing && joints[j].kind == JointKind::kBall;
+    if (open == open_ && motion_) return;
+    open_ = open;
     std::vector<int> all(joints.size());
     std::iota(all.begin(), all.end(), 0);
-    equations_ = std::make_unique<EquationsOfMotion>(all, joints, ends_, masses_);
+    equations_ = std::make_unique<EquationsOfMotion>(
+        all, joints, ends_, masses_, std::vector<CoupledTerms>{}, std::vector<int>{}, open);
     motion_ = std::make_unique<InconsistentMotion>(*equations_);
   }
 
   Vector3d gravity_;
   std::vector<MassProperties> masses_;
   std::vector<std::pair<std::size_t, std::size_t>> ends_;
+  std::vector<char> open_;  // joints
   std::unique_ptr<EquationsOfMotion> equations_;
   std::unique_ptr<InconsistentMotion> motion_;
 };

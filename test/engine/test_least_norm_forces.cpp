@@ -181,8 +181,8 @@ class OneIsland {
 
  private:
   Vector3d gravity_;
-  std::vector<Load> loads_;
-  std::vector<JointCourse> courses_;
+  std::vector<AppliedWrench> loads_;
+  std::vector<PrescribedMotion> courses_;
   std::vector<JointState> joint_states_;
   double t_ = 0.0;
   std::unique_ptr<RungeKutta> motion_;

@@ -56,7 +56,8 @@ TEST(MethodChoice, EveryReasonHasOneMethod) {
       {MethodReason::kLimit, kEvents},           {MethodReason::kForceLimit, kEvents},
       {MethodReason::kFriction, kEvents},        {MethodReason::kBreaks, kEvents},
       {MethodReason::kLimitedSpring, kImpulses}, {MethodReason::kManyRows, kImpulses},
-      {MethodReason::kRefused, kImpulses},       {MethodReason::kAskedFor, kGradients}};
+      {MethodReason::kRefused, kImpulses},       {MethodReason::kAskedFor, kGradients},
+      {MethodReason::kFewContacts, kEvents},     {MethodReason::kContactsGivenUp, kImpulses}};
   for (const auto& [why, method] : cases)
     EXPECT_EQ(method_for(why, with(kGradients)), method) << to_string(why);
   EXPECT_EQ(method_for(MethodReason::kAskedFor, with(kImpulses)), kImpulses);

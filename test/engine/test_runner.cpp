@@ -72,9 +72,26 @@ TEST_F(Runner, PrintsASummary) {
     EXPECT_NE(out().find(line), std::string::npos) << line << "is not in\n" << out();
 }
 
+// Three processes: 5 s at once, and 2 s and 3 s, the second of which has nothing but the file.
+TEST_F(Runner, GoesOnFromASnapshotInAnotherProcess) {
+  for (const std::string scene : {"winch", "two_boxes", "heavy_load", "gripper"}) {
+    ASSERT_EQ(run(scene + " --duration 5 --report whole.json") % 4, 0) << err();
+    ASSERT_EQ(run(scene + " --duration 2 --snapshot half.snapshot") % 4, 0) << err();
+    ASSERT_EQ(run("half.snapshot --duration 3 --report half.json") % 4, 0) << err();
+    EXPECT_EQ(report("half.json")["steps"], report("whole.json")["steps"]);
+    EXPECT_EQ(report("half.json")["state_hash"], report("whole.json")["state_hash"]) << scene;
+  }
+  std::string bytes = read(in_folder("half.snapshot"));
+  bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
+  std::ofstream(in_folder("bad.snapshot"), std::ios::binary) << bytes;
+  EXPECT_EQ(run("bad.snapshot --duration 1"), 2);
+  EXPECT_NE(err().find("damaged"), std::string::npos) << err();
+}
+
 TEST_F(Runner, ExplainsItselfWithoutAScene) {
   ASSERT_EQ(run("--help"), 0);
-  for (const char* option : {"--duration", "--csv", "--report", "--save", "--explain"})
+  for (const char* option :
+       {"--duration", "--csv", "--report", "--save", "--snapshot", "--explain"})
     EXPECT_NE(out().find(option), std::string::npos) << option;
 }
 
@@ -269,7 +286,7 @@ TEST_F(Runner, EndsCleanlyWhenInterrupted) {
     int status;
   } kSignals[] = {{"INT", 130}, {"TERM", 143}};
   for (const auto& [signal, status] : kSignals) {
-    const std::string timeout = std::string("timeout --preserve-status -k 9 -s ") + signal + " 1";
+    const std::string timeout = std::string("timeout --preserve-status -k 60 -s ") + signal + " 3";
     ASSERT_EQ(run("scene.yaml --duration 1e9 --report report.json --save end.yaml", timeout),
               status)
         << err();

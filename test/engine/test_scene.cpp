@@ -84,6 +84,7 @@ bodies:
     friction: 0.5
     restitution: 0.25
     no_collision: true
+    color: [0.1, 0.2, 0.3, 0.4]
   - {name: b, type: kinematic, shape: {sphere: {radius: 0.5}}}
   - {name: c, type: static, shape: {plane: {}}, position: [0, 0, -3]}
   - {name: d, shape: {point: {}}, mass: 1}
@@ -125,6 +126,8 @@ wrenches:
   EXPECT_EQ(a.friction, 0.5);
   EXPECT_EQ(a.restitution, 0.25);
   EXPECT_TRUE(a.no_collision);
+  ASSERT_TRUE(a.color);
+  EXPECT_EQ(*a.color, (std::array<double, 4>{0.1, 0.2, 0.3, 0.4}));
   EXPECT_EQ(state_of(world, "a").position, Vector3d(8, 9, 10));
   EXPECT_NEAR(state_of(world, "a").orientation.z(), 0.6, 1e-15);  // normalising rounds
   EXPECT_NEAR(state_of(world, "a").orientation.w(), 0.8, 1e-15);
@@ -368,7 +371,9 @@ INSTANTIATE_TEST_SUITE_P(
                  "s:5: bodies[0].orientation: must be a unit quaternion (x, y, z, w), got (0, 0, "
                  "0, 2)"},
         BadScene{with_body("  - name: a\n    mass: 1\n    position: [0, x, 0]\n"),
-                 "s:5: bodies[0].position[1]: expected a number, got 'x'"}));
+                 "s:5: bodies[0].position[1]: expected a number, got 'x'"},
+        BadScene{with_body("  - name: a\n    mass: 1\n    color: [0, 2, 0, 1]\n"),
+                 "s:5: bodies[0].color: must be four numbers from 0 to 1, got 2"}));
 
 INSTANTIATE_TEST_SUITE_P(
     Shapes, RefusedScene,
@@ -417,7 +422,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{with_constraints("  - name: j\n    type: cog\n    body_b: a\n"),
                  "s:5: constraints[0].type: there is no 'cog' (yet); there are distance, rope, "
                  "strut, spring, ball, hinge, slider, cylindrical, planar, universal, weld, "
-                 "point_on_line, point_on_plane, free_distance, gear, pulley, screw"},
+                 "point_on_line, point_on_plane, free_distance, gear, pulley, screw, "
+                 "custom, custom_force"},
         BadScene{with_constraints("  - name: j\n    type: gear\n    body_b: a\n"),
                  "s:6: constraints[0]: unknown key 'body_b'"},
         BadScene{with_constraints("  - name: j\n    type: gear\n"),
@@ -515,6 +521,12 @@ INSTANTIATE_TEST_SUITE_P(
                              "(-1e+30, 0, 0)"}));
 
 // these are the World's to refuse, in its own words; where they stand is the scene's
+TEST(LoadScene, ColorsChangeNoHash) {
+  const std::string plain = with_body("  - {name: a, mass: 1}\n");
+  const std::string coloured = with_body("  - {name: a, mass: 1, color: [1, 0, 0, 1]}\n");
+  EXPECT_EQ(load_scene(plain, "s").state_hash(), load_scene(coloured, "s").state_hash());
+}
+
 TEST(LoadScene, PointsAtWhatTheWorldRefuses) {
   const auto starts = [](const std::string& text) {
     const std::string error = error_of(text);
@@ -587,6 +599,8 @@ Body random_body(Dice* dice, int number) {
   body.friction = dice->size();
   body.restitution = dice->between(0, 1);
   body.no_collision = dice->flag();
+  if (dice->flag())
+    body.color = {dice->between(0, 1), dice->between(0, 1), dice->between(0, 1), 1.0};
   return body;
 }
 
@@ -679,6 +693,9 @@ void expect_same_body(const World& a, BodyId id_a, const World& b) {
   expect_within_4_ulp(body_a.friction, body_b.friction, "friction");
   expect_within_4_ulp(body_a.restitution, body_b.restitution, "restitution");
   EXPECT_EQ(body_a.no_collision, body_b.no_collision);
+  ASSERT_EQ(body_a.color.has_value(), body_b.color.has_value());
+  for (std::size_t i = 0; body_a.color && i < 4; ++i)
+    expect_within_4_ulp((*body_a.color)[i], (*body_b.color)[i], "color");
   const BodyState& state_a = a.state(id_a);
   const BodyState& state_b = b.state(id_b);
   expect_all_within_4_ulp(state_a.position, state_b.position, "position");

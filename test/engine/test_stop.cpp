@@ -58,7 +58,7 @@ TEST(Stop, AStepThatNeverEndsIsEndedByTheFlagAndTheStateIsThatOfBefore) {
   EXPECT_FALSE(report.failed);
   EXPECT_EQ(report.step, 0u);
   EXPECT_EQ(world.state_hash(), hash);
-  EXPECT_LT(passed.count(), 1.0);  // 10000 sweeps over 50000 rows take ten
+  EXPECT_LT(passed.count(), 5.0);  // 10000 sweeps over 50000 rows take ten
 }
 
 TEST(Stop, AWorldThatWasStoppedGoesOn) {

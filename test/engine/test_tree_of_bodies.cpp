@@ -110,5 +110,43 @@ TEST(TreeOfBodies, KeepsMomentaInFreeSpace) {
   EXPECT_NEAR(world.energy(), energy, 1e-8 * energy);
 }
 
+// Two hinges on one axis and a third body on a rope that is slack: as many joints as a tree of
+// three bodies has, and none.
+TEST(TreeOfBodies, IsNotWhatHasAsManyJoints) {
+  WorldOptions chosen = weightless(0.01);
+  chosen.method = Method::kAuto;
+  chosen.tolerance = 1e-10;
+  World world(chosen);
+  std::vector<BodyId> ids;
+  for (int i = 0; i < 3; ++i) {
+    Body body = make_body("body_" + std::to_string(i), Box{{0.5, 0.3, 0.2}}, 1.0,
+                          Vector3d(0.8 * i, 0.0, 0.0));
+    body.no_collision = true;
+    body.state.angular_velocity = {0.3, -0.2, 0.1 * i};
+    ids.push_back(world.add_body(body));
+  }
+  for (const double z : {-0.2, 0.2}) {
+    Joint hinge;
+    hinge.name = "hinge_" + std::to_string(z);
+    hinge.kind = JointKind::kHinge;
+    hinge.body_a = ids[0];
+    hinge.body_b = ids[1];
+    hinge.anchor_a = {0.4, 0.0, z};
+    hinge.anchor_b = {-0.4, 0.0, z};
+    world.add_joint(hinge);
+  }
+  world.add_joint(
+      make_joint("slack", ids[1], Vector3d(0.1, 0.0, 0.0), ids[2], Vector3d::Zero(), rope(5.0)));
+  world.step();
+  const Vector3d p = momentum(world), L = angular_momentum(world);
+  const double energy = world.energy();
+  for (int i = 0; i < 100; ++i) ASSERT_FALSE(world.step().failed);
+  EXPECT_EQ(world.report().dependent_rows, 5u);
+  EXPECT_LE(world.report().max_constraint_error, 1e-13);
+  EXPECT_LE((momentum(world) - p).norm(), 1e-12);
+  EXPECT_LE((angular_momentum(world) - L).norm(), 1e-9);  // the tolerance
+  EXPECT_NEAR(world.energy(), energy, 1e-9);
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

@@ -1,5 +1,6 @@
 // The world: identities, editing, time, failure, and what a step reports.
 
+#include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint.h"
 #include "support.h"
 
@@ -370,6 +371,21 @@ TEST(ContinueFrom, TimeGoesOnAndTheMotionIsThatFromZero) {
   // the phase is round-off of 2π·0.7·12.34 = 54 rad away, times the travel of 0.1 m
   EXPECT_NEAR(continued.state(continued.find_body("load")).position.z(),
               fresh.state(fresh.find_body("load")).position.z(), 1e-14);
+}
+
+// A gear names the joints that it couples by their ids, which are others then.
+TEST(ContinueFrom, GearsGoOnCouplingTheirJoints) {
+  const World old = swinging_winch();
+  const auto gears = [] { return load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/gear_train.yaml"); };
+  World fresh = gears();
+  World continued = gears();
+  continued.continue_from(old);
+  EXPECT_EQ(continued.state_hash(), fresh.state_hash());
+  for (int i = 0; i < 100; ++i) {
+    fresh.step();
+    continued.step();
+  }
+  EXPECT_EQ(continued.state_hash(), fresh.state_hash());
 }
 
 TEST(ContinueFrom, IdsOfTheOldWorldAreNotUsedAgain) {

@@ -122,6 +122,11 @@ def test_bodies_joints_and_options_go_round():
     world.add_body('box', shape=engine.Box((1.0, 2.0, 3.0)), mass=2.0, position=(0.0, 0.0, 5.0),
                    orientation=(0.0, 0.0, 0.6, 0.8), restitution=0.5)
     world.add_body('point', mass=1.0, position=(2.0, 0.0, 5.0), inertia=(0.1, 0.1, 0.1))
+    world.add_body('hammer', shape=engine.Sphere(0.1), mass=1.0, inertia=(0.1, 0.1, 0.1),
+                   position=(4.0, 0.0, 5.0),
+                   shape_pose={'position': (0.0, 0.0, 0.2), 'orientation': (0.6, 0.0, 0.0, 0.8)})
+    assert world.body('hammer')['shape_pose']['position'] == (0.0, 0.0, 0.2)
+    assert world.body('box')['shape_pose'] is None
     world.add_joint('spring', body_a='box', body_b='point', frequency=2.0, damping_ratio=0.1)
     world.add_joint('hook', type='ball', body_b='box', anchor_a=(0.0, 0.0, 6.5),
                     anchor_b=(0.0, 0.0, 1.5), break_force=1e6)
@@ -343,6 +348,9 @@ def test_plan_and_reports():
     contact, = dropped.contacts()
     assert {contact['body_a'], contact['body_b']} == {'floor', 'ball'}
     assert contact['normal_force'] == pytest.approx(9.81, rel=0.05)  # at rest it bears its weight
+    on_ball = 1.0 if contact['body_a'] == 'ball' else -1.0
+    assert on_ball * contact['force'][2] == pytest.approx(contact['normal_force'])
+    assert contact['state'] == 'closed'  # without friction
 
 
 def test_failed_physics_is_reported_not_raised():
@@ -429,6 +437,10 @@ def test_bad_input_names_field_and_value():
     assert 'bob' in rejected('add_body', 'bob', mass=1.0)
     assert rejected('add_body', 'x', mass=1.0, no_collision=1) == \
         'no_collision: must be True or False, got 1'
+    assert rejected('add_body', 'x', mass=1.0, shape_pose=3) == \
+        'shape_pose: must be a dict of position and orientation, got 3'
+    assert rejected('add_body', 'x', mass=1.0, shape_pose={}) == \
+        'shape_pose: only a sphere or a box has one'
     assert rejected('add_joint', 'j', type='cog').startswith("type: there is no 'cog'")
     assert "'nobody'" in rejected('add_joint', 'j', body_b='nobody')
     assert rejected('add_joint', 'j', body_b='bob', motor=3) == 'motor: must be a dict, got 3'
@@ -550,7 +562,7 @@ def test_python_knows_every_key_of_a_scene():
     world.set_motor('rod', bias=0.1)
     saved = yaml.safe_load(world.save_scene())
     assert set(saved['world']) == set(world.options)
-    assert set(saved['bodies'][0]) == set(world.body('bob'))
+    assert set(saved['bodies'][0]) | {'shape_pose'} == set(world.body('bob'))  # saved where there is one
     # what a joint is saved with: a rod has no limits, a soft joint no length of its own kind
     assert set(saved['constraints'][0]) <= set(world.joint('rod'))
     assert set(saved['constraints'][0]['motor']) == set(world.joint('rod')['motor'])

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import time
+import unittest
 import xmlrpc.client
 
 import rosgraph
@@ -112,3 +113,27 @@ class Listener:
         start = len(self.messages)
         return wait_until(
             lambda: next((m for m in self.messages[start:] if condition(m)), None), what)
+
+
+class ServiceCase(unittest.TestCase):
+    """Calls that must succeed, and calls that must fail and change nothing."""
+    told = None  # what a call that succeeds says; None where that does not matter
+
+    def good(self, name, /, *, told=None, **fields):
+        answer = call(name, **fields)
+        self.assertTrue(answer.success, answer.status_message)
+        told = self.told if told is None else told
+        if told is not None:
+            self.assertEqual(answer.status_message, told)
+        return answer
+
+    def bad(self, named, name, /, **fields):
+        """The answer names what `named` lists, and the world stays what it was."""
+        before = properties()
+        answer = call(name, **fields)
+        self.assertFalse(answer.success, "%s accepted %s" % (name, fields))
+        for word in named:
+            self.assertIn(word, answer.status_message)
+        after = properties()
+        self.assertEqual(after.state_hash, before.state_hash)
+        self.assertEqual((after.bodies, after.constraints), (before.bodies, before.constraints))

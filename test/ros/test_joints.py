@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 """Joints with coordinates by service: laws, motors, joint_states, how far one is open."""
 import math
-import unittest
 
 import rospy
 import rostest
@@ -27,7 +26,7 @@ constraints:
 """
 
 
-class Joints(unittest.TestCase):
+class Joints(support.ServiceCase):
     def setUp(self):
         support.empty_world()
         self.good("load_scene",
@@ -40,19 +39,6 @@ class Joints(unittest.TestCase):
 
     def tearDown(self):
         Listener.stop_all()
-
-    def good(self, name, /, **fields):
-        answer = call(name, **fields)
-        self.assertTrue(answer.success, answer.status_message)
-        return answer
-
-    def bad(self, named, name, /, **fields):
-        before = properties().state_hash
-        answer = call(name, **fields)
-        self.assertFalse(answer.success, "%s accepted %s" % (name, fields))
-        for word in named:
-            self.assertIn(word, answer.status_message)
-        self.assertEqual(properties().state_hash, before)
 
     def joint(self, kind="hinge", laws=(), **fields):
         laws = dict(laws)
@@ -142,6 +128,35 @@ class Joints(unittest.TestCase):
         self.good("remove_constraint", name="train")
         self.good("remove_constraint", name="j")
         self.good("remove_constraint", name="k")
+
+    def test_gears_that_contradict_are_refused_by_name(self):
+        for name in "abc":
+            wheel = Body(name=name, mass=1.0,
+                         shape=Shape(type=Shape.BOX, dimensions=[0.2, 0.2, 0.1]))
+            wheel.pose.position.y = 2.0 + "abc".index(name)
+            self.good("add_body", body=wheel)
+            self.good("add_constraint", constraint=Constraint(
+                name="hinge_" + name, type="hinge", anchor_a=Point(0, wheel.pose.position.y, 0),
+                body_b=name))
+
+        def gear(of, **settings):
+            settings = {"ratio": 1.0, **settings}
+            return Constraint(name="gear_" + of, type="gear", body_a="hinge_" + of[0],
+                              body_b="hinge_" + of[1], keys=list(settings),
+                              values=list(settings.values()))
+        self.good("add_constraint", constraint=gear("ab"))
+        self.good("add_constraint", constraint=gear("bc"))
+        # the first wheel turns as the third does, so that nothing but 0 is between them
+        self.bad(["value", "contradicts", "'gear_ab'", "'gear_bc'", "0.5"], "add_constraint",
+                 constraint=gear("ac", ratio=-1.0, value=0.5))
+        self.bad(["value", "contradicts", "'gear_ab'"], "load_scene", text=self.good("save_scene").text +
+                 "\n  - {name: x, type: gear, joints: [hinge_a, hinge_b], ratio: 1, value: 0.5}\n")
+        self.good("add_constraint", constraint=gear("ac", ratio=-1.0, value=0.0))
+        for enabled in (0.0, 1.0):
+            self.good("set_constraint_properties", name="gear_ac", keys=["enabled"], values=[enabled])
+        self.good("remove_constraint", name="gear_ac")
+        self.good("add_constraint", constraint=gear("ac"))  # three in a ring can be met: none turns
+        self.good("step", steps=10)
 
     def test_a_screw_and_a_pulley_by_service(self):
         self.good("add_constraint", constraint=self.joint(
@@ -263,14 +278,16 @@ class Joints(unittest.TestCase):
                 (["axis_a", "nan"], self.joint(axis_a=Vector3(math.nan, 0, 1))),
                 (["axis_b", "inf"], self.joint(axis_b=Vector3(0, math.inf, 0))),
                 (["axis_b", "universal"], self.joint("universal")),
+                (["axis_b", "along axis_a", "(0, 0, -2)"], self.joint(
+                    "universal", axis_a=Vector3(0, 0, 1), axis_b=Vector3(0, 0, -2))),
                 (["axis_a", "ball"], self.joint("ball", axis_a=Vector3(0, 0, 1)))):
             self.bad(words, "add_constraint", constraint=constraint)
         self.bad(["axis_a", "(0, 0, 0)"], "load_scene",
                  text=HANGING.replace("type: ball", "type: hinge, axis_a: [0, 0, 0]"))
-        # along each other where they are to be at a right angle: told, and then closed
+        # far from a right angle: told, and then closed
         answer = self.good("add_constraint", constraint=self.joint(
-            "universal", axis_a=Vector3(0, 0, 1), axis_b=Vector3(0, 0, 1)))
-        self.assertEqual(answer.status_message, "axes 90 degrees off; closes in 0.5 s")
+            "universal", axis_a=Vector3(0, 0, 1), axis_b=Vector3(math.sqrt(3), 0, 1)))
+        self.assertEqual(answer.status_message, "axes 30 degrees off; closes in 0.5 s")
 
     def test_laws_that_cannot_be_are_refused(self):
         for laws, words in (({"stifness": 1.0}, ["keys", "hinge", "'stifness'"]),

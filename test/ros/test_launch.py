@@ -108,9 +108,9 @@ class Launch(unittest.TestCase):
             self.wait_for_topics(topics_of("constraint_sim"))
             state = support.properties()
             self.assertEqual((state.bodies, state.paused), (["floor", "load"], True))
-            message = Listener("/tf", TFMessage).wait()
-            self.assertEqual([t.child_frame_id for t in message.transforms],
-                             ["sim/floor", "sim/load"])
+            for topic, frame in (("/tf", "sim/load"), ("/tf_static", "sim/floor")):
+                message = Listener(topic, TFMessage).wait()
+                self.assertEqual([t.child_frame_id for t in message.transforms], [frame])
 
     def test_simulator_runs_a_nodelet_under_another_name(self):
         with launched("simulator.launch", nodelet="true", name="left"):

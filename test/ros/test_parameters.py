@@ -41,9 +41,16 @@ class Parameters(unittest.TestCase):
     def test_what_is_given_is_what_it_runs_with(self):
         given = {"scene": "pendulum", "time_step": 0.002, "real_time_factor": 0.5,
                  "publish_rate": 20.0, "publish_tf": False, "publish_clock": True, "paused": True, "world_frame": "map",
-                 "frame_prefix": "left/", "closing_time": 0.25, "scene_folder": "/tmp"}
-        self.assertEqual(set(given), set(self.documented))
-        self.assertEqual(effective(**given), typed(given))
+                 "frame_prefix": "left/", "closing_time": 0.25, "scene_folder": "/tmp",
+                 "hands": False, "diagnostics_real_time_factor": 0.5,
+                 "diagnostics_constraint_error": 0.01,
+                 "robot": "gripper", "robot_extra": "package://constraint_sim/config/robots/gripper.yaml",
+                 "robot_prefix": "left/", "robot_fixed": True, "robot_x": 1.0, "robot_y": 2.0,
+                 "robot_z": 3.0, "publish_links": "root", "publish_com": True, "command": "a b",
+                 "cmd_vel": "c", "wrench": "d", "odometry": "e", "follow": "f=g",
+                 "follow_delay": 0.5}
+        self.assertEqual(set(given) | {"plugins"}, set(self.documented))  # test_plugins has one
+        self.assertEqual(effective(**given), typed({**given, "plugins": ""}))
 
 
 if __name__ == "__main__":

@@ -2,7 +2,6 @@
 """Every service with good input, and every field of it with bad input."""
 import math
 import threading
-import unittest
 
 import rospy
 import rostest
@@ -15,26 +14,10 @@ from support import call, properties, sphere
 NOT_FINITE = [math.nan, math.inf, -math.inf]
 
 
-class Services(unittest.TestCase):
+class Services(support.ServiceCase):
+    told = ""
     def setUp(self):
         support.empty_world()
-
-    def good(self, name, /, *, told="", **fields):
-        answer = call(name, **fields)
-        self.assertTrue(answer.success, answer.status_message)
-        self.assertEqual(answer.status_message, told)
-        return answer
-
-    def bad(self, named, name, /, **fields):
-        """The answer names what `named` lists, and the world stays what it was."""
-        before = properties()
-        answer = call(name, **fields)
-        self.assertFalse(answer.success, "%s accepted %s" % (name, fields))
-        for word in named:
-            self.assertIn(word, answer.status_message)
-        after = properties()
-        self.assertEqual(after.state_hash, before.state_hash)
-        self.assertEqual((after.bodies, after.constraints), (before.bodies, before.constraints))
 
     # ---- add_body, remove_body
 

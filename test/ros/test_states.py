@@ -3,7 +3,6 @@
 import math
 import os
 import tempfile
-import unittest
 
 import rospy
 import rostest
@@ -25,23 +24,10 @@ def xyz(v):
     return [v.x, v.y, v.z]
 
 
-class States(unittest.TestCase):
+class States(support.ServiceCase):
     def setUp(self):
         support.empty_world()
         self.good("load_scene", text=WEIGHTLESS)
-
-    def good(self, name, /, **fields):
-        answer = call(name, **fields)
-        self.assertTrue(answer.success, answer.status_message)
-        return answer
-
-    def bad(self, named, name, /, **fields):
-        before = properties().state_hash
-        answer = call(name, **fields)
-        self.assertFalse(answer.success, "%s accepted %s" % (name, fields))
-        for word in named:
-            self.assertIn(word, answer.status_message)
-        self.assertEqual(properties().state_hash, before)
 
     def near(self, found, expected, tolerance=1e-12):
         """12 digits: what a few rotations of numbers of order 1 leave."""

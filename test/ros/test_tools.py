@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""watch_error and bag_report on a running node and on bags whose figures are known."""
+"""watch_error and bag_report on a running node and on bags whose figures are known; rviz_config."""
 import csv
 import os
 import subprocess
@@ -10,6 +10,7 @@ import rosbag
 import rospkg
 import rospy
 import rostest
+import yaml
 from constraint_sim.msg import Statistics
 
 import support
@@ -83,6 +84,30 @@ class Tools(unittest.TestCase):
                     universal_newlines=True, timeout=support.TIMEOUT)
                 self.assertEqual(done.returncode, status)
                 self.assertEqual(done.stdout.count("trying a second time"), said, done.stdout)
+
+    def test_rviz_config_fits_a_scene_or_what_a_node_has(self):
+        def view(*arguments):
+            done = run("rviz_config", *arguments)
+            self.assertEqual(done.returncode, 0, done.stdout)
+            config = yaml.safe_load(done.stdout)
+            return config["Visualization Manager"]["Views"]["Current"]
+
+        small = view("gripper")  # 0.2 m wide, below 1 m
+        self.assertTrue(0.2 < small["Distance"] < 1.0, small)
+        self.assertAlmostEqual(small["Focal Point"]["Z"], 0.95, delta=0.1)
+        with tempfile.NamedTemporaryFile("w", suffix=".yaml") as scene:
+            scene.write("bodies: [{name: a, mass: 1, position: [0, 0, 0]},"
+                        " {name: b, mass: 1, position: [100, 0, 0]}]")
+            scene.flush()
+            large = view(scene.name)
+            self.assertTrue(50.0 < large["Distance"] < 300.0, large)
+            self.assertAlmostEqual(large["Focal Point"]["X"], 50.0, delta=1e-6)
+            with running(node_command(scene=scene.name, paused="true")):
+                properties()
+                self.assertEqual(view("--node", "/constraint_sim"), large)
+        done = run("rviz_config", "no_such_scene")
+        self.assertEqual(done.returncode, 2)
+        self.assertIn("no_such_scene", done.stdout)
 
     def test_a_bag_without_statistics_is_refused(self):
         with tempfile.TemporaryDirectory() as folder:

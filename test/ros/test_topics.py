@@ -1,8 +1,10 @@
 #!/usr/bin/env python3
 """What the node publishes: transforms, states, markers, statistics."""
 import math
+import time
 import unittest
 
+import numpy
 import rospy
 import rostest
 import tf2_ros
@@ -22,6 +24,17 @@ def topic(name):
 
 def stamps(messages):
     return [message.transforms[0].header.stamp for message in messages]
+
+
+def points_in_world(marker):
+    """Points of a marker, which lie in its own frame [m]."""
+    place, q = marker.pose.position, marker.pose.orientation
+    axis = numpy.array((q.x, q.y, q.z))
+
+    def turned(v):
+        around = numpy.cross(axis, v)
+        return v + 2 * q.w * around + 2 * numpy.cross(axis, around)
+    return [turned((p.x, p.y, p.z)) + (place.x, place.y, place.z) for p in marker.points]
 
 
 class Topics(unittest.TestCase):
@@ -61,6 +74,25 @@ class Topics(unittest.TestCase):
         times = stamps(listener.messages)
         self.assertGreaterEqual(len(times), 12)
         self.assertTrue(all(a < b for a, b in zip(times, times[1:])))
+
+    def test_static_bodies_are_on_tf_static_alone(self):
+        support.empty_world()
+        moving = Listener("/tf", TFMessage)
+        call("add_body", body=sphere("ball"))
+        call("add_body", body=sphere("post", 1, 2, 3, type=Body.STATIC))
+        frames = lambda m: {t.child_frame_id for t in m.transforms}
+        moving.wait(lambda m: frames(m) == {"sim/ball"}, "the ball")
+        fixed = Listener("/tf_static", TFMessage)  # latched: what was sent before comes as well
+        sent = lambda meets: next((m for m in fixed.messages if meets(m)), None)
+        message = support.wait_until(lambda: sent(lambda m: frames(m) == {"sim/post"}), "the post")
+        place = message.transforms[0].transform.translation
+        self.assertEqual((place.x, place.y, place.z), (1, 2, 3))
+        state = call("get_body_state", name="post").state
+        state.pose.position.x = 5
+        self.assertTrue(call("set_body_state", state=state).success)
+        support.wait_until(
+            lambda: sent(lambda m: m.transforms[0].transform.translation.x == 5), "its new place")
+        self.assertTrue(all("sim/post" not in frames(m) for m in moving.messages))
 
     def test_tf_and_body_states_tell_the_same(self):
         transforms = Listener("/tf", TFMessage)
@@ -216,6 +248,19 @@ constraints:
             call("load_scene", text="bodies: []")
             support.wait_until(lambda: not self.shown(listener), "an empty view")
 
+    def test_a_reset_shows_everything_anew(self):
+        listener = Listener(topic("markers"), MarkerArray)
+        listener.wait()
+        for service in ("reset_world", "reset_simulation"):
+            call("step", steps=3)
+            start = len(listener.messages)
+            call(service)
+            renewed = support.wait_until(lambda: next(
+                (m for m in listener.messages[start:]
+                 if m.markers and m.markers[0].action == Marker.DELETEALL), None), service)
+            self.assertEqual(sum(m.ns == "bodies" for m in renewed.markers),
+                             len(properties().bodies))
+
     def test_markers_have_the_shapes_of_the_bodies(self):
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
@@ -243,8 +288,12 @@ constraints:
         colour = max((k[1], m) for k, m in self.shown(listener).items() if k[0] == "constraints")[1].color
         self.assertGreater(colour.r, colour.g)
 
+    def of(self, listener, ns):
+        """The markers of a namespace, in the order of their ids."""
+        return [m for k, m in sorted(self.shown(listener).items()) if k[0] == ns]
+
     def test_a_hinge_shows_its_axis(self):
-        """A line through the anchor along z of joint frame A, as body A lies; a ball has none."""
+        """A cylinder at the anchor along z of joint frame A, as body A lies; a ball has a ball."""
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)
         half = math.sqrt(0.5)  # post and its axis z are turned by 90 degrees about x: z is -y
@@ -258,18 +307,17 @@ constraints:
             if kind == "hinge":
                 hinge.axis_a = Vector3(0, 0, 1)
             self.assertTrue(call("add_constraint", constraint=hinge).success)
-            support.wait_until(lambda n=number: self.count(listener, "constraints") == n, kind)
-        ball, hinge = [[(p.x, p.y, p.z) for p in m.points] for k, m in
-                       sorted(self.shown(listener).items()) if k[0] == "constraints"]
-        lines = set(zip(hinge[::2], hinge[1::2])) - set(zip(ball[::2], ball[1::2]))
-        self.assertEqual(len(lines), 1)
-        (start, end), = lines
-        length = math.sqrt(sum((e - s) ** 2 for s, e in zip(start, end)))
-        self.assertGreater(length, 0.1)  # [m], to be seen beside a body
-        for k, (middle, along) in enumerate(zip((0, 0, 2), (0, -1, 0))):
-            # to the rounding of one rotation
-            self.assertAlmostEqual((start[k] + end[k]) / 2, middle, places=12)
-            self.assertAlmostEqual((end[k] - start[k]) / length, along, places=12)
+            support.wait_until(lambda n=number: self.count(listener, "joints") == n, kind)
+        ball, hinge = self.of(listener, "joints")
+        self.assertEqual((ball.type, hinge.type), (Marker.SPHERE, Marker.CYLINDER))
+        self.assertGreater(hinge.scale.z, 0.1)  # [m], to be seen beside a body
+        self.assertGreater(hinge.scale.z, 3 * hinge.scale.x)  # and slender
+        place, q = hinge.pose.position, hinge.pose.orientation
+        self.assertEqual((place.x, place.y, place.z), (0, 0, 2))
+        along = (2 * (q.x * q.z + q.w * q.y), 2 * (q.y * q.z - q.w * q.x),
+                 1 - 2 * (q.x * q.x + q.y * q.y))
+        for found, expected in zip(along, (0, -1, 0)):
+            self.assertAlmostEqual(found, expected, places=12)  # to the rounding of one rotation
 
     def test_the_axis_of_a_small_hinge_is_no_longer_than_its_bodies(self):
         support.empty_world()
@@ -278,11 +326,136 @@ constraints:
         hinge = Constraint(name="hinge", type="hinge", axis_a=Vector3(0, 1, 0), body_b="finger",
                            anchor_a=Point(0, 0, 0.02), anchor_b=Point(0, 0, 0.02))
         self.assertTrue(call("add_constraint", constraint=hinge).success)
-        support.wait_until(lambda: self.count(listener, "constraints") == 1, "the hinge")
-        marker, = [m for k, m in self.shown(listener).items() if k[0] == "constraints"]
-        start, end = marker.points[-2:]  # the axis, along y
-        self.assertAlmostEqual(end.y - start.y, 0.04, places=12)
+        support.wait_until(lambda: self.count(listener, "joints") == 1, "the hinge")
+        marker, = self.of(listener, "joints")
+        self.assertAlmostEqual(marker.scale.z, 0.04, places=12)
         self.assertLess(marker.scale.x, 0.01)  # thinner than it
+
+    def load_kinds(self, *constraints):
+        """A ball a metre below each of these constraints, which hang at z = 2."""
+        support.empty_world()
+        listener = Listener(topic("markers"), MarkerArray)
+        bodies = "".join("- {name: b%d, mass: 2, shape: {sphere: {radius: 0.1}}, "
+                         "position: [%d, 0, 1]}\n" % (i, i) for i in range(len(constraints)))
+        joints = "".join("- {name: c%d, anchor_a: [%d, 0, 2], body_b: b%d, %s}\n" % (i, i, i, c)
+                         for i, c in enumerate(constraints))
+        answer = call("load_scene", text="bodies:\n%sconstraints:\n%s" % (bodies, joints))
+        self.assertTrue(answer.success, answer.status_message)
+        support.wait_until(lambda: self.count(listener, "constraints") == len(constraints), "them")
+        return listener
+
+    def test_kinds_of_distance_constraints_look_different(self):
+        listener = self.load_kinds("type: distance", "type: rope, max_length: 1",
+                                   "type: rope, max_length: 1.5",
+                                   "type: spring, length: 0.5, stiffness: 40",
+                                   "type: strut, min_length: 1")
+        call("step", steps=2)
+        # a slack rope hangs through by sqrt(3/16 (1.5² - z²)) in its middle, z the distance
+        support.wait_until(lambda: self.of(listener, "constraints")[1].color.b > 0.5, "tension")
+        rod, taut, slack, spring, strut = self.of(listener, "constraints")
+        self.assertEqual(rod.type, Marker.CYLINDER)
+        self.assertAlmostEqual(rod.scale.z, 1.0, places=6)
+        taut_points, slack_points, coil = map(points_in_world, (taut, slack, spring))
+        self.assertEqual(len(taut_points), len(slack_points))
+        self.assertEqual(len({(c.r, c.g, c.b) for c in taut.colors}), 2)  # striped
+        middle = lambda points: points[len(points) // 2]
+        self.assertAlmostEqual(middle(taut_points)[2], 1.5, places=5)
+        length = 2.0 - min(slack_points[0][2], slack_points[-1][2])
+        sag = math.sqrt(3 / 16 * (1.5 ** 2 - length ** 2))
+        self.assertAlmostEqual(middle(slack_points)[2], 2.0 - length / 2 - sag, places=6)
+        self.assertGreater(len(coil), 100)
+        around = {round(math.hypot(x - 3, y), 6) for x, y, _ in coil}
+        self.assertEqual(len(around), 2)  # on the axis, and on the coil
+        self.assertNotEqual(len(strut.points), len(spring.points))
+
+    def test_springs_are_never_red(self):
+        listener = self.load_kinds("type: spring, length: 0.1, stiffness: 1")
+        colour = self.of(listener, "constraints")[0].color
+        self.assertGreater(colour.g, colour.r)
+
+    def test_tension_is_cyan_and_compression_yellow(self):
+        listener = self.load_kinds("type: distance")
+        call("add_body", body=sphere("top", 5, 0, 2))
+        call("add_distance_constraint", name="prop", anchor_a=Point(5, 0, 1), body_b="top")
+        call("step", steps=2)
+        support.wait_until(lambda: self.count(listener, "constraints") == 2, "the prop")
+        support.wait_until(lambda: self.of(listener, "constraints")[0].color.b > 0.7, "tension")
+        hanging, prop = [m.color for m in self.of(listener, "constraints")]
+        self.assertLess(hanging.r, 0.3)
+        self.assertLess(prop.b, 0.3)
+        self.assertGreater(prop.r, 0.7)
+
+    def test_motors_have_arrows_along_their_direction(self):
+        listener = self.load_kinds("type: distance, motor: {bias: 0.1}",
+                                   "type: distance, motor: {bias: -0.1}", "type: distance")
+        call("step", steps=2)
+        support.wait_until(lambda: self.count(listener, "motors") == 2, "motors")
+        apart, together = self.of(listener, "motors")
+        for marker, sign in ((apart, 1), (together, -1)):
+            start, end = points_in_world(marker)[:2]  # a shaft, of the upper arrow
+            self.assertGreater(sign * (end[2] - start[2]), 0.05)
+
+    def test_what_breaks_is_grey_for_two_seconds(self):
+        listener = self.load_kinds("type: distance, break_force: 10", "type: distance")
+        self.assertTrue(call("add_body", body=sphere("late", 9, 0, 0)).success)
+        call("unpause_physics")
+        is_grey = lambda c: c.r == c.g == c.b
+        first = lambda: self.of(listener, "constraints")[0]
+        support.wait_until(lambda: is_grey(first().color), "grey")
+        start = time.monotonic()
+        support.wait_until(lambda: self.count(listener, "constraints") == 1, "the end")
+        call("pause_physics")
+        # stamps are wall time; the messages of a round may come late on a loaded machine
+        self.assertGreater(time.monotonic() - start, 1.5)
+
+    def test_bodies_have_their_own_colours_and_static_ones_are_muted(self):
+        support.empty_world()
+        listener = Listener(topic("markers"), MarkerArray)
+        call("load_scene", text="""
+bodies:
+- {name: red, mass: 1, color: [1, 0.25, 0, 0.5]}
+- {name: wall, type: static, shape: {box: {size: [1, 1, 1]}}, position: [3, 0, 0]}
+""")
+        support.wait_until(lambda: self.count(listener, "bodies") == 2, "both")
+        red, wall = [m.color for m in self.of(listener, "bodies")]
+        self.assertEqual((red.r, red.g, red.b, red.a), (1, 0.25, 0, 0.5))
+        self.assertLess(max(wall.r, wall.g, wall.b), 0.4)
+        text = call("save_scene").text
+        self.assertIn("color: [1, 0.25, 0, 0.5]", text)
+
+    def test_contact_arrows_come_out_of_the_floor(self):
+        support.empty_world()
+        listener = Listener(topic("markers"), MarkerArray)
+        call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
+        call("add_body", body=sphere("ball", z=0.1))
+        call("add_body", body=sphere("heavy", x=1, z=0.1, mass=4.0))
+        call("step", steps=20)
+
+        def shafts():
+            points = [p for m in self.of(listener, "contacts") for p in m.points]
+            return sorted(b.z - a.z for a, b in zip(points[::2], points[1::2])
+                          if a.x == b.x and a.y == b.y)
+        # the message of the last step comes after those of earlier ones
+        support.wait_until(lambda: len(shafts()) == 2 and shafts()[1] > 2 * shafts()[0], "contacts")
+        light, heavy = shafts()
+        self.assertGreater(light, 0.0)
+        self.assertAlmostEqual(heavy / light, 4.0, places=3)  # as their weights at rest
+
+    def test_labels_say_names_forces_and_rates(self):
+        self.load_kinds("type: distance, motor: {bias: 0.1}", "type: rope, max_length: 1.5")
+        listener = Listener(topic("labels"), MarkerArray)
+        call("step", steps=2)
+        text = lambda ns: [m.text for m in self.of(listener, ns)]
+        support.wait_until(lambda: text("forces")[:1] == ["19.6 N tension"], "the force")
+        self.assertEqual(text("forces")[1], "slack")
+        self.assertEqual(text("body_names"), ["b0", "b1"])
+        self.assertEqual(text("constraint_names"), ["c0", "c1"])
+        self.assertEqual(text("motor_rates"), ["+0.1 m/s"])
+        self.assertEqual(text("errors"), [])
+        self.assertTrue(any("tension" in line for line in text("legend")))
+        call("add_distance_constraint", name="off", anchor_a=Point(0, 0, 2), body_b="b0", length=2)
+        support.wait_until(lambda: text("errors"), "the error")
+        self.assertEqual(text("errors"), ["off by 1 m, closing"])
 
     def test_contacts_appear_and_go(self):
         support.empty_world()

@@ -50,7 +50,8 @@ BodyId add(const Body& body, std::size_t number, World* world) {
   return id;
 }
 
-void add(const Joint& joint, const std::vector<BodyId>& ids, World* world) {
+engine::JointId add(const Joint& joint, const Coupling* screw, const std::vector<BodyId>& ids,
+                    World* world) {
   const auto id = [&](int i) {
     return i == kWorld ? engine::kWorldBody : ids[static_cast<std::size_t>(i)];
   };
@@ -63,9 +64,13 @@ void add(const Joint& joint, const std::vector<BodyId>& ids, World* world) {
   if (joint.kind == JointKind::kBall) {
     added.kind = engine::JointKind::kBall;
   } else if (has_axes(joint.kind)) {
-    added.kind = *engine::joint_kind_named(name(joint.kind));
+    added.kind =
+        screw != nullptr ? engine::JointKind::kScrew : *engine::joint_kind_named(name(joint.kind));
+    if (screw != nullptr) added.pitch = screw->pitch();
     added.frame_a = joint.frame_a;
     added.frame_b = joint.frame_b;
+  } else if (joint.kind == JointKind::kFreeLength) {
+    added.kind = engine::JointKind::kFreeDistance;
   } else {
     engine::DistanceJoint distance;
     if (!(joint.length < 0.0)) distance.length = joint.length;  // NaN is passed on
@@ -74,6 +79,18 @@ void add(const Joint& joint, const std::vector<BodyId>& ids, World* world) {
   }
   added.motor.bias = joint.rate;
   added.motor.max_force = joint.max_force;
+  return world->add_joint(added);
+}
+
+void add(const Coupling& coupling, const std::vector<engine::JointId>& ids, World* world) {
+  if (coupling.is_screw()) return;
+  engine::Joint added;
+  added.name = "coupling_" + std::to_string(world->joint_ids().size());
+  added.coupling.first = ids[static_cast<std::size_t>(coupling.first)];
+  added.coupling.second = ids[static_cast<std::size_t>(coupling.second)];
+  added.coupling.ratio = coupling.ratio;
+  const bool is_pulley = engine::is_free_length(world->joint(added.coupling.first).kind);
+  added.kind = is_pulley ? engine::JointKind::kPulley : engine::JointKind::kGear;
   world->add_joint(added);
 }
 
@@ -82,7 +99,10 @@ class EngineSimulation : public Simulation {
   EngineSimulation(const Problem& problem, const engine::WorldOptions& options) : world_(options) {
     for (std::size_t i = 0; i < problem.bodies.size(); ++i)
       ids_.push_back(add(problem.bodies[i], i, &world_));
-    for (const Joint& joint : problem.joints) add(joint, ids_, &world_);
+    std::vector<engine::JointId> joints;
+    for (std::size_t j = 0; j < problem.joints.size(); ++j)
+      joints.push_back(add(problem.joints[j], problem.screw_of(j), ids_, &world_));
+    for (const Coupling& coupling : problem.couplings) add(coupling, joints, &world_);
   }
 
   void advance(long ticks, double) override {

@@ -1,7 +1,7 @@
 // needs: library mujoco
 //
 // MuJoCo: joint coordinates, and Cartesian ones with tendons for rods, each with its semi-implicit
-// Euler and RK4.
+// Euler and RK4. Coordinates are coupled by equality constraints, lengths on a pulley by a tendon.
 
 #include <mujoco/mujoco.h>
 
@@ -62,13 +62,13 @@ class Writer {
          << "<flag warmstart='enable'/></option>"
          << "<size nstack='" << (bodies > 300 ? 60000000 : 20000000) << "' njmax='" << most_rows()
          << "' nconmax='" << (has_shapes ? 6 * bodies + 100 : 0) << "'/><worldbody>";
-    if (!is_jointed_) check_without_axes(problem);
+    if (!is_jointed_) check_cartesian();
     if (is_jointed_)
       write_tree();
     else
       write_bodies();
     xml_ << "</worldbody>";
-    if (!is_jointed_) write_joints();
+    write_equations();
     if (has_shapes) write_pairs();
     xml_ << "</mujoco>";
     files_.push_back(xml_.str());
@@ -84,9 +84,17 @@ class Writer {
          << text(inertia_of(body)) << "'/>";
   }
 
+  /// Rods, springs and what they hang on; of what couples nothing but pulleys.
+  void check_cartesian() const {
+    Problem without = problem_;
+    if (!has_axes(problem_.joints.front().kind)) without.couplings.clear();
+    check_without_axes(without);
+  }
+
   /// MuJoCo takes memory for so many times all velocities.
   std::size_t most_rows() const {
-    const std::size_t joints = is_jointed_ ? 0 : 3 * problem_.joints.size();
+    const std::size_t joints =
+        is_jointed_ ? 0 : 3 * problem_.joints.size();  // and of couplings one
     return 10 + joints + (problem_.has_shapes() ? 6 * problem_.bodies.size() + 300 : 0);
   }
 
@@ -148,38 +156,72 @@ class Writer {
         write_inertia(body, Vector3d::Zero());
       }
       write_shape(body, i);
-      for (std::size_t k = 0; k < problem_.joints.size(); ++k) {
-        const Joint& joint = problem_.joints[k];
-        if (joint.a == static_cast<int>(i)) write_site(name_of("a", k), joint.anchor_a);
-        if (joint.b == static_cast<int>(i)) write_site(name_of("b", k), joint.anchor_b);
-      }
+      write_sites(static_cast<int>(i));
       xml_ << "</body>";
     }
-    for (std::size_t k = 0; k < problem_.joints.size(); ++k)
-      if (problem_.joints[k].a == kWorld) write_site(name_of("a", k), problem_.joints[k].anchor_a);
+    write_sites(kWorld);
+  }
+
+  /// Of the joints of a body whose frame is at its centre, or of the world.
+  void write_sites(int body) {
+    for (std::size_t k = 0; k < problem_.joints.size(); ++k) {
+      const Joint& joint = problem_.joints[k];
+      if (joint.a == body) write_site(name_of("a", k), joint.anchor_a);
+      if (joint.b == body) write_site(name_of("b", k), joint.anchor_b);
+    }
   }
 
   void write_site(const std::string& name, const Vector3d& position) {
     xml_ << "<site name='" << name << "' pos='" << text(position) << "'/>";
   }
 
-  void write_joints() {
-    // as stiff as MuJoCo recommends at most
-    const std::string solver =
-        " solref='" + text(2.0 * tick_) + " 1' solimp='0.9999 0.9999 0.001 0.5 2'/>";
+  /// As stiff as MuJoCo recommends at most.
+  std::string solver() const {
+    return " solref='" + text(2.0 * tick_) + " 1' solimp='0.9999 0.9999 0.001 0.5 2'/>";
+  }
+
+  void write_equations() {
     std::ostringstream equality;
     xml_ << "<tendon>";
+    if (!is_jointed_) write_joints(&equality);
+    for (const Coupling& coupling : problem_.couplings) write_coupling(coupling, &equality);
+    xml_ << "</tendon><equality>" << equality.str() << "</equality>";
+  }
+
+  /// Coordinates that are zero at the start: q₁ = −ratio q₂.
+  void write_coupling(const Coupling& coupling, std::ostringstream* equality) {
+    const auto first = static_cast<std::size_t>(coupling.first);
+    const auto second = static_cast<std::size_t>(coupling.second);
+    if (problem_.joints[first].kind == JointKind::kFreeLength) {
+      xml_ << "<spatial name='" << name_of("rope", first) << "'><site site='" << name_of("a", first)
+           << "'/><site site='" << name_of("b", first) << "'/><pulley divisor='"
+           << text(1.0 / coupling.ratio) << "'/><site site='" << name_of("a", second)
+           << "'/><site site='" << name_of("b", second) << "'/></spatial>";
+      *equality << "<tendon tendon1='" << name_of("rope", first) << "'" << solver();
+      return;
+    }
+    *equality << "<joint joint1='" << coordinate(first, 0) << "' joint2='"
+              << coordinate(second, coupling.is_screw() ? 1 : 0) << "' polycoef='0 "
+              << text(-coupling.ratio) << " 0 0 0'" << solver();
+  }
+
+  static std::string coordinate(std::size_t joint, int number) {
+    return name_of("q", joint) + "_" + std::to_string(number);
+  }
+
+  void write_joints(std::ostringstream* equality) {
     for (std::size_t k = 0; k < problem_.joints.size(); ++k) {
       const Joint& joint = problem_.joints[k];
       if (joint.rate != 0.0) throw Unsupported("motors");
       if (joint.kind == JointKind::kBall) {
-        equality << "<connect body1='" << name_of("body", static_cast<std::size_t>(joint.b))
-                 << "' anchor='" << text(joint.anchor_b) << "'";
+        *equality << "<connect body1='" << name_of("body", static_cast<std::size_t>(joint.b))
+                  << "' anchor='" << text(joint.anchor_b) << "'";
         if (joint.a != kWorld)
-          equality << " body2='" << name_of("body", static_cast<std::size_t>(joint.a)) << "'";
-        equality << solver;
+          *equality << " body2='" << name_of("body", static_cast<std::size_t>(joint.a)) << "'";
+        *equality << solver();
         continue;
       }
+      if (joint.kind == JointKind::kFreeLength) continue;
       xml_ << "<spatial name='" << name_of("rod", k) << "'";
       const double start =
           (in_world(joint.b, joint.anchor_b) - in_world(joint.a, joint.anchor_a)).norm();
@@ -188,12 +230,11 @@ class Writer {
         xml_ << " stiffness='" << text(joint.stiffness) << "' springlength='" << text(length)
              << "'";
       else
-        equality << "<tendon tendon1='" << name_of("rod", k) << "' polycoef='"
-                 << text(length - start) << " 0 0 0 0'" << solver;
+        *equality << "<tendon tendon1='" << name_of("rod", k) << "' polycoef='"
+                  << text(length - start) << " 0 0 0 0'" << solver();
       xml_ << "><site site='" << name_of("a", k) << "'/><site site='" << name_of("b", k)
            << "'/></spatial>";
     }
-    xml_ << "</tendon><equality>" << equality.str() << "</equality>";
   }
 
   Vector3d in_world(int i, const Vector3d& anchor) const {
@@ -210,6 +251,16 @@ class Writer {
     for (const Link& link : tree)
       if (link.parent == kWorld)
         write_link(link, Vector3d::Zero(), Quaterniond::Identity(), children);
+    if (has_pulleys()) write_sites(kWorld);
+  }
+
+  /// Their bodies are free.
+  bool has_pulleys() const {
+    for (const Coupling& coupling : problem_.couplings) {
+      const auto first = static_cast<std::size_t>(coupling.first);
+      if (problem_.joints[first].kind == JointKind::kFreeLength) return true;
+    }
+    return false;
   }
 
   void write_link(const Link& link, const Vector3d& parent_centre, const Quaterniond& parent_turn,
@@ -234,6 +285,7 @@ class Writer {
       write_inertia(body, link.centre);
     }
     write_shape(body, i);
+    if (has_pulleys()) write_sites(link.body);
     const bool is_deep = ++depth_ % kDeepest == 0 && !children[i].empty();
     std::ostringstream outer;
     if (is_deep) {
@@ -262,8 +314,11 @@ class Writer {
         in_world_of(joint.b).conjugate() * in_world_of(joint.a) * joint.frame_a;
     const Vector3d x = in_child * Vector3d::UnitX(), y = in_child * Vector3d::UnitY(),
                    z = in_child * Vector3d::UnitZ();
+    const auto k = static_cast<std::size_t>(&joint - problem_.joints.data());
+    int count = 0;
     const auto add = [&](const char* type, const Vector3d& axis) {
-      xml_ << "<joint type='" << type << "' axis='" << text(axis) << "'/>";
+      xml_ << "<joint name='" << coordinate(k, count++) << "' type='" << type << "' axis='"
+           << text(axis) << "'/>";
     };
     const JointKind kind = joint.kind;
     if (kind == JointKind::kPlanar || kind == JointKind::kPointOnPlane) {

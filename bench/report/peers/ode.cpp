@@ -27,6 +27,7 @@ class OdeSimulation : public Simulation {
  public:
   OdeSimulation(const Problem& problem, const std::string& variant, double tick)
       : problem_(problem), tick_(tick), world_(dWorldCreate()) {
+    check_without_couplings(problem);
     dWorldSetGravity(world_, problem.gravity.x(), problem.gravity.y(), problem.gravity.z());
     if (variant == "step_cfm_0") dWorldSetCFM(world_, 0.0);
     const std::string quick = "quickstep_";

@@ -1,7 +1,8 @@
 // needs: pkg-config simbody
 //
 // Simbody: error-controlled Runge-Kutta-Merson, with rods as constraints between bodies in
-// Cartesian coordinates, and with pins and balls in joint coordinates. Contacts are compliant:
+// Cartesian coordinates, and with pins and balls in joint coordinates, where gears and racks are
+// couplers of coordinates and screws joints of their own. Contacts are compliant:
 // Hertz's and a penalty at the corners of boxes.
 
 #include <Simbody.h>
@@ -196,6 +197,8 @@ class SimbodySimulation : public Simulation {
   }
 
   void add_tree() {
+    for (const Joint& joint : problem_.joints)
+      if (joint.kind == JointKind::kFreeLength) throw Unsupported("pulleys");
     tree_ = tree_of(problem_);
     std::vector<Vector3d> centres(bodies_.size(), Vector3d::Zero());
     // pins turn about z, ours about y
@@ -238,6 +241,26 @@ class SimbodySimulation : public Simulation {
         bodies_[i] = SimTK::MobilizedBody::Ball(body(link.parent), in_parent,
                                                 rigid(added, link.centre), in_child);
     }
+    for (const Coupling& coupling : problem_.couplings)
+      if (!coupling.is_screw()) couple(coupling);
+  }
+
+  /// The only coordinates of two bodies, both zero at the start.
+  void couple(const Coupling& coupling) {
+    const auto body_of = [&](int joint) {
+      const Joint& of = problem_.joints[static_cast<std::size_t>(joint)];
+      return body(of.b).getMobilizedBodyIndex();
+    };
+    SimTK::Vector coefficients(3);
+    coefficients[0] = 1.0;
+    coefficients[1] = coupling.ratio;
+    coefficients[2] = 0.0;
+    SimTK::Array_<SimTK::MobilizedBodyIndex> bodies;
+    bodies.push_back(body_of(coupling.first));
+    bodies.push_back(body_of(coupling.second));
+    SimTK::Constraint::CoordinateCoupler(
+        matter_, new SimTK::Function::Linear(coefficients), bodies,
+        SimTK::Array_<SimTK::MobilizerQIndex>(2, SimTK::MobilizerQIndex(0)));
   }
 
   /// Sliders move along x; universal joints turn about x of the parent's frame, then y of the
@@ -265,6 +288,12 @@ class SimbodySimulation : public Simulation {
         in_child(rotation(on_child), SimTK::Vec3(0));
     SimTK::MobilizedBody& parent = body(link.parent);
     const SimTK::Body::Rigid made = rigid(problem_.bodies[i], link.centre);
+    const auto k = static_cast<std::size_t>(&joint - problem_.joints.data());
+    if (const Coupling* screw = problem_.screw_of(k)) {
+      bodies_[i] = SimTK::MobilizedBody::Screw(parent, in_parent, made, in_child,
+                                               screw->pitch() / (2.0 * SimTK::Pi));
+      return;
+    }
     switch (joint.kind) {
       case JointKind::kHinge:
         bodies_[i] = SimTK::MobilizedBody::Pin(parent, in_parent, made, in_child);

@@ -1,5 +1,6 @@
-// A problem for each kind of joint with axes: two boxes, one on the other on the world, let go at
-// rest and askew to everything, so that nothing is planar and no axis is principal.
+// A problem for each kind of joint with axes, and for each kind of coupling of coordinates: two
+// boxes, one on the other on the world, or both on the world, let go at rest and askew to
+// everything, so that nothing is planar and no axis is principal.
 
 #include "common.h"
 
@@ -39,26 +40,89 @@ Joint on_axes(const Problem& made, JointKind kind, int a, int b, const Vector3d&
   return joint;
 }
 
-Problem two_boxes(JointKind first, JointKind second, const Vector3d& axis, double duration) {
-  Problem made = problem(std::string(name(second)) + "_pair", "mechanism", duration);
+Problem boxes_alone(const std::string& name, double duration) {
+  Problem made = problem(name + "_pair", "mechanism", duration);
   made.is_planar = false;
   made.bodies = {box(2.0, {0.3, 0.5, 0.9}), box(1.0, {0.8, 0.2, 0.4})};
   made.bodies[0].start.position = {0.5, 0.2, -0.3};
   made.bodies[0].start.orientation = turned(0.7, {1.0, -2.0, 0.5});
   made.bodies[1].start.position = {1.2, -0.1, -0.5};
   made.bodies[1].start.orientation = turned(-1.1, {0.3, 1.0, 0.8});
-  const Quaterniond frame = Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis);
-  made.joints = {
-      on_axes(made, first, kWorld, 0, Vector3d::Zero(), frame),
-      on_axes(made, second, 0, 1, {0.9, 0.1, -0.3}, frame * turned(0.8, {0.6, 0.8, 0.3}))};
+  return made;
+}
+
+Problem with_reference(Problem made) {
   made.reference = mechanism_motion(made);
   made.source = "dense reference in long double, by extrapolation";
   return made;
 }
 
+Problem on_each_other(const std::string& called, JointKind first, JointKind second,
+                      const Vector3d& axis, double duration) {
+  Problem made = boxes_alone(called, duration);
+  const Quaterniond frame = Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis);
+  made.joints = {
+      on_axes(made, first, kWorld, 0, Vector3d::Zero(), frame),
+      on_axes(made, second, 0, 1, {0.9, 0.1, -0.3}, frame * turned(0.8, {0.6, 0.8, 0.3}))};
+  return made;
+}
+
+Problem two_boxes(JointKind first, JointKind second, const Vector3d& axis, double duration) {
+  return with_reference(on_each_other(name(second), first, second, axis, duration));
+}
+
+/// Two hinges, the second on the first box, of which one turns by 1/1.7 as far as the other.
+Problem gears(const Vector3d& axis) {
+  Problem made = on_each_other("gear", JointKind::kHinge, JointKind::kHinge, axis, 5.0);
+  made.couplings = {{0, 1, 1.7}};
+  return with_reference(made);
+}
+
+/// A pinion of 0.2 m that is not balanced, and its rack on a rail.
+Problem rack(const Vector3d& axle, const Vector3d& rail) {
+  Problem made = boxes_alone("rack", 5.0);
+  const auto along = [](const Vector3d& axis) {
+    return Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis);
+  };
+  made.joints = {
+      on_axes(made, JointKind::kHinge, kWorld, 0, Vector3d::Zero(), along(axle)),
+      on_axes(made, JointKind::kSlider, kWorld, 1, made.bodies[1].start.position, along(rail))};
+  made.couplings = {{0, 1, -1.0 / 0.2}};
+  return with_reference(made);
+}
+
+/// A nut on a screw that is fixed, and on that nut's own screw another one, of 0.5 m a turn.
+Problem screws(const Vector3d& axis) {
+  Problem made =
+      on_each_other("screw", JointKind::kCylindrical, JointKind::kCylindrical, axis, 1.0);
+  const double ratio = -0.5 / (2.0 * kPi);
+  made.couplings = {{0, 0, ratio}, {1, 1, ratio}};
+  return with_reference(made);
+}
+
+/// Both hang on one rope over two pulleys, not at their centres, the first on two strands.
+Problem pulley() {
+  Problem made = boxes_alone("pulley", 1.0);
+  const Vector3d anchors[] = {{-0.6, 0.1, 1.0}, {0.8, -0.2, 1.2}};
+  for (int i = 0; i < 2; ++i) {
+    Joint rope;
+    rope.kind = JointKind::kFreeLength;
+    rope.b = i;
+    rope.anchor_a = anchors[i];
+    rope.anchor_b = {0.1, 0.05, 0.2};
+    made.joints.push_back(rope);
+  }
+  made.couplings = {{0, 1, 0.5}};
+  return with_reference(made);
+}
+
 std::vector<Problem> make() {
   const Vector3d level(0.3, 1.0, 0.2), steep(0.5, -0.4, 1.0);
-  return {two_boxes(JointKind::kHinge, JointKind::kHinge, level, 5.0),
+  return {gears(level),
+          rack(level, steep),
+          screws(steep),
+          pulley(),
+          two_boxes(JointKind::kHinge, JointKind::kHinge, level, 5.0),
           two_boxes(JointKind::kSlider, JointKind::kSlider, steep, 1.0),
           two_boxes(JointKind::kCylindrical, JointKind::kCylindrical, steep, 1.0),
           two_boxes(JointKind::kPlanar, JointKind::kPlanar, steep, 1.0),

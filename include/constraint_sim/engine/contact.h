@@ -8,6 +8,15 @@
 
 namespace constraint_sim::engine {
 
+/// How the two surfaces move along each other where they touch.
+enum class ContactState : std::uint8_t {
+  kClosed,    ///< without friction, or touched within the step only, as in a bounce
+  kSticking,  ///< held by friction
+  kSlipping,  ///< friction at its limit, against the slip
+};
+/// As in messages: `closed`, `sticking`, `slipping`.
+const char* name(ContactState state);
+
 /// One point in which two bodies press on each other.
 struct Contact {
   BodyId body_a;
@@ -16,6 +25,8 @@ struct Contact {
   Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();   ///< unit, from B to A, world
   double depth = 0.0;                                  ///< penetration [m] > 0
   double normal_force = 0.0;                           ///< mean over the step [N] ≥ 0
+  Eigen::Vector3d force = Eigen::Vector3d::Zero();  ///< normal and friction, on A, world [N]; mean
+  ContactState state = ContactState::kClosed;       ///< at the end of the step
 };
 
 /// What the narrowphase finds for one pair of shapes: a common normal and up to eight points.

@@ -9,20 +9,22 @@ namespace constraint_sim::engine {
 
 /// MethodReason an island is carried by the method it has.
 enum class MethodReason {
-  kSmooth,         ///< nothing in it jumps
-  kAskedFor,       ///< the options name the method
-  kContact,        ///< one of its bodies touches another
-  kLimit,          ///< a joint with limits: rope, strut
-  kForceLimit,     ///< a motor with a force limit
-  kFriction,       ///< friction in a joint
-  kStiff,          ///< joints or springs move its bodies faster than substeps are worth
-  kInconsistent,   ///< joints contradict each other: met by least squares
-  kRefused,        ///< nothing else could carry it
-  kAtRest,         ///< nothing moves in it: it is left out until something touches it
-  kBreaks,         ///< a joint that can break
-  kLimitedSpring,  ///< a spring or servo with a force limit, or a motor with one that goes to a
-                   ///< position
-  kManyRows,       ///< more limits, motors and friction than events are worth
+  kSmooth,           ///< nothing in it jumps
+  kAskedFor,         ///< the options name the method
+  kContact,          ///< one of its bodies touches another
+  kLimit,            ///< a joint with limits: rope, strut
+  kForceLimit,       ///< a motor with a force limit
+  kFriction,         ///< friction in a joint
+  kStiff,            ///< joints or springs move its bodies faster than substeps are worth
+  kInconsistent,     ///< joints contradict each other: met by least squares
+  kRefused,          ///< nothing else could carry it
+  kAtRest,           ///< nothing moves in it: it is left out until something touches it
+  kBreaks,           ///< a joint that can break
+  kLimitedSpring,    ///< a spring or servo with a force limit, or a motor with one that goes to a
+                     ///< position
+  kManyRows,         ///< more limits, motors and friction than events are worth
+  kFewContacts,      ///< may touch others within the step, and these are few: by events
+  kContactsGivenUp,  ///< the same, but events found no answer, or did not come to an end
 };
 
 /// In words.

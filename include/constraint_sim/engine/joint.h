@@ -10,6 +10,7 @@
 #include <string>
 #include <string_view>
 
+#include "constraint_sim/engine/custom.h"
 #include "constraint_sim/engine/id.h"
 
 namespace constraint_sim::engine {
@@ -31,8 +32,12 @@ enum class JointKind : std::uint8_t {
   kGear,    ///< q₁ + ratio q₂ of the first coordinates of two other joints stays what it is
   kPulley,  ///< the same of the lengths of two joints of kind kFreeDistance
   kScrew,   ///< a cylindrical joint that moves along z by `pitch` a turn
+  kCustom,  ///< one equation of another package, as `custom` has it
+  kCustomForce,  ///< nothing; a force of another package acts between the anchors
 };
-inline constexpr std::size_t kJointKindCount = 14;
+/// Those before kCustom need no other package.
+inline constexpr std::size_t kOwnJointKindCount = 14;
+inline constexpr std::size_t kJointKindCount = 16;
 
 /// Settings of a joint of kind kDistance, which holds the distance of the two anchors: as a rod, or
 /// between limits (rope, strut), or as a spring about `length`. C = ‖d‖ − length in metres.
@@ -149,6 +154,7 @@ struct Joint {
   std::array<CoordinateLaw, kMaxCoordinates> coordinates;
   Coupling coupling;                ///< of kinds kGear and kPulley; of kScrew its `value` alone [m]
   double pitch = 0.0;               ///< of kind kScrew [m a turn], not 0
+  CustomElement custom;             ///< of kinds kCustom and kCustomForce
   std::optional<double> baumgarte;  ///< share of the error removed each step, [0, 1]; the world's
   double break_force = 0.0;         ///< [N] beyond which the joint breaks for good; 0: never
   double break_torque = 0.0;        ///< [N m], the same; not of kind kDistance
@@ -206,11 +212,12 @@ struct JointState {
   double travel =
       0.0;  ///< ∫ζ dt since the joint was added: what the motor has added to the length [m]
   double closing_since = 0.0;  ///< simulated [s]
-  /// What there was to close then: the error of each row [m or rad], of a ball joint d in world
-  /// axes; of joints that keep axes aligned only of their coordinates.
+  /// What there was to close then: the error of each row [m or rad], of a ball joint on a B that
+  /// cannot turn d in world axes; of others that are closed by their frame only of coordinates.
   RowVector closing_offset = RowVector::Zero();
-  /// Of joints that keep axes aligned, where the frame on B would have met the rows: this far from
-  /// its anchor, in B's frame [m], and turned by this vector, in the joint's frame on B [rad].
+  /// Of ball joints and those that keep axes aligned, where the frame on B would have met the rows:
+  /// this far from its anchor, in B's frame [m], and turned by this vector, in the joint's frame on
+  /// B [rad].
   Eigen::Vector3d closing_shift = Eigen::Vector3d::Zero();
   Eigen::Vector3d closing_turn = Eigen::Vector3d::Zero();
   double closing_share = 0.0;  ///< of that turn, where it goes by a share a step
@@ -263,8 +270,11 @@ bool is_free_length(JointKind kind);
 /// That kind: `distance` with `free: true` in scene files.
 JointKind free_length();
 
-/// All kinds.
-const std::array<JointKind, kJointKindCount>& joint_kinds();
+/// Whether functions of another package are needed for it.
+bool is_custom(JointKind kind);
+
+/// All kinds that need no other package.
+const std::array<JointKind, kOwnJointKindCount>& joint_kinds();
 
 /// A frame with its z axis along this vector of any length but 0, turned by the least angle. Throws
 /// std::invalid_argument naming `axis_a` where it has no direction.

@@ -45,6 +45,8 @@ enum class Failure {
   kTooManyPairs,     ///< more than kMostPairs of bodies overlap with their boxes
   kTooManyContacts,  ///< more than kMostContacts points touch
   kNoNextTick,       ///< the time is so long that a tick is lost beside it
+  kCustom,           ///< functions of another package threw, or returned no finite number:
+                     ///< World::failed_joint() and World::failed_why()
 };
 
 /// One line in plain words; empty for kNone.

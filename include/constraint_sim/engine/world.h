@@ -10,6 +10,7 @@
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/contact.h"
+#include "constraint_sim/engine/event.h"
 #include "constraint_sim/engine/id.h"
 #include "constraint_sim/engine/island.h"
 #include "constraint_sim/engine/joint.h"
@@ -65,12 +66,21 @@ class World {
   BodyId find_body(std::string_view name) const;
   /// All bodies but the world, in the order of adding.
   std::vector<BodyId> body_ids() const;
+  /// The same into `ids`, whose memory is used again.
+  void body_ids(std::vector<BodyId>* ids) const;
   /// Settings of the body as it was added; `state` in them is the one that reset() returns to.
   const Body& body(BodyId id) const;
   /// Pose [m] and twist [m/s, rad/s] of the body now, world frame.
   const BodyState& state(BodyId id) const;
+  /// Replaces mass, inertia, friction, restitution and `no_collision` of the body, in motion and
+  /// at rest: its velocity stays. Springs given by a frequency keep their stiffness. Throws for
+  /// settings out of range, for the world itself, for another name or type, and for an inertia
+  /// given to a point mass or taken from one that has it. Shape and state of `body` are not looked
+  /// at.
+  void set_body(BodyId id, const Body& body);
   /// Places the body there, at that twist (world frame), and lets its joints close what they are
-  /// then off by; throws for numbers that are not finite, for the world itself, and for a static
+  /// then off by; with a static or kinematic body that stays where it is they go on with that.
+  /// Throws for numbers that are not finite, for the world itself, and for a static
   /// body that is to move.
   void set_state(BodyId id, const BodyState& state);
 
@@ -154,9 +164,17 @@ class World {
   const StepReport& step();
   /// Report of the last step; before the first one all zero.
   const StepReport& report() const;
+  /// Where a step failed by functions of another package (Failure::kCustom): whose they are, and
+  /// what they did, with names; else none, and empty. Not in snapshots as bytes.
+  std::optional<JointId> failed_joint() const;
+  std::string failed_why() const;
   /// Contact points of the last step (world frame, [m], [N]) in a stable order, those of islands at
   /// rest before all others; none between a reset or the removal of a body and the next step.
   const std::vector<Contact>& contacts() const;
+  /// What happened within the last step, by time; at the same time in the order of islands. What
+  /// impulses carry has no moments but joints that broke, at the end of the step. Empty between a
+  /// failed step or a reset and the next step.
+  const std::vector<Event>& events() const;
   double time() const;               ///< simulated time [s]
   std::uint64_t step_count() const;  ///< steps since time 0, or as set_time() says
   /// Islands in the order of their first bodies; methods and reasons are those of the last step,
@@ -186,6 +204,8 @@ class World {
   /// Continues from this simulated time [s] and step; timeouts and wrenches move along. Throws for
   /// a time that is not finite, or to which adding a tick changes nothing.
   void set_time(double time, std::uint64_t step_count);
+  /// Hands out no id that `other` has handed out, but for those of bodies and joints that are here.
+  void reserve_ids(const World& other);
   /// Takes the place of `other`: continues its time, and uses none of its ids again. All ids of
   /// this world change, and the phases of motors shift so that the motion is the same as from 0.
   void continue_from(const World& other);

@@ -13,13 +13,6 @@ Jacobian jacobian(const BodyState& a, const BodyState& b, const Vector3d& p, con
   return {n, (p - a.position).cross(n), -n, -(p - b.position).cross(n)};
 }
 
-// at right angles to n, the same for the same n
-Vector3d tangent_to(const Vector3d& n) {
-  Eigen::Index least = 0;
-  n.cwiseAbs().minCoeff(&least);
-  return n.cross(Vector3d::Unit(least)).normalized();
-}
-
 // Pushes the depth out by Baumgarte, but for the fall of one step, or contacts at rest would open
 // and close; or bounces, if it arrives faster than rest does.
 void aim_normal(Row* row, double approach, double depth, const ContactSurface& surface,
@@ -32,6 +25,12 @@ void aim_normal(Row* row, double approach, double depth, const ContactSurface& s
 }
 
 }  // namespace
+
+Vector3d tangent_to(const Vector3d& n) {
+  Eigen::Index least = 0;
+  n.cwiseAbs().minCoeff(&least);
+  return n.cross(Vector3d::Unit(least)).normalized();
+}
 
 ContactSurface::ContactSurface(const Body& a, const Body& b)
     : friction(std::sqrt(a.friction * b.friction)),

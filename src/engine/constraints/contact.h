@@ -14,6 +14,9 @@ namespace constraint_sim::engine {
 
 inline constexpr int kMaxContactRows = 3;
 
+/// A unit vector at right angles to n, the same for the same n.
+Eigen::Vector3d tangent_to(const Eigen::Vector3d& n);
+
 /// How two surfaces act on each other.
 struct ContactSurface {
   double friction;     ///< geometric mean of the two

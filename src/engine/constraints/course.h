@@ -1,24 +1,45 @@
 #pragma once
 
+#include <cmath>
+
 #include "constraint_sim/engine/joint.h"
 
 namespace constraint_sim::engine {
 
 /// A length over time and how it changes.
-struct Course {
+struct Prescribed {
   double value = 0.0;         ///< [m]
   double rate = 0.0;          ///< [m/s]
   double acceleration = 0.0;  ///< [m/s²]
 };
 
+/// ω of ζ [rad/s].
+inline double motor_omega(const Motor& motor) {
+  return 2.0 * 3.14159265358979323846 * motor.frequency;
+}
+
 /// ∫ζ dt from t to t + h [m].
-double motor_travel(const Motor& motor, double t, double h);
+inline double motor_travel(const Motor& motor, double t, double h) {
+  double travel = motor.bias * h;
+  if (motor.amplitude == 0.0) return travel;
+  // ∫ sin(ωt + φ) dt = h sin(ω(t + h/2) + φ) sin(x)/x with x = ωh/2
+  const double omega = motor_omega(motor);
+  const double x = 0.5 * omega * h;
+  const double sinc = std::abs(x) > 1e-4 ? std::sin(x) / x : 1.0 - x * x / 6.0;
+  travel += motor.amplitude * h * std::sin(omega * (t + 0.5 * h) + motor.phase) * sinc;
+  return travel;
+}
 
 /// The same, with ζ and its rate at the end.
-Course motor_course(const Motor& motor, double t, double h);
+inline Prescribed motor_course(const Motor& motor, double t, double h) {
+  const double omega = motor_omega(motor);
+  const double phase = omega * (t + h) + motor.phase;
+  return {motor_travel(motor, t, h), motor.bias + motor.amplitude * std::sin(phase),
+          motor.amplitude * omega * std::cos(phase)};
+}
 
 /// Share of an error left by an edit that is still there `since` seconds later: 1 at first, 0 after
 /// the closing time, with no velocity and no acceleration at either end: 1 − 10u³ + 15u⁴ − 6u⁵.
-Course closing_course(double since, double closing_time);
+Prescribed closing_course(double since, double closing_time);
 
 }  // namespace constraint_sim::engine

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "engine/constraints/custom.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -118,6 +120,8 @@ Jacobian discrete_gradient(const ScalarForm& form, const JointVectors& start,
     const double length = start.d.norm() + end.d.norm();
     return along(mean, length > 0.0 ? Eigen::Vector3d(2.0 / length * mean.d) : unit(mean.d));
   }
+  if (!form.is_angle && form.product.is_custom())
+    return start.custom->discrete_gradient(start, end);
   if (!form.is_angle) return jacobian(form.product, mean);
   const CosineAndSine<double> at_start = values(form.angle, start),
                               at_end = values(form.angle, end);

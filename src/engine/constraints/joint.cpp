@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <tuple>
 
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/course.h"
+#include "engine/constraints/custom.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/joint_parts.h"
@@ -21,14 +23,18 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 const MovingFrame kHome;  // which does not move
 
-Course turn_to_close(const JointState& state, const JointStep& step, double beta, bool at_end) {
+Prescribed turn_to_close(const JointState& state, const JointStep& step, double beta, bool at_end) {
   if (step.closing_time > 0.0)
     return closing_course(step.t - state.closing_since + (at_end ? step.h : 0.0),
                           step.closing_time);
   return {at_end ? (1.0 - beta) * state.closing_share : state.closing_share, 0.0, 0.0};
 }
 
-// Where the frame on B would meet the rows, of a joint that keeps axes: shift and turn.
+Eigen::Matrix3d axes_on_b(const Joint& joint) {
+  return joint.frame_b.value_or(Eigen::Quaterniond::Identity()).toRotationMatrix();
+}
+
+// Where the frame on B would meet the rows, of a joint that closes by it: shift and turn.
 std::pair<Eigen::Vector3d, Eigen::Vector3d> opening_of(const Joint& joint, const BodyState& a,
                                                        const BodyState& b) {
   const JointKindInfo& kind = info(joint.kind);
@@ -206,12 +212,11 @@ bool is_closed(const JointState& state, const JointStep& step) {
 
 MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointState& state,
                      bool at_end) {
-  const bool keeps_axes = info(joint.kind).alignment != Alignment::kFree;
-  if (!state.closing || !keeps_axes) return {};
+  if (!state.closing || !closes_by_frame(info(joint.kind))) return {};
   const double beta = joint.baumgarte.value_or(step.beta);
   const Eigen::Vector3d shift =
       step.closing_time > 0.0 ? state.closing_shift : Eigen::Vector3d(Eigen::Vector3d::Zero());
-  return {joint.anchor_b, joint.frame_b->toRotationMatrix(), shift, state.closing_turn,
+  return {joint.anchor_b, axes_on_b(joint), shift, state.closing_turn,
           turn_to_close(state, step, beta, at_end)};
 }
 
@@ -245,6 +250,8 @@ void finish(const Joint& joint, const BodyState& a, const BodyState& b, const Jo
   if (state.closing && step.closing_time == 0.0)
     state.closing_share *= 1.0 - joint.baumgarte.value_or(step.beta);
   if (state.closing) state.closing = !is_closed(state, step);
+  if (joint.kind == JointKind::kCustomForce)
+    state.force = custom_wrench(joint, a, b, step.t + step.h).j3.norm();
   if (is_distance ? joint.break_force > 0.0 && std::abs(state.force) > joint.break_force
                   : breaks(joint, a, b, impulse, step.h, state)) {
     state.broken = true;
@@ -259,10 +266,10 @@ void forget_impulses(JointState* state) {
 
 MovingFrame frame_where_met(const Joint& joint, const BodyState& a, const BodyState& b,
                             double radius) {
-  if (info(joint.kind).alignment == Alignment::kFree) return {};
+  if (!closes_by_frame(info(joint.kind))) return {};
   const auto [shift, turn] = opening_of(joint, a, b);
   if (std::max(shift.norm(), radius * turn.norm()) <= kFits) return {};
-  return {joint.anchor_b, joint.frame_b->toRotationMatrix(), shift, turn, Course{1.0, 0.0, 0.0}};
+  return {joint.anchor_b, axes_on_b(joint), shift, turn, Prescribed{1.0, 0.0, 0.0}};
 }
 
 double reading(const ScalarForm& form, double value, double zero, double reference) {
@@ -285,6 +292,11 @@ void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& 
   state.coupling.constant = joint.coupling.value.value_or(state.coupling.value);
 }
 
+Jacobian custom_wrench(const Joint& joint, const BodyState& a, const BodyState& b, double t) {
+  const JointVectors vectors(joint, a, b);
+  return joint.custom.code->wrench(t, vectors, JointMotion(vectors, a, b));
+}
+
 World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyState& b,
                              const RowVector& impulse, double h) {
   const JointVectors vectors(joint, a, b);
@@ -298,20 +310,27 @@ World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyS
 }
 
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
-                 JointState& state) {
+                 JointState& state, bool b_turns) {
   const JointKindInfo& kind = info(joint.kind);
+  const bool is_by_frame = closes_by_frame(kind) && (kind.alignment != Alignment::kFree || b_turns);
   MovingFrame frame;
-  if (kind.alignment != Alignment::kFree && !state.broken) {
+  state.closing_shift.setZero();
+  state.closing_turn.setZero();
+  if (is_by_frame && !state.broken) {
     std::tie(state.closing_shift, state.closing_turn) = opening_of(joint, a, b);
     state.closing_share = 1.0;
     frame = frame_where_met(joint, a, b, state.radius);
   }
-  measure_joint(joint, a, b, state.bias, Passed{}, frame, state);
+  try {
+    measure_joint(joint, a, b, state.bias, Passed{}, frame, state);
+    state.closing_offset = row_errors(joint, a, b, state);
+  } catch (const CustomFailure&) {  // the next step fails by it
+    state.error = std::numeric_limits<double>::quiet_NaN();
+  }
   state.initial_error = state.error;
   state.closing_since = t;
-  state.closing_offset = row_errors(joint, a, b, state);
   state.coupling.offset = state.coupling.value - state.coupling.constant;
-  if (kind.alignment != Alignment::kFree) state.closing_offset.head(kind.rows).setZero();
+  if (is_by_frame) state.closing_offset.head(kind.rows).setZero();
   state.closing = acts(joint, state) && is_rigid(joint) && std::abs(state.error) > kFits;
 }
 

@@ -48,9 +48,9 @@ void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, cons
                 const Row* rows, int count, JointState& state);
 
 /// Measures a joint just added or mended, or whose bodies were set; what it is off by is then to be
-/// closed. `t` is simulated time [s].
+/// closed. `t` is simulated time [s]; `b_turns`: whether body B moves and can turn.
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
-                 JointState& state);
+                 JointState& state, bool b_turns = true);
 
 /// Adds the two rows of the coupling of a joint, each with the bodies of one term; `a` and `b` are
 /// those of the joint's own rows. Both have the value and the target of the whole in the first.
@@ -91,6 +91,9 @@ bool is_rigid(const Joint& joint);
 bool is_always_rigid(const Joint& joint);
 
 /// Whether the joint is enabled and not broken.
+/// Of a custom force at time t: forces and torques about the centres of A and B.
+Jacobian custom_wrench(const Joint& joint, const BodyState& a, const BodyState& b, double t);
+
 inline bool acts(const Joint& joint, const JointState& state) {
   return joint.enabled && !state.broken;
 }
@@ -99,10 +102,10 @@ inline bool acts(const Joint& joint, const JointState& state) {
 
 /// What time asks of a joint in a span in which nothing jumps: by its motor, and by an error to be
 /// closed.
-class JointCourse {
+class PrescribedMotion {
  public:
-  JointCourse() = default;
-  JointCourse(const Joint& joint, const JointStep& span, JointState& state) {
+  PrescribedMotion() = default;
+  PrescribedMotion(const Joint& joint, const JointStep& span, JointState& state) {
     begin(joint, span, state);
   }
   /// Takes the course of the next span. Sets bias (the mean of the span) and saturated of `state`.
@@ -110,7 +113,7 @@ class JointCourse {
 
   bool is_driven() const { return is_driven_; }
   /// Whether the motors go on as those of the span before.
-  bool is_driven_as(const JointCourse& before) const {
+  bool is_driven_as(const PrescribedMotion& before) const {
     for (std::size_t i = 0; i < count_; ++i) {
       const Motor &a = held_[i].motor, &b = before.held_[i].motor;
       if (a.bias != b.bias || a.amplitude != b.amplitude || a.frequency != b.frequency ||
@@ -122,12 +125,12 @@ class JointCourse {
   bool is_closing() const { return closing_time_ > 0.0; }
   bool is_constant() const { return !is_driven() && !is_closing(); }
   /// Of a distance joint, at the simulated time t [s].
-  Course length(double t) const;
+  Prescribed length(double t) const;
   /// Each row of another kind is to be off by this share of offset().
-  Course share_to_close(double t) const;
+  Prescribed share_to_close(double t) const;
   const RowVector& offset() const { return closing_offset_; }
   /// What the coupling is to be off by, and was when it began to be closed.
-  Course coupling(double t) const;
+  Prescribed coupling(double t) const;
   double coupling_offset() const { return coupling_offset_; }
   /// Whether the frame on B moves while the joint is being closed.
   bool moves_frame() const { return is_closing() && moves_frame_; }
@@ -141,7 +144,7 @@ class JointCourse {
     return {closing_shift_.norm(), closing_turn_.norm()};
   }
   /// Of another kind: what a row is to be off by, or what the form of a coordinate is to be.
-  Course target(int function, double t) const;
+  Prescribed target(int function, double t) const;
   /// The same without what closes an error: the rate that a motor asks of a row, or of the length.
   double driven_rate(int function, double t) const {
     if (function < rows_) return 0.0;
@@ -150,6 +153,24 @@ class JointCourse {
   }
   /// The bias of a distance joint alone [m/s].
   double zeta(double t) const { return motor_course(held_[0].motor, start_, t - start_).rate; }
+  /// Visits all of it, as engine/memory.h says.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit) {
+    for (auto& held : self.held_) {
+      visit.beside(held.value);
+      visit.beside(held.motor);
+    }
+    visit.beside(self.count_);
+    visit.beside(self.rows_);
+    visit.beside(self.is_driven_);
+    for (auto* time : {&self.start_, &self.closing_since_, &self.closing_time_})
+      visit.beside(*time);
+    visit.beside(self.closing_offset_);
+    visit.beside(self.coupling_offset_);
+    visit.beside(self.closing_shift_);
+    visit.beside(self.closing_turn_);
+    visit.beside(self.moves_frame_);
+  }
 
  private:
   /// What a motor holds: the length of a distance joint, or a coordinate of another kind.

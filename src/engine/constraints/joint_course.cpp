@@ -46,8 +46,8 @@ Motor drive(const CoordinateLaw& law, const JointStep& step, CoordinateState* st
   return motor;
 }
 
-void JointCourse::begin(const Joint& joint, const JointStep& span, JointState& state) {
-  if (is_closing()) *this = JointCourse{};
+void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointState& state) {
+  if (is_closing()) *this = PrescribedMotion{};
   const JointKindInfo& kind = info(joint.kind);
   start_ = span.t;
   is_driven_ = false;
@@ -77,47 +77,47 @@ void JointCourse::begin(const Joint& joint, const JointStep& span, JointState& s
   coupling_offset_ = state.coupling.offset;
   closing_shift_ = state.closing_shift;
   closing_turn_ = state.closing_turn;
-  moves_frame_ = kind.alignment != Alignment::kFree;
+  moves_frame_ = kind.alignment != Alignment::kFree || !closing_shift_.isZero(0.0);
 }
 
-void JointCourse::hold(std::size_t i, double value, const Motor& motor) {
+void PrescribedMotion::hold(std::size_t i, double value, const Motor& motor) {
   held_[i] = {value, motor};
   is_driven_ = is_driven_ || motor.is_moving();
 }
 
-Course JointCourse::length(double t) const {
-  const Course travel = motor_course(held_[0].motor, start_, t - start_);
-  Course length{held_[0].value + travel.value, travel.rate, travel.acceleration};
+Prescribed PrescribedMotion::length(double t) const {
+  Prescribed length = motor_course(held_[0].motor, start_, t - start_);
+  length.value += held_[0].value;
   if (!is_closing()) return length;
-  const Course share = share_to_close(t);
+  const Prescribed share = share_to_close(t);
   length.value += closing_offset_[0] * share.value;
   length.rate += closing_offset_[0] * share.rate;
   length.acceleration += closing_offset_[0] * share.acceleration;
   return length;
 }
 
-Course JointCourse::target(int function, double t) const {
-  const Course share = share_to_close(t);
+Prescribed PrescribedMotion::target(int function, double t) const {
+  const Prescribed share = share_to_close(t);
   const double offset = closing_offset_[function];
-  Course target{offset * share.value, offset * share.rate, offset * share.acceleration};
+  Prescribed target{offset * share.value, offset * share.rate, offset * share.acceleration};
   if (function < rows_) return target;
   const Held& held = held_[at(function - rows_)];
-  const Course moved = motor_course(held.motor, start_, t - start_);
+  const Prescribed moved = motor_course(held.motor, start_, t - start_);
   target.value += held.value + moved.value;
   target.rate += moved.rate;
   target.acceleration += moved.acceleration;
   return target;
 }
 
-Course JointCourse::coupling(double t) const {
+Prescribed PrescribedMotion::coupling(double t) const {
   if (coupling_offset_ == 0.0) return {};
-  const Course share = share_to_close(t);
+  const Prescribed share = share_to_close(t);
   return {coupling_offset_ * share.value, coupling_offset_ * share.rate,
           coupling_offset_ * share.acceleration};
 }
 
-Course JointCourse::share_to_close(double t) const {
-  return is_closing() ? closing_course(t - closing_since_, closing_time_) : Course{};
+Prescribed PrescribedMotion::share_to_close(double t) const {
+  return is_closing() ? closing_course(t - closing_since_, closing_time_) : Prescribed{};
 }
 
 void finish_span(const Joint& joint, const JointStep& span, JointState& state) {

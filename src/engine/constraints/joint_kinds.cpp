@@ -18,6 +18,7 @@ constexpr VectorRef xA{VectorKind::kAxisA, 0}, yA{VectorKind::kAxisA, 1}, zA{Vec
 constexpr VectorRef xB{VectorKind::kAxisB, 0}, yB{VectorKind::kAxisB, 1}, zB{VectorKind::kAxisB, 2};
 constexpr VectorRef xW{VectorKind::kWorldAxis, 0}, yW{VectorKind::kWorldAxis, 1},
     zW{VectorKind::kWorldAxis, 2};
+constexpr VectorRef custom{VectorKind::kCustom, 0};
 constexpr ScalarForm along_x{RowForm{xA, d}}, along_y{RowForm{yA, d}}, along_z{RowForm{zA, d}};
 // of B about z_A; of the cross of a universal joint about z_A, and of B about z_B
 constexpr ScalarForm length{LengthForm{}};
@@ -29,7 +30,8 @@ constexpr ScalarForm angle_2{AngleForm{{{{{xB, zA}, 1.0}, {}}}, {{{{yB, zA}, -1.
 // NOLINTEND(readability-identifier-naming)
 
 constexpr bool is_axis(VectorRef u) {
-  return u.kind == VectorKind::kAxisA || u.kind == VectorKind::kAxisB;
+  return u.kind == VectorKind::kAxisA || u.kind == VectorKind::kAxisB ||
+         u.kind == VectorKind::kCustom;
 }
 
 constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> rows,
@@ -55,6 +57,12 @@ constexpr JointKindInfo kind(const char* name, std::initializer_list<RowForm> ro
   return made;
 }
 
+constexpr JointKindInfo custom_kind(const char* name, std::initializer_list<RowForm> rows) {
+  JointKindInfo made = kind(name, rows, Alignment::kFree, {});
+  made.has_frames = made.is_custom = true;
+  return made;
+}
+
 // In the order of JointKind. The lock x_A·y_B, y_A·z_B, z_A·x_B has eight roots, all of rank 3;
 // misalignment() says which one is meant.
 // clang-format off
@@ -73,6 +81,8 @@ constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
     kind("gear", {}, Alignment::kFree, {}, Couples::kJoints),
     kind("pulley", {}, Alignment::kFree, {}, Couples::kLengths),
     kind("screw", {{xA, d}, {yA, d}, {zA, xB}, {zA, yB}}, Alignment::kParallelZ, {along_z, angle}, Couples::kOwn),
+    custom_kind("custom", {{custom, custom}}),
+    custom_kind("custom_force", {}),
 }};
 // clang-format on
 
@@ -89,15 +99,15 @@ const JointKindInfo& info(JointKind kind) { return kKinds[static_cast<std::size_
 const char* name(JointKind kind) { return info(kind).name; }
 
 std::optional<JointKind> joint_kind_named(std::string_view text) {
-  for (const JointKind kind : joint_kinds())
-    if (text == name(kind)) return kind;
+  for (std::size_t i = 0; i < kKinds.size(); ++i)
+    if (text == kKinds[i].name) return static_cast<JointKind>(i);
   return std::nullopt;
 }
 
 std::string names_of_further_kinds() {
   std::string names;
-  for (const JointKind kind : joint_kinds())
-    if (kind != JointKind::kDistance) names += std::string(", ") + name(kind);
+  for (const JointKindInfo& kind : kKinds)
+    if (&kind != &info(JointKind::kDistance)) names += std::string(", ") + kind.name;
   return names;
 }
 
@@ -123,11 +133,13 @@ bool is_free_length(JointKind kind) { return info(kind).coordinate[0].is_length;
 
 JointKind free_length() { return JointKind::kFreeDistance; }
 
+bool is_custom(JointKind kind) { return info(kind).is_custom; }
+
 bool has_two_axes(JointKind kind) { return info(kind).alignment == Alignment::kPerpendicularZ; }
 
-const std::array<JointKind, kJointKindCount>& joint_kinds() {
-  static const std::array<JointKind, kJointKindCount> kAll = [] {
-    std::array<JointKind, kJointKindCount> list{};
+const std::array<JointKind, kOwnJointKindCount>& joint_kinds() {
+  static const std::array<JointKind, kOwnJointKindCount> kAll = [] {
+    std::array<JointKind, kOwnJointKindCount> list{};
     for (std::size_t i = 0; i < list.size(); ++i) list[i] = static_cast<JointKind>(i);
     return list;
   }();

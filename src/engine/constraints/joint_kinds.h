@@ -40,6 +40,7 @@ struct JointKindInfo {
   Alignment alignment = Alignment::kFree;
   Couples couples = Couples::kNothing;
   bool has_frames = false;                               ///< whether any row has an axis of A or B
+  bool is_custom = false;                                ///< by functions of another package
   int coordinates = 0;                                   ///< that are free and can have laws
   std::array<ScalarForm, kMaxCoordinates> coordinate{};  ///< those
   std::array<ScalarForm, kMaxJointRows> function{};      ///< rows first, then coordinates
@@ -48,6 +49,18 @@ struct JointKindInfo {
 /// Of kDistance: one row ½(d·d − ℓ²), or what its settings make of it; its length has laws of its
 /// own.
 const JointKindInfo& info(JointKind kind);
+
+/// Whether the frame on B may go home while a joint of the kind is closed. Rows of others are off
+/// by less and less instead: they act along what goes with A. So do those of a point on a B that
+/// cannot turn.
+constexpr bool closes_by_frame(const JointKindInfo& kind) {
+  return kind.alignment != Alignment::kFree || kind.form == RowsForm::kPoint;
+}
+
+/// Whether the orientation of B counts, so that B turns also where its anchor is its centre.
+constexpr bool turns_b(const JointKindInfo& kind) {
+  return kind.alignment != Alignment::kFree || kind.is_custom;
+}
 
 /// What a rod of length zero is.
 inline constexpr JointKind kKindOfLengthZero = JointKind::kBall;

@@ -47,11 +47,11 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
     const bool is_closing = !is_limit || is_beyond(*row, closing.offset);
     if (is_closing) row->C -= closing.offset;
     if (is_limit)
-      aim_limit(*row, beta, step.h);
+      set_bias_limit(*row, beta, step.h);
     else if (distance.is_soft())
-      aim_soft(*row, distance.stiffness, distance.damping, step.h);
+      set_bias_soft(*row, distance.stiffness, distance.damping, step.h);
     else
-      aim_rigid(*row, beta, step.h);
+      set_bias_rigid(*row, beta, step.h);
     if (is_closing) row->correction += closing.rate;
     if (joint.motor.max_force > 0.0) limit_force(*row, joint.motor.max_force, step.h);
   }
@@ -74,7 +74,7 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
     rows[k].J = jacobian(form, vectors);
     rows[k].C = value(form, vectors) - closing.offset;
     rows[k].component = k;
-    aim_rigid(rows[k], beta, step.h);
+    set_bias_rigid(rows[k], beta, step.h);
     rows[k].correction += closing.rate;
     if (frame.moves) rows[k].correction -= (value(form, ahead) - value(form, vectors)) / step.h;
   }
@@ -103,6 +103,12 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
   return count;
 }
 
+// Whether a motor's row took all that it may in the motion, or with what closes errors beside it:
+// closing those of other rows may take back a little of that.
+bool is_at_limit(const Row& row, double most) {
+  return std::max(std::abs(row.impulse), std::abs(row.impulse + row.correction_impulse)) >= most;
+}
+
 // what the step added to the motor's travel; a motor at its force limit gives way, and holds from
 // then on what it has reached
 void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
@@ -114,7 +120,7 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
     const double impulse = rows[k].impulse + rows[k].correction_impulse;
     state.impulse[k] = rows[k].impulse;
     state.force += impulse / step.h;
-    yields = yields || (max_force > 0.0 && std::abs(impulse) >= max_force * step.h);
+    yields = yields || (max_force > 0.0 && is_at_limit(rows[k], max_force * step.h));
   }
   if (!yields) {
     state.travel += state.bias * step.h;
@@ -147,12 +153,14 @@ RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, con
     }
     const int component = row->coordinate < 0 ? row->component : kind.rows + row->coordinate;
     done[component] += impulse;
-    if (row->component < 0) continue;
-    state.impulse[row->component] = row->impulse;
+    if (row->component >= 0) state.impulse[row->component] = row->impulse;
     if (row->coordinate < 0) continue;
-    const double most = joint.coordinates[at(row->coordinate)].motor->max_force * step.h;
-    if (most == 0.0 || std::abs(impulse) < most) continue;
+    const auto& motor = joint.coordinates[at(row->coordinate)].motor;
+    const bool is_first = row == rows || row[-1].coordinate != row->coordinate;
+    if (!is_first || !motor || motor->max_force == 0.0) continue;  // its row comes first
+    if (!is_at_limit(*row, motor->max_force * step.h)) continue;
     state.saturated = true;
+    if (row->component < 0) continue;  // a spring or a force, which hold nothing
     CoordinateState& coordinate = state.coordinates[at(row->coordinate)];
     const ScalarForm& form = kind.coordinate[at(row->coordinate)];
     coordinate.held =
@@ -217,7 +225,7 @@ void prepare_coupling(const Joint& joint, const JointStep& step, const JointStat
         (state.coupling.offset * closing_course(begun + step.h, step.closing_time).value - left) /
         step.h;
   }
-  aim_rigid(row, joint.baumgarte.value_or(step.beta), step.h);
+  set_bias_rigid(row, joint.baumgarte.value_or(step.beta), step.h);
   row.correction += rate;
   row.impulse = state.coupling.impulse;
   rows->push_back(row);

@@ -22,7 +22,7 @@ Row soft_row(const SoftLaw& law, const CoordinateMotion& motion, double h) {
     row.lower = row.upper = row.impulse = h * law.F;
     return row;
   }
-  aim_soft(row, law.K, law.C, h);
+  set_bias_soft(row, law.K, law.C, h);
   row.target += row.softness * h * law.F;
   return row;
 }
@@ -38,7 +38,7 @@ Row limit_row(const CoordinateLaw& law, const CoordinateMotion& motion,
     row.target = -law.limit_restitution * motion.rate;  // in this step, or it would arrive slowly
     return row;
   }
-  aim_limit(row, step.beta, step.h);
+  set_bias_limit(row, step.beta, step.h);
   return row;
 }
 
@@ -81,7 +81,7 @@ int write_law_rows(const CoordinateLaw& law, const CoordinateMotion& motion,
     if (motor.is_rigid()) {
       Row& row = rows[count++] = row_at(motion, motion.q - step.target);
       row.target = row.drive = step.bias;
-      aim_rigid(row, step.beta, step.h);
+      set_bias_rigid(row, step.beta, step.h);
       row.component = component;
       if (motor.max_force > 0.0) limit_force(row, motor.max_force, step.h);
     } else if (motor.max_force > 0.0) {  // a spring or force of its own, up to its limit

@@ -28,7 +28,7 @@ struct MovingFrame {
   /// A share `s` of the way from home to where it began: `shift` is o [m], `turn` ϑ [rad] in the
   /// joint's frame on B.
   MovingFrame(const Eigen::Vector3d& anchor_b, const Eigen::Matrix3d& frame_b,
-              const Eigen::Vector3d& shift, const Eigen::Vector3d& turn, const Course& s)
+              const Eigen::Vector3d& shift, const Eigen::Vector3d& turn, const Prescribed& s)
       : anchor(anchor_b + s.value * shift),
         axes(frame_b * rotation(s.value * turn).toRotationMatrix()),
         moves(true),

@@ -1,5 +1,7 @@
 #include "engine/constraints/rows.h"
 
+#include "engine/constraints/custom.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -21,6 +23,7 @@ void add_transposed_map(VectorRef u, const Vector3d& f, const JointVectors& vect
       J->j4 += vectors[u].cross(f);
       break;
     case VectorKind::kWorldAxis:
+    case VectorKind::kCustom:
       break;
   }
 }
@@ -28,10 +31,12 @@ void add_transposed_map(VectorRef u, const Vector3d& f, const JointVectors& vect
 }  // namespace
 
 double value(RowForm row, const JointVectors& vectors) {
+  if (row.is_custom()) return vectors.custom->value(vectors);
   return (row.is_square() ? 0.5 : 1.0) * vectors[row.u].dot(vectors[row.v]);
 }
 
 Jacobian jacobian(RowForm row, const JointVectors& vectors) {
+  if (row.is_custom()) return vectors.custom->jacobian(vectors);
   Jacobian J;
   add_transposed_map(row.u, vectors[row.v], vectors, &J);
   if (!row.is_square()) add_transposed_map(row.v, vectors[row.u], vectors, &J);
@@ -39,11 +44,13 @@ Jacobian jacobian(RowForm row, const JointVectors& vectors) {
 }
 
 double rate(RowForm row, const JointVectors& vectors, const JointMotion& motion) {
+  if (row.is_custom()) return vectors.custom->rate(vectors, motion);
   const double of_u = motion.rate(row.u, vectors).dot(vectors[row.v]);
   return row.is_square() ? of_u : of_u + vectors[row.u].dot(motion.rate(row.v, vectors));
 }
 
 double gamma(RowForm row, const JointVectors& vectors, const JointMotion& motion) {
+  if (row.is_custom()) return vectors.custom->gamma(vectors, motion);
   const double twice = 2.0 * motion.rate(row.u, vectors).dot(motion.rate(row.v, vectors)) +
                        motion.bias(row.u, vectors).dot(vectors[row.v]) +
                        vectors[row.u].dot(motion.bias(row.v, vectors));
@@ -51,6 +58,7 @@ double gamma(RowForm row, const JointVectors& vectors, const JointMotion& motion
 }
 
 Vector3d direction(RowForm row, const JointVectors& vectors) {
+  if (row.is_custom()) return vectors.custom->jacobian(vectors).j3;
   Vector3d sum = Vector3d::Zero();
   if (row.u.kind == VectorKind::kSeparation) sum += vectors[row.v];
   if (row.v.kind == VectorKind::kSeparation && !row.is_square()) sum += vectors[row.u];

@@ -16,9 +16,10 @@ struct RowForm {
   VectorRef u, v;
 
   constexpr bool is_square() const { return u.kind == VectorKind::kSeparation && u == v; }
+  constexpr bool is_custom() const { return u.kind == VectorKind::kCustom; }
   /// Whether the row is in metres, or in squares of these: has d.
   constexpr bool has_separation() const {
-    return u.kind == VectorKind::kSeparation || v.kind == VectorKind::kSeparation;
+    return u.kind == VectorKind::kSeparation || v.kind == VectorKind::kSeparation || is_custom();
   }
 };
 

@@ -11,13 +11,13 @@ namespace constraint_sim::engine {
 // this step alone.
 
 /// An equation: a share β of the error goes in this step (Baumgarte).
-inline void aim_rigid(Row& row, double beta, double h) { row.correction = -beta / h * row.C; }
+inline void set_bias_rigid(Row& row, double beta, double h) { row.correction = -beta / h * row.C; }
 
 /// A limit with C ≤ 0 (upper = 0) or C ≥ 0 (lower = 0): while it is open the gap may close in this
 /// step but not more.
-inline void aim_limit(Row& row, double beta, double h) {
+inline void set_bias_limit(Row& row, double beta, double h) {
   const bool open = row.upper == 0.0 ? row.C < 0.0 : row.C > 0.0;
-  aim_rigid(row, beta, h);
+  set_bias_rigid(row, beta, h);
   if (!open) return;
   row.target -= row.C / h;
   row.correction = 0.0;
@@ -26,7 +26,7 @@ inline void aim_limit(Row& row, double beta, double h) {
 /// A spring of stiffness k [N/m] and damping c [N s/m] about C = 0, by implicit Euler: the force
 /// −k (C + h Ċ) − c Ċ at the end of the step, stable at any stiffness. Catto, "Soft constraints",
 /// GDC 2011. A call, so that rows without a spring have nothing of it.
-[[gnu::noinline]] inline void aim_soft(Row& row, double k, double c, double h) {
+[[gnu::noinline]] inline void set_bias_soft(Row& row, double k, double c, double h) {
   row.softness = 1.0 / (h * (c + h * k));
   row.stiffness = k;
   row.target -= h * k * row.softness * row.C;

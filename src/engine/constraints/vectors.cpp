@@ -12,6 +12,7 @@ JointVectors::JointVectors(const Joint& joint, const BodyState& a, const BodySta
   r_A = anchors.r_A;
   r_B = anchors.r_B;
   d = anchors.d;
+  custom = joint.custom.code.get();
   if (!info(joint.kind).has_frames) return;
   axes_A = (a.orientation * joint.frame_a).toRotationMatrix();
   axes_B =
@@ -30,6 +31,7 @@ JointVectors::JointVectors(const Joint& joint, const BodyState& a, const BodySta
 
 JointVectors between(const JointVectors& start, const JointVectors& end, double share) {
   JointVectors vectors;
+  vectors.custom = start.custom;
   vectors.r_A = start.r_A + share * (end.r_A - start.r_A);
   vectors.r_B = start.r_B + share * (end.r_B - start.r_B);
   vectors.d = start.d + share * (end.d - start.d);
@@ -62,6 +64,7 @@ Vector3d JointMotion::rate(VectorRef u, const JointVectors& vectors) const {
     case VectorKind::kAxisB:
       return (w_B + spin).cross(vectors[u]);
     case VectorKind::kWorldAxis:
+    case VectorKind::kCustom:
       break;
   }
   return Vector3d::Zero();
@@ -76,6 +79,7 @@ Vector3d JointMotion::bias(VectorRef u, const JointVectors& vectors) const {
     case VectorKind::kAxisB:
       return (w_B + spin).cross((w_B + spin).cross(vectors[u])) + spin_bias.cross(vectors[u]);
     case VectorKind::kWorldAxis:
+    case VectorKind::kCustom:
       break;
   }
   return Vector3d::Zero();

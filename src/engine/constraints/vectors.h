@@ -18,6 +18,7 @@ enum class VectorKind : std::uint8_t {
   kAxisA,       ///< a, an axis of the frame on A
   kAxisB,       ///< b, an axis of the frame on B
   kWorldAxis,   ///< w, an axis of the world
+  kCustom,      ///< none: the row is a function of another package
 };
 
 struct VectorRef {
@@ -32,6 +33,7 @@ struct JointVectors {
   Eigen::Vector3d r_A = Eigen::Vector3d::Zero(), r_B = Eigen::Vector3d::Zero();  ///< arms [m]
   Eigen::Vector3d d = Eigen::Vector3d::Zero();
   Eigen::Matrix3d axes_A = Eigen::Matrix3d::Identity(), axes_B = Eigen::Matrix3d::Identity();
+  const CustomCode* custom = nullptr;  ///< of kinds that are custom; the joint keeps it
 
   JointVectors() = default;
   JointVectors(const Joint& joint, const BodyState& a, const BodyState& b);
@@ -49,6 +51,8 @@ struct JointVectors {
         return axes_B.col(u.axis);
       case VectorKind::kWorldAxis:
         return Eigen::Vector3d::Unit(u.axis);
+      case VectorKind::kCustom:
+        break;
     }
     return d;
   }

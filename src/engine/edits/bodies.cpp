@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "engine/constraints/joint.h"
@@ -34,6 +35,7 @@ BodyId World::add_body(const Body& body) {
   impl_->body_index.push_back(static_cast<int>(impl_->bodies.size()));
   impl_->bodies.push_back(body);
   make_unit(&impl_->bodies.back().state.orientation);
+  if (auto& pose = impl_->bodies.back().shape_pose) make_unit(&pose->orientation);
   impl_->states.push_back(impl_->bodies.back().state);
   impl_->masses.push_back(mass_properties(body));
   impl_->body_ids.push_back(id);
@@ -71,6 +73,7 @@ std::vector<std::string> World::remove_body(BodyId id) {
     --impl_->body_index[impl_->body_ids[k].value];
   impl_->erase_wrenches(id);
   impl_->contacts.clear();
+  impl_->events.clear();
   impl_->topology_edited = true;
   impl_->edit_all();  // indices are others now
   return removed;
@@ -86,6 +89,9 @@ BodyId World::find_body(std::string_view name) const {
 
 std::vector<BodyId> World::body_ids() const {
   return {impl_->body_ids.begin() + 1, impl_->body_ids.end()};
+}
+void World::body_ids(std::vector<BodyId>* ids) const {
+  ids->assign(impl_->body_ids.begin() + 1, impl_->body_ids.end());
 }
 
 // Continues a saved body, of whose velocity the next step takes out a part. A
@@ -106,6 +112,37 @@ void World::Impl::continue_correction(std::size_t i, const Twist& correction) {
 const Body& World::body(BodyId id) const { return impl_->bodies[impl_->index(id)]; }
 const BodyState& World::state(BodyId id) const { return impl_->states[impl_->index(id)]; }
 
+void World::set_body(BodyId id, const Body& body) {
+  const std::size_t i = impl_->index(id);
+  if (id == kWorldBody) refuse("name", "'world' cannot be changed");
+  Body changed = impl_->bodies[i];
+  if (body.name != changed.name) refuse("name", "cannot be changed");
+  if (body.type != changed.type) refuse("type", "cannot be changed");
+  changed.mass = body.mass;
+  changed.inertia = body.inertia;
+  changed.friction = body.friction;
+  changed.restitution = body.restitution;
+  changed.no_collision = body.no_collision;
+  validate(changed);
+  const MassProperties mass = mass_properties(changed);
+  if (mass.can_turn() != impl_->masses[i].can_turn())
+    refuse("inertia", "cannot be given to a point mass, or taken from a body that turns");
+
+  impl_->wake(i);
+  impl_->wake_around(id);
+  impl_->bodies[i] = changed;
+  impl_->masses[i] = mass;
+  for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
+    if (!impl_->is_held_by(id, j) || couples_joints(impl_->joints[j].kind)) continue;
+    const auto [a, b] = impl_->ends_of(impl_->joints[j]);
+    impl_->joint_states[j].radius =
+        std::max(impl_->masses[a].radius_of_gyration(), impl_->masses[b].radius_of_gyration());
+  }
+  if (!impl_->is_movable(i)) return impl_->edit_all();
+  impl_->edit_island_of(id);
+  impl_->relinked_bodies.push_back(id);
+}
+
 void World::set_state(BodyId id, const BodyState& state) {
   const std::size_t i = impl_->index(id);
   if (id == kWorldBody) refuse("name", "'world' cannot be moved");
@@ -119,9 +156,12 @@ void World::set_state(BodyId id, const BodyState& state) {
     impl_->wake(i);
   else
     impl_->wake_all();
+  // of a body that only moves on at another twist, what joints are closing they go on to close
+  const bool stays = !impl_->is_movable(i) && impl_->states[i].position == placed.position &&
+                     impl_->states[i].orientation.coeffs() == placed.orientation.coeffs();
   impl_->states[i] = placed;
   impl_->corrections[i].setZero();
-  for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
+  for (std::size_t j = 0; !stays && j < impl_->joints.size(); ++j) {
     if (impl_->is_held_by(id, j)) impl_->open_joint(j, time());
   }
   if (impl_->is_movable(i))

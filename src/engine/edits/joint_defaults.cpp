@@ -20,6 +20,16 @@ using Eigen::Vector3d;
 constexpr double kCoincident = 1e-9;  // of the anchors' coordinates: nearer than this is one point
 constexpr double kPi = 3.14159265358979323846;
 
+// Two axes that are to be at a right angle: along each other nothing says where to turn to.
+void check_apart(const Eigen::Quaterniond& frame_a, const Eigen::Quaterniond& frame_b,
+                 const Vector3d& axis_b) {
+  const Vector3d z_a = frame_a * Vector3d::UnitZ(), z_b = frame_b * Vector3d::UnitZ();
+  if (z_a.cross(z_b).norm() < 1e-6)
+    refuse("axis_b",
+           "must not be along axis_a as the bodies lie, but at a right angle to it, got " +
+               shown(axis_b));
+}
+
 }  // namespace
 
 // the length as it is, the ball joint that a length of zero asks for, and a spring's constants
@@ -78,6 +88,8 @@ void World::Impl::fill_in_frames(Joint& joint) const {
     }
   }
   make_unit(&*joint.frame_b);
+  if (joint.axis_b && kind.alignment == Alignment::kPerpendicularZ)
+    check_apart(a.orientation * joint.frame_a, b.orientation * *joint.frame_b, *joint.axis_b);
   joint.axis_b.reset();
 }
 

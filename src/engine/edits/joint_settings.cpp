@@ -6,6 +6,7 @@
 
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/edits/coupling_loops.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
 
@@ -133,6 +134,8 @@ void World::set_joint(JointId id, const Joint& joint) {
   }
   validate(changed);
   if (changed.enabled != before.enabled) impl_->check_coupled_act(j, changed.enabled);
+  if (changed.enabled && !before.enabled && couples_joints(joint.kind))
+    check_coupling_loop(*impl_, *impl_, changed);
   const bool is_distance = if_distance(joint) != nullptr;
   if (is_distance) {
     impl_->fill_in(changed);

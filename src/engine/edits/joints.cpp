@@ -5,11 +5,13 @@
 #include <utility>
 
 #include "engine/constraints/coupling.h"
+#include "engine/constraints/custom.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
 #include "engine/constraints/one_sided_law.h"
+#include "engine/edits/coupling_loops.h"
 #include "engine/edits/find_named.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
@@ -32,6 +34,9 @@ CoupledTerms Model::terms_of(std::size_t j) const {
 }
 
 JointId World::add_joint(const Joint& joint, bool broken) {
+  validate(joint);
+  if (couples_joints(joint.kind) && joint.enabled && !broken)
+    check_coupling_loop(*impl_, *impl_, joint);
   return impl_->add_joint(joint, broken);
 }
 
@@ -50,6 +55,11 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
     check_ends(joint);
   }
   fill_in(filled);
+  if (is_custom(filled.kind)) {
+    make_custom_code(&filled);
+    filled.custom.code->check(
+        JointVectors(filled, states[index(filled.body_a)], states[index(filled.body_b)]));
+  }
 
   const JointId id{static_cast<std::uint32_t>(joint_index.size())};
   joint_index.push_back(static_cast<int>(joints.size()));
@@ -89,7 +99,7 @@ void World::Impl::check_ends(const Joint& joint) const {
                         "which a joint of type " + kind.name + " needs");
   };
   check_axes("body_a", a, kind.has_frames);
-  check_axes("body_b", b, kind.alignment != Alignment::kFree);
+  check_axes("body_b", b, turns_b(kind));
 }
 
 // the joints that it couples, whose first coordinates have to be there
@@ -144,8 +154,8 @@ bool World::Impl::is_held_by(BodyId id, std::size_t joint) const {
 void World::Impl::open_joint(std::size_t j, double t) {
   if (couples_joints(joints[j].kind))
     read_coupling(terms_of(j), joint_states, &joint_states[j].coupling);
-  begin_joint(joints[j], states[index(joints[j].body_a)], states[index(joints[j].body_b)], t,
-              joint_states[j]);
+  const std::size_t a = index(joints[j].body_a), b = index(joints[j].body_b);
+  begin_joint(joints[j], states[a], states[b], t, joint_states[j], masses[b].can_turn());
 }
 
 // the state of a joint just added
@@ -158,7 +168,7 @@ void World::Impl::start_joint(std::size_t j) {
   state.radius = std::max(masses[a].radius_of_gyration(), masses[b].radius_of_gyration());
   if (couples_joints(joints[j].kind)) read_coupling(terms_of(j), joint_states, &state.coupling);
   begin_coordinates(joints[j], states[a], states[b], state);
-  begin_joint(joints[j], states[a], states[b], time(), state);
+  begin_joint(joints[j], states[a], states[b], time(), state, masses[b].can_turn());
   if (!joint_starts[j].state) return;
   state = *joint_starts[j].state;
   const double elapsed = time() - joint_starts[j].time;
@@ -200,8 +210,10 @@ void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
 // whether a joint added now, as this one is, would begin with the same state
 bool World::Impl::is_as_added(JointId id) const {
   const std::size_t j = index(id);
-  const Joint& joint = joints[j];
   const JointState& state = joint_states[j];
+  Joint joint = joints[j];
+  if (couples(joint.kind))
+    joint.coupling.value = state.coupling.constant;  // which is saved with it
   JointState added;
   added.broken = state.broken;
   set_ends(joint, &added);
@@ -209,7 +221,7 @@ bool World::Impl::is_as_added(JointId id) const {
   const BodyState &a = states[index(joint.body_a)], &b = states[index(joint.body_b)];
   added.coupling.value = state.coupling.value;
   begin_coordinates(joint, a, b, added);
-  begin_joint(joint, a, b, time(), added);
+  begin_joint(joint, a, b, time(), added, masses[index(joint.body_b)].can_turn());
   for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
     const CoordinateState &now = state.coordinates[i], &then = added.coordinates[i];
     if (now.position != then.position || now.held != then.held || now.expires_at != then.expires_at)
@@ -253,6 +265,7 @@ void World::Impl::erase_joint(std::size_t j) {
   self_stress.erase(self_stress.begin() + at);
   joint_ids.erase(joint_ids.begin() + at);
   for (std::size_t k = j; k < joint_ids.size(); ++k) --joint_index[joint_ids[k].value];
+  events.clear();
   topology_edited = true;
   edit_all();  // indices are others now
 }
@@ -297,6 +310,12 @@ World::JointWrench World::joint_wrench(JointId id) const {
   if (if_distance(joint) != nullptr)
     return {b.orientation.conjugate() * (state.force * direction(AnchorPair(joint, a, b))),
             Vector3d::Zero()};
+  if (joint.kind == JointKind::kCustomForce) {
+    const Jacobian wrench = custom_wrench(joint, a, b, time());
+    const Vector3d arm = b.orientation * joint.anchor_b;
+    const Eigen::Quaterniond to_joint = (b.orientation * *joint.frame_b).conjugate();
+    return {to_joint * wrench.j3, to_joint * (wrench.j4 - arm.cross(wrench.j3))};
+  }
   const double h = options().time_step;
   RowVector impulse = state.impulse;
   const JointKindInfo& kind = info(joint.kind);

@@ -56,8 +56,13 @@ void World::take_snapshot(World* snapshot) const {
   to.model_mark = from.model_mark;
   static_cast<State&>(to) = from;
   to.report = from.report;
+  if (from.report.failure == Failure::kCustom) {
+    to.failed_joint = from.failed_joint;
+    to.failed_why = from.failed_why;
+  }
   to.contacts = from.contacts;
   to.resting_contacts = from.resting_contacts;
+  to.events = from.events;
   to.watch.unclosed = from.watch.unclosed;
   to.any_waking = from.any_waking;
   to.edited = to.topology_edited = to.all_edited = true;
@@ -120,6 +125,15 @@ void World::set_time(double time, std::uint64_t step_count) {
   impl_->drop_spent_wrenches(time);  // far from 0 a short span rounds to nothing
 }
 
+void World::reserve_ids(const World& other) {
+  const auto reserve = [](const std::vector<int>& used, std::vector<int>* index) {
+    if (index->size() < used.size()) index->resize(used.size(), -1);
+  };
+  reserve(other.impl_->body_index, &impl_->body_index);
+  reserve(other.impl_->joint_index, &impl_->joint_index);
+  impl_->model_mark.reset();
+}
+
 void World::continue_from(const World& other) {
   const double elapsed = other.time() - time();
   set_time(other.time(), other.step_count());
@@ -133,6 +147,8 @@ void World::continue_from(const World& other) {
   for (Joint& joint : impl_->joints) {
     renumber(joint.body_a);
     renumber(joint.body_b);
+    if (couples_joints(joint.kind))
+      for (JointId* id : {&joint.coupling.first, &joint.coupling.second}) id->value += new_joints;
     // a sinusoid goes on as it would have from the time of this world
     const auto shift = [&](Motor* motor) {
       if (motor->frequency > 0.0 && elapsed != 0.0)
@@ -157,6 +173,7 @@ void World::continue_from(const World& other) {
   for (auto& [first_body, memory] : impl_->loaded_memory) renumber(first_body);
   impl_->contacts.clear();
   impl_->resting_contacts = 0;
+  impl_->events.clear();
   impl_->topology_edited = true;
   impl_->edit_all();
 }
@@ -167,6 +184,7 @@ void World::Impl::forget_contacts() {
   resting.clear();
   contacts.clear();
   resting_contacts = 0;
+  events.clear();
 }
 
 // whether both bodies are still there
@@ -269,7 +287,15 @@ void World::reset() {
 // ---- asking
 
 const StepReport& World::report() const { return impl_->report; }
+std::optional<JointId> World::failed_joint() const {
+  if (impl_->report.failure != Failure::kCustom) return std::nullopt;
+  return impl_->failed_joint;
+}
+std::string World::failed_why() const {
+  return impl_->report.failure == Failure::kCustom ? impl_->failed_why : "";
+}
 const std::vector<Contact>& World::contacts() const { return impl_->contacts; }
+const std::vector<Event>& World::events() const { return impl_->events; }
 double World::energy() const {
   const Energy now = impl_->energy();
   return now.kinetic + now.potential;
@@ -331,8 +357,22 @@ const char* to_string(Failure failure) {
       return "bodies touch in more than 300000 points";
     case Failure::kNoNextTick:
       return "a tick is lost beside so long a time";
+    case Failure::kCustom:
+      return "functions of a plugin failed";
   }
   return "";
+}
+
+const char* name(EventKind kind) {
+  constexpr std::array<const char*, 12> kNames = {
+      "broken",   "rope_taut", "rope_slack", "limit_reached", "limit_left",    "saturated",
+      "released", "slips",     "sticks",     "contact_began", "contact_ended", "hit"};
+  return kNames[static_cast<std::size_t>(kind)];
+}
+
+const char* name(ContactState state) {
+  constexpr std::array<const char*, 3> kNames = {"closed", "sticking", "slipping"};
+  return kNames[static_cast<std::size_t>(state)];
 }
 
 const char* name(Stage stage) {

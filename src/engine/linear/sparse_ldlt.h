@@ -39,14 +39,16 @@ class SparseLdlt {
   /// Forgets all of keep().
   void keep_none();
 
-  /// All that solve() and the next factor() go by.
-  template <class Add>
-  void add_memory(Add&& add) const {
-    add(values_);
-    add(inverse_diagonal_);
-    add(smallest_pivot_);
-    add(left_out_);
-    add(is_kept_);
+  /// Visits all that solve() and the next factor() go by, as engine/memory.h says.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit) {
+    visit(self.values_);
+    visit(self.inverse_diagonal_);
+    visit(self.smallest_pivot_);
+    visit(self.left_out_);
+    visit(self.is_kept_);
+    visit.beside(self.any_left_out_);
+    visit.beside(self.any_kept_);
   }
 
   /// Where row i stands in the elimination, and so in what solve() takes.

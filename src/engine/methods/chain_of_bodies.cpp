@@ -48,17 +48,18 @@ Eigen::Matrix<Lanes, 4, 1> quaternion_rate(const Lanes3& w, const Eigen::Quatern
 
 // ---- what is compiled
 
-void EquationsOfMotion::mirror_chain() {
-  const std::size_t joints = links_.size();
-  const std::size_t bodies = bodies_.size();
-  const std::size_t before = std::max(links_.front().a, links_.front().b) < bodies ? 0 : 1;
+std::vector<ChainPair> pairs_of_chain(const IslandModel& island) {
+  const auto& links = island.links();
+  const std::size_t joints = links.size();
+  const std::size_t bodies = island.bodies().size();
+  const std::size_t before = std::max(links.front().a, links.front().b) < bodies ? 0 : 1;
   const std::size_t middle = joints / 2;
   const auto anchor = [&](std::size_t body, std::size_t l) -> Vector3d {
     if (l >= joints) return Vector3d::Zero();  // at a free end
-    return links_[l].a == body ? links_[l].anchor_a : links_[l].anchor_b;
+    return links[l].a == body ? links[l].anchor_a : links[l].anchor_b;
   };
   const auto leads_up = [&](std::size_t l) {  // from A to B, as the first lane goes
-    return l < before ? links_[l].b == 0 : links_[l].a == l - before;
+    return l < before ? links[l].b == 0 : links[l].a == l - before;
   };
   struct Side {
     double inverse_mass = 0.0;
@@ -69,8 +70,8 @@ void EquationsOfMotion::mirror_chain() {
     Side of_point;
     const std::size_t body = point - before;
     if (body >= bodies) return of_point;  // also of the point before all bodies
-    of_point.inverse_mass = inverse_mass_[body];
-    of_point.inverse_inertia = inertia_[body].cwiseInverse();
+    of_point.inverse_mass = island.inverse_mass(body);
+    of_point.inverse_inertia = island.inertia(body).cwiseInverse();
     of_point.anchor_to_end = anchor(body, to_end);
     of_point.anchor_to_middle = anchor(body, to_middle);
     return of_point;
@@ -78,9 +79,9 @@ void EquationsOfMotion::mirror_chain() {
   const auto in_lanes = [](const Vector3d& a, const Vector3d& b) {
     return gather({a.data(), b.data()});
   };
-  pairs_.resize(middle + 1);
+  std::vector<ChainPair> pairs(middle + 1);
   for (std::size_t e = 0; e <= middle; ++e) {
-    ChainPair& pair = pairs_[e];
+    ChainPair& pair = pairs[e];
     const Side a = side(e, e - 1, e);
     const Side b = side(joints - e, joints - e, joints - e - 1);
     pair.inverse_mass = Lanes(a.inverse_mass, b.inverse_mass);
@@ -92,6 +93,7 @@ void EquationsOfMotion::mirror_chain() {
     pair.sense =
         Lanes(leads_up(pair.joints[0]) ? 1.0 : -1.0, leads_up(pair.joints[1]) ? -1.0 : 1.0);
   }
+  return pairs;
 }
 
 ChainOfBodies::ChainOfBodies(EquationsOfMotion& equations)
@@ -102,7 +104,7 @@ ChainOfBodies::ChainOfBodies(EquationsOfMotion& equations)
       middle_(joints_ / 2),
       position_(view_.position),
       velocity_(view_.velocity),
-      free_(view_.load_acceleration) {
+      free_(view_.applied_acceleration) {
   const auto& front = equations.links().front();
   const auto& back = equations.links().back();
   const std::size_t bodies = equations.bodies().size();
@@ -150,12 +152,7 @@ void ChainOfBodies::write(std::size_t e, const Vector& value, double* of_bodies)
     for (std::size_t k = 0; k < kSize; ++k) a[k] = value[static_cast<Eigen::Index>(k)].first();
 }
 
-inline Lanes3 ChainOfBodies::read_rows(std::size_t e, const double* of_rows) const {
-  const auto [i, j] = pairs_[e].joints;
-  return pairs_[e].sense * gather({of_rows + 3 * i, of_rows + 3 * j});
-}
-
-void ChainOfBodies::write_forces(double* by_unknown) const {
+inline void ChainOfBodies::write_forces(double* by_unknown) const {
   for (std::size_t e = 0; e <= middle_; ++e) {
     const ChainPair& pair = pairs_[e];
     const Lanes3 force = pair.sense * pair.solution;
@@ -171,7 +168,7 @@ void ChainOfBodies::write_forces(double* by_unknown) const {
 // ---- System
 
 void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, double* dydt) {
-  if (equations_.varies()) equations_.move_with_time(t);
+  if (equations_.is_time_dependent()) equations_.move_with_time(t);
   if (!depends_ && accelerate(stage, y, dydt)) return;
   depends_ = true;
   equations_.derivative(stage, t, y, dydt);
@@ -183,7 +180,7 @@ void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, dou
   const double* const L = y + view_.L_at;
   double* const v_dot = dydt + view_.v_at;
   double* const L_dot = dydt + view_.L_at;
-  const double* const torques = view_.load_torque->data();
+  const double* const torques = view_.applied_torque->data();
   const auto find_motion = [&](std::size_t e, const Quaternions& q, const Lanes33& I_inverse) {
     const Lanes3 momentum = read_turning(e, L);
     const Lanes3 w = I_inverse * momentum;
@@ -193,7 +190,7 @@ void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, dou
     return
         [=](const Lanes3& arm) -> Lanes3 { return free + spun.cross(arm) + w.cross(w.cross(arm)); };
   };
-  if (!factor(y, view_.acceleration_target, find_motion)) return false;
+  if (!factor(y, find_motion)) return false;
   substitute([&](std::size_t e, const Lanes3& force, const Lanes3& torque) {
     write(e, read(e, v, velocity_), dydt);
     write(e, Lanes3(read(e, free_->data(), free_) + pairs_[e].inverse_mass * force), v_dot);
@@ -221,7 +218,7 @@ bool ChainOfBodies::restart(double* y, double* dydt) {
     const Lanes3 velocity = read(e, v, velocity_);
     return [=](const Lanes3& arm) -> Lanes3 { return velocity + w.cross(arm); };
   };
-  depends_ = !factor(y, view_.rate_target, find_motion);
+  depends_ = !factor(y, find_motion);
   if (depends_) return equations_.restart(y, dydt);
   substitute([&](std::size_t e, const Lanes3& force, const Lanes3& torque) {
     write(e, Lanes3(read(e, v, velocity_) + pairs_[e].inverse_mass * force), v);
@@ -229,7 +226,7 @@ bool ChainOfBodies::restart(double* y, double* dydt) {
   });
   double* const solution = view_.solution;
   write_forces(solution);
-  for (std::size_t i = 0; i < view_.row_count; ++i) view_.impulses[i] += solution[i];
+  for (std::size_t i = 0; i < equations_.rows(); ++i) view_.impulses[i] += solution[i];
   return accelerate(0, y, dydt);
 }
 
@@ -239,14 +236,10 @@ bool ChainOfBodies::restart(double* y, double* dydt) {
 double ChainOfBodies::find_values(double* y) {
   for (std::size_t i = 0; i < equations_.bodies().size(); ++i)
     Eigen::Map<Eigen::Vector4d>(y + view_.q_at + 4 * i).normalize();
-  double* const asked = view_.value;
-  std::fill_n(asked, view_.row_count, 0.0);
-  for (const auto& [l, course] : view_.courses)
-    Vector3d::Map(asked + 3 * l) = view_.lengths[l].value * course.offset().head<3>();
   double worst = 0.0;
   const auto set_value = [&](std::size_t e, const Lanes3& d) {
     ChainPair& pair = pairs_[e];
-    pair.solution = read_rows(e, asked) - d;
+    pair.solution = -d;
     for (Eigen::Index k = 0; k < 3; ++k) {
       for (const double value : {pair.solution[k].first(), pair.solution[k].second()}) {
         const double error = std::abs(value);
@@ -283,9 +276,9 @@ void ChainOfBodies::push(double* y) {
 
 // ---- the linear system
 
-// A and its factors, and the right-hand side: the target less what the joint's ends do
+// A and its factors, and the right-hand side: less what the joint's ends do
 template <class FindMotion>
-bool ChainOfBodies::factor(const double* y, const double* target, const FindMotion& find_motion) {
+bool ChainOfBodies::factor(const double* y, const FindMotion& find_motion) {
   // A joint's share of the body on its outer side, with all that is eliminated there.
   struct Side {
     Lanes33 K = Lanes33::Constant(0.0);
@@ -313,7 +306,7 @@ bool ChainOfBodies::factor(const double* y, const double* target, const FindMoti
       is_regular &=
           pivot.factor(outer.K + K, EquationsOfMotion::kLeastPivot, outer.entries + K.diagonal());
       inner.K -= pivot.couple(-response(pair.inverse_mass, turned, to_middle));
-      inner.motion -= pivot.reduce(read_rows(e - 1, target) - motion(to_end) + outer.motion);
+      inner.motion -= pivot.reduce(outer.motion - motion(to_end));
     }
     if (is_idle(e)) {
       inner.K = join(inner.K, outer.K);
@@ -325,7 +318,7 @@ bool ChainOfBodies::factor(const double* y, const double* target, const FindMoti
   BlockPivot& pivot = pairs_[middle_].pivot;
   is_regular &= pivot.factor(outer.K + swapped(outer.K), EquationsOfMotion::kLeastPivot,
                              outer.entries + swapped(outer.entries));
-  pivot.reduce(read_rows(middle_, target) + outer.motion - swapped(outer.motion));
+  pivot.reduce(outer.motion - swapped(outer.motion));
   return is_regular[0] != 0 && is_regular[1] != 0;
 }
 

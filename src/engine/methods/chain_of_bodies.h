@@ -4,8 +4,7 @@
 #include <array>
 #include <cstddef>
 
-#include "engine/linear/block_pivot.h"
-#include "engine/methods/equations_of_motion.h"
+#include "engine/methods/kernel_view.h"
 
 namespace constraint_sim::engine {
 
@@ -47,7 +46,6 @@ class ChainOfBodies {
   Quaternions read_rotation(std::size_t e, const double* y) const;
   template <class Vector>
   void write(std::size_t e, const Vector& value, double* of_bodies) const;
-  Lanes3 read_rows(std::size_t e, const double* of_rows) const;
   void write_forces(double* by_unknown) const;
 
   bool accelerate(std::size_t stage, const double* y, double* dydt);
@@ -55,7 +53,7 @@ class ChainOfBodies {
   void push(double* y);
 
   template <class FindMotion>
-  bool factor(const double* y, const double* target, const FindMotion& find_motion);
+  bool factor(const double* y, const FindMotion& find_motion);
   void reduce();
   template <class Act>
   void substitute(const Act& act);
@@ -63,7 +61,7 @@ class ChainOfBodies {
   bool is_idle(std::size_t e) const { return e == middle_ && joints_ % 2 == 0; }
 
   EquationsOfMotion& equations_;
-  EquationsOfMotion::KernelView view_;
+  KernelView view_;
   ChainPair* pairs_;
   std::size_t joints_;
   std::size_t middle_;                            // the last pair

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "engine/methods/equations_of_motion.h"
+#include "engine/methods/kernel_view.h"
 
 namespace constraint_sim::engine {
 
@@ -21,10 +21,14 @@ class ChainOfRods {
   std::size_t size() const { return equations_.size(); }
 
   void derivative(std::size_t stage, double t, const double* y, double* dydt) {
-    if (equations_.varies()) equations_.move_with_time(t);
+    if (equations_.is_time_dependent()) {
+      equations_.move_with_time(t);
+      find_falls();
+    }
     const double* const target = acceleration_target_;
-    set_up(y, [=](std::size_t l, const Vector3d& d, const Vector3d& d_dot, const Vector3d& free) {
-      return target[l] - d.dot(free) - d_dot.squaredNorm();
+    const Vector3d* const falls = falls_;
+    set_up(y, [=](std::size_t l, const Vector3d& d, const Vector3d& d_dot) {
+      return target[l] - d.dot(falls[l]) - d_dot.squaredNorm();
     });
     if (factor_and_solve()) {
       write_rates(stage, y, dydt);
@@ -53,7 +57,7 @@ class ChainOfRods {
   bool restart(double* y, double* dydt) {
     depends_ = false;
     const double* const rate = rate_target_;
-    set_up(y, [=](std::size_t l, const Vector3d& d, const Vector3d& d_dot, const Vector3d&) {
+    set_up(y, [=](std::size_t l, const Vector3d& d, const Vector3d& d_dot) {
       return rate[l] - d.dot(d_dot);
     });
     if (!factor_and_solve()) return equations_.restart(y, dydt);
@@ -63,11 +67,9 @@ class ChainOfRods {
 
     const double* const target = acceleration_target_;
     Along v = velocities(y);
-    Along free = falls();
     for (std::size_t l = 0; l < rods_; ++l) {
-      const bool is_last = l + 1 == rods_;
-      solution_[l] =
-          target[l] - direction_[l].dot(free.step(is_last)) - v.step(is_last).squaredNorm();
+      const double centripetal = v.step(l + 1 == rods_).squaredNorm();
+      solution_[l] = target[l] - direction_[l].dot(falls_[l]) - centripetal;
     }
     tridiagonal_.solve(solution_);
     write_rates(0, y, dydt);
@@ -80,7 +82,7 @@ class ChainOfRods {
   }
 
  private:
-  ChainOfRods(EquationsOfMotion& equations, const EquationsOfMotion::KernelView& view)
+  ChainOfRods(EquationsOfMotion& equations, const KernelView& view)
       : equations_(equations),
         rods_(equations.links().size()),
         bodies_(equations.bodies().size()),
@@ -93,16 +95,19 @@ class ChainOfRods {
         lengths_(view.lengths),
         position_(view.position),
         velocity_(view.velocity),
-        free_(view.load_acceleration),
+        free_(view.applied_acceleration),
         inverse_mass_(view.inverse_mass),
-        direction_(view.direction),
+        direction_(view.rod_direction),
         solution_(view.solution),
         rate_target_(view.rate_target),
         acceleration_target_(view.acceleration_target),
         impulses_(view.impulses),
         stage_forces_(view.stage_forces),
         unknowns_(view.unknowns),
-        tridiagonal_(*view.tridiagonal) {}
+        tridiagonal_(*view.tridiagonal),
+        falls_(view.falls) {
+    find_falls();
+  }
 
   using Vector3d = Eigen::Vector3d;
   using ConstVector = Eigen::Map<const Vector3d>;
@@ -132,14 +137,17 @@ class ChainOfRods {
 
   Along positions(const double* y) const { return {*this, y, position_}; }
   Along velocities(const double* y) const { return {*this, y + v_at_, velocity_}; }
-  Along falls() const { return {*this, free_->data(), free_}; }
+  // what the ends of each rod do without the rods
+  void find_falls() {
+    Along free{*this, free_->data(), free_};
+    for (std::size_t l = 0; l < rods_; ++l) falls_[l] = free.step(l + 1 == rods_);
+  }
 
-  // A, and the right-hand side from d, ḋ and what the ends do without the rod
+  // A, and the right-hand side from d and ḋ
   template <class RightHandSide>
   void set_up(const double* y, const RightHandSide& right_hand_side) {
     Along x = positions(y);
     Along v = velocities(y);
-    Along free = falls();
     double* const diagonal = tridiagonal_.diagonal();
     double* const off_diagonal = tridiagonal_.off_diagonal();
     for (std::size_t l = 0; l < rods_; ++l) {
@@ -147,7 +155,7 @@ class ChainOfRods {
       const Vector3d d = x.step(is_last);
       direction_[l] = d;
       diagonal[l] = rows_[l].inverse_mass * d.squaredNorm();
-      solution_[l] = right_hand_side(l, d, v.step(is_last), free.step(is_last));
+      solution_[l] = right_hand_side(l, d, v.step(is_last));
     }
     const double* const inverse_mass = inverse_mass_ + (starts_with_body_ ? 1 : 0);
     for (std::size_t l = 0; l + 1 < rods_; ++l)
@@ -210,8 +218,8 @@ class ChainOfRods {
   std::size_t v_at_;          // in a state
   std::size_t first_, last_;  // points
   bool starts_with_body_, ends_with_body_;
-  const EquationsOfMotion::Row* rows_;
-  const Course* lengths_;
+  const IslandModel::Row* rows_;
+  const Prescribed* lengths_;
   const Vector3d *position_, *velocity_, *free_;  // of points; the last without the rods
   const double* inverse_mass_;                    // of points
   Vector3d* direction_;                           // d of rods
@@ -220,6 +228,7 @@ class ChainOfRods {
   double *impulses_, *stage_forces_;  // by unknown
   std::size_t unknowns_;
   TridiagonalLdlt& tridiagonal_;
+  Vector3d* falls_;       // of rods, end against end
   bool depends_ = false;  // some rows did, since the last restart
 };
 

@@ -22,6 +22,10 @@ double EndpointEstimate::largest(const Points& a, const Points& b, const Points&
   const double share =
       is_order_4 ? 1.0 / (1.0 * parts * parts * parts * parts) : h / (6.0 * parts * parts);
   double square = 0.0;
+  for (const Points* points : {&a, &b, &c})
+    if (points->position.size() != c.position.size() ||
+        points->velocity.size() != c.position.size())
+      return estimate_;  // of a snapshot that somebody has changed
   for (std::size_t i = 0; i < c.position.size(); ++i) {
     const Vector3d ends = a.velocity[i] + c.velocity[i];
     const Vector3d error =

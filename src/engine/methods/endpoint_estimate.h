@@ -30,6 +30,17 @@ class EndpointEstimate {
   double first(double h, bool is_order_4, int parts);
   double next(double h, bool is_order_4, int parts);
 
+  /// Visits what the next estimate goes by, as engine/memory.h says.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit) {
+    for (auto* points : {&self.before_, &self.last_, &self.middle_, &self.end_}) {
+      visit.beside(points->position);
+      visit.beside(points->velocity);
+    }
+    visit.beside(self.tick_);
+    visit.beside(self.estimate_);
+  }
+
  private:
   double largest(const Points& a, const Points& b, const Points& c, double h, bool is_order_4,
                  int parts) const;

@@ -42,15 +42,26 @@ class EnergyMomentum {
   }
   /// Whether it has something to go on from.
   bool has_memory() const { return has_started_ || frequency() > 0.0; }
-  /// The same, beside the bodies.
-  template <class Add>
-  void add_memory(Add&& add) const {
-    step_equations_.add_memory(add, has_started_ && mode_ == ImplicitMode::kDissipate);
-    add(has_started_);
-    if (!has_started_) return;
-    for (const int number : {static_cast<int>(mode_), refinement_, spans_since_}) add(number);
-    add(step_before_);
-    for (const ImplicitStep::Unknowns& unknowns : found_) add(unknowns);
+  /// Visits the same, beside the bodies, as engine/memory.h says.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit) {
+    visit.beside(self.has_started_);  // these two decide what of the step follows
+    visit.beside(self.mode_);
+    ImplicitStep::visit_memory(self.step_equations_, visit,
+                               self.has_started_ && self.mode_ == ImplicitMode::kDissipate);
+    visit(self.has_started_);
+    visit.beside(self.was_first_);
+    EndpointEstimate::visit_memory(self.estimate_, visit);
+    if (!self.has_started_) return;
+    visit(self.mode_);
+    visit(self.refinement_);
+    visit(self.spans_since_);
+    visit(self.step_before_);
+    for (auto& unknowns : self.found_) visit(unknowns);
+    if constexpr (Visit::kReads) {
+      for (auto& unknowns : self.found_) unknowns.resize(self.step_equations_.size(), 0.0);
+      self.change_.assign(self.step_equations_.size(), 0.0);
+    }
   }
 
  private:
@@ -60,6 +71,7 @@ class EnergyMomentum {
              IntegrationResult* progress);
   bool step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
             IntegrationResult* progress);
+  bool find_end(IntegrationResult* progress);
   int parts_for_turning(double h, bool composes, double tolerance) const;
   bool composition(double t, double h, EquationsOfMotion* equations, IntegrationResult* progress);
 

@@ -13,34 +13,23 @@
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
-#include "engine/linear/block_pivot.h"
 #include "engine/linear/sparse_ldlt.h"
 #include "engine/linear/tridiagonal_ldlt.h"
 #include "engine/mass_properties.h"
+#include "engine/methods/body_tree.h"
+#include "engine/methods/chain_pair.h"
 #include "engine/methods/integrate.h"
-#include "engine/methods/tree_node.h"
+#include "engine/methods/island_model.h"
 
 namespace constraint_sim::engine {
 
+struct KernelView;
+
 /// A force and torque on a body, constant for a while; world axes.
-struct Load {
+struct AppliedWrench {
   int body = 0;
   Eigen::Vector3d force = Eigen::Vector3d::Zero();   ///< [N]
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< about the centre of mass [N m]
-};
-
-/// Of a chain of bodies on ball joints, the two as many joints from either end, side by side, and
-/// the joints from them towards the middle. An end that is no body has zeros.
-struct ChainPair {
-  Lanes inverse_mass;                 ///< [1/kg]
-  Lanes3 inverse_inertia;             ///< principal [1/(kg m²)]
-  Lanes3 anchor_to_end;               ///< of the joint there, in the body [m]
-  Lanes3 anchor_to_middle;            ///< the same
-  std::array<std::size_t, 2> joints;  ///< those towards the middle, as joints()
-  Lanes sense;                        ///< 1 where their A is on the side of the end, else -1
-  Lanes3 arm_to_end, arm_to_middle;   ///< anchors in world axes, as of the last evaluation [m]
-  BlockPivot pivot;                   ///< of the joints' rows
-  Lanes3 solution;                    ///< of these, positive from the end towards the middle
 };
 
 /// The bodies of one island and the joints that hold them, as a System of integrate.h, in index-1
@@ -51,99 +40,33 @@ struct ChainPair {
 /// springs are forces. A coupling of coordinates is a row of up to four bodies. A body whose joints
 /// all act on its centre alone does not turn here. The state: x and v of all bodies, then q (x, y,
 /// z, w) and L of those that turn.
-class EquationsOfMotion {
+class EquationsOfMotion : public IslandModel {
  public:
   /// Of these joints, given by index. `couplings`: the terms of joints that couple, by index; empty
-  /// where none does. `idle`: joints that do nothing here; their bodies move with the others. Only
-  /// this allocates.
+  /// where none does. `idle`: joints that do nothing here; their bodies move with the others.
+  /// `open`: ball joints that are being closed, which are general ones until they are compiled
+  /// anew, by index; empty where none is. Only this allocates.
   EquationsOfMotion(std::vector<int> joints, const std::vector<Joint>& all_joints,
                     const std::vector<std::pair<std::size_t, std::size_t>>& ends,
                     const std::vector<MassProperties>& masses,
                     const std::vector<CoupledTerms>& couplings = {},
-                    const std::vector<int>& idle = {});
+                    const std::vector<int>& idle = {}, const std::vector<char>& open = {});
 
-  /// Rods first, those between centres before all others, then ball joints, general ones, springs.
-  const std::vector<int>& joints() const { return joints_; }
-  /// Those whose rotation is part of the state first.
-  const std::vector<int>& bodies() const { return bodies_; }
-  std::size_t turning() const { return turning_; }
-  std::size_t rows() const { return rows_.size(); }
-  /// Rods between centres alone, one after the other; joints and bodies are then in this order.
-  bool is_chain() const { return is_chain_; }
-  /// The same of bodies that turn, on ball joints alone.
-  bool is_chain_of_bodies() const { return is_chain_of_bodies_; }
   /// Bodies that turn on joints with rows, without a loop, and no frame of a joint moves now.
-  bool is_tree() const;
-  /// One of these with one body.
-  bool is_point_on_rod() const { return is_chain_ && links_.size() == 1 && bodies_.size() == 1; }
-
+  bool is_tree() const {
+    return !tree_.nodes.empty() &&
+           std::none_of(frames_.begin(), frames_.end(),
+                        [](const MovingFrame& frame) { return frame.moves; });
+  }
   static constexpr char kMomentary = 1, kRedundant = 2;
 
   // ---- for methods that step these bodies and joints in their own way
 
-  /// A joint between two points: bodies in the order of the state, then fixed points.
-  struct Link {
-    std::size_t a, b;
-    Eigen::Vector3d anchor_a, anchor_b;
-    bool has_arms;  ///< either end turns
-    double stiffness = 0.0, damping = 0.0;
-    JointKind kind{};
-    std::size_t first_row = 0;  ///< of general ones
-    /// Its rigid rows, among the rows and coordinates of its kind.
-    int rows = 1;
-    std::array<std::uint8_t, kMaxJointRows> function{0, 1, 2, 3, 4, 5};
-    std::size_t first_soft = 0, softs = 0;  ///< of general ones, in soft_coordinates()
-    Eigen::Matrix3d frame_a, frame_b;
-    double radius = 0.0;  ///< [m] that turns the angles of its rows into lengths
-  };
-  /// A coordinate that springs, dampers or forces act along, and no motor holds.
-  struct SoftCoordinate {
-    std::size_t link;
-    int function;  ///< among the rows and coordinates of its kind
-    ScalarForm form;
-    SoftLaw law;
-    double zero = 0.0, position = 0.0;  ///< as CoordinateState has them; of angles near enough
-    double rate = 0.0;                  ///< then [rad/s], so that angles go on from there
-  };
-  /// The row Σ ratio q − constant of a joint that couples coordinates of general ones. It acts in
-  /// two parts, one a term, each between the two bodies of that joint.
-  struct CoupledRow {
-    struct Term {
-      std::size_t link;
-      int coordinate;  ///< of its joint
-      ScalarForm form;
-      double ratio;
-      double zero = 0.0, position = 0.0, rate = 0.0;  ///< as SoftCoordinate has them
-      std::size_t part = 0;                           ///< in direction_
-    };
-    std::size_t link;  ///< whose it is
-    std::size_t row;
-    double metres;  ///< of a unit of the row
-    std::array<Term, 2> terms;
-    double constant = 0.0;
-    Course closing;  ///< what the row is to be off by
-  };
-  const std::vector<CoupledRow>& coupled_rows() const { return coupled_; }
   /// Where a term reads; angles are taken for those nearest to it from then on.
   void set_position(std::size_t coupled, std::size_t term, double position) {
     coupled_[coupled].terms[term].position = position;
     coupled_[coupled].terms[term].rate = 0.0;
   }
-  /// As joints().
-  const std::vector<Link>& links() const { return links_; }
-  bool is_rod(std::size_t l) const { return l < first_ball_; }
-  bool is_ball(std::size_t l) const { return l >= first_ball_ && l < first_general_; }
-  /// Neither of these nor a spring.
-  bool is_general(std::size_t l) const { return l >= first_general_ && l < first_spring_; }
-  /// Of a rod, or the first of another joint.
-  std::size_t row_of(std::size_t l) const { return is_rod(l) ? l : first_row(l); }
-  /// Rows of a rigid joint.
-  std::size_t rows_of(std::size_t l) const { return static_cast<std::size_t>(links_[l].rows); }
-  /// Of one of these.
-  const ScalarForm& form(std::size_t l, std::size_t k) const {
-    return info(links_[l].kind).function[links_[l].function[k]];
-  }
-  const std::vector<SoftCoordinate>& soft_coordinates() const { return softs_; }
   /// The frame on B of a general joint, where it was at the last move_with_time() or evaluation.
   const MovingFrame& frame_b(std::size_t l) const { return frames_[l - first_general_]; }
   /// Where one reads; angles are taken for those nearest to it from then on.
@@ -151,20 +74,18 @@ class EquationsOfMotion {
     softs_[soft].position = position;
     softs_[soft].rate = 0.0;
   }
-  std::size_t points() const { return inverse_mass_.size(); }
-  double inverse_mass(std::size_t point) const { return inverse_mass_[point]; }
-  const Eigen::Vector3d& inertia(std::size_t turning) const { return inertia_[turning]; }
-  double radius_of_gyration(std::size_t turning) const { return radius_of_gyration_[turning]; }
   /// What acts without the joints, since begin().
-  const Eigen::Vector3d& load_acceleration(std::size_t body) const {
-    return load_acceleration_[body];
+  const Eigen::Vector3d& applied_acceleration(std::size_t body) const {
+    return applied_acceleration_[body];
   }
-  const Eigen::Vector3d& load_torque(std::size_t turning) const { return load_torque_[turning]; }
+  const Eigen::Vector3d& applied_torque(std::size_t turning) const {
+    return applied_torque_[turning];
+  }
   /// Moves fixed points, lengths and offsets to time t, for the next five.
   void move_with_time(double t);
   const Eigen::Vector3d& position(std::size_t fixed_point) const { return position_[fixed_point]; }
   const Eigen::Vector3d& velocity(std::size_t fixed_point) const { return velocity_[fixed_point]; }
-  const Course& length(std::size_t l) const { return length_[l]; }
+  const Prescribed& length(std::size_t l) const { return length_[l]; }
   /// What the rows of a joint that is no rod and no spring are to be off by, or where a coordinate
   /// is to be.
   RowVector offset(std::size_t l) const;
@@ -208,20 +129,34 @@ class EquationsOfMotion {
 
   // ---- a span of time in which nothing jumps
 
-  void load(const std::vector<BodyState>& states, double* y) const;
-  void store(const double* y, std::vector<BodyState>* states);
+  void gather_state(const std::vector<BodyState>& states, double* y) const;
+  void scatter_state(const double* y, std::vector<BodyState>* states);
+  /// Adds custom forces as they are in these states to what acts, as if they were constant; after
+  /// begin(), for methods that evaluate no others.
+  void add_custom_loads(double t, const std::vector<BodyState>& states);
   /// Sets what acts from time t on; `courses` are those of all joints of the world. `since_tick`:
   /// from the tick's start, where bodies that move by themselves still are in `states` [s].
   void begin(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
-             const std::vector<Load>& loads, const std::vector<JointCourse>& courses,
+             const std::vector<AppliedWrench>& loads, const std::vector<PrescribedMotion>& courses,
              double since_tick = 0.0);
+  /// Lets equations that were just compiled, with what visit_memory() reads, go on from the span
+  /// before.
+  void continue_from(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
+                     const std::vector<AppliedWrench>& loads,
+                     const std::vector<PrescribedMotion>& courses) {
+    const double scale = fixed_scale_;  // of where coupled coordinates were when that began
+    const bool knows_energy = knows_energy_;
+    begin(t, states, gravity, loads, courses);
+    fixed_scale_ = scale;
+    knows_energy_ = knows_energy;
+  }
   /// Whether what begin() sets goes on changing.
-  bool varies() const { return !courses_.empty() || fixed_points_move_; }
+  bool is_time_dependent() const { return is_time_dependent_; }
   /// Whether the last begin() found a course that had ended, one that was new, or another rate.
   bool has_jumped() const { return has_jumped_; }
   /// Whether y already moves as the joints ask at t, or has to be started.
-  bool keeps_pace(double t, const double* y) {
-    return has_chosen_ && (courses_.empty() || rates_keep_pace(t, y));
+  bool satisfies_velocity_constraints(double t, const double* y) {
+    return has_chosen_ && (courses_.empty() || rates_are_met(t, y));
   }
   /// Projects y onto the constraints and finds the first derivative; false where it cannot.
   bool start(double t, double* y, double* dydt);
@@ -229,20 +164,33 @@ class EquationsOfMotion {
   bool is_inconsistent() const { return is_inconsistent_; }
   /// Which rows are redundant is asked again, as of equations just made.
   void forget_redundant_rows();
-  /// All that outlives a span, beside what begin() sets; with the forces of the first stage where
-  /// that is not found again.
-  template <class Add>
-  void add_memory(Add&& add, bool with_first_stage) const {
-    for (const auto* rows : {&is_redundant_, &is_needed_, &is_verified_}) add(*rows);
-    for (const auto* rows : {&imbalance_, &redundant_off_}) add(*rows);
-    add(is_changing_);
-    add(scale_);
-    add(pivot_at_choice_);
-    for (const int number : {too_far_, left_out_for_, choose_after_, left_out_}) add(number);
-    for (const bool flag : {is_inconsistent_, factors_are_there_, has_chosen_}) add(flag);
-    if (has_chosen_) ldlt_.add_memory(add);
+  /// Visits all that outlives a span, beside what begin() sets, as engine/memory.h says; with the
+  /// forces of the first stage where that is not found again.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit, bool with_first_stage) {
+    if constexpr (Visit::kReads) {
+      std::vector<char> redundant;
+      visit(redundant);
+      self.set_redundant(redundant);
+    } else {
+      visit(self.is_redundant_);
+    }
+    for (auto* rows : {&self.is_needed_, &self.is_verified_}) visit(*rows);
+    for (auto* rows : {&self.imbalance_, &self.redundant_off_}) visit(*rows);
+    visit(self.is_changing_);
+    visit(self.scale_);
+    visit(self.pivot_at_choice_);
+    for (auto* number : {&self.too_far_, &self.left_out_for_, &self.choose_after_, &self.left_out_})
+      visit(*number);
+    for (auto* flag :
+         {&self.is_inconsistent_, &self.factors_are_there_, &self.has_chosen_, &self.knows_energy_})
+      visit(*flag);
+    if (self.knows_energy_) visit(self.energy_);
+    if (self.has_chosen_) SparseLdlt::visit_memory(self.ldlt_, visit);
+    visit.beside(self.time_);
+    visit.beside(self.fixed_scale_);
     if (!with_first_stage) return;
-    for (std::size_t i = 0; i < impulses_.size(); ++i) add(stage_forces_[i]);
+    for (std::size_t i = 0; i < self.impulses_.size(); ++i) visit(self.stage_forces_[i]);
   }
 
   // ---- what impulses do while the rigid rows hold (held_response.cpp), after start()
@@ -319,61 +267,30 @@ class EquationsOfMotion {
   double rounding() const;
   double squared_size_of(const double* dy, double h) const;
 
-  /// One scalar equation; `turn_a`, `turn_b` into turns_, -1 where the end does not turn.
-  struct Row {
-    std::size_t a, b;
-    std::size_t unknown = 0;    // where its λ stands in a solution
-    double inverse_mass = 0.0;  // of both ends
-    SparseLdlt::Slot diagonal = 0;
-    int turn_a = -1, turn_b = -1;
-  };
-
   // ---- for kernels, which are the same System for one common shape of islands
 
-  /// What a kernel shares with these equations in a span: where the numbers stand.
-  struct KernelView {
-    const Row* rows;
-    std::size_t row_count;
-    std::size_t v_at, q_at, L_at;                // in a state, where x is at 0
-    const Course* lengths;                       // of links
-    const Eigen::Vector3d *position, *velocity;  // of points
-    const Eigen::Vector3d *load_acceleration, *load_torque;
-    const double* inverse_mass;                                       // of points
-    Eigen::Vector3d* direction;                                       // d of rods
-    double* value;                                                    // of rows
-    const double *rate_target, *acceleration_target;                  // of rows
-    const std::vector<std::pair<std::size_t, JointCourse>>& courses;  // of links that change
-    double* solution;                                                 // by unknown
-    double *impulses, *stage_forces;  // by unknown; these stage by stage
-    std::size_t unknowns;
-    double scale;  // what rounding goes by [m]
-    TridiagonalLdlt* tridiagonal;
-    ChainPair* pairs;
-  };
-  KernelView kernel_view() {
-    return {rows_.data(),
-            rows_.size(),
-            v_at_,
-            q_at_,
-            L_at_,
-            length_.data(),
-            position_.data(),
-            velocity_.data(),
-            load_acceleration_.data(),
-            load_torque_.data(),
-            inverse_mass_.data(),
-            direction_.data(),
-            value_.data(),
-            rate_target_.data(),
-            acceleration_target_.data(),
-            courses_,
-            solution_.data(),
-            impulses_.data(),
-            stage_forces_.data(),
-            impulses_.size(),
-            scale_,
-            &tridiagonal_,
-            pairs_.data()};
+  KernelView kernel_view();
+  /// Whether lengths, coordinates or frames follow courses.
+  bool has_courses() const { return !courses_.empty(); }
+  /// How the body of a fixed point turns [rad/s].
+  const Eigen::Vector3d& fixed_angular_velocity(std::size_t fixed_point) const {
+    return fixed_points_[fixed_point - bodies_.size()].start.angular_velocity;
+  }
+  /// Where a coordinate reads: angles near to where they go at the rate that was noted.
+  double reading_of(const SoftCoordinate& soft) const {
+    const double there = value(soft.form, vectors_[soft.link - first_general_]);
+    return reading(soft.form, there, soft.zero,
+                   soft.position + (placed_at_ - noted_at_) * soft.rate);
+  }
+  /// C of a row; of an angle the whole turns do not count.
+  double value_of(const GeneralRow& row) const {
+    const double off =
+        value(row.form, vectors_[row.link - first_general_]) - value_target_[row.row];
+    return row.form.is_angle ? unwound(off, 0.0) : off;
+  }
+  /// Where the force of a soft coordinate stands, by unknown.
+  std::size_t soft_force(std::size_t soft) const {
+    return rows_.size() + links_.size() - first_spring_ + soft;
   }
   /// A kernel leaves its factors to the equations where a pivot falls below this share of its
   /// entry.
@@ -383,7 +300,7 @@ class EquationsOfMotion {
   /// off at y, `correct` makes one of Newton's steps. Where these do not do, the equations do.
   template <class FindValues, class Correct>
   bool project_by(double t, double* y, FindValues find_values, Correct correct) {
-    if (varies()) move_with_time(t);
+    if (is_time_dependent()) move_with_time(t);
     double error = find_values();
     const double rounding = std::numeric_limits<double>::epsilon() * std::max(scale_, error);
     while (!(error <= rounding)) {
@@ -397,12 +314,12 @@ class EquationsOfMotion {
   }
 
  private:
-  friend class TreeOfBodies;
+  // Rows are left out whose pivot falls below these shares of their diagonal entry: of forces, and
+  // of both projections. Near a singular pose, passed at speed v with an error ε and an
+  // acceleration a across, these lose the least energy: y³ = ε v²/a, p ~ y².
+  static constexpr double kLeastPivotOfForces = 3e-11;
+  static constexpr double kLeastPivotOfProjections = 1e-9;
 
-  /// Where a row or part turns a body.
-  struct Turn {
-    std::size_t body, row, unknown;
-  };
   /// A row or part that acts on a body; the sign is -1 where the body is its A.
   struct Pull {
     std::size_t row, unknown;
@@ -418,112 +335,67 @@ class EquationsOfMotion {
     std::size_t p, q;  // turns
     SparseLdlt::Slot slot;
   };
-  /// A row of a general joint.
-  struct GeneralRow {
-    std::size_t row, link;
-    ScalarForm form;
-    double metres;  // of a unit of the row
-  };
-  /// A place of an immovable body that a joint holds on to.
-  struct FixedPoint {
-    int body;
-    Eigen::Vector3d anchor;
-    bool has_axes;
-    BodyState start;  // of the body at `tick_start_`
-    // against the body, while the frame of a joint moves
-    Eigen::Vector3d anchor_rate = Eigen::Vector3d::Zero();
-    Eigen::Vector3d anchor_acceleration = Eigen::Vector3d::Zero();
-  };
-  using Ends = std::vector<std::pair<std::size_t, std::size_t>>;
-
   RowVector of_rows(std::size_t l, const double* of_unknowns) const;
   RowVector by_function(std::size_t l, const RowVector& of_rows, const double* of_unknowns) const;
   RowVector by_joint(std::size_t l, const double* of_unknowns) const;
 
-  // ---- what is compiled
-  void find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
-                   const std::vector<MassProperties>& masses, const std::vector<int>& idle);
-  bool order_as_chain(const std::vector<Joint>& all_joints, const Ends& ends,
-                      const std::vector<MassProperties>& masses);
-  void turn_along_chain();
-  void mirror_chain();
-  void find_tree();
-  void add_links(const std::vector<Joint>& all_joints, const Ends& ends,
-                 const std::vector<MassProperties>& masses,
-                 const std::vector<CoupledTerms>& couplings);
-  void add_coordinates(const Joint& joint, Link* link);
-  void add_rows(const Link& link, int count);
-  Row new_row(const Link& link, std::size_t part);
-  void add_coupled_rows(const std::vector<Joint>& all_joints,
-                        const std::vector<CoupledTerms>& couplings);
+  // ---- the entries of the matrix, when the rows that have a force are known
   void couple_rows();
-  std::size_t first_coupled_row() const { return rows_.size() - coupled_.size(); }
-  std::size_t first_general_row() const { return first_coupled_row() - general_rows_.size(); }
-  /// Rows, and then the second parts of coupled ones, are parts.
-  std::size_t parts() const { return rows_.size() + parts_.size(); }
-  const Row& part(std::size_t i) const {
-    return i < rows_.size() ? rows_[i] : parts_[i - rows_.size()];
-  }
-  std::size_t row_of_part(std::size_t i) const {
-    return i < rows_.size() ? i : first_coupled_row() + i - rows_.size();
-  }
-  std::size_t first_row(std::size_t l) const {
-    return is_ball(l) ? first_ball_ + 3 * (l - first_ball_) : links_[l].first_row;
-  }
-  bool is_by_offset(std::size_t l) const { return l >= first_ball_ && l < first_spring_; }
-  bool turns(std::size_t point) const { return point < turning_; }
 
   // ---- what happens in one evaluation, in this order
-  void ask(double t);
-  void place(double t, const double* y);
-  void place_bodies(const double* y);
-  void place_fixed_points(double t);
-  void place_links();
-  void place_arms();
-  void place_general();
-  void place_general_rows();
-  void place_coupled();
+  void update_prescribed(double t);
+  void update_kinematics(double t, const double* y);
+  void update_bodies(const double* y);
+  void update_fixed_points(double t);
+  void update_separations();
+  void update_arms();
+  void update_general();
+  void update_general_rows();
+  void update_coupled();
   void find_matrix();
   void factor(double least);
   void set_velocities(const double* y);
   void accelerate(std::size_t stage, const double* y, double* dydt);
   void pull_springs(double* forces);
   void pull_softs(double* forces);
+  void pull_custom();
   void note_positions();
-  double reading_of(const SoftCoordinate& soft) const;
   double reading_of(const CoupledRow::Term& term) const;
   double rate_of(std::size_t link, const ScalarForm& form) const {
     return rate(form, vectors_[link - first_general_], motions_[link - first_general_]);
   }
-  double value_of(const GeneralRow& row) const;
   double value_of(const CoupledRow& row) const;
-  void ask_coupled(std::size_t l, const JointCourse& course, double t);
+  void update_prescribed_coupling(std::size_t l, const PrescribedMotion& course, double t);
   void add_coupled_right_hand_side(const Eigen::Vector3d* free, double* b) const;
-  std::size_t soft_force(std::size_t soft) const {
-    return rows_.size() + links_.size() - first_spring_ + soft;
-  }
   void find_right_hand_side(const Eigen::Vector3d* free, double* b) const;
-  void weigh_by_length(double* lambda) const;
+  void multipliers_to_forces(double* lambda) const;
 
-  bool rates_jump(const std::vector<JointCourse>& courses) const;
+  bool rates_jump(const std::vector<PrescribedMotion>& courses) const;
   double largest_coordinate(const double* y) const;
   Eigen::Vector3d d_dot(std::size_t l) const;
   Eigen::Vector3d gamma_d(std::size_t l) const;
   void find_rates();
   double find_values();
-  bool rates_keep_pace(double t, const double* y);
-  bool moves_as_asked();
+  bool rates_are_met(double t, const double* y);
+  bool prescribed_rates_are_met();
 
   // ---- rows that follow from others (redundant_rows.cpp)
   void find_branches();
   bool meet(double t, double* y);
+  bool fit_positions(double t, double* y);
+  bool is_passing() const { return left_out_for_ > 0 || came_back_; }
+  double potential_energy() const;
+  double size_of_forces() const;
+  void note_energy(double t, const double* y);
+  bool keep_energy(double* y);
+  bool is_conservative() const;
   int choose_rows(double t, const double* y);
   Eigen::MatrixXd dense_matrix();
   std::vector<char> independent_rows(double least);
   double self_stress_imbalance(std::size_t row);
   double redundant_self_stress() const;
   void set_redundant(const std::vector<char>& redundant);
-  double offset_of(std::size_t l, const JointCourse& course, bool with_motors) const;
+  double offset_of(std::size_t l, const PrescribedMotion& course, bool with_motors) const;
   double closing_arm(std::size_t l) const;
   double opening(bool with_motors) const;
   double closing_curvature() const;
@@ -533,6 +405,7 @@ class EquationsOfMotion {
   double redundant_limit(std::size_t row) const;
   bool redundant_rows_are_off() const;
   bool restore_redundant_if_off();
+  void make_rows_again(const std::vector<char>& redundant);
   bool redundant_rates_are_met();
   void read_pose(const std::vector<Eigen::Vector3d>& positions,
                  const std::vector<Eigen::Quaterniond>& orientations);
@@ -554,56 +427,42 @@ class EquationsOfMotion {
   void solve(double* b);
   void clear_redundant(double* lambda) const;
   void find_residual(const double* b, const double* lambda, double* residual);
-  void respond(const double* lambda);
+  void apply_jacobian_transpose(const double* lambda);
 
-  std::vector<int> joints_;
-  std::vector<int> bodies_;
-  std::size_t turning_ = 0;
   // in a state, where x is at 0; even, so that no pair of numbers is of two kinds
   std::size_t v_at_ = 0, q_at_ = 0, L_at_ = 0, size_ = 0;
-  std::vector<Link> links_;
-  std::size_t first_armed_ = 0, first_ball_ = 0, first_general_ = 0, first_spring_ = 0;  // links_
-  std::vector<Row> rows_;   // of rods one each, of ball joints three, then of general ones, coupled
-  std::vector<Row> parts_;  // second ones of coupled rows
-  std::vector<GeneralRow> general_rows_;
-  std::vector<CoupledRow> coupled_;
-  std::vector<SoftCoordinate> softs_;
-  std::vector<Turn> turns_;
   std::vector<Pull> pulls_;  // on one body after the other
   std::vector<std::size_t> pulls_end_;
   std::vector<LinearCoupling> linear_couplings_;
   std::vector<AngularCoupling> angular_couplings_;
-  std::vector<FixedPoint> fixed_points_;
-  std::vector<double> inverse_mass_;        // of points
-  std::vector<Eigen::Vector3d> inertia_;    // of those that turn
-  std::vector<double> radius_of_gyration_;  // of those that turn
   SparseLdlt ldlt_;
-  bool is_chain_ = false, is_chain_of_bodies_ = false;
-  TridiagonalLdlt tridiagonal_;   // of a chain, where no rows depend on each other
-  std::vector<ChainPair> pairs_;  // of a chain of bodies, from its ends to the middle
-  std::vector<TreeNode> tree_;    // of a tree of bodies, from its leaves to the root
-  std::vector<SpatialInertia> tree_inertias_;
-  std::vector<SpatialVector> tree_forces_, tree_motions_;  // of these bodies
+  TridiagonalLdlt tridiagonal_;         // of a chain, where no rows depend on each other
+  std::vector<Eigen::Vector3d> falls_;  // of its rods
+  std::vector<ChainPair> pairs_;        // of a chain of bodies, from its ends to the middle
+  BodyTree tree_;                       // of a tree of bodies
 
   // ---- what acts in this span
   double tick_start_ = 0.0;
+  double asked_at_ = std::numeric_limits<double>::quiet_NaN();  // [s]
   bool fixed_points_move_ = false;
+  bool is_time_dependent_ = false;  // these, or courses
   bool has_jumped_ = false;
   double placed_at_ = 0.0, noted_at_ = 0.0;  // times of place(), and of positions of coordinates
   double fixed_scale_ = 0.0;                 // largest coordinate of fixed points, or length [m]
   double scale_ = 0.0;                       // also of bodies: what rounding goes by
-  std::vector<Eigen::Vector3d> load_acceleration_;            // of points
-  std::vector<Eigen::Vector3d> load_torque_;                  // of those that turn
-  std::vector<std::pair<std::size_t, JointCourse>> courses_;  // of links that change with time
-  std::vector<bool> is_changing_;                             // links that do
+  std::vector<Eigen::Vector3d> applied_acceleration_;              // of points
+  std::vector<Eigen::Vector3d> applied_torque_;                    // of those that turn
+  std::vector<std::pair<std::size_t, PrescribedMotion>> courses_;  // of links that change with time
+  std::vector<bool> is_changing_;                                  // links that do
 
   // ---- where things are and what they do, as of the last evaluation
-  std::vector<Eigen::Vector3d> position_, velocity_, acceleration_, push_;  // of points
-  std::vector<Eigen::Matrix3d> orientation_, inverse_inertia_;              // of those that turn
-  std::vector<Eigen::Vector3d> spin_, spin_acceleration_, torque_, twist_;  // of those that turn
+  std::vector<Eigen::Vector3d> position_, velocity_, acceleration_, constraint_force_;  // of points
+  std::vector<Eigen::Matrix3d> orientation_, inverse_inertia_;  // of those that turn
+  std::vector<Eigen::Vector3d> angular_velocity_, angular_acceleration_, torque_,
+      constraint_torque_;                                  // of those that turn
   std::vector<Eigen::Vector3d> d_;                         // of ball joints and springs, as links
   std::vector<Eigen::Vector3d> arm_a_, arm_b_;             // of links
-  std::vector<Course> length_;                             // of links
+  std::vector<Prescribed> length_;                         // of links
   std::vector<JointVectors> vectors_;                      // of general joints
   std::vector<MovingFrame> frames_;                        // the same, on B
   std::vector<JointMotion> motions_;                       // of these, since set_velocities()
@@ -612,7 +471,7 @@ class EquationsOfMotion {
   std::vector<double> value_, rate_;                       // of rows
   std::vector<double> value_target_;                       // of rows of general joints
   std::vector<double> rate_target_, acceleration_target_;  // of rows
-  std::vector<Eigen::Vector3d> turn_, turn_response_;      // of turns: J_ang, I⁻¹ J_angᵀ
+  std::vector<Eigen::Vector3d> J_angular_, M_inv_Jt_;      // of turns: J_ang, I⁻¹ J_angᵀ
 
   // ---- rows that follow from others
   std::size_t kept_ = 0;               // rows that have a force
@@ -631,6 +490,9 @@ class EquationsOfMotion {
   double time_ = 0.0;                  // of the last project() [s]
   double substep_ = 0.0;               // the last one [s]
   double momentary_error_ = 0.0;       // since begin_step() [m]
+  bool came_back_ = false;             // rows that were left out, since the last restart()
+  bool knows_energy_ = false;          // where momentary rows were left out last
+  double energy_ = 0.0;                // that, of loads and springs as well [J]
   double projected_energy_ = 0.0;      // since take_projected_energy() [J]
   bool is_inconsistent_ = false;
 

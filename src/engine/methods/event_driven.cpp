@@ -24,7 +24,7 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 EventDriven::EventDriven(const std::vector<int>& members, const std::vector<Joint>& all_joints,
                          const Ends& ends, const std::vector<CoupledTerms>& couplings,
-                         const std::vector<MassProperties>& masses)
+                         const std::vector<MassProperties>& masses, const std::vector<char>& open)
     : members_(members), bare_({}, {}, {}, masses) {
   for (const int j : members_) {
     const Joint& joint = all_joints[at(j)];
@@ -32,6 +32,7 @@ EventDriven::EventDriven(const std::vector<int>& members, const std::vector<Join
     joints_.push_back(joint);
     joints_.back().name.clear();  // so that copies allocate nothing
     ends_.push_back(ends[at(j)]);
+    if (!open.empty()) open_.push_back(open[at(j)]);
     first_law_.push_back(laws_.size());
     add_one_sided_laws(joint, l, &laws_);
     if ((joint.break_force > 0.0 || joint.break_torque > 0.0) && !couples_joints(joint.kind)) {
@@ -87,7 +88,15 @@ EquationsOfMotion EventDriven::compile(const std::vector<OneSidedState>& states,
   std::vector<int> acting, idle;
   for (std::size_t l = 0; l < joints_.size(); ++l)
     (switched(l, states, &joints[l]) ? acting : idle).push_back(static_cast<int>(l));
-  return {acting, joints, ends_, masses, couplings_, idle};
+  return {acting, joints, ends_, masses, couplings_, idle, open_};
+}
+
+// both the bare equations and those of the rows that act
+void EventDriven::compile_again(const std::vector<MassProperties>& masses, RungeKutta* motion) {
+  bare_ = compile(std::vector<OneSidedState>(laws_.size()), masses);
+  std::swap(is_broken_, broken_then_);
+  *motion = RungeKutta(compile(compiled_for_, masses));
+  std::swap(is_broken_, broken_then_);
 }
 
 // ---- where things are
@@ -110,7 +119,7 @@ EventDriven::Reading EventDriven::read(const Span& span, const OneSidedLaw& law,
   const auto [end_a, end_b] = ends_[law.joint];
   const BodyState a = body(span, static_cast<int>(end_a), t);
   const BodyState b = body(span, static_cast<int>(end_b), t);
-  const JointCourse& course = courses_[law.joint];
+  const PrescribedMotion& course = courses_[law.joint];
   MovingFrame frame;
   if (!law.is_distance && course.moves_frame())
     frame = course.frame(t, joint.anchor_b, joint.frame_b->toRotationMatrix());
@@ -158,14 +167,14 @@ void EventDriven::note_positions(const Span& span, double t) {
 }
 
 // where a limit is: a motor moves that of a length, and what is beyond it at first is closed
-Course EventDriven::limit(std::size_t c, bool upper_one, double t) const {
+Prescribed EventDriven::limit(std::size_t c, bool upper_one, double t) const {
   const OneSidedLaw& law = laws_[c];
-  const JointCourse& course = courses_[law.joint];
+  const PrescribedMotion& course = courses_[law.joint];
   const JointState& state = joint_states_[law.joint];
   const double offset = course.is_closing() ? state.closing_offset[law.function] : 0.0;
   const bool is_open = (upper_one ? offset > 0.0 : offset < 0.0);
-  const Course share = course.share_to_close(t);
-  Course at_limit;
+  const Prescribed share = course.share_to_close(t);
+  Prescribed at_limit;
   if (law.is_distance) {
     at_limit = course.length(t);
     at_limit.value -= base_[law.joint];
@@ -182,7 +191,7 @@ Course EventDriven::limit(std::size_t c, bool upper_one, double t) const {
 }
 
 // what a motor with a force limit asks for, as `rate` and `acceleration`
-Course EventDriven::zeta(const Span& span, std::size_t c, double t) const {
+Prescribed EventDriven::zeta(const Span& span, std::size_t c, double t) const {
   const OneSidedLaw& law = laws_[c];
   if (law.is_distance) return courses_[law.joint].length(t);
   if (law.drive == 0.0) return {};
@@ -194,7 +203,7 @@ Course EventDriven::zeta(const Span& span, std::size_t c, double t) const {
 }
 
 double EventDriven::travel(std::size_t joint, double t) const {
-  const JointCourse& course = courses_[joint];
+  const PrescribedMotion& course = courses_[joint];
   const double closing =
       course.is_closing() ? joint_states_[joint].closing_offset[0] * course.share_to_close(t).value
                           : 0.0;
@@ -247,7 +256,7 @@ void EventDriven::begin_course(const Span& span, std::size_t l, double t) {
 bool EventDriven::begin_courses(const Span& span) {
   bool goes_on = true;
   for (std::size_t l = 0; l < joints_.size(); ++l) {
-    const JointCourse before = courses_[l];
+    const PrescribedMotion before = courses_[l];
     if (!has_started_) set_rows(l);
     begin_course(span, l, span.all.t);
     goes_on = goes_on && courses_[l].is_driven_as(before) &&
@@ -267,6 +276,7 @@ void EventDriven::begin_step(const std::vector<JointState>& joint_states, RungeK
     coupled_impulses_[l] = 0.0;
   }
   events_ = 0;
+  told_.clear();
   unchanged_ = 0;
   motion->begin_step(joint_states_);
 }
@@ -366,7 +376,7 @@ bool EventDriven::begin_span(Span* span) {
   }
   const bool goes_on = begin_courses(*span);
   const bool is_settled = has_started_ && goes_on && !span->all.is_disturbed;
-  is_muted_.clear();
+  watched_.is_muted.clear();
   if (!is_settled) {
     bool had_impacts = false;
     return settle(span, {}, true, &had_impacts);
@@ -375,7 +385,7 @@ bool EventDriven::begin_span(Span* span) {
   now.is_disturbed = now.is_edited = false;
   const IntegrationResult begun = span->motion->begin(now, span->accuracy, *span->states);
   span->progress.projected += begun.projected;
-  if (begun.done) watch(*span, span->left.t, &before_);
+  if (begun.done) watch(*span, span->left.t, &watched_.before);
   return begun.done;
 }
 
@@ -389,16 +399,16 @@ bool EventDriven::advance_to_event(Span* span) {
   if (!motion.advance_substep(rest_of(*span), span->accuracy, &span->left, &span->progress))
     return false;
   const double h = start.left - span->left.left;
-  motion.equations().store(motion.state(), span->states);
-  watch(*span, span->left.t, &after_);
-  std::optional<Crossing> event = earliest(before_, after_, h, true);
+  motion.equations().scatter_state(motion.state(), span->states);
+  watch(*span, span->left.t, &watched_.after);
+  std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);
   if (event && !locate(span, start, h, &event)) return false;
   note_positions(*span, span->left.t);
-  std::swap(before_, after_);
+  std::swap(watched_.before, watched_.after);
   if (event) return finish_event(span, event->which);
-  if (is_muted_.empty()) return true;
-  is_muted_.clear();  // what was muted and has passed all the same has its event now
-  const std::optional<std::size_t> late = find_passed(after_, before_);
+  if (watched_.is_muted.empty()) return true;
+  watched_.is_muted.clear();  // what was muted and has passed all the same has its event now
+  const std::optional<std::size_t> late = watched_.find_passed(watched_.after, watched_.before);
   return !late || finish_event(span, *late);
 }
 
@@ -406,28 +416,32 @@ bool EventDriven::advance_to_event(Span* span) {
 
 bool EventDriven::finish_event(Span* span, std::size_t which) {
   if (++events_ > kMostEvents) return false;
-  const Watched watched = before_[which];
+  const Watched watched = watched_.before[which];
   if (watched.breaks >= 0) break_joint(span, static_cast<std::size_t>(watched.breaks));
   const Release release{watched.known == 0 && watched.law >= 0 ? watched.law : -1, watched.side};
   const std::vector<OneSidedState> states = states_;
   bool had_impacts = false;
   if (!settle(span, release, watched.breaks >= 0, &had_impacts)) return false;
   if (had_impacts || watched.breaks >= 0 || !(states == states_)) {
-    is_muted_.clear();
+    watched_.is_muted.clear();
     return true;
   }
-  is_muted_.resize(before_.size(), 0);
-  is_muted_[which] = 1;
+  watched_.is_muted.resize(watched_.before.size(), 0);
+  watched_.is_muted[which] = 1;
   return ++unchanged_ <= kMostUnchanged;
 }
 
 void EventDriven::break_joint(Span* span, std::size_t joint) {
   collect(*span->states, span->motion);
-  is_broken_[joint] = 1;
+  const auto break_one = [&](std::size_t l) {
+    if (!is_broken_[l]) told_.push_back({EventKind::kBroken, span->left.t, l, -1, 0.0});
+    is_broken_[l] = 1;
+  };
+  break_one(joint);
   for (std::size_t l = 0; l < joints_.size(); ++l)  // what couples it
     if (couples_joints(joints_[l].kind))
       for (const CoupledTerm& term : couplings_[l])
-        if (term.joint == joint) is_broken_[l] = 1;
+        if (term.joint == joint) break_one(l);
   bare_ = compile(std::vector<OneSidedState>(laws_.size()), span->around.masses);
 }
 

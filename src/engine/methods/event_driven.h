@@ -8,11 +8,13 @@
 #include <vector>
 
 #include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/event.h"
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/methods/equations_of_motion.h"
+#include "engine/methods/event_watch.h"
 #include "engine/methods/least_norm_forces.h"
 #include "engine/methods/method.h"
 #include "engine/methods/runge_kutta.h"
@@ -31,13 +33,11 @@ class EventDriven {
 
   /// Beyond so many rows an island is left to others.
   static constexpr std::size_t kMostRows = 32;
-  static constexpr double kTouching = 1e-10;  ///< [m or rad] a gap no larger is closed
-  static constexpr double kResting = 1e-9;    ///< [m/s or rad/s] a rate no larger is none
 
-  /// Of the joints of an island, `members` by index. `couplings` as EquationsOfMotion.
+  /// Of the joints of an island, `members` by index. `couplings`, `open` as EquationsOfMotion.
   EventDriven(const std::vector<int>& members, const std::vector<Joint>& all_joints,
               const Ends& ends, const std::vector<CoupledTerms>& couplings,
-              const std::vector<MassProperties>& masses);
+              const std::vector<MassProperties>& masses, const std::vector<char>& open);
 
   /// The equations without any one-sided row, to begin with.
   const EquationsOfMotion& bare() const { return bare_; }
@@ -60,6 +60,15 @@ class EventDriven {
 
   // ---- what was done since begin_step(), once the step is over
   std::uint32_t events() const { return events_; }
+  /// One event of those.
+  struct Told {
+    EventKind kind;
+    double time;        ///< simulated [s]
+    std::size_t joint;  ///< among joints()
+    int coordinate;     ///< -1 of a distance joint, and of a joint that broke
+    double impulse;     ///< of an impact ≥ 0
+  };
+  const std::vector<Told>& told() const { return told_; }
   /// Adds what the rows that act now have done.
   void collect(const std::vector<BodyState>& states, RungeKutta* motion);
   const std::vector<int>& joints() const { return members_; }
@@ -69,18 +78,35 @@ class EventDriven {
   /// Sets where motors with a force limit hold, whether these have reached it, and what broke.
   void write(std::size_t l, JointState* state) const;
 
-  /// All that the next advance() goes on from, beside the bodies and what RungeKutta has.
-  template <class Add>
-  void add_memory(Add&& add) const {
-    add(has_started_);
-    if (!has_started_) return;
-    for (std::size_t c = 0; c < laws_.size(); ++c) {
-      const OneSidedState& state = states_[c];
-      for (const int number :
-           {static_cast<int>(state.hold), int{state.slip}, int{state.drive}, int{state.yield}})
-        add(number);
-      add(held_[c]);
+  /// Visits which rows act, which `motion` then has, as engine/memory.h says.
+  template <class Self, class Visit, class Motion>
+  static void visit_rows(Self& self, Visit& visit, const std::vector<MassProperties>& masses,
+                         Motion& motion) {
+    visit.beside(self.is_broken_);
+    visit.beside(self.compiled_for_);
+    visit.beside(self.broken_then_);
+    if constexpr (Visit::kReads) self.compile_again(masses, &motion);
+  }
+  /// Visits all that the next advance() goes on from, beside the bodies and what RungeKutta has.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit) {
+    visit(self.has_started_);
+    visit.beside(self.courses_);
+    visit.beside(self.bare_courses_);
+    if (!self.has_started_) return;
+    for (std::size_t c = 0; c < self.laws_.size(); ++c) {
+      auto& state = self.states_[c];
+      visit(state.hold);
+      for (auto* sign : {&state.slip, &state.drive, &state.yield}) visit(*sign);
+      visit(self.held_[c]);
     }
+    if constexpr (Visit::kReads)
+      for (std::size_t l = 0; l < self.joints_.size(); ++l) self.set_rows(l);
+  }
+  /// Lets equations that were just compiled go on from `t`, where a span begins.
+  void continue_from(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
+                     const std::vector<AppliedWrench>& loads, RungeKutta* motion) const {
+    motion->equations().continue_from(t, states, gravity, loads, courses_);
   }
 
  private:
@@ -89,15 +115,10 @@ class EventDriven {
     double q = 0.0, rate = 0.0, acceleration = 0.0;
     Jacobian J;
   };
-  /// What an event waits for: where `value` falls below zero.
-  struct Watched {
-    double value = 0.0, rate = 0.0, acceleration = 0.0;
-    int known = 0;         ///< derivatives of the value that are known
+  struct Watched : WatchedValue {
     int law = -1;          ///< whose it is
     int breaks = -1;       ///< the joint that breaks then
     signed char side = 0;  ///< of a force: -1 of its lower bound, +1 of its upper one
-    double tolerance = 0;  ///< [that of the value] below which it is rounding
-    double early = 0.0;    ///< where a stage of the substep had it below, as a share; 0: none did
   };
   /// The rows that act, with their equations.
   struct Variant {
@@ -109,11 +130,6 @@ class EventDriven {
   struct Breaking {
     std::size_t joint;
     double force, torque;
-  };
-  /// Where something is about to fall below zero, as a share of a substep.
-  struct Crossing {
-    double share;
-    std::size_t which;
   };
   /// A held coordinate whose force is at a bound, and gives way.
   struct Release {
@@ -140,6 +156,7 @@ class EventDriven {
   // ---- compiled
   EquationsOfMotion compile(const std::vector<OneSidedState>& states,
                             const std::vector<MassProperties>& masses) const;
+  void compile_again(const std::vector<MassProperties>& masses, RungeKutta* motion);
   bool switched(std::size_t joint, const std::vector<OneSidedState>& states, Joint* result) const;
   std::pair<std::size_t, std::size_t> laws_of(std::size_t joint) const;
 
@@ -148,8 +165,8 @@ class EventDriven {
   Reading read(const Span& span, const OneSidedLaw& law, double t,
                const EquationsOfMotion& equations, const EquationsOfMotion::Motions& rates) const;
   void note_positions(const Span& span, double t);
-  Course limit(std::size_t law, bool upper_one, double t) const;
-  Course zeta(const Span& span, std::size_t law, double t) const;
+  Prescribed limit(std::size_t law, bool upper_one, double t) const;
+  Prescribed zeta(const Span& span, std::size_t law, double t) const;
   double travel(std::size_t joint, double t) const;
   void set_rows(std::size_t joint);
   void begin_course(const Span& span, std::size_t joint, double t);
@@ -163,10 +180,6 @@ class EventDriven {
   void watch_force(const Span& span, std::size_t law, const Reading& reading, double t,
                    std::vector<Watched>* list) const;
   void watch_breaking(const Span& span, double t, std::vector<Watched>* list) const;
-  std::optional<Crossing> earliest(const std::vector<Watched>& from, const std::vector<Watched>& to,
-                                   double h, bool is_all) const;
-  std::optional<std::size_t> find_passed(const std::vector<Watched>& from,
-                                         const std::vector<Watched>& to) const;
   bool locate(Span* span, const SubstepSpan& start, double h, std::optional<Crossing>* event);
   void break_joint(Span* span, std::size_t joint);
   bool finish_event(Span* span, std::size_t which);
@@ -191,11 +204,13 @@ class EventDriven {
   bool decide(const Span& span, Rows* rows, const Release& release,
               std::vector<OneSidedState>* next) const;
   void hold_rows(const Span& span, const Rows& rows, const std::vector<OneSidedState>& next);
+  void tell(const Span& span, const Rows& rows, const std::vector<OneSidedState>& next);
   bool switch_to_states(Span* span);
 
   std::vector<int> members_;
   std::vector<Joint> joints_;  // the same
   Ends ends_;                  // of these
+  std::vector<char> open_;     // which of these EquationsOfMotion takes for open; none where empty
   std::vector<CoupledTerms> couplings_;
   std::vector<OneSidedLaw> laws_;       // of one joint after the other
   std::vector<std::size_t> first_law_;  // of joints, and the end
@@ -214,14 +229,14 @@ class EventDriven {
   // ---- of this step
   std::vector<char> is_broken_;           // joints
   std::vector<JointState> joint_states_;  // where coordinates are, and what is being closed
-  std::vector<JointCourse> courses_, bare_courses_;
+  std::vector<PrescribedMotion> courses_, bare_courses_;
   std::vector<double> base_;  // of a distance joint's course, without travel
   std::vector<RowVector> impulses_;
   std::vector<double> coupled_impulses_;
   std::uint32_t events_ = 0;
+  std::vector<Told> told_;
   int unchanged_ = 0;  // events that changed nothing
-  std::vector<char> is_muted_;
-  std::vector<Watched> before_, after_, low_, high_;
+  WatchedSubstep<Watched> watched_;
   EquationsOfMotion::Motions rates_;
   std::optional<LeastNormForces> least_forces_;  // of the rows that act now
 };

@@ -27,6 +27,7 @@ struct EventDriven::Rows {
   Eigen::MatrixXd A;                                 ///< rates of laws by impulses along laws
   Eigen::VectorXd acceleration;  ///< of laws with their forces, once these are decided
   std::vector<char> is_free;     ///< laws whose coordinate the rigid joints leave free
+  std::vector<double> hit;       ///< impulses that laws had in impacts
 };
 
 }  // namespace constraint_sim::engine

@@ -41,14 +41,14 @@ bool EventDriven::load_rows(Span* span, Rows* rows) {
   rows->dydt.resize(bare_.size());
   bare_.forget_redundant_rows();
   bare_.begin_step(joint_states_);
-  bare_.load(*span->states, rows->y.data());
+  bare_.gather_state(*span->states, rows->y.data());
   const double t = span->left.t;
   bare_.begin(t, *span->states, span->all.gravity, span->all.loads, bare_courses_,
               span->all.since_tick + (t - span->all.t));
   const double before = bare_.kinetic_energy(rows->y.data());
   if (!bare_.start(t, rows->y.data(), rows->dydt.data())) return false;
   span->progress.projected += before - bare_.kinetic_energy(rows->y.data());
-  bare_.store(rows->y.data(), span->states);
+  bare_.scatter_state(rows->y.data(), span->states);
   read_rows(*span, rows);
   find_responses(rows);
   return true;
@@ -104,6 +104,7 @@ void EventDriven::apply_impulse(Rows* rows, std::size_t c, double impulse) {
   for (std::size_t d = 0; d < laws_.size(); ++d)
     rows->reading[d].rate += rows->A(index(d), index(c)) * impulse;
   impulses_[laws_[c].joint][laws_[c].function] += impulse;
+  rows->hit[c] += impulse;
 }
 
 // ---- impacts
@@ -133,7 +134,8 @@ bool EventDriven::have_impacts(Span* span, Rows* rows, bool* any) {
     if (is_settled) break;
     impulses_ = impulses;
     coupled_impulses_ = coupled;
-    bare_.store(start.data(), span->states);
+    rows->hit.assign(laws_.size(), 0.0);
+    bare_.scatter_state(start.data(), span->states);
     if (!load_rows(span, rows)) return false;
   }
   return true;
@@ -147,7 +149,7 @@ bool EventDriven::go_on_after_impacts(Span* span, Rows* rows) {
     if (!bare_.coupled_rows().empty() && couples(joints_[l].kind))
       coupled_impulses_[l] += bare_.coupled_impulse(k);
   }
-  bare_.store(rows->y.data(), span->states);
+  bare_.scatter_state(rows->y.data(), span->states);
   return load_rows(span, rows);
 }
 
@@ -163,7 +165,7 @@ std::vector<EventDriven::Hit> EventDriven::find_hits(const Span& span, const Row
     if (is_broken_[law.joint] || std::isfinite(law.limit_force)) continue;
     for (const bool upper_one : {false, true}) {
       if (!std::isfinite(law.limit(upper_one))) continue;
-      const Course at_limit = limit(c, upper_one, span.left.t);
+      const Prescribed at_limit = limit(c, upper_one, span.left.t);
       const double direction = upper_one ? -1.0 : 1.0;
       if (direction * (rows.reading[c].q - at_limit.value) > kTouching) continue;
       const double rate = direction * (rows.reading[c].rate - at_limit.rate);
@@ -227,7 +229,7 @@ bool EventDriven::let_rest(const Span& span, Rows* rows, const std::vector<char>
     const Reading& reading = rows->reading[c];
     for (const bool upper_one : {false, true}) {
       if (!std::isfinite(laws_[c].limit(upper_one))) continue;
-      const Course at_limit = limit(c, upper_one, span.left.t);
+      const Prescribed at_limit = limit(c, upper_one, span.left.t);
       const double direction = upper_one ? -1.0 : 1.0;
       const double rate = direction * (reading.rate - at_limit.rate);
       const double fall = -direction * (rows->acceleration[index(c)] - at_limit.acceleration);
@@ -249,14 +251,14 @@ std::optional<EventDriven::Candidate> EventDriven::candidate(const Span& span, s
                                                              OneSidedState* state) const {
   const OneSidedLaw& law = laws_[c];
   const double t = span.left.t;
-  const Course drive = zeta(span, c, t);
-  const auto held = [&](Hold hold, const Course& at) {
+  const Prescribed drive = zeta(span, c, t);
+  const auto held = [&](Hold hold, const Prescribed& at) {
     return Candidate{c, hold, at.rate, at.acceleration,
                      force_bounds(law, hold, at.rate, drive.rate)};
   };
   for (const bool upper_one : {false, true}) {
     if (!std::isfinite(law.limit(upper_one))) continue;
-    const Course at_limit = limit(c, upper_one, t);
+    const Prescribed at_limit = limit(c, upper_one, t);
     const double direction = upper_one ? -1.0 : 1.0;
     const bool gave_way = states_[c].yield == -direction;  // and is where the length is
     if (!gave_way && direction * (reading.q - at_limit.value) > kTouching) continue;
@@ -416,6 +418,35 @@ void EventDriven::hold_rows(const Span& span, const Rows& rows,
   }
 }
 
+// What of the change from the present states to the next ones is told.
+void EventDriven::tell(const Span& span, const Rows& rows, const std::vector<OneSidedState>& next) {
+  const auto add = [&](EventKind kind, const OneSidedLaw& law, double impulse) {
+    told_.push_back(
+        {kind, span.left.t, law.joint, law.is_distance ? -1 : law.coordinate, std::abs(impulse)});
+  };
+  for (std::size_t c = 0; c < laws_.size(); ++c) {
+    const OneSidedLaw& law = laws_[c];
+    if (is_broken_[law.joint]) continue;
+    const OneSidedState before = has_started_ ? states_[c] : next[c];  // what it begins with
+    const double hit = rows.hit[c];
+    for (const bool upper_one : {false, true}) {
+      const bool is_hit = upper_one ? hit < 0.0 : hit > 0.0;
+      const bool was = has_started_ ? before.is_at(upper_one) : next[c].is_at(upper_one) && !is_hit;
+      const bool is_rope = law.is_distance && upper_one;
+      if (!was && (is_hit || next[c].is_at(upper_one)))
+        add(is_rope ? EventKind::kRopeTaut : EventKind::kLimitReached, law, is_hit ? hit : 0.0);
+      if ((was || is_hit) && !next[c].is_at(upper_one))
+        add(is_rope ? EventKind::kRopeSlack : EventKind::kLimitLeft, law, 0.0);
+    }
+    const auto compare = [&](bool was, bool is, EventKind begins, EventKind ends) {
+      if (was != is) add(is ? begins : ends, law, 0.0);
+    };
+    compare(before.drive != 0 || before.yield != 0, next[c].drive != 0 || next[c].yield != 0,
+            EventKind::kSaturated, EventKind::kReleased);
+    compare(before.slip != 0, next[c].slip != 0, EventKind::kSlips, EventKind::kSticks);
+  }
+}
+
 bool EventDriven::switch_to_states(Span* span) {
   RungeKutta& motion = *span->motion;
   collect(*span->states, &motion);
@@ -444,19 +475,21 @@ bool EventDriven::switch_to_states(Span* span) {
   const IntegrationResult begun = motion.begin(rest_of(*span), span->accuracy, *span->states);
   span->progress.projected += begun.projected;
   if (!begun.done) return false;
-  motion.equations().store(motion.state(), span->states);
+  motion.equations().scatter_state(motion.state(), span->states);
   has_started_ = true;
-  watch(*span, span->left.t, &before_);
+  watch(*span, span->left.t, &watched_.before);
   return true;
 }
 
 bool EventDriven::settle(Span* span, const Release& release, bool is_changed, bool* had_impacts) {
   Rows rows;
+  rows.hit.assign(laws_.size(), 0.0);
   std::vector<OneSidedState> next;
   if (!load_rows(span, &rows) || !have_impacts(span, &rows, had_impacts) ||
       !decide(*span, &rows, release, &next))
     return false;
   if (!is_changed && !*had_impacts && next == states_) return true;
+  tell(*span, rows, next);
   hold_rows(*span, rows, next);
   return switch_to_states(span);
 }

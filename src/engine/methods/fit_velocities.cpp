@@ -25,7 +25,7 @@ RigidMotion as_one_body(const EquationsOfMotion& equations, const std::vector<Bo
     mass.push_back(1.0 / equations.inverse_mass(i));
     position.push_back(bodies[i].position);
     velocity.linear.push_back(bodies[i].linear_velocity);
-    if (i >= equations.turning()) continue;
+    if (i >= equations.rotating()) continue;
     inertia.push_back(equations.inertia(i));
     orientation.push_back(bodies[i].orientation);
     velocity.angular.push_back(bodies[i].angular_velocity);
@@ -38,10 +38,10 @@ RigidMotion as_one_body(const EquationsOfMotion& equations, const std::vector<Bo
 void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion* equations,
                     std::vector<BodyState>* states) {
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
-  if (equations->varies() || equations->has_jumped()) return;
+  if (equations->is_time_dependent() || equations->has_jumped()) return;
   std::vector<double> numbers(2 * equations->size());
   double* const y = numbers.data();
-  equations->load(*states, y);
+  equations->gather_state(*states, y);
   const double energy = equations->kinetic_energy(y);
   equations->keep_impulses();
   const bool is_met = equations->start(span.t, y, y + equations->size());
@@ -52,7 +52,7 @@ void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion
   if (!(moved > 0.0) || moved > std::min(most_moved, kMostKept) * energy) return;
 
   const std::vector<BodyState> before = states_of(*equations, *states);
-  equations->store(y, states);
+  equations->scatter_state(y, states);
   RigidMotion whole;
   if (is_free(*equations)) whole = as_one_body(*equations, states_of(*equations, *states));
   const double inner = left - whole.kinetic_energy();
@@ -65,7 +65,7 @@ void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion
     }
     const Eigen::Vector3d v = whole.velocity_at(state.position);
     state.linear_velocity = v + longer * (state.linear_velocity - v);
-    if (i >= equations->turning()) continue;
+    if (i >= equations->rotating()) continue;
     const Eigen::Vector3d w = whole.angular_velocity();
     state.angular_velocity = w + longer * (state.angular_velocity - w);
   }

@@ -36,7 +36,7 @@ EquationsOfMotion::Motions EquationsOfMotion::held_response(const BodyImpulse& i
     if (found == bodies_.end()) continue;
     const auto i = static_cast<std::size_t>(found - bodies_.begin());
     f.linear[i] += impulse.linear[k];
-    if (turns(i)) f.angular[i] += impulse.angular[k];
+    if (rotates(i)) f.angular[i] += impulse.angular[k];
   }
   impulses->assign(rows_.size(), 0.0);
   double* const lambda = impulses->data();
@@ -45,16 +45,16 @@ EquationsOfMotion::Motions EquationsOfMotion::held_response(const BodyImpulse& i
     lambda[rows_[row_of_part(i)].unknown] -= direction_[i].dot(
         inverse_mass_[row.b] * f.linear[row.b] - inverse_mass_[row.a] * f.linear[row.a]);
   }
-  for (std::size_t p = 0; p < turns_.size(); ++p)
-    lambda[turns_[p].unknown] -= turn_response_[p].dot(f.angular[turns_[p].body]);
+  for (std::size_t p = 0; p < angular_blocks_.size(); ++p)
+    lambda[angular_blocks_[p].unknown] -= M_inv_Jt_[p].dot(f.angular[angular_blocks_[p].body]);
   if (!rows_.empty()) solve(lambda);
-  respond(lambda);
+  apply_jacobian_transpose(lambda);
   f.linear.resize(bodies);
   for (std::size_t i = 0; i < bodies; ++i)
-    f.linear[i] = inverse_mass_[i] * (f.linear[i] + push_[i]);
-  for (std::size_t i = 0; i < turning_; ++i)
-    f.angular[i] = inverse_inertia_[i] * (f.angular[i] + twist_[i]);
-  weigh_by_length(lambda);
+    f.linear[i] = inverse_mass_[i] * (f.linear[i] + constraint_force_[i]);
+  for (std::size_t i = 0; i < rotating_; ++i)
+    f.angular[i] = inverse_inertia_[i] * (f.angular[i] + constraint_torque_[i]);
+  multipliers_to_forces(lambda);
   return f;
 }
 
@@ -65,16 +65,17 @@ double EquationsOfMotion::free_response(const BodyImpulse& impulse) const {
     if (found == bodies_.end()) continue;
     const auto i = static_cast<std::size_t>(found - bodies_.begin());
     response += inverse_mass_[i] * impulse.linear[k].squaredNorm();
-    if (turns(i)) response += impulse.angular[k].dot(inverse_inertia_[i] * impulse.angular[k]);
+    if (rotates(i)) response += impulse.angular[k].dot(inverse_inertia_[i] * impulse.angular[k]);
   }
   return response;
 }
 
 void EquationsOfMotion::add_response(const Motions& change, const std::vector<double>& impulses,
                                      double share, double* y) {
+  knows_energy_ = false;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
     Vector(y + v_at_ + 3 * i) += share * change.linear[i];
-  for (std::size_t i = 0; i < turning_; ++i)
+  for (std::size_t i = 0; i < rotating_; ++i)
     Vector(y + L_at_ + 3 * i) += share * inverse_inertia_[i].inverse() * change.angular[i];
   for (std::size_t i = 0; i < rows_.size(); ++i) impulses_[i] += share * impulses[i];
 }
@@ -85,7 +86,7 @@ void EquationsOfMotion::find_accelerations(const double* y, const double* dydt,
   rates->angular.assign(bodies_.size(), Vector3d::Zero());
   for (std::size_t i = 0; i < bodies_.size(); ++i)
     rates->linear[i] = ConstVector(dydt + v_at_ + 3 * i);
-  for (std::size_t i = 0; i < turning_; ++i) {
+  for (std::size_t i = 0; i < rotating_; ++i) {
     const Eigen::Quaterniond q(Eigen::Map<const Eigen::Quaterniond>(y + q_at_ + 4 * i));
     const Vector3d inverse = inertia_[i].cwiseInverse();
     const ConstVector L(y + L_at_ + 3 * i);
@@ -100,7 +101,7 @@ double EquationsOfMotion::largest_force() const {
   for (std::size_t i = 0; i < impulses_.size(); ++i)
     largest = std::max(largest, std::abs(stage_forces_[i]));
   for (std::size_t i = 0; i < bodies_.size(); ++i)
-    largest = std::max(largest, load_acceleration_[i].norm() / inverse_mass_[i]);
+    largest = std::max(largest, applied_acceleration_[i].norm() / inverse_mass_[i]);
   return largest;
 }
 

@@ -14,9 +14,9 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 }  // namespace
 
 ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
-    : bodies_(equations.bodies().size()), turning_(equations.turning()) {
+    : bodies_(equations.bodies().size()), rotating_(equations.rotating()) {
   for (std::size_t i = 0; i < bodies_; ++i) mass_.push_back(1.0 / equations.inverse_mass(i));
-  for (std::size_t i = 0; i < turning_; ++i) {
+  for (std::size_t i = 0; i < rotating_; ++i) {
     inertia_.push_back(equations.inertia(i));
     radius_.push_back(equations.radius_of_gyration(i));
   }
@@ -40,7 +40,7 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
     const auto end = [&](std::size_t point, const Vector3d& anchor, double sign) {
       End e;
       e.point = point;
-      e.dofs = point < turning_ ? 6 : (point < bodies_ ? 3 : 0);
+      e.dofs = point < rotating_ ? 6 : (point < bodies_ ? 3 : 0);
       e.anchor = anchor;
       e.sign = sign;
       return e;
@@ -51,7 +51,10 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
         link.kind == Kind::kRod && link.ends[0].dofs < 6 && link.ends[1].dofs < 6;
     link.stiffness = from.stiffness;
     link.damping = from.damping;
-    has_dampers_ = has_dampers_ || link.damping > 0.0;
+    link.custom = from.custom;
+    link.has_custom_force = from.has_custom_force();
+    // a custom force may take energy, and is not known before now
+    has_dampers_ = has_dampers_ || link.damping > 0.0 || link.has_custom_force;
     links_.push_back(link);
   }
   if (!equations.coupled_rows().empty()) add_coupled(equations);
@@ -62,9 +65,9 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
   for (auto* list : {&x_, &v_, &shift_}) list->assign(points, Vector3d::Zero());
   for (auto* list : {&force_, &torque_, &p_, &dx_before_, &v_before_, &w_before_, &L_before_})
     list->assign(bodies_, Vector3d::Zero());
-  q_.assign(turning_, Eigen::Quaterniond::Identity());
-  spin_.assign(turning_, Vector3d::Zero());
-  turn_.resize(turning_);
+  q_.assign(rotating_, Eigen::Quaterniond::Identity());
+  angular_velocity_.assign(rotating_, Vector3d::Zero());
+  J_angular_.resize(rotating_);
   shapes_.resize(links_.size());
   softs_.resize(equations.soft_coordinates().size());
   for (const EquationsOfMotion::SoftCoordinate& soft : equations.soft_coordinates())
@@ -150,7 +153,7 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
   for (std::size_t k = bodies_; k-- > 0;) {
     const std::size_t body = forest.found[k];
     SaddleLu::Node& node = nodes[at(forest.node_of(body))];
-    node.dofs = body < turning_ ? 6 : 3;
+    node.dofs = body < rotating_ ? 6 : 3;
     node.parent = forest.parent[body] < 0 ? -1 : forest.node_of(at(forest.parent[body]));
     first_unknown_[body] = unknown;
     unknown += node.dofs;
@@ -238,7 +241,7 @@ void ImplicitStep::find_slots() {
   for (std::size_t i = 0; i < bodies_; ++i) {
     const int first = first_unknown_[i];
     for (int k = 0; k < 3; ++k) diagonal_.push_back(lu_.slot(first + k, first + k));
-    if (i >= turning_) continue;
+    if (i >= rotating_) continue;
     for (int k = 3; k < 6; ++k)
       for (int m = 3; m < 6; ++m) diagonal_.push_back(lu_.slot(first + k, first + m));
   }

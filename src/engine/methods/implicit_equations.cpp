@@ -35,10 +35,10 @@ void ImplicitStep::evaluate(const Unknowns& unknowns) {
   for (CoupledRow& coupled : coupled_) evaluate_coupled(&coupled, unknowns);
   // of ½ŵ T, now that all of T is known
   std::size_t slot = 0;
-  for (std::size_t i = 0; i < turning_; ++i) {
+  for (std::size_t i = 0; i < rotating_; ++i) {
     slot += 3;
     const double scale = left_[at(first_unknown_[i]) + 3] * right_[at(first_unknown_[i]) + 3];
-    const Matrix3d change = (-0.5 * s_ * scale) * cross_matrix(turn_[i].torque);
+    const Matrix3d change = (-0.5 * s_ * scale) * cross_matrix(J_angular_[i].torque);
     for (int k = 0; k < 3; ++k)
       for (int m = 0; m < 3; ++m) lu_.values()[diagonal_[slot++]] += change(k, m);
   }
@@ -54,9 +54,9 @@ void ImplicitStep::evaluate_bodies(const Unknowns& unknowns) {
     const ConstVector dx(unknowns.data() + first);
     Vector(residual_.data() + first) = mass_[i] * (dx - p_[i]) - s_ * force_[i];
     for (int k = 0; k < 3; ++k) values[diagonal_[slot++]] += 1.0;
-    if (i >= turning_) continue;
+    if (i >= rotating_) continue;
 
-    Turning& turn = turn_[i];
+    Turning& turn = J_angular_[i];
     const ConstVector w(unknowns.data() + first + 3);
     const Vector3d J_w = turn.J0 * (w - turn.a);
     turn.B = mean_rotation(w);
@@ -100,7 +100,7 @@ ImplicitStep::LinkMotion ImplicitStep::move_link(const Link& link, Shape* shape,
     change += end.sign * ConstVector(unknowns.data() + first);
     motion.E[e].leftCols<3>().setIdentity();
     if (end.dofs < 6) continue;
-    const Turning& turn = turn_[end.point];
+    const Turning& turn = J_angular_[end.point];
     const Vector3d mean_arm = turn.B * shape->r0[e];
     const Vector3d arm_change = ConstVector(unknowns.data() + first + 3).cross(mean_arm);
     change += end.sign * arm_change;
@@ -170,7 +170,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
     H[e].topRows<3>().setIdentity();
     Vector(residual_.data() + end.unknown) -= s_ * end.sign * shape->force;
     if (end.dofs < 6) continue;
-    Turning& turn = turn_[end.point];
+    Turning& turn = J_angular_[end.point];
     H[e].bottomRows<3>() = turn.C * cross_matrix(motion.arm[e]);
     Vector(residual_.data() + end.unknown + 3) -=
         s_ * end.sign * (H[e].bottomRows<3>() * shape->force);
@@ -190,7 +190,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
           (-s_ * share_ * row.sign * column.sign) * H[e].topRows(row.dofs) *
           (P * motion.E[f].leftCols(column.dofs)).eval();
       if (e == f && row.dofs == 6) {
-        const Turning& turn = turn_[row.point];
+        const Turning& turn = J_angular_[row.point];
         K.bottomRightCorner<3, 3>() += (s_ * share_ * row.sign) * turn.C *
                                        cross_matrix(shape->force) * motion.E[e].rightCols<3>();
       }

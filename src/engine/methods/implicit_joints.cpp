@@ -42,6 +42,7 @@ void ImplicitStep::JacobianSlopes::add(VectorRef u, VectorRef other, const Joint
       torque_B += cross_matrix(v[u]) * df - cross_matrix(f) * slopes.of(u, end);
       break;
     case VectorKind::kWorldAxis:
+    case VectorKind::kCustom:
       break;
   }
 }
@@ -55,13 +56,14 @@ void ImplicitStep::place_axes(const EquationsOfMotion& equations, const Link& li
     const std::size_t l = at(static_cast<int>(&link - links_.data()));
     const Matrix3d& frame = e == 0 ? link.frames[0] : equations.frame_b(l).axes;
     (*axes)[e] = frame;
-    if (end.dofs == 6) (*axes)[e] = turn_[end.point].R0 * frame;
+    if (end.dofs == 6) (*axes)[e] = J_angular_[end.point].R0 * frame;
     if (end.dofs == 0) (*axes)[e] = equations.fixed_axes(end.point) * frame;
   }
 }
 
 JointVectors ImplicitStep::start_of(const Shape& shape) {
   JointVectors vectors;
+  vectors.custom = shape.custom;
   vectors.r_A = shape.r0[0];
   vectors.r_B = shape.r0[1];
   vectors.d = shape.d0;
@@ -92,6 +94,7 @@ void ImplicitStep::move_general(const Link& link, const Shape& shape, const Unkn
                                 GeneralMotion* motion) const {
   const bool has_frames = info(link.joint).has_frames;
   JointVectors& end_vectors = motion->at_end;
+  end_vectors.custom = link.custom;
   Vector3d change = Vector3d::Zero();  // of d
   for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
@@ -107,7 +110,7 @@ void ImplicitStep::move_general(const Link& link, const Shape& shape, const Unkn
     change += end.sign * ConstVector(unknowns.data() + end.unknown);
     slopes.d.leftCols<3>() = end.sign * Matrix3d::Identity();
     if (end.dofs < 6) continue;
-    const Turning& turn = turn_[end.point];
+    const Turning& turn = J_angular_[end.point];
     const ConstVector w(unknowns.data() + end.unknown + 3);
     const auto advance = [&](const Vector3d& start, VectorSlopes::Slope* slope) -> Vector3d {
       const Vector3d mean = turn.B * start;
@@ -186,6 +189,8 @@ void ImplicitStep::evaluate_form(const ScalarForm& form, const Link& link,
     }
     return;
   }
+  if (!form.is_angle && form.product.is_custom())
+    return evaluate_custom_row(link, start, motion, lambda, there);
   if (!form.is_angle) {
     there->J = jacobian(form.product, motion.at_force);
     there->value = value(form.product, motion.at_end);
@@ -266,6 +271,7 @@ void ImplicitStep::evaluate_general(const Link& link, Shape* shape, const Unknow
     shape->swing[0] += (lambda * J.j2).norm();
     shape->swing[1] += (lambda * J.j4).norm();
   }
+  if (link.has_custom_force) add_custom_force(link, *shape, motion, start, unknowns, &forces);
   shape->force = forces.force;
   shape->d = motion.at_force.d;
   for (std::size_t e = 0; e < 2; ++e) {
@@ -273,7 +279,7 @@ void ImplicitStep::evaluate_general(const Link& link, Shape* shape, const Unknow
     if (end.dofs == 0) continue;
     Vector(residual_.data() + end.unknown) -= s_ * end.sign * forces.force;
     if (end.dofs < 6) continue;
-    Turning& turn = turn_[end.point];
+    Turning& turn = J_angular_[end.point];
     Vector(residual_.data() + end.unknown + 3) -= s_ * (turn.C * forces.torque[e]);
     turn.torque += forces.torque[e];
   }
@@ -309,7 +315,7 @@ void ImplicitStep::write_general(const Link& link, const Shape& shape,
     const End& row = link.ends[e];
     if (row.dofs == 0) continue;
     const double* const left = left_.data() + row.unknown;
-    const Matrix3d C = row.dofs == 6 ? turn_[row.point].C : Matrix3d(Matrix3d::Zero());
+    const Matrix3d C = row.dofs == 6 ? J_angular_[row.point].C : Matrix3d(Matrix3d::Zero());
     write_slopes(link, e, C, forces.slopes, &slot);
     std::array<Eigen::Matrix<double, 6, 1>, kMaxJointRows> columns;
     for (int k = 0; k < link.rows; ++k) {
@@ -427,7 +433,7 @@ void ImplicitStep::evaluate_coupled(CoupledRow* coupled, const Unknowns& unknown
       Vector(residual_.data() + end.unknown) -= s_ * end.sign * force * there.J.j3;
       if (end.dofs < 6) continue;
       const Vector3d torque = force * (e == 0 ? there.J.j2 : there.J.j4);
-      Turning& turn = turn_[end.point];
+      Turning& turn = J_angular_[end.point];
       Vector(residual_.data() + end.unknown + 3) -= s_ * (turn.C * torque);
       turn.torque += torque;
       shape.swing[e] += torque.norm();
@@ -450,7 +456,7 @@ void ImplicitStep::write_coupled(const CoupledRow::Term& term, const FormInStep&
     const End& row = link.ends[e];
     if (row.dofs == 0) continue;
     const double* const left = left_.data() + row.unknown;
-    const Matrix3d C = row.dofs == 6 ? turn_[row.point].C : Matrix3d(Matrix3d::Zero());
+    const Matrix3d C = row.dofs == 6 ? J_angular_[row.point].C : Matrix3d(Matrix3d::Zero());
     write_slopes(link, e, C, there.slopes, slot);
     Eigen::Matrix<double, 6, 1> push;
     push.head<3>() = -row.sign * term.ratio * there.J.j3;

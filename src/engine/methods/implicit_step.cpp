@@ -25,37 +25,39 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // ---- the state that is carried
 
-void ImplicitStep::load(const std::vector<BodyState>& states, const EquationsOfMotion& equations) {
+void ImplicitStep::gather_state(const std::vector<BodyState>& states,
+                                const EquationsOfMotion& equations) {
   lu_.forget();
   for (std::size_t i = 0; i < bodies_; ++i) {
     const BodyState& state = states[at(equations.bodies()[i])];
     x_[i] = state.position;
     v_[i] = state.linear_velocity;
-    if (i >= turning_) continue;
+    if (i >= rotating_) continue;
     q_[i] = state.orientation;
-    spin_[i] = state.angular_velocity;
+    angular_velocity_[i] = state.angular_velocity;
   }
 }
 
-void ImplicitStep::store(const EquationsOfMotion& equations, std::vector<BodyState>* states) const {
+void ImplicitStep::scatter_state(const EquationsOfMotion& equations,
+                                 std::vector<BodyState>* states) const {
   for (std::size_t i = 0; i < bodies_; ++i) {
     BodyState& state = (*states)[at(equations.bodies()[i])];
     state.position = x_[i];
     state.linear_velocity = v_[i];
-    if (i >= turning_) continue;
+    if (i >= rotating_) continue;
     state.orientation = q_[i];
-    state.angular_velocity = spin_[i];
+    state.angular_velocity = angular_velocity_[i];
   }
 }
 
 void ImplicitStep::write_points(Points* points) const {
   points->position.assign(x_.begin(), x_.begin() + static_cast<std::ptrdiff_t>(bodies_));
   points->velocity.assign(v_.begin(), v_.begin() + static_cast<std::ptrdiff_t>(bodies_));
-  for (std::size_t i = 0; i < turning_; ++i) {
+  for (std::size_t i = 0; i < rotating_; ++i) {
     const Matrix3d arms = radius_[i] * q_[i].toRotationMatrix();
     for (int k = 0; k < 3; ++k) {
       points->position.push_back(x_[i] + arms.col(k));
-      points->velocity.push_back(v_[i] + spin_[i].cross(arms.col(k)));
+      points->velocity.push_back(v_[i] + angular_velocity_[i].cross(arms.col(k)));
     }
   }
 }
@@ -91,14 +93,14 @@ void ImplicitStep::predict() {
       p_[i] = dx_before_[i] / 3.0 + h / 9.0 * (8.0 * v_[i] - 2.0 * v_before_[i]);
     v_before_[i] = v_[i];
   }
-  for (std::size_t i = 0; i < turning_; ++i) {
-    Turning& turn = turn_[i];
+  for (std::size_t i = 0; i < rotating_; ++i) {
+    Turning& turn = J_angular_[i];
     turn.R0 = q_[i].toRotationMatrix();
     turn.J0 = turn.R0 * inertia_[i].asDiagonal() * turn.R0.transpose();
-    const Vector3d L = turn.J0 * spin_[i];
+    const Vector3d L = turn.J0 * angular_velocity_[i];
     switch (rule_) {
       case ImplicitRule::kMidpoint:
-        turn.a = 0.5 * h * spin_[i];
+        turn.a = 0.5 * h * angular_velocity_[i];
         turn.b = 0.5 * h * L;
         break;
       case ImplicitRule::kBdf2:
@@ -111,6 +113,7 @@ void ImplicitStep::predict() {
 }
 
 bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotion* equations) {
+  t_ = t;
   set_rule(h, rule);
   predict();
   equations->move_with_time(t);
@@ -134,13 +137,14 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
 void ImplicitStep::place_link(std::size_t l, const EquationsOfMotion& equations) {
   const Link& link = links_[l];
   Shape& shape = shapes_[l];
+  shape.custom = link.custom;
   shape.d0 = x_[link.ends[1].point] - x_[link.ends[0].point];
   for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
     shape.r0[e].setZero();
     if (end.dofs < 6) continue;
     const bool is_frame = e == 1 && link.kind == Kind::kGeneral;
-    shape.r0[e] = turn_[end.point].R0 * (is_frame ? equations.frame_b(l).anchor : end.anchor);
+    shape.r0[e] = J_angular_[end.point].R0 * (is_frame ? equations.frame_b(l).anchor : end.anchor);
     shape.d0 += end.sign * shape.r0[e];
     scale_ = std::max(scale_, end.anchor.norm());
   }
@@ -173,14 +177,15 @@ void ImplicitStep::ask_link(std::size_t l, const EquationsOfMotion& equations) {
     shape.next_axes_B = shape.axes1[1];
     const End& b = link.ends[1];
     shape.next_r_B = shape.r0[1];
-    if (b.dofs == 6) shape.next_r_B = turn_[b.point].R0 * equations.frame_b(l).anchor;
+    if (b.dofs == 6) shape.next_r_B = J_angular_[b.point].R0 * equations.frame_b(l).anchor;
   }
+  if (link.has_custom_force) ask_custom_force(link, equations, &shape);
   if (link.kind == Kind::kBall || link.kind == Kind::kGeneral) {
     shape.offset = equations.offset(l);
     if (link.rows > link.rigid_rows) begin_softs(link, shape, equations);
     return;
   }
-  const Course& length = equations.length(l);
+  const Prescribed& length = equations.length(l);
   scale_ = std::max(scale_, length.value);
   if (link.kind == Kind::kRod) {
     shape.target = 0.5 * length.value * length.value;
@@ -192,7 +197,7 @@ void ImplicitStep::ask_link(std::size_t l, const EquationsOfMotion& equations) {
 // midpoint: σ = −k (½(s₀ + s₁) − ½(ℓ₀ + ℓ₁)) − (c/h)(s₁ − s₀ − (ℓ₁ − ℓ₀))
 // BDF2:     σ = −k (s₁ − ℓ₁) − (c/2h)(3 s₁ − 4 s₀ + s₋) + c ℓ̇₁;
 // each divided by what it has of s₁
-void ImplicitStep::ask_spring(const Link& link, const Course& length, Shape* shape) const {
+void ImplicitStep::ask_spring(const Link& link, const Prescribed& length, Shape* shape) const {
   const double k = link.stiffness;
   const double rate = link.damping / h_;
   const double s0 = shape->d0.norm();
@@ -214,13 +219,13 @@ void ImplicitStep::ask_spring(const Link& link, const Course& length, Shape* sha
 
 void ImplicitStep::scale_equations(const EquationsOfMotion& equations) {
   for (std::size_t i = 0; i < bodies_; ++i) {
-    force_[i] = mass_[i] * equations.load_acceleration(i);
+    force_[i] = mass_[i] * equations.applied_acceleration(i);
     const auto first = at(first_unknown_[i]);
     const double scale = 1.0 / std::sqrt(mass_[i]);
     std::fill_n(left_.begin() + static_cast<std::ptrdiff_t>(first), 3, scale);
     std::fill_n(right_.begin() + static_cast<std::ptrdiff_t>(first), 3, scale);
-    if (i >= turning_) continue;
-    torque_[i] = equations.load_torque(i);
+    if (i >= rotating_) continue;
+    torque_[i] = equations.applied_torque(i);
     const double turning = 1.0 / std::sqrt(inertia_[i].mean());
     std::fill_n(left_.begin() + static_cast<std::ptrdiff_t>(first) + 3, 3, turning);
     std::fill_n(right_.begin() + static_cast<std::ptrdiff_t>(first) + 3, 3, turning);
@@ -238,27 +243,31 @@ void ImplicitStep::scale_equations(const EquationsOfMotion& equations) {
 // Rows that follow from others have no λ in this step: with another one λ would wander.
 bool ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
   if (!equations->find_dependent(t, x_, q_, kDependentPivot, &is_dependent_)) return false;
+  leave_out_momentary_rows(true, *equations);
+  return true;
+}
+
+void ImplicitStep::leave_out_momentary_rows(bool are_out, const EquationsOfMotion& equations) {
+  const auto mark = [&](std::size_t row, bool* is_left_out, bool* is_redundant) {
+    *is_redundant = is_dependent_[row] == EquationsOfMotion::kRedundant;
+    *is_left_out = *is_redundant || (are_out && is_dependent_[row] != 0);
+  };
   for (std::size_t l = 0; l < links_.size(); ++l) {
     if (links_[l].kind == Kind::kSpring) continue;
-    const std::size_t row = equations->row_of(l);
-    for (std::size_t k = 0; k < at(links_[l].rigid_rows); ++k) {
-      shapes_[l].is_left_out[k] = is_dependent_[row + k] != 0;
-      shapes_[l].is_redundant[k] = is_dependent_[row + k] == EquationsOfMotion::kRedundant;
-    }
+    const std::size_t row = equations.row_of(l);
+    for (std::size_t k = 0; k < at(links_[l].rigid_rows); ++k)
+      mark(row + k, &shapes_[l].is_left_out[k], &shapes_[l].is_redundant[k]);
   }
-  for (CoupledRow& coupled : coupled_) {
-    coupled.is_left_out = is_dependent_[coupled.row] != 0;
-    coupled.is_redundant = is_dependent_[coupled.row] == EquationsOfMotion::kRedundant;
-  }
-  return true;
+  for (CoupledRow& coupled : coupled_)
+    mark(coupled.row, &coupled.is_left_out, &coupled.is_redundant);
 }
 
 std::pair<double, double> ImplicitStep::largest_spin(double most_frequency) const {
   double spin = 0.0, speed = 0.0;
-  for (std::size_t i = 0; i < turning_; ++i) {
+  for (std::size_t i = 0; i < rotating_; ++i) {
     if (frequency_of(i) > most_frequency) continue;
-    spin = std::max(spin, spin_[i].norm());
-    speed = std::max(speed, spin_[i].norm() * radius_[i]);
+    spin = std::max(spin, angular_velocity_[i].norm());
+    speed = std::max(speed, angular_velocity_[i].norm() * radius_[i]);
   }
   return {spin, speed};
 }
@@ -272,7 +281,7 @@ double ImplicitStep::add(const double* change, Unknowns* unknowns) const {
   for (std::size_t i = 0; i < bodies_; ++i) {
     const auto first = at(first_unknown_[i]);
     consider(right_[first] * right_[first] * ConstVector(change + first).squaredNorm());
-    if (i >= turning_) continue;
+    if (i >= rotating_) continue;
     const double scale = right_[first + 3] * radius_[i];
     consider(scale * scale * ConstVector(change + first + 3).squaredNorm());
   }
@@ -285,7 +294,8 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
     const Link& link = links_[l];
     const Shape& shape = shapes_[l];
     const double length = std::sqrt(2.0 * std::max(shape.target, 0.0));
-    const double lambda = shape.is_left_out[0] ? 0.0 : unknowns[at(link.unknown)];
+    const bool has_row = at(link.unknown) < unknowns.size();  // a force of another package has none
+    const double lambda = !has_row || shape.is_left_out[0] ? 0.0 : unknowns[at(link.unknown)];
     double stiffness = 0.0;  // across the link
     RowVector impulse = RowVector::Zero();
     switch (link.kind) {
@@ -343,11 +353,11 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
     x_[i] += dx;
     v_[i] = rate(dx, dx_before_[i], v_[i]);
     dx_before_[i] = dx;
-    if (i >= turning_) continue;
+    if (i >= rotating_) continue;
     const ConstVector w(unknowns.data() + first + 3);
-    const Vector3d spin = rate(w, w_before_[i], spin_[i]);
+    const Vector3d spin = rate(w, w_before_[i], angular_velocity_[i]);
     w_before_[i] = w;
-    spin_[i] = spin + w.cross(mean_rotation(w) * spin);
+    angular_velocity_[i] = spin + w.cross(mean_rotation(w) * spin);
     const Vector3d half = 0.5 * w;
     const Eigen::Quaterniond turn(1.0, half.x(), half.y(), half.z());
     q_[i] = (turn * q_[i]).normalized();

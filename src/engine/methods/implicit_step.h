@@ -47,8 +47,8 @@ class ImplicitStep {
   bool has_dampers() const { return has_dampers_; }
 
   // ---- the state that is carried
-  void load(const std::vector<BodyState>& states, const EquationsOfMotion& equations);
-  void store(const EquationsOfMotion& equations, std::vector<BodyState>* states) const;
+  void gather_state(const std::vector<BodyState>& states, const EquationsOfMotion& equations);
+  void scatter_state(const EquationsOfMotion& equations, std::vector<BodyState>* states) const;
 
   /// Points of all bodies in that state.
   void write_points(Points* points) const;
@@ -74,6 +74,9 @@ class ImplicitStep {
   double worst_row() const { return worst_row_; }
   /// The same of rows that depend on others where the step begins, and have no force in it.
   double worst_momentary_row() const { return worst_momentary_row_; }
+  /// Lets these rows have a force after all, or takes it from them again. Their mean Jacobian over
+  /// the step has a direction where the one at its start has none, and the energy is kept.
+  void leave_out_momentary_rows(bool are_out, const EquationsOfMotion& equations);
   /// Whether redundant rows are met where the bodies are; if not, they are rows again.
   bool redundant_rows_are_met(double t, EquationsOfMotion* equations) const {
     return equations->redundant_rows_are_met(t, x_, q_);
@@ -87,15 +90,17 @@ class ImplicitStep {
   double frequency_of(std::size_t body) const { return std::sqrt(squares_[body]); }
   /// Nothing is known of what holds the bodies.
   void forget();
-  /// All that outlives a span, beside the bodies; with what BDF2 needs of the step before.
-  template <class Add>
-  void add_memory(Add&& add, bool with_step_before) const {
-    add(squares_);
-    add(frequency_);
+  /// Visits all that outlives a span, beside the bodies, as engine/memory.h says; with what BDF2
+  /// needs of the step before.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit, bool with_step_before) {
+    visit(self.squares_);
+    visit(self.frequency_);
     if (!with_step_before) return;
-    for (const auto* list : {&dx_before_, &v_before_, &w_before_, &L_before_}) add(*list);
-    for (const Shape& shape : shapes_) add(shape.before);
-    for (const SoftRow& soft : softs_) add(soft.start);
+    for (auto* list : {&self.dx_before_, &self.v_before_, &self.w_before_, &self.L_before_})
+      visit(*list);
+    for (auto& shape : self.shapes_) visit(shape.before);
+    for (auto& soft : self.softs_) visit(soft.start);
   }
   /// What is largest of those that turn and are swung with an ω of no more than this [rad/s]: spin
   /// [rad/s], and spin times radius of gyration [m/s].
@@ -127,6 +132,8 @@ class ImplicitStep {
     std::array<std::uint8_t, kMaxJointRows> function{};  // of its rows, soft ones last
     int rigid_rows = 1;
     std::size_t first_soft = 0;  // as EquationsOfMotion::soft_coordinates()
+    const CustomCode* custom = nullptr;
+    bool has_custom_force = false;
   };
   /// A row that couples coordinates of general links.
   struct CoupledRow {
@@ -168,6 +175,9 @@ class ImplicitStep {
     std::array<double, 2> swing{};  // of a general one: Σ‖torque‖ at each end [N m]
     double before = 0.0;            // ‖d‖ of a spring a step ago [m]
     std::array<bool, kMaxJointRows> is_left_out{}, is_redundant{};  // rows that have no force
+    const CustomCode* custom = nullptr;
+    // of a custom force: how ends that are fixed points move
+    std::array<Eigen::Vector3d, 2> fixed_velocity, fixed_spin;
     // at the last evaluate()
     Eigen::Vector3d d, force;
   };
@@ -250,7 +260,7 @@ class ImplicitStep {
   void find_slots();
   void place_link(std::size_t l, const EquationsOfMotion& equations);
   void ask_link(std::size_t l, const EquationsOfMotion& equations);
-  void ask_spring(const Link& link, const Course& length, Shape* shape) const;
+  void ask_spring(const Link& link, const Prescribed& length, Shape* shape) const;
   void scale_equations(const EquationsOfMotion& equations);
   bool leave_out_dependent(double t, EquationsOfMotion* equations);
 
@@ -273,6 +283,14 @@ class ImplicitStep {
   void evaluate_general(const Link& link, Shape* shape, const Unknowns& unknowns);
   void evaluate_form(const ScalarForm& form, const Link& link, const JointVectors& start,
                      const GeneralMotion& motion, double lambda, FormInStep* at) const;
+  void evaluate_custom_row(const Link& link, const JointVectors& start, const GeneralMotion& motion,
+                           double lambda, FormInStep* at) const;
+  static JointVectors displaced(const GeneralMotion& motion, std::size_t end, int number,
+                                double step);
+  void add_custom_force(const Link& link, const Shape& shape, const GeneralMotion& motion,
+                        const JointVectors& start, const Unknowns& unknowns,
+                        GeneralForces* forces) const;
+  void ask_custom_force(const Link& link, const EquationsOfMotion& equations, Shape* shape) const;
   void write_slopes(const Link& link, std::size_t e, const Eigen::Matrix3d& C,
                     const std::array<JacobianSlopes, 2>& slopes, std::size_t* slot);
   void write_general(const Link& link, const Shape& shape, const GeneralForces& forces);
@@ -289,7 +307,7 @@ class ImplicitStep {
     if (!(error <= worst) && !shape.is_redundant[k]) worst = error;  // a NaN stays
   }
 
-  std::size_t bodies_ = 0, turning_ = 0;
+  std::size_t bodies_ = 0, rotating_ = 0;
   std::vector<Link> links_;
   std::vector<int> first_unknown_;  // of bodies
   std::vector<double> mass_;
@@ -302,18 +320,18 @@ class ImplicitStep {
 
   std::vector<Eigen::Vector3d> x_, v_;  // of points; those that are fixed last
   std::vector<Eigen::Quaterniond> q_;
-  std::vector<Eigen::Vector3d> spin_;
+  std::vector<Eigen::Vector3d> angular_velocity_;
 
   // ---- what BDF2 needs of the step before, of bodies
   std::vector<Eigen::Vector3d> dx_before_, v_before_, w_before_, L_before_;
 
   ImplicitRule rule_ = ImplicitRule::kMidpoint;
-  double h_ = 0.0, s_ = 0.0;
+  double t_ = 0.0, h_ = 0.0, s_ = 0.0;
   double share_ = 0.5;  // of the step at which forces are taken
   std::vector<Eigen::Vector3d> p_;
   std::vector<Eigen::Vector3d> force_, torque_;  // constant ones [N], [N m]
   std::vector<Eigen::Vector3d> shift_;           // Δx of points that are fixed but move
-  std::vector<Turning> turn_;
+  std::vector<Turning> J_angular_;
   std::vector<Shape> shapes_;
   std::vector<SoftRow> softs_;
   std::vector<CoupledRow> coupled_;

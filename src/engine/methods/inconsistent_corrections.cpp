@@ -102,7 +102,7 @@ double InconsistentMotion::displace(Configuration* configuration) const {
     configuration->position[i] += dx;
     if (!(dx.norm() <= most)) most = dx.norm();
   }
-  for (std::size_t i = 0; i < turning_; ++i) {
+  for (std::size_t i = 0; i < rotating_; ++i) {
     const Vector3d& w = change_.angular[i];
     Quaterniond& q = configuration->orientation[i];
     q = (rotation(w) * q).normalized();
@@ -220,7 +220,7 @@ void InconsistentMotion::solve_drive(double share, const Numbers& rates) {
 double InconsistentMotion::momentum_product(const BodyVectors& u, const BodyVectors& v) const {
   double sum = 0.0;
   for (std::size_t i = 0; i < bodies_; ++i) sum += mass_[i] * u.linear[i].dot(v.linear[i]);
-  for (std::size_t i = 0; i < turning_; ++i)
+  for (std::size_t i = 0; i < rotating_; ++i)
     sum += u.angular[i].dot(apply_inertia(inertia_[i], end_.orientation[i], v.angular[i]));
   return sum;
 }
@@ -278,17 +278,18 @@ double InconsistentMotion::damped_energy(double h) const {
 double InconsistentMotion::work_of_loads() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < bodies_; ++i)
-    sum += mass_[i] * equations_->load_acceleration(i).dot(end_.position[i] - start_.position[i]);
-  for (std::size_t i = 0; i < turning_; ++i) {
+    sum +=
+        mass_[i] * equations_->applied_acceleration(i).dot(end_.position[i] - start_.position[i]);
+  for (std::size_t i = 0; i < rotating_; ++i) {
     const Eigen::AngleAxisd turned(end_.orientation[i] * start_.orientation[i].conjugate());
-    sum += equations_->load_torque(i).dot(turned.angle() * turned.axis());
+    sum += equations_->applied_torque(i).dot(turned.angle() * turned.axis());
   }
   return sum;
 }
 
 void InconsistentMotion::scale(const BodyVectors& part, double factor) {
   for (std::size_t i = 0; i < bodies_; ++i) velocity_.linear[i] -= (1.0 - factor) * part.linear[i];
-  for (std::size_t i = 0; i < turning_; ++i)
+  for (std::size_t i = 0; i < rotating_; ++i)
     velocity_.angular[i] -= (1.0 - factor) * part.angular[i];
 }
 
@@ -301,7 +302,7 @@ void InconsistentMotion::cap_energy(double allowed, IntegrationResult* progress)
     BodyVectors centre, turning;
     const auto take_off = [&](const BodyVectors& part) {
       for (std::size_t i = 0; i < bodies_; ++i) rest.linear[i] -= part.linear[i];
-      for (std::size_t i = 0; i < turning_; ++i) rest.angular[i] -= part.angular[i];
+      for (std::size_t i = 0; i < rotating_; ++i) rest.angular[i] -= part.angular[i];
     };
     const auto lower = [&](const BodyVectors& part) {
       const double energy = kinetic_energy(part);
@@ -325,6 +326,36 @@ void InconsistentMotion::cap_energy(double allowed, IntegrationResult* progress)
     progress->projected -= excess;
 }
 
+// ---- as one body
+
+// of a free island, with the momenta of velocity_
+void InconsistentMotion::find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const {
+  const RigidMotion body = as_one_body(end_, velocity_);
+  centre->linear.assign(points_, body.velocity);
+  centre->angular.assign(rotating_, Vector3d::Zero());
+  const Vector3d w = body.angular_velocity();
+  turning->linear.assign(points_, Vector3d::Zero());
+  turning->angular.assign(rotating_, w);
+  for (std::size_t i = 0; i < bodies_; ++i)
+    turning->linear[i] = w.cross(end_.position[i] - body.centre);
+}
+
+// of a free island after an explicit step, whose corrections of positions change it
+void InconsistentMotion::restore_angular_momentum(double h) {
+  const RigidMotion before = as_one_body(start_, velocity_before_);
+  const RigidMotion now = as_one_body(end_, velocity_);
+  Vector3d missing = before.momentum - now.momentum;
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    const Vector3d arm = 0.5 * (start_.position[i] - before.centre + end_.position[i] - now.centre);
+    missing += h * mass_[i] * arm.cross(equations_->applied_acceleration(i));
+  }
+  for (std::size_t i = 0; i < rotating_; ++i) missing += h * equations_->applied_torque(i);
+  const Vector3d w = now.inverse_inertia * missing;
+  for (std::size_t i = 0; i < bodies_; ++i)
+    velocity_.linear[i] += w.cross(end_.position[i] - now.centre);
+  for (Vector3d& spin : velocity_.angular) spin += w;
+}
+
 // ---- whether the rows are still inconsistent
 
 void InconsistentMotion::find_whether_met() {
@@ -339,7 +370,7 @@ void InconsistentMotion::find_whether_met() {
     speed = std::max(speed, std::abs(rate));
     off = std::max(off, std::abs(rate - rows_.apply(row, velocity_)));
   }
-  for (std::size_t i = 0; i < turning_; ++i)
+  for (std::size_t i = 0; i < rotating_; ++i)
     speed = std::max(speed, radius_[i] * velocity_.angular[i].norm());
   if (off > kRateMet * speed + kRateRounding * scale_) can_be_met_ = false;
   if (!can_be_met_) return;

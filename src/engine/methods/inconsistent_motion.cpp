@@ -40,12 +40,12 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
     : body_indices_(equations.bodies()),
       bodies_(equations.bodies().size()),
-      turning_(equations.turning()),
+      rotating_(equations.rotating()),
       points_(equations.points()),
       is_free_(points_ == bodies_),
       rows_(equations) {
   for (std::size_t i = 0; i < bodies_; ++i) mass_.push_back(1.0 / equations.inverse_mass(i));
-  for (std::size_t i = 0; i < turning_; ++i) {
+  for (std::size_t i = 0; i < rotating_; ++i) {
     inertia_.push_back(equations.inertia(i));
     radius_.push_back(equations.radius_of_gyration(i));
   }
@@ -61,36 +61,36 @@ InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
   }
   for (Configuration* c : {&start_, &end_, &met_}) {
     c->position.assign(points_, Vector3d::Zero());
-    c->orientation.assign(turning_, Quaterniond::Identity());
+    c->orientation.assign(rotating_, Quaterniond::Identity());
     c->fixed_axes.assign(points_ - bodies_, Matrix3d::Identity());
   }
   for (BodyVectors* u :
        {&velocity_, &velocity_before_, &displacement_, &change_, &drive_, &target_.fixed}) {
     u->linear.assign(points_, Vector3d::Zero());
-    u->angular.assign(turning_, Vector3d::Zero());
+    u->angular.assign(rotating_, Vector3d::Zero());
   }
   for (Numbers* list : {&values_, &b_, &lambda_, &compliance_, &step_impulses_, &impulses_, &q_,
                         &drive_rates_, &drive_before_, &target_.length, &target_.rate})
     list->assign(rows_.rows().size(), 0.0);
 }
 
-void InconsistentMotion::load(const std::vector<BodyState>& states) {
+void InconsistentMotion::gather_state(const std::vector<BodyState>& states) {
   for (std::size_t i = 0; i < bodies_; ++i) {
     const BodyState& state = states[at(body_indices_[i])];
     end_.position[i] = state.position;
     velocity_.linear[i] = state.linear_velocity;
-    if (i >= turning_) continue;
+    if (i >= rotating_) continue;
     end_.orientation[i] = state.orientation;
     velocity_.angular[i] = state.angular_velocity;
   }
 }
 
-void InconsistentMotion::store(std::vector<BodyState>* states) const {
+void InconsistentMotion::scatter_state(std::vector<BodyState>* states) const {
   for (std::size_t i = 0; i < bodies_; ++i) {
     BodyState& state = (*states)[at(body_indices_[i])];
     state.position = end_.position[i];
     state.linear_velocity = velocity_.linear[i];
-    if (i >= turning_) continue;
+    if (i >= rotating_) continue;
     state.orientation = end_.orientation[i];
     state.angular_velocity = velocity_.angular[i];
   }
@@ -100,7 +100,7 @@ void InconsistentMotion::store(std::vector<BodyState>* states) const {
 // for no rate: corrections of positions follow it, and do no work but on weights and springs.
 void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configuration* configuration) {
   equations->move_with_time(t);
-  target_.is_driven = equations->varies();
+  target_.is_driven = equations->is_time_dependent();
   for (std::size_t p = bodies_; p < points_; ++p) {
     configuration->position[p] = equations->position(p);
     target_.fixed.linear[p] = equations->body_velocity(p, t);
@@ -121,7 +121,8 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
           equations->is_rod(l) ? equations->driven_rate(l, t)[0] : equations->length(l).rate;
       continue;
     }
-    const RowVector offset = equations->offset(l);
+    RowVector offset = equations->offset(l);
+    if (rows_.rows()[i].axis >= 0) offset.head<3>() += ball_offset(l, *configuration);
     const RowVector rate = equations->driven_rate(l, t);
     for (std::size_t k = 0; k < equations->rows_of(l); ++k) {
       const double metres = rows_.rows()[i + k].metres;
@@ -148,6 +149,15 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
   if (scale_ == 0.0) scale_ = 1.0;
 }
 
+// What d of a ball joint is off by while it is closed by its frame on B: in world axes, as B lies.
+Vector3d InconsistentMotion::ball_offset(std::size_t joint,
+                                         const Configuration& configuration) const {
+  if (!equations_->is_general(joint) || !equations_->frame_b(joint).moves) return Vector3d::Zero();
+  const EquationsOfMotion::Link& link = equations_->links()[joint];
+  const Vector3d shift = equations_->frame_b(joint).anchor - link.anchor_b;
+  return link.b < rotating_ ? -(configuration.orientation[link.b] * shift) : Vector3d(-shift);
+}
+
 // ---- an interval
 
 IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* equations,
@@ -155,7 +165,8 @@ IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsO
   IntegrationResult progress;
   equations_ = equations;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
-  load(*states);
+  equations->add_custom_loads(span.t, *states);
+  gather_state(*states);
   ask(span.t, equations, &end_);
   rows_.measure(end_, &at_end_);
   std::fill(impulses_.begin(), impulses_.end(), 0.0);
@@ -200,7 +211,7 @@ IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsO
     else
       equations->add_impulse(row.joint, impulse * RowVector::Unit(row.index));
   }
-  store(states);
+  scatter_state(states);
   return progress;
 }
 
@@ -214,8 +225,8 @@ int InconsistentMotion::number_of_parts(double h) const {
     const RegularizedRows::JointGeometry& g = at_end_[row.joint];
     Vector3d d_dot = velocity_.linear[joint.b] - velocity_.linear[joint.a] +
                      target_.fixed.linear[joint.b] - target_.fixed.linear[joint.a];
-    if (joint.a < turning_) d_dot -= velocity_.angular[joint.a].cross(g.arm[0]);
-    if (joint.b < turning_) d_dot += velocity_.angular[joint.b].cross(g.arm[1]);
+    if (joint.a < rotating_) d_dot -= velocity_.angular[joint.a].cross(g.arm[0]);
+    if (joint.b < rotating_) d_dot += velocity_.angular[joint.b].cross(g.arm[1]);
     rate = std::max(rate, row.direction.cross(d_dot).norm() / std::max(g.d.norm(), 1e-9 * scale_));
   }
   const double parts = std::ceil(h * rate / kMostAngle);
@@ -269,7 +280,7 @@ double InconsistentMotion::hold_back(double energy_before, double allowed) {
     if (allowed + lifted >= kept - 16.0 * rounding) break;
     for (std::size_t i = 0; i < bodies_; ++i)
       end_.position[i] = 0.5 * (start_.position[i] + along + end_.position[i]);
-    for (std::size_t i = 0; i < turning_; ++i)
+    for (std::size_t i = 0; i < rotating_; ++i)
       end_.orientation[i] = start_.orientation[i].slerp(0.5, end_.orientation[i]).normalized();
     rows_.measure(end_, &at_end_);
     spring_energy_ = spring_energy();
@@ -284,7 +295,7 @@ double InconsistentMotion::hold_back(double energy_before, double allowed) {
 double InconsistentMotion::most_added(double h) const {
   double energy = kinetic_energy(velocity_);
   for (std::size_t i = 0; i < bodies_; ++i)
-    energy += 0.5 * mass_[i] * (h * equations_->load_acceleration(i)).squaredNorm();
+    energy += 0.5 * mass_[i] * (h * equations_->applied_acceleration(i)).squaredNorm();
   return (target_.is_driven ? kMostAddedDriven : kMostAdded) * energy;
 }
 
@@ -318,7 +329,7 @@ bool InconsistentMotion::midpoint(double h, IntegrationResult* progress) {
   if (found < 2) return false;
   for (std::size_t i = 0; i < bodies_; ++i)
     velocity_.linear[i] = 2.0 / h * displacement_.linear[i] - velocity_before_.linear[i];
-  for (std::size_t i = 0; i < turning_; ++i) {
+  for (std::size_t i = 0; i < rotating_; ++i) {
     const Vector3d& w = displacement_.angular[i];
     const Vector3d rate = 2.0 / h * w - velocity_before_.angular[i];
     const Matrix3d mean =
@@ -339,7 +350,7 @@ double InconsistentMotion::find_missing(double h) {
     if (!(std::abs(error) <= worst)) worst = std::abs(error);  // a NaN stays
   };
   for (std::size_t i = 0; i < bodies_; ++i) change_.linear[i] = met_.position[i] - end_.position[i];
-  for (std::size_t i = 0; i < turning_; ++i) {
+  for (std::size_t i = 0; i < rotating_; ++i) {
     const Quaterniond turned = met_.orientation[i] * end_.orientation[i].conjugate();
     change_.angular[i] = std::copysign(2.0, turned.w()) * turned.vec();
   }
@@ -368,11 +379,11 @@ void InconsistentMotion::drift(double h) {
   for (std::size_t i = 0; i < bodies_; ++i) {
     displacement_.linear[i] =
         displacement_.linear[i] / mass_[i] +
-        h * (velocity_before_.linear[i] + 0.5 * h * equations_->load_acceleration(i));
+        h * (velocity_before_.linear[i] + 0.5 * h * equations_->applied_acceleration(i));
     end_.position[i] = start_.position[i] + displacement_.linear[i];
   }
-  for (std::size_t i = 0; i < turning_; ++i)
-    turn(i, h, displacement_.angular[i] + 0.5 * h * h * equations_->load_torque(i));
+  for (std::size_t i = 0; i < rotating_; ++i)
+    turn(i, h, displacement_.angular[i] + 0.5 * h * h * equations_->applied_torque(i));
   rows_.measure(end_, &at_end_);
 }
 
@@ -406,11 +417,11 @@ void InconsistentMotion::explicit_step(double h, IntegrationResult* progress) {
   rows_.find_weights(&weights_);
   for (std::size_t i = 0; i < bodies_; ++i)
     displacement_.linear[i] =
-        h * (velocity_before_.linear[i] + h * equations_->load_acceleration(i));
-  for (std::size_t i = 0; i < turning_; ++i) {
+        h * (velocity_before_.linear[i] + h * equations_->applied_acceleration(i));
+  for (std::size_t i = 0; i < rotating_; ++i) {
     const Quaterniond& q = start_.orientation[i];
     const Vector3d response =
-        q * (q.conjugate() * equations_->load_torque(i)).cwiseQuotient(inertia_[i]);
+        q * (q.conjugate() * equations_->applied_torque(i)).cwiseQuotient(inertia_[i]);
     displacement_.angular[i] = h * (velocity_before_.angular[i] + h * response);
   }
   std::fill(displacement_.linear.begin() + static_cast<std::ptrdiff_t>(bodies_),
@@ -436,8 +447,8 @@ void InconsistentMotion::explicit_step(double h, IntegrationResult* progress) {
     velocity_.linear[i] = displacement_.linear[i] / h;
     end_.position[i] = start_.position[i] + displacement_.linear[i];
   }
-  std::vector<Vector3d> momentum(turning_);
-  for (std::size_t i = 0; i < turning_; ++i) {
+  std::vector<Vector3d> momentum(rotating_);
+  for (std::size_t i = 0; i < rotating_; ++i) {
     const Quaterniond& q = start_.orientation[i];
     momentum[i] = apply_inertia(inertia_[i], q, displacement_.angular[i] / h);
     end_.orientation[i] = (rotation(displacement_.angular[i]) * q).normalized();
@@ -445,7 +456,7 @@ void InconsistentMotion::explicit_step(double h, IntegrationResult* progress) {
   rows_.measure(end_, &at_end_);
   meet(&end_, &at_end_, progress);
   stop_against_correction();
-  for (std::size_t i = 0; i < turning_; ++i)
+  for (std::size_t i = 0; i < rotating_; ++i)
     velocity_.angular[i] =
         apply_inertia(inertia_[i].cwiseInverse(), end_.orientation[i], momentum[i]);
 }
@@ -461,36 +472,6 @@ void InconsistentMotion::stop_against_correction() {
   if (!(against < 0.0)) return;
   for (std::size_t i = 0; i < bodies_; ++i)
     velocity_.linear[i] -= against / square * change_.linear[i];
-}
-
-// ---- as one body
-
-// of a free island, with the momenta of velocity_
-void InconsistentMotion::find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const {
-  const RigidMotion body = as_one_body(end_, velocity_);
-  centre->linear.assign(points_, body.velocity);
-  centre->angular.assign(turning_, Vector3d::Zero());
-  const Vector3d w = body.angular_velocity();
-  turning->linear.assign(points_, Vector3d::Zero());
-  turning->angular.assign(turning_, w);
-  for (std::size_t i = 0; i < bodies_; ++i)
-    turning->linear[i] = w.cross(end_.position[i] - body.centre);
-}
-
-// of a free island after an explicit step, whose corrections of positions change it
-void InconsistentMotion::restore_angular_momentum(double h) {
-  const RigidMotion before = as_one_body(start_, velocity_before_);
-  const RigidMotion now = as_one_body(end_, velocity_);
-  Vector3d missing = before.momentum - now.momentum;
-  for (std::size_t i = 0; i < bodies_; ++i) {
-    const Vector3d arm = 0.5 * (start_.position[i] - before.centre + end_.position[i] - now.centre);
-    missing += h * mass_[i] * arm.cross(equations_->load_acceleration(i));
-  }
-  for (std::size_t i = 0; i < turning_; ++i) missing += h * equations_->load_torque(i);
-  const Vector3d w = now.inverse_inertia * missing;
-  for (std::size_t i = 0; i < bodies_; ++i)
-    velocity_.linear[i] += w.cross(end_.position[i] - now.centre);
-  for (Vector3d& spin : velocity_.angular) spin += w;
 }
 
 }  // namespace constraint_sim::engine

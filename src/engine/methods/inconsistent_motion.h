@@ -53,9 +53,10 @@ class InconsistentMotion {
     bool is_driven = false;  // any of it may change with time
   };
 
-  void load(const std::vector<BodyState>& states);
-  void store(std::vector<BodyState>* states) const;
+  void gather_state(const std::vector<BodyState>& states);
+  void scatter_state(std::vector<BodyState>* states) const;
   void ask(double t, EquationsOfMotion* equations, Configuration* configuration);
+  Eigen::Vector3d ball_offset(std::size_t joint, const Configuration& configuration) const;
   int number_of_parts(double h) const;
 
   void step(double h, double energy_before, IntegrationResult* progress);
@@ -102,7 +103,7 @@ class InconsistentMotion {
 
   const EquationsOfMotion* equations_ = nullptr;  // of the span
   std::vector<int> body_indices_;
-  std::size_t bodies_, turning_, points_;
+  std::size_t bodies_, rotating_, points_;
   bool is_free_;  // no point is fixed
   std::vector<double> mass_;
   std::vector<Vector3d> inertia_;

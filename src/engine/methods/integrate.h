@@ -32,18 +32,19 @@ class StageMemory {
   static constexpr std::size_t kRows = kDerivatives + DormandPrince8::kStages + 1;
 
   /// On `numbers`, kRows times `size` of them.
-  StageMemory(double* numbers, std::size_t size) : numbers_(numbers), size_(size) {}
+  StageMemory(double* numbers, std::size_t size)
+      : state_(numbers),
+        candidate_(numbers + size),
+        error_(numbers + 2 * size),
+        derivatives_(numbers + kDerivatives * size) {}
 
-  double* state() const { return row(0); }
-  double* candidate() const { return row(1); }
-  double* error() const { return row(2); }
-  double* derivatives() const { return row(kDerivatives); }
+  double* state() const { return state_; }
+  double* candidate() const { return candidate_; }
+  double* error() const { return error_; }
+  double* derivatives() const { return derivatives_; }
 
  private:
-  double* row(std::size_t i) const { return numbers_ + i * size_; }
-
-  double* numbers_;
-  std::size_t size_;
+  double *state_, *candidate_, *error_, *derivatives_;
 };
 
 /// What came of it.

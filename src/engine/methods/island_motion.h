@@ -33,7 +33,7 @@ class IslandMotion {
   const EquationsOfMotion& equations() const { return substeps_.equations(); }
   /// Points on a tree of rods.
   bool is_simple() const {
-    return equations().turning() == 0 && equations().rows() <= equations().bodies().size();
+    return equations().rotating() == 0 && equations().rows() <= equations().bodies().size();
   }
   /// Forgets the impulses of the step before, or those of an attempt in vain, and takes coordinates
   /// from the states of all joints.
@@ -73,12 +73,29 @@ class IslandMotion {
   /// What the joints share where some rows are redundant, with the bodies where the step ends.
   const LeastNormForces& share_forces(const std::vector<BodyState>& states);
 
-  /// All that the next advance() goes on from, beside the bodies.
-  template <class Add>
-  void add_memory(Add&& add) const {
-    substeps_.add_memory(add);
-    if (gradients_ && gradients_->has_memory()) gradients_->add_memory(add);
-    if (events_) events_->add_memory(add);
+  /// Visits all that the next advance() goes on from, beside the bodies, as engine/memory.h says.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit, const std::vector<MassProperties>& masses) {
+    if (self.events_) EventDriven::visit_rows(*self.events_, visit, masses, self.substeps_);
+    RungeKutta::visit_memory(self.substeps_, visit);
+    bool has_gradients = self.gradients_ && self.gradients_->has_memory();
+    visit.beside(has_gradients);
+    if constexpr (Visit::kReads)
+      if (has_gradients) self.gradients_.emplace(self.equations());
+    if (has_gradients) EnergyMomentum::visit_memory(*self.gradients_, visit);
+    if (self.events_) EventDriven::visit_memory(*self.events_, visit);
+    visit.beside(self.follows_gradients_);
+  }
+  /// After these were read: lets the equations go on from `t`, where a span begins; `courses` are
+  /// those of the span before.
+  void continue_from(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
+                     const std::vector<AppliedWrench>& loads,
+                     const std::vector<PrescribedMotion>& courses) {
+    if (!substeps_.has_started() && !(gradients_ && gradients_->has_started())) return;
+    if (events_)
+      events_->continue_from(t, states, gravity, loads, &substeps_);
+    else
+      substeps_.equations().continue_from(t, states, gravity, loads, courses);
   }
 
  private:

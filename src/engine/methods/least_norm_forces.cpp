@@ -24,7 +24,7 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 }  // namespace
 
 LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
-  const std::size_t bodies = equations.bodies().size(), turning = equations.turning();
+  const std::size_t bodies = equations.bodies().size(), turning = equations.rotating();
   const auto unknowns_before = [&](std::size_t point) {
     return static_cast<int>(3 * point + 3 * std::min(point, turning));
   };
@@ -118,7 +118,7 @@ void LeastNormForces::share(const EquationsOfMotion& equations,
   place(equations, states);
   if (!coupled_.empty()) place_coupled(equations, states);
   factor();
-  load(equations);
+  gather_state(equations);
   find_shares();
   if (has_same_sum()) return;
   shares_ = impulses_;
@@ -142,6 +142,7 @@ JointVectors LeastNormForces::vectors_of(const EquationsOfMotion& equations,
                                          const Vector3d& d) const {
   const EquationsOfMotion::Link& from = equations.links()[l];
   JointVectors vectors;
+  vectors.custom = from.custom;
   vectors.r_A = arm[0];
   vectors.r_B = arm[1];
   vectors.d = d;
@@ -289,7 +290,7 @@ void LeastNormForces::factor() {
 // ---- the shares
 
 // impulses of rows, then of springs
-void LeastNormForces::load(const EquationsOfMotion& equations) {
+void LeastNormForces::gather_state(const EquationsOfMotion& equations) {
   std::size_t i = 0;
   for (std::size_t l = 0; l < equations.links().size(); ++l) {
     const RowVector impulse = equations.row_impulse(l);

@@ -62,7 +62,7 @@ class LeastNormForces {
                           std::size_t l, const std::array<Eigen::Vector3d, 2>& arm,
                           const Eigen::Vector3d& d) const;
   void factor();
-  void load(const EquationsOfMotion& equations);
+  void gather_state(const EquationsOfMotion& equations);
   void find_shares();
   double find_missing();
   void add_shares();

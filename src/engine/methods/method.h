@@ -20,10 +20,10 @@ struct SmoothSpan {
   double t;  ///< its start, simulated [s]
   double h;  ///< its length [s]
   const Eigen::Vector3d& gravity;
-  const std::vector<Load>& loads;
-  const std::vector<JointCourse>& courses;  ///< of all joints of the world
-  bool is_disturbed;                        ///< something may have jumped since the last span
-  bool is_edited;                           ///< also positions or velocities may have
+  const std::vector<AppliedWrench>& loads;
+  const std::vector<PrescribedMotion>& courses;  ///< of all joints of the world
+  bool is_disturbed;                             ///< something may have jumped since the last span
+  bool is_edited;                                ///< also positions or velocities may have
   StopFlag stop = nullptr;
   double since_tick = 0.0;  ///< from the tick's start, where bodies that move by themselves are [s]
 

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <limits>
 
-#include "engine/methods/equations_of_motion.h"
+#include "engine/methods/kernel_view.h"
 
 namespace constraint_sim::engine {
 
@@ -22,7 +22,7 @@ class PointOnRod {
   static constexpr std::size_t size() { return 8; }  // x and v, each with a number for the pair
 
   void derivative(std::size_t stage, double t, const double* y, double* dydt) {
-    if (equations_.varies()) equations_.move_with_time(t);
+    if (equations_.is_time_dependent()) move_with_time(t);
     const Vector3d d = d_of(y);
     const Vector3d v = ConstVector(y + kV);
     accelerate(stage, d, d.squaredNorm(), v, dydt);
@@ -30,7 +30,7 @@ class PointOnRod {
 
   /// Newton's steps along the d of the last one.
   bool project(double t, double* y) {
-    if (equations_.varies()) equations_.move_with_time(t);
+    if (equations_.is_time_dependent()) move_with_time(t);
     const double length = length_;
     Vector3d d = d_of(y);
     double before = std::numeric_limits<double>::infinity();
@@ -77,7 +77,7 @@ class PointOnRod {
   }
 
  private:
-  PointOnRod(EquationsOfMotion& equations, const EquationsOfMotion::KernelView& view)
+  PointOnRod(EquationsOfMotion& equations, const KernelView& view)
       : equations_(equations),
         point_(std::max(equations.links().front().a, equations.links().front().b)),
         mass_(1.0 / equations.inverse_mass(0)),
@@ -87,8 +87,9 @@ class PointOnRod {
         acceleration_target_(*view.acceleration_target),
         position_(view.position[point_]),
         velocity_(view.velocity[point_]),
-        free_(*view.load_acceleration),
-        free_point_(view.load_acceleration[point_]),
+        free_(*view.applied_acceleration),
+        free_point_(view.applied_acceleration[point_]),
+        free_apart_(free_ - free_point_),
         impulse_(*view.impulses),
         stage_forces_(view.stage_forces) {}
 
@@ -97,14 +98,18 @@ class PointOnRod {
   using Vector = Eigen::Map<Vector3d>;
   static constexpr Eigen::Index kV = 4;  // where v stands in a state
 
+  void move_with_time(double t) {
+    equations_.move_with_time(t);
+    free_apart_ = free_ - free_point_;
+  }
+
   Vector3d d_of(const double* y) const { return ConstVector(y) - position_; }
 
   void accelerate(std::size_t stage, const Vector3d& d, double d2, const Vector3d& v,
                   double* dydt) {
     const Vector3d& a = free_;
     const Vector3d d_dot = v - velocity_;
-    const Vector3d free = a - free_point_;
-    const double u = (acceleration_target_ - d_dot.squaredNorm() - d.dot(free)) / d2;
+    const double u = (acceleration_target_ - d_dot.squaredNorm() - d.dot(free_apart_)) / d2;
     const Vector3d v_dot = a + u * d;
     for (Eigen::Index i = 0; i < 3; ++i) {
       dydt[i] = v[i];
@@ -120,6 +125,7 @@ class PointOnRod {
   const double &length_, &rate_target_, &acceleration_target_;  // as time moves them
   const Vector3d &position_, &velocity_;                        // of the point
   const Vector3d &free_, &free_point_;                          // of both without the rod
+  Vector3d free_apart_;                                         // of one against the other
   double& impulse_;
   double* stage_forces_;
 };

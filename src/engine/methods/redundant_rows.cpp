@@ -13,6 +13,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <stdexcept>
 
 #include "engine/linear/independent_rows.h"
 #include "engine/methods/embedded_pairs.h"
@@ -53,6 +54,12 @@ constexpr double kRateDrift = 1e4;      // of the largest speed, times the imbal
 constexpr int kMostTooFar = 10;         // steps rejected because of that, one after the other
 constexpr int kLeftOutUntilChoice = 8;  // restarts with momentary rows, at first
 
+// Within a ten-thousandth of the scene's size a momentary row has a force again: what forces do
+// over that way is the most that its projection may change the energy by. More is an impact.
+constexpr double kMostWay = 1e-4;
+constexpr double kMostLonger = 2.0;        // what that does to velocities
+constexpr double kEnergyRounding = 1e-14;  // of the energies that are added up
+
 }  // namespace
 
 void EquationsOfMotion::forget_redundant_rows() {
@@ -61,7 +68,7 @@ void EquationsOfMotion::forget_redundant_rows() {
   std::fill(imbalance_.begin(), imbalance_.end(), 0.0);
   std::fill(is_changing_.begin(), is_changing_.end(), false);
   ldlt_.keep_none();
-  has_chosen_ = is_inconsistent_ = false;
+  has_chosen_ = is_inconsistent_ = came_back_ = false;
   pivot_at_choice_ = 1.0;
   scale_ = 0.0;
   too_far_ = left_out_for_ = choose_after_ = left_out_ = 0;
@@ -104,8 +111,8 @@ void EquationsOfMotion::find_branches() {
 int EquationsOfMotion::choose_rows(double t, const double* y) {
   has_chosen_ = true;
   left_out_for_ = 0;
-  ask(t);
-  place(t, y);
+  update_prescribed(t);
+  update_kinematics(t, y);
   factors_are_there_ = false;
   ldlt_.keep_none();
   if (rows_.empty()) return 0;
@@ -186,7 +193,7 @@ double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
     for (std::size_t u = 0; u < kept_; ++u)
       if (!ldlt_.is_left_out(u)) stress_[u] += residual_[u];
   }
-  respond(stress_.data());
+  apply_jacobian_transpose(stress_.data());
   double force = 0.0, torque = 0.0;  // largest ones of a row
   for (std::size_t i = 0; i < rows_.size(); ++i)
     force = std::max(force, std::abs(stress_[rows_[i].unknown]) * direction_[i].norm());
@@ -195,18 +202,19 @@ double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
       force = std::max(force, std::abs(stress_[rows_[row.row].unknown]) / row.metres);
   for (const CoupledRow& coupled : coupled_)
     force = std::max(force, std::abs(stress_[rows_[coupled.row].unknown]) / coupled.metres);
-  for (std::size_t p = 0; p < turns_.size(); ++p) {
-    const Turn& turn = turns_[p];
+  for (std::size_t p = 0; p < angular_blocks_.size(); ++p) {
+    const AngularBlock& turn = angular_blocks_[p];
     const double arm = radius_of_gyration_[turn.body] * direction_[turn.row].norm();
-    torque = std::max(torque, std::abs(stress_[turn.unknown]) * std::max(turn_[p].norm(), arm));
+    torque =
+        std::max(torque, std::abs(stress_[turn.unknown]) * std::max(J_angular_[p].norm(), arm));
   }
   double imbalance = 0.0;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
-    imbalance = std::max(imbalance, push_[i].norm() / force);
+    imbalance = std::max(imbalance, constraint_force_[i].norm() / force);
   // where the self-stress leaves out those that turn, all that they have of it is rounding
-  for (std::size_t i = 0; i < turning_; ++i)
-    imbalance =
-        std::max(imbalance, twist_[i].norm() / std::max(torque, force * radius_of_gyration_[i]));
+  for (std::size_t i = 0; i < rotating_; ++i)
+    imbalance = std::max(
+        imbalance, constraint_torque_[i].norm() / std::max(torque, force * radius_of_gyration_[i]));
   return imbalance;
 }
 
@@ -214,6 +222,8 @@ void EquationsOfMotion::set_redundant(const std::vector<char>& redundant) {
   std::fill(is_verified_.begin(), is_verified_.end(), 0);
   std::fill(redundant_off_.begin(), redundant_off_.end(), kInfinity);
   factors_are_there_ = false;
+  if (redundant.size() != rows_.size())
+    throw std::invalid_argument("redundant rows: must be flags of all rows");
   if (redundant == is_redundant_) return;
   const std::size_t n = rows_.size(), forces = impulses_.size();
   std::vector<std::size_t> before;
@@ -235,7 +245,7 @@ void EquationsOfMotion::set_redundant(const std::vector<char>& redundant) {
 
 // What a joint was open by when it began to be closed [m]; with what its motors were off by, or
 // without.
-double EquationsOfMotion::offset_of(std::size_t l, const JointCourse& course,
+double EquationsOfMotion::offset_of(std::size_t l, const PrescribedMotion& course,
                                     bool with_motors) const {
   if (!is_general(l)) return course.offset().norm();
   RowVector offset = RowVector::Zero();
@@ -323,6 +333,15 @@ bool EquationsOfMotion::redundant_rows_are_off() const {
   return false;
 }
 
+// Rows that are redundant no longer are needed from now on; the others keep their limits.
+void EquationsOfMotion::make_rows_again(const std::vector<char>& redundant) {
+  for (std::size_t i = 0; i < rows_.size(); ++i)
+    if (is_redundant_[i] && !redundant[i]) is_needed_[i] = 1;
+  const std::vector<double> limits = redundant_off_;
+  set_redundant(redundant);
+  redundant_off_ = limits;
+}
+
 // After find_values(): a redundant row that is off was needed after all. True where there are any:
 // these have a force again, or contradict the others while joints are being closed. Where the rows
 // kept have come near to depending on each other in one step, a shorter step tells.
@@ -338,11 +357,8 @@ bool EquationsOfMotion::restore_redundant_if_off() {
   if (redundant == is_redundant_) return false;
   const bool is_far = ldlt_.smallest_pivot() < kChooseAgain * pivot_at_choice_;
   if (is_far && ++too_far_ <= kMostTooFar) return true;
-  for (std::size_t i = 0; i < rows_.size(); ++i)
-    if (is_redundant_[i] && !redundant[i]) is_needed_[i] = 1;
-  const std::vector<double> limits = redundant_off_;
-  set_redundant(redundant);
-  redundant_off_ = limits;
+  make_rows_again(redundant);
+  came_back_ = true;
   return true;
 }
 
@@ -365,15 +381,11 @@ bool EquationsOfMotion::redundant_rates_are_met() {
     redundant[i] = 0;
   }
   if (redundant.empty()) return true;
-  if (varies()) {
+  if (is_time_dependent()) {
     is_inconsistent_ = true;
     return false;
   }
-  for (std::size_t i = 0; i < rows_.size(); ++i)
-    if (is_redundant_[i] && !redundant[i]) is_needed_[i] = 1;
-  const std::vector<double> limits = redundant_off_;
-  set_redundant(redundant);
-  redundant_off_ = limits;
+  make_rows_again(redundant);
   return false;
 }
 
@@ -399,8 +411,8 @@ bool EquationsOfMotion::redundant_rows_are_met(
     const std::vector<Eigen::Quaterniond>& orientations) {
   if (redundant_rows() == 0) return true;
   read_pose(positions, orientations);
-  ask(t);
-  place(t, pose_.data());
+  update_prescribed(t);
+  update_kinematics(t, pose_.data());
   find_values();
   return !restore_redundant_if_off();
 }
@@ -446,6 +458,72 @@ void EquationsOfMotion::note_left_out() {
   if (++left_out_for_ < choose_after_) return;
   has_chosen_ = false;
   choose_after_ *= 2;
+}
+
+// ---- the energy of rows that come back
+
+// Of loads and springs [J].
+double EquationsOfMotion::potential_energy() const {
+  double energy = 0.0;
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
+    energy -= applied_acceleration_[i].dot(position_[i]) / inverse_mass_[i];
+  for (std::size_t l = first_spring_; l < links_.size(); ++l) {
+    const double stretch = d_[l].norm() - length_[l].value;
+    energy += 0.5 * links_[l].stiffness * stretch * stretch;
+  }
+  return energy;
+}
+
+// Of these, without their signs [N].
+double EquationsOfMotion::size_of_forces() const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < bodies_.size(); ++i)
+    sum += applied_acceleration_[i].norm() / inverse_mass_[i];
+  for (std::size_t l = first_spring_; l < links_.size(); ++l)
+    sum += links_[l].stiffness * std::abs(d_[l].norm() - length_[l].value);
+  return sum;
+}
+
+// Whether nothing but joints, loads and springs acts. Drives, motors and dampers do work, torques
+// and laws on coordinates have no potential here, and a free island has momenta to keep.
+bool EquationsOfMotion::is_conservative() const {
+  if (is_time_dependent() || has_custom_forces_ || inverse_mass_.size() == bodies_.size() ||
+      !softs_.empty())
+    return false;
+  const auto is_zero = [](const Vector3d& torque) { return torque.isZero(0.0); };
+  if (!std::all_of(applied_torque_.begin(), applied_torque_.end(), is_zero)) return false;
+  return std::all_of(links_.begin() + static_cast<std::ptrdiff_t>(first_spring_), links_.end(),
+                     [](const Link& link) { return link.damping == 0.0; });
+}
+
+// Where a row is left out, and where it has a force again before velocities are projected onto it,
+// bodies move across it: then its force does work, and projections put bodies back against loads
+// and springs.
+void EquationsOfMotion::note_energy(double t, const double* y) {
+  knows_energy_ = is_conservative();
+  if (!knows_energy_) return;
+  update_prescribed(t);
+  update_kinematics(t, y);
+  energy_ = potential_energy() + kinetic_energy(y);
+}
+
+// After both projections: velocities make up for what the energy has changed by since it was noted,
+// unless that is more than such a way explains. True where the energy is as it was.
+bool EquationsOfMotion::keep_energy(double* y) {
+  const double kinetic = kinetic_energy(y);
+  const double gained = potential_energy() + kinetic - energy_;
+  const double forces = size_of_forces();
+  const double rounding = kEnergyRounding * (kinetic + std::abs(energy_) + forces * scale_);
+  if (std::abs(gained) <= rounding) return true;
+  if (!(kinetic > 0.0) || std::abs(gained) > kMostWay * scale_ * forces) return false;
+  const double share = std::min(std::sqrt(std::max(1.0 - gained / kinetic, 0.0)), kMostLonger);
+  const auto scale = [&](double* numbers, std::size_t n) {
+    Eigen::VectorXd::Map(numbers, static_cast<Eigen::Index>(n)) *= share;
+  };
+  scale(y + v_at_, 3 * bodies_.size());
+  scale(y + L_at_, 3 * rotating_);
+  set_velocities(y);
+  return true;
 }
 
 }  // namespace constraint_sim::engine

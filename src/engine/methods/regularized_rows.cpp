@@ -19,20 +19,20 @@ std::size_t end_of(const EquationsOfMotion::Link& joint, std::size_t end) {
 RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
     : joints_(equations.links()),
       bodies_(equations.bodies().size()),
-      turning_(equations.turning()) {
+      rotating_(equations.rotating()) {
   for (std::size_t p = 0; p < equations.points(); ++p)
     inverse_mass_.push_back(equations.inverse_mass(p));
-  for (std::size_t i = 0; i < turning_; ++i) inertia_.push_back(equations.inertia(i));
+  for (std::size_t i = 0; i < rotating_; ++i) inertia_.push_back(equations.inertia(i));
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     first_row_.push_back(rows_.size());
-    const bool is_ball = equations.is_ball(l);
+    const bool is_ball = info(joints_[l].kind).form == RowsForm::kPoint;
     const int rigid_rows = static_cast<int>(equations.rows_of(l));
     for (int k = 0; k < rigid_rows + static_cast<int>(joints_[l].softs); ++k) {
       Row row;
       row.joint = l;
       row.index = k;
       row.axis = is_ball ? k : -1;
-      row.is_general = equations.is_general(l);
+      row.is_general = equations.is_general(l) && !is_ball;
       row.is_spring = !is_ball && !row.is_general && !equations.is_rod(l);
       if (row.is_general) {
         row.is_spring = k >= rigid_rows;
@@ -98,12 +98,14 @@ void RegularizedRows::measure(const Configuration& configuration, Geometry* geom
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     JointGeometry& g = (*geometry)[l];
     const EquationsOfMotion::Link& joint = joints_[l];
+    const bool is_ball = info(joint.kind).form == RowsForm::kPoint;
+    g.custom = joint.custom;
     g.d = configuration.position[joint.b] - configuration.position[joint.a];
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joint, e);
       g.arm[e].setZero();
-      if (point >= turning_) continue;
-      const bool moves = e == 1 && !configuration.frames_b.empty();
+      if (point >= rotating_) continue;
+      const bool moves = e == 1 && !is_ball && !configuration.frames_b.empty();
       const Vector3d& anchor_b = moves ? configuration.frames_b[l].anchor : joint.anchor_b;
       g.arm[e] = configuration.orientation[point] * (e == 0 ? joint.anchor_a : anchor_b);
       g.d += kSign[e] * g.arm[e];
@@ -113,12 +115,12 @@ void RegularizedRows::measure(const Configuration& configuration, Geometry* geom
         const std::size_t point = end_of(joint, e);
         g.axes[e] = e == 0 ? joint.frame_a : joint.frame_b;
         if (e == 1 && !configuration.frames_b.empty()) g.axes[e] = configuration.frames_b[l].axes;
-        if (point < turning_)
+        if (point < rotating_)
           g.axes[e] = configuration.orientation[point].toRotationMatrix() * g.axes[e];
         if (point >= bodies_) g.axes[e] = configuration.fixed_axes[point - bodies_] * g.axes[e];
       }
     }
-    if (info(joint.kind).form != RowsForm::kPoint || !is_between_bodies(l)) continue;
+    if (!is_ball || !is_between_bodies(l)) continue;
     g.arm[0] += 0.5 * g.d;
     g.arm[1] -= 0.5 * g.d;
   }
@@ -126,8 +128,8 @@ void RegularizedRows::measure(const Configuration& configuration, Geometry* geom
 
 void RegularizedRows::linearize(const Geometry& a, const Geometry& b,
                                 const Configuration& inertia) {
-  std::vector<Matrix3d> inverse_inertia(turning_);
-  for (std::size_t i = 0; i < turning_; ++i) {
+  std::vector<Matrix3d> inverse_inertia(rotating_);
+  for (std::size_t i = 0; i < rotating_; ++i) {
     const Matrix3d R = inertia.orientation[i].toRotationMatrix();
     inverse_inertia[i] = R * inertia_[i].cwiseInverse().asDiagonal() * R.transpose();
   }
@@ -146,7 +148,7 @@ void RegularizedRows::linearize(const Geometry& a, const Geometry& b,
     }
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[row.joint], e);
-      if (point >= turning_) continue;
+      if (point >= rotating_) continue;
       row.angular[e] = (0.5 * kSign[e] * (g.arm[e] + h.arm[e])).cross(row.direction);
       row.response[e] = inverse_inertia[point] * row.angular[e];
     }
@@ -155,6 +157,7 @@ void RegularizedRows::linearize(const Geometry& a, const Geometry& b,
 
 JointVectors RegularizedRows::JointGeometry::vectors() const {
   JointVectors vectors;
+  vectors.custom = custom;
   vectors.r_A = arm[0];
   vectors.r_B = arm[1];
   vectors.d = d;
@@ -180,7 +183,7 @@ void RegularizedRows::linearize(const JointVectors& a, const JointVectors& b,
   row->angular = {row->metres * J.j2, row->metres * J.j4};
   for (std::size_t e = 0; e < 2; ++e) {
     const std::size_t point = end_of(joints_[row->joint], e);
-    if (point < turning_) row->response[e] = inverse_inertia[point] * row->angular[e];
+    if (point < rotating_) row->response[e] = inverse_inertia[point] * row->angular[e];
   }
 }
 
@@ -189,7 +192,7 @@ double RegularizedRows::product(const Coupling& c) const {
   const Row& j = part(c.j);
   const double sign = kSign[c.end_i] * kSign[c.end_j];
   double sum = sign * inverse_mass_[c.body] * i.direction.dot(j.direction);
-  if (c.body < turning_) sum += i.angular[c.end_i].dot(j.response[c.end_j]);
+  if (c.body < rotating_) sum += i.angular[c.end_i].dot(j.response[c.end_j]);
   const bool is_across = c.i != c.j && row_of_part(c.i) == row_of_part(c.j);
   return is_across ? 2.0 * sum : sum;
 }
@@ -236,7 +239,7 @@ double RegularizedRows::apply(const Row& row, const BodyVectors& u) const {
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[one.joint], e);
       sum += kSign[e] * one.direction.dot(u.linear[point]);
-      if (point < turning_) sum += one.angular[e].dot(u.angular[point]);
+      if (point < rotating_) sum += one.angular[e].dot(u.angular[point]);
     }
     return sum;
   };
@@ -251,7 +254,7 @@ void RegularizedRows::add_response(const std::vector<double>& lambda, BodyVector
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[row.joint], e);
       u->linear[point] += kSign[e] * inverse_mass_[point] * force * row.direction;
-      if (point < turning_) u->angular[point] += force * row.response[e];
+      if (point < rotating_) u->angular[point] += force * row.response[e];
     }
   }
 }
@@ -265,7 +268,7 @@ void RegularizedRows::apply_transpose(const std::vector<double>& lambda, BodyVec
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[row.joint], e);
       u->linear[point] += kSign[e] * force * row.direction;
-      if (point < turning_) u->angular[point] += force * row.angular[e];
+      if (point < rotating_) u->angular[point] += force * row.angular[e];
     }
   }
 }

@@ -57,6 +57,7 @@ class RegularizedRows {
     Eigen::Vector3d d;
     std::array<Eigen::Vector3d, 2> arm;
     std::array<Eigen::Matrix3d, 2> axes;  ///< of general joints
+    const CustomCode* custom = nullptr;
 
     JointVectors vectors() const;
   };
@@ -106,7 +107,7 @@ class RegularizedRows {
   double product(const Coupling& c) const;
 
   std::vector<EquationsOfMotion::Link> joints_;
-  std::size_t bodies_, turning_;
+  std::size_t bodies_, rotating_;
   std::vector<double> inverse_mass_;
   std::vector<Eigen::Vector3d> inertia_;
   std::vector<Row> rows_;   // coupled ones last

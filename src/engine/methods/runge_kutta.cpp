@@ -112,12 +112,12 @@ IntegrationResult RungeKutta::begin(const SmoothSpan& span, const IntegratorOpti
   if (span.is_disturbed) has_started_ = false;
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
-  if (!has_started_) equations_.load(states, y);
-  const bool begins = !has_started_ || equations_.varies();
+  if (!has_started_) equations_.gather_state(states, y);
+  const bool begins = !has_started_ || equations_.is_time_dependent();
   if (begins)
     equations_.begin(span.t, states, span.gravity, span.loads, span.courses, span.since_tick);
   const bool has_jumped = begins && equations_.has_jumped();  // once, not in all spans that follow
-  if (!has_started_ || has_jumped || !equations_.keeps_pace(span.t, y))
+  if (!has_started_ || has_jumped || !equations_.satisfies_velocity_constraints(span.t, y))
     return start(span, accuracy, memory);
   return {};
 }
@@ -139,7 +139,7 @@ IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOp
     progress.is_stiff = progress.frequency > accuracy.most_frequency;
   }
   if (progress.done)
-    equations_.store(memory.state(), states);
+    equations_.scatter_state(memory.state(), states);
   else
     has_started_ = false;
   return progress;

@@ -45,20 +45,23 @@ class RungeKutta {
   /// What the next substep is tried with [s].
   double step() const { return step_; }
   void set_step(double step) { step_ = step; }
+  /// Whether the next span continues the last one.
+  bool has_started() const { return has_started_; }
   /// Somebody else has moved the bodies.
   void forget() { has_started_ = false; }
   /// Goes on as one just made.
   void restart();
-  /// All that the next advance() goes on from, beside the bodies.
-  template <class Add>
-  void add_memory(Add&& add) const {
-    equations_.add_memory(add, has_started_);
-    add(step_);
-    add(has_started_);
-    if (!has_started_) return;
-    const std::size_t n = equations_.size();
-    for (std::size_t i = 0; i < n; ++i) add(numbers_[i]);
-    for (std::size_t i = 0; i < n; ++i) add(numbers_[StageMemory::kDerivatives * n + i]);
+  /// Visits all that the next advance() goes on from, beside the bodies, as engine/memory.h says.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit) {
+    visit.beside(self.has_started_);  // decides what of the equations follows
+    EquationsOfMotion::visit_memory(self.equations_, visit, self.has_started_);
+    visit(self.step_);
+    visit(self.has_started_);
+    if (!self.has_started_) return;
+    const std::size_t n = self.equations_.size();
+    for (std::size_t i = 0; i < n; ++i) visit(self.numbers_[i]);
+    for (std::size_t i = 0; i < n; ++i) visit(self.numbers_[StageMemory::kDerivatives * n + i]);
   }
 
  private:
@@ -90,15 +93,15 @@ class FreeRotation {
                             const IntegratorOptions& accuracy, StopFlag stop, BodyState* state);
   /// Whether it has something to go on from.
   bool has_memory() const { return step_ != 0.0; }
-  /// The same, beside the body.
-  template <class Add>
-  void add_memory(Add&& add) const {
-    add(step_);
-    add(after_.angular_velocity);
-    add(after_.orientation.coeffs());
-    add(momentum_);
-    add(torque_);
-    add(first_derivative_);
+  /// Visits the same, beside the body, as engine/memory.h says.
+  template <class Self, class Visit>
+  static void visit_memory(Self& self, Visit& visit) {
+    visit(self.step_);
+    visit(self.after_.angular_velocity);
+    visit(self.after_.orientation.coeffs());
+    visit(self.momentum_);
+    visit(self.torque_);
+    visit(self.first_derivative_);
   }
 
  private:

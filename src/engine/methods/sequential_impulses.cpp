@@ -2,11 +2,14 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include "engine/constraints/contact.h"
 
 namespace constraint_sim::engine {
 namespace {
+
+constexpr double kAtLimit = 1e-9;  // share of Coulomb's limit that is rounding
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
@@ -19,6 +22,14 @@ void apply_wrenches(const std::vector<ActingWrench>& wrenches,
     state.angular_velocity +=
         apply_inertia(mass.inverse_inertia, state.orientation, wrench.duration * wrench.torque);
   }
+}
+
+// Of the rows of a contact point: slipping where the sweeps left friction at its limit.
+ContactState contact_state(const Row* rows, std::size_t count) {
+  if (count < kMaxContactRows || rows[0].impulse == 0.0) return ContactState::kClosed;
+  const double limit = rows[1].friction * rows[0].impulse;
+  const double friction = std::hypot(rows[1].impulse, rows[2].impulse);
+  return friction < (1.0 - kAtLimit) * limit ? ContactState::kSticking : ContactState::kSlipping;
 }
 
 // Adds what wrenches do on bodies that have the velocities of the solver [J].
@@ -226,6 +237,7 @@ void SequentialImpulses::read_contacts(std::vector<TouchingPair>* touching) cons
       pair.impulses[k].setZero();
       for (std::size_t r = first; r < end; ++r)
         pair.impulses[k] += rows_[r].impulse * rows_[r].J.j1;
+      pair.contact_states[k] = contact_state(rows_.data() + first, end - first);
     }
   }
 }

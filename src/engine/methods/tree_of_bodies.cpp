@@ -33,148 +33,47 @@ void SpatialInertia::eliminate(const SpatialVector& u, double d) {
   angular -= u.angular * turning.transpose();
 }
 
-// ---- what is compiled
-
-namespace {
-
-/// Of B against A along what the kind leaves free, with the coordinates first.
-std::size_t directions_of(const JointKindInfo& kind, std::array<TreeNode::Direction, 6>* to) {
-  std::size_t count = 0;
-  const auto add = [&](bool turns, int axis) {
-    (*to)[count].turns = turns;
-    (*to)[count++].axis = static_cast<std::uint8_t>(axis);
-  };
-  bool has_turned = false;
-  for (int i = 0; i < kind.coordinates; ++i) {
-    const ScalarForm& form = kind.coordinate[at(i)];
-    if (form.is_angle)
-      add(true, has_turned ? 3 : 2);
-    else
-      add(false, form.product.u.axis);
-    has_turned = has_turned || form.is_angle;
-  }
-  if (kind.alignment == Alignment::kFree)
-    for (int k = 0; k < 3; ++k) add(true, 4 + k);
-  return count;
-}
-
-std::size_t free_directions(const std::vector<TreeNode>& tree) {
-  std::size_t count = 0;
-  for (const TreeNode& node : tree)
-    for (std::size_t k = 0; k < node.count; ++k)
-      count += node.directions[k].row == TreeNode::kNone ? 1 : 0;
-  return count;
-}
-
-}  // namespace
-
-// Bodies and joints from the leaves on; nothing where they are no tree, or have what a tree cannot.
-void EquationsOfMotion::find_tree() {
-  const std::size_t bodies = bodies_.size();
-  if (bodies == 0 || turning_ != bodies || first_ball_ > 0 || first_spring_ < links_.size() ||
-      !coupled_.empty())
-    return;
-  const auto is_fixed = [&](std::size_t point) { return point >= bodies; };
-  const auto holds_on =
-      static_cast<std::size_t>(std::count_if(links_.begin(), links_.end(), [&](const Link& link) {
-        return is_fixed(link.a) || is_fixed(link.b);
-      }));
-  if (holds_on > 1 || links_.size() + 1 != bodies + holds_on) return;
-  for (const Link& link : links_)
-    if (info(link.kind).form == RowsForm::kDistance || info(link.kind).function[0].is_length ||
-        couples(link.kind))
-      return;
-
-  std::vector<char> is_placed(bodies, 0), is_used(links_.size(), 0);
-  const auto place = [&](const TreeNode& node) {
-    is_placed[node.body] = 1;
-    tree_.push_back(node);
-  };
-  const auto hang = [&](std::size_t l, bool is_b) {
-    const Link& link = links_[l];
-    TreeNode node;
-    node.link = l;
-    node.body = is_b ? link.b : link.a;
-    node.parent = is_b ? link.a : link.b;
-    node.sense = is_b ? 1.0 : -1.0;
-    node.count = directions_of(info(link.kind), &node.directions);
-    const int rows = info(link.kind).rows;
-    for (int k = rows; k < link.rows; ++k)
-      node.directions[link.function[at(k)] - at(rows)].row = first_row(l) + at(k);
-    for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
-      node.directions[at(softs_[s].function - rows)].soft = s;
-    is_used[l] = 1;
-    place(node);
-  };
-  const auto is_there = [&](std::size_t point) { return is_fixed(point) || is_placed[point] != 0; };
-  if (holds_on == 0) {  // in free space the first body is the root
-    TreeNode root;
-    for (std::size_t k = 0; k < 6; ++k) {
-      root.directions[k].turns = k >= 3;
-      root.directions[k].axis = static_cast<std::uint8_t>(4 + k % 3);
-    }
-    root.count = 6;
-    place(root);
-  }
-  for (bool has_grown = true; has_grown;) {
-    has_grown = false;
-    for (std::size_t l = 0; l < links_.size(); ++l) {
-      if (is_used[l] != 0 || is_there(links_[l].a) == is_there(links_[l].b)) continue;
-      hang(l, is_there(links_[l].a));
-      has_grown = true;
-    }
-  }
-  // parts that are not joined, or more that is free than what rows hold
-  if (tree_.size() != bodies || free_directions(tree_) >= rows_.size()) tree_.clear();
-  std::reverse(tree_.begin(), tree_.end());
-  tree_inertias_.resize(tree_.size());
-  tree_forces_.resize(tree_.size());
-  tree_motions_.resize(tree_.size());
-}
-
-bool EquationsOfMotion::is_tree() const {
-  return !tree_.empty() && std::none_of(frames_.begin(), frames_.end(),
-                                        [](const MovingFrame& frame) { return frame.moves; });
-}
-
 TreeOfBodies::TreeOfBodies(EquationsOfMotion& equations)
-    : equations_(equations), nodes_(equations.tree_) {}
+    : equations_(equations),
+      view_(equations.kernel_view()),
+      tree_(*view_.tree),
+      nodes_(tree_.nodes),
+      bodies_(equations.bodies().size()),
+      first_general_(equations.first_general()) {}
 
 // ---- where all is
 
 [[gnu::flatten]] void TreeOfBodies::place(double t, const double* y) {
-  EquationsOfMotion& e = equations_;
-  e.placed_at_ = t;
-  for (std::size_t i = 0; i < e.turning_; ++i) {
-    e.position_[i] = Vector3d::Map(y + 3 * i);
-    e.orientation_[i] = rotation_matrix(y + e.q_at_ + 4 * i);
+  *view_.placed_at = t;
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    view_.position[i] = Vector3d::Map(y + 3 * i);
+    view_.orientation[i] = rotation_matrix(y + view_.q_at + 4 * i);
   }
   for (TreeNode& node : nodes_)
     if (node.link != TreeNode::kNone) place_joint(&node);
 }
 
 void TreeOfBodies::place_joint(TreeNode* node) {
-  EquationsOfMotion& e = equations_;
-  const auto& link = e.links_[node->link];
+  const auto& link = equations_.links()[node->link];
   const auto arm = [&](std::size_t point, const Vector3d& anchor) -> Vector3d {
-    return e.turns(point) ? Vector3d(e.orientation_[point] * anchor) : Vector3d(Vector3d::Zero());
+    return turns(point) ? Vector3d(view_.orientation[point] * anchor) : Vector3d(Vector3d::Zero());
   };
   const Vector3d r_A = arm(link.a, link.anchor_a), r_B = arm(link.b, link.anchor_b);
-  const Vector3d d = e.position_[link.b] + r_B - e.position_[link.a] - r_A;
+  const Vector3d d = view_.position[link.b] + r_B - view_.position[link.a] - r_A;
   node->to_a = r_A + d;
   node->to_b = r_B;
   node->to_child = node->sense > 0.0 ? node->to_b : node->to_a;
   node->to_parent = node->sense > 0.0 ? node->to_a : node->to_b;
-  if (e.is_ball(node->link)) {
-    e.d_[node->link] = d;
+  if (equations_.is_ball(node->link)) {
+    view_.separation[node->link] = d;
     return;
   }
-  JointVectors& vectors = e.vectors_[node->link - e.first_general_];
+  JointVectors& vectors = vectors_of(*node);
   vectors.r_A = r_A;
   vectors.r_B = r_B;
   vectors.d = d;
   const auto axes = [&](std::size_t point, const Matrix3d& frame) -> Matrix3d {
-    return e.turns(point) ? e.orientation_[point] * frame : e.fixed_axes(point) * frame;
+    return turns(point) ? view_.orientation[point] * frame : equations_.fixed_axes(point) * frame;
   };
   vectors.axes_A = axes(link.a, link.frame_a);
   if (info(link.kind).alignment != Alignment::kFree) vectors.axes_B = axes(link.b, link.frame_b);
@@ -187,7 +86,7 @@ void TreeOfBodies::place_directions(TreeNode* node) const {
       direction.along = Vector3d::Unit(direction.axis - 4);
       continue;
     }
-    const JointVectors& vectors = equations_.vectors_[node->link - equations_.first_general_];
+    const JointVectors& vectors = vectors_of(*node);
     direction.along =
         direction.axis < 3 ? vectors.axes_A.col(direction.axis) : vectors.axes_B.col(2);
   }
@@ -218,16 +117,15 @@ double component(const TreeNode::Direction& direction, const SpatialVector& of) 
 
 }  // namespace
 
-// Of the poses that are placed. False where a pivot is lost in rounding: a body that is far lighter
-// than what it holds.
+// Of the poses that are placed. False where a pivot is lost in rounding.
 [[gnu::flatten]] bool TreeOfBodies::factor() {
-  std::vector<SpatialInertia>& inertias = equations_.tree_inertias_;
+  std::vector<SpatialInertia>& inertias = tree_.inertias;
   for (std::size_t i = 0; i < inertias.size(); ++i) {
     SpatialInertia& own = inertias[i];
-    own.mass = Matrix3d::Identity() / equations_.inverse_mass_[i];
+    own.mass = Matrix3d::Identity() / view_.inverse_mass[i];
     own.mixed.setZero();
-    const Matrix3d& R = equations_.orientation_[i];
-    own.angular.noalias() = R * equations_.inertia_[i].asDiagonal() * R.transpose();
+    const Matrix3d& R = view_.orientation[i];
+    own.angular.noalias() = R * equations_.inertia(i).asDiagonal() * R.transpose();
   }
   for (TreeNode& node : nodes_) {
     place_directions(&node);
@@ -256,7 +154,7 @@ double component(const TreeNode::Direction& direction, const SpatialVector& of) 
 // Forces at rest from the leaves to the root: in tree_forces_ what each body asks for by itself, in
 // `asked` how a child is to move against its parent, in `force` what acts along free directions.
 void TreeOfBodies::reduce() {
-  std::vector<SpatialVector>& forces = equations_.tree_forces_;
+  std::vector<SpatialVector>& forces = tree_.forces;
   for (TreeNode& node : nodes_) {
     SpatialVector p = forces[node.body];
     p.angular -= node.to_child.cross(p.linear);
@@ -277,7 +175,7 @@ void TreeOfBodies::reduce() {
 // tree_forces_ what makes it do so.
 template <class Act>
 void TreeOfBodies::substitute(const Act& act) {
-  std::vector<SpatialVector>& motions = equations_.tree_motions_;
+  std::vector<SpatialVector>& motions = tree_.motions;
   for (std::size_t i = nodes_.size(); i-- > 0;) {
     const TreeNode& node = nodes_[i];
     SpatialVector a;
@@ -300,7 +198,7 @@ void TreeOfBodies::substitute(const Act& act) {
 
 // From what makes each body move, in tree_forces_, what each joint does to its child; by rows.
 void TreeOfBodies::find_forces(double* by_unknown) {
-  std::vector<SpatialVector>& forces = equations_.tree_forces_;
+  std::vector<SpatialVector>& forces = tree_.forces;
   for (const TreeNode& node : nodes_) {
     SpatialVector force = forces[node.body];
     force.angular -= node.to_child.cross(force.linear);
@@ -314,7 +212,7 @@ void TreeOfBodies::find_forces(double* by_unknown) {
 // ---- System
 
 void TreeOfBodies::derivative(std::size_t stage, double t, const double* y, double* dydt) {
-  if (equations_.varies()) equations_.move_with_time(t);
+  if (equations_.is_time_dependent()) equations_.move_with_time(t);
   if (!is_lost_) {
     place(t, y);
     is_lost_ = !factor();
@@ -324,36 +222,31 @@ void TreeOfBodies::derivative(std::size_t stage, double t, const double* y, doub
 }
 
 void TreeOfBodies::find_spins(const double* y) {
-  const EquationsOfMotion& e = equations_;
-  for (std::size_t i = 0; i < e.turning_; ++i) {
-    equations_.velocity_[i] = Vector3d::Map(y + e.v_at_ + 3 * i);
-    const Matrix3d& R = e.orientation_[i];
-    const Vector3d in_body = R.transpose() * Vector3d::Map(y + e.L_at_ + 3 * i);
-    equations_.spin_[i].noalias() = R * in_body.cwiseQuotient(e.inertia_[i]);
+  for (std::size_t i = 0; i < bodies_; ++i) {
+    view_.velocity[i] = Vector3d::Map(y + view_.v_at + 3 * i);
+    const Matrix3d& R = view_.orientation[i];
+    const Vector3d in_body = R.transpose() * Vector3d::Map(y + view_.L_at + 3 * i);
+    view_.angular_velocity[i].noalias() = R * in_body.cwiseQuotient(equations_.inertia(i));
   }
 }
 
 Vector3d TreeOfBodies::spin(std::size_t point) const {
-  const EquationsOfMotion& e = equations_;
-  return e.turns(point) ? e.spin_[point]
-                        : e.fixed_points_[point - e.bodies_.size()].start.angular_velocity;
+  return turns(point) ? view_.angular_velocity[point] : equations_.fixed_angular_velocity(point);
 }
 
 // of B against A at the joint's place on B
 SpatialVector TreeOfBodies::relative_velocity(const TreeNode& node) const {
-  const EquationsOfMotion& e = equations_;
-  const auto& link = e.links_[node.link];
+  const auto& link = equations_.links()[node.link];
   const Vector3d w_A = spin(link.a), w_B = spin(link.b);
-  return {e.velocity_[link.b] + w_B.cross(node.to_b) - e.velocity_[link.a] - w_A.cross(node.to_a),
-          w_B - w_A};
+  return {
+      view_.velocity[link.b] + w_B.cross(node.to_b) - view_.velocity[link.a] - w_A.cross(node.to_a),
+      w_B - w_A};
 }
 
-// what rows that hold a coordinate, or a ball joint that closes, ask of B against A
-SpatialVector TreeOfBodies::held(const TreeNode& node, const std::vector<double>& of_rows) const {
-  const EquationsOfMotion& e = equations_;
+// what rows that hold a coordinate ask of B against A
+SpatialVector TreeOfBodies::held(const TreeNode& node, const double* of_rows) const {
   SpatialVector sum;
-  if (e.courses_.empty()) return sum;
-  if (e.is_ball(node.link)) sum.linear = Vector3d::Map(of_rows.data() + e.first_row(node.link));
+  if (!equations_.has_courses()) return sum;
   for (std::size_t k = 0; k < node.count; ++k) {
     const Direction& direction = node.directions[k];
     if (direction.row == TreeNode::kNone) continue;
@@ -364,12 +257,11 @@ SpatialVector TreeOfBodies::held(const TreeNode& node, const std::vector<double>
 
 // how B accelerates against A while neither accelerates and no coordinate does
 SpatialVector TreeOfBodies::bias_of(const TreeNode& node, const SpatialVector& relative) const {
-  const EquationsOfMotion& e = equations_;
-  const auto& link = e.links_[node.link];
+  const auto& link = equations_.links()[node.link];
   const Vector3d w_A = spin(link.a), w_B = spin(link.b);
   const auto centripetal = [&](std::size_t point, const Vector3d& w, const Vector3d& arm) {
     Vector3d a = w.cross(w.cross(arm));
-    if (!e.turns(point)) a += e.load_acceleration_[point];
+    if (!turns(point)) a += view_.applied_acceleration[point];
     return a;
   };
   SpatialVector bias;
@@ -388,80 +280,78 @@ SpatialVector TreeOfBodies::bias_of(const TreeNode& node, const SpatialVector& r
 
 // of springs, dampers and forces along its coordinates
 void TreeOfBodies::pull(TreeNode* node, const SpatialVector& relative, double* forces) const {
-  EquationsOfMotion& e = equations_;
   for (std::size_t k = 0; k < node->count; ++k) {
     Direction& direction = node->directions[k];
     if (direction.soft == TreeNode::kNone) continue;
-    const auto& soft = e.softs_[direction.soft];
-    const double force = forces[e.soft_force(direction.soft)] =
-        soft.law.force(e.reading_of(soft), component(direction, relative));
+    const auto& soft = view_.softs[direction.soft];
+    const double force = forces[equations_.soft_force(direction.soft)] =
+        soft.law.force(equations_.reading_of(soft), component(direction, relative));
     direction.force = node->sense * force;
   }
 }
 
 [[gnu::flatten]] void TreeOfBodies::accelerate(std::size_t stage, const double* y, double* dydt) {
-  EquationsOfMotion& e = equations_;
   find_spins(y);
-  double* const forces = e.stage_forces_.data() + stage * e.impulses_.size();
-  for (std::size_t i = 0; i < e.turning_; ++i)
-    e.tree_forces_[i] = {-e.load_acceleration_[i] / e.inverse_mass_[i],
-                         e.spin_[i].cross(Vector3d::Map(y + e.L_at_ + 3 * i)) - e.load_torque_[i]};
+  double* const forces = view_.stage_forces + stage * view_.unknowns;
+  for (std::size_t i = 0; i < bodies_; ++i)
+    tree_.forces[i] = {-view_.applied_acceleration[i] / view_.inverse_mass[i],
+                       view_.angular_velocity[i].cross(Vector3d::Map(y + view_.L_at + 3 * i)) -
+                           view_.applied_torque[i]};
   for (TreeNode& node : nodes_) {
     ask_nothing(&node);
     if (node.link == TreeNode::kNone) continue;
     const SpatialVector relative = relative_velocity(node);
-    node.asked = (bias_of(node, relative) + held(node, e.acceleration_target_)) * node.sense;
+    node.asked = (bias_of(node, relative) + held(node, view_.acceleration_target)) * node.sense;
     pull(&node, relative, forces);
   }
   reduce();
   substitute([&](std::size_t i, const SpatialVector& a) {
-    Vector3d::Map(dydt + 3 * i) = e.velocity_[i];
-    Vector3d::Map(dydt + e.v_at_ + 3 * i) = a.linear;
-    write_quaternion_rate(e.spin_[i], y + e.q_at_ + 4 * i, dydt + e.q_at_ + 4 * i);
-    const Vector3d L_dot =
-        inertia_times(i, a.angular) + e.spin_[i].cross(Vector3d::Map(y + e.L_at_ + 3 * i));
-    Vector3d::Map(dydt + e.L_at_ + 3 * i) = L_dot;
-    e.tree_forces_[i] = {(a.linear - e.load_acceleration_[i]) / e.inverse_mass_[i],
-                         L_dot - e.load_torque_[i]};
+    Vector3d::Map(dydt + 3 * i) = view_.velocity[i];
+    Vector3d::Map(dydt + view_.v_at + 3 * i) = a.linear;
+    write_quaternion_rate(view_.angular_velocity[i], y + view_.q_at + 4 * i,
+                          dydt + view_.q_at + 4 * i);
+    const Vector3d L_dot = inertia_times(i, a.angular) +
+                           view_.angular_velocity[i].cross(Vector3d::Map(y + view_.L_at + 3 * i));
+    Vector3d::Map(dydt + view_.L_at + 3 * i) = L_dot;
+    tree_.forces[i] = {(a.linear - view_.applied_acceleration[i]) / view_.inverse_mass[i],
+                       L_dot - view_.applied_torque[i]};
   });
   find_forces(forces);
 }
 
 Vector3d TreeOfBodies::inertia_times(std::size_t body, const Vector3d& w) const {
-  const Matrix3d& R = equations_.orientation_[body];
-  return R * equations_.inertia_[body].cwiseProduct(Vector3d(R.transpose() * w));
+  const Matrix3d& R = view_.orientation[body];
+  return R * equations_.inertia(body).cwiseProduct(Vector3d(R.transpose() * w));
 }
 
 // as the equations note them
 void TreeOfBodies::note_positions() {
-  EquationsOfMotion& e = equations_;
   for (const TreeNode& node : nodes_) {
     for (std::size_t k = 0; k < node.count; ++k) {
       if (node.directions[k].soft == TreeNode::kNone) continue;
-      auto& soft = e.softs_[node.directions[k].soft];
-      soft.position = e.reading_of(soft);
+      auto& soft = view_.softs[node.directions[k].soft];
+      soft.position = equations_.reading_of(soft);
       soft.rate = component(node.directions[k], relative_velocity(node));
     }
   }
-  e.noted_at_ = e.placed_at_;
+  *view_.noted_at = *view_.placed_at;
 }
 
 // of its rows, from the joint's force and torque on the child
 void TreeOfBodies::write_forces(const TreeNode& node, const SpatialVector& on_child,
                                 double* by_unknown) const {
   if (node.link == TreeNode::kNone) return;
-  const EquationsOfMotion& e = equations_;
   const SpatialVector on_b = on_child * node.sense;
-  const std::size_t first = e.first_row(node.link);
+  const std::size_t first = equations_.row_of(node.link);
   const auto write = [&](std::size_t row, double force) {
-    by_unknown[e.rows_[row].unknown] = force;
+    by_unknown[view_.rows[row].unknown] = force;
   };
-  if (e.is_ball(node.link)) {
+  if (equations_.is_ball(node.link)) {
     for (std::size_t k = 0; k < 3; ++k) write(first + k, on_b.linear[static_cast<Eigen::Index>(k)]);
     return;
   }
-  const JointVectors& vectors = e.vectors_[node.link - e.first_general_];
-  const JointKindInfo& kind = info(e.links_[node.link].kind);
+  const JointVectors& vectors = vectors_of(node);
+  const JointKindInfo& kind = info(equations_.links()[node.link].kind);
   for (std::size_t k = 0; k < at(kind.rows); ++k) {
     const RowForm& form = kind.row[k];
     if (!form.has_separation()) {
@@ -477,27 +367,26 @@ void TreeOfBodies::write_forces(const TreeNode& node, const SpatialVector& on_ch
 
 // velocities that fit the joints, by the least impulses that do so
 bool TreeOfBodies::restart(double* y, double* dydt) {
-  EquationsOfMotion& e = equations_;
   is_lost_ = !factor();
-  if (is_lost_) return e.restart(y, dydt);
+  if (is_lost_) return equations_.restart(y, dydt);
   find_spins(y);
-  std::fill(e.tree_forces_.begin(), e.tree_forces_.end(), SpatialVector{});
+  std::fill(tree_.forces.begin(), tree_.forces.end(), SpatialVector{});
   for (TreeNode& node : nodes_) {
     ask_nothing(&node);
     if (node.link != TreeNode::kNone)
-      node.asked = (held(node, e.rate_target_) - relative_velocity(node)) * node.sense;
+      node.asked = (held(node, view_.rate_target) - relative_velocity(node)) * node.sense;
   }
   reduce();
-  double* const solution = e.solution_.data();
+  double* const solution = view_.solution;
   substitute([&](std::size_t i, const SpatialVector& change) {
     const Vector3d twist = inertia_times(i, change.angular);
-    Vector3d::Map(y + e.v_at_ + 3 * i) += change.linear;
-    Vector3d::Map(y + e.L_at_ + 3 * i) += twist;
-    e.tree_forces_[i] = {change.linear / e.inverse_mass_[i], twist};
+    Vector3d::Map(y + view_.v_at + 3 * i) += change.linear;
+    Vector3d::Map(y + view_.L_at + 3 * i) += twist;
+    tree_.forces[i] = {change.linear / view_.inverse_mass[i], twist};
   });
   find_forces(solution);
-  for (std::size_t i = 0; i < e.rows_.size(); ++i) e.impulses_[i] += solution[i];
-  if (!e.softs_.empty()) {
+  for (std::size_t i = 0; i < equations_.rows(); ++i) view_.impulses[i] += solution[i];
+  if (!equations_.soft_coordinates().empty()) {
     find_spins(y);
     note_positions();
   }
@@ -515,32 +404,26 @@ bool TreeOfBodies::project(double t, double* y) {
 
 // places all; returns how far the worst row is off [m]
 double TreeOfBodies::find_values(double t, double* y) {
-  EquationsOfMotion& e = equations_;
-  for (std::size_t i = 0; i < e.turning_; ++i)
-    Eigen::Map<Eigen::Vector4d>(y + e.q_at_ + 4 * i).normalize();
+  for (std::size_t i = 0; i < bodies_; ++i)
+    Eigen::Map<Eigen::Vector4d>(y + view_.q_at + 4 * i).normalize();
   place(t, y);
   double worst = 0.0;
   const auto consider = [&](double error) {
     if (!(error <= worst)) worst = error;  // a NaN stays
   };
-  for (std::size_t l = 0; l < e.first_general_; ++l)
-    consider((e.d_[l] - ball_offset(l)).cwiseAbs().maxCoeff());
-  for (const auto& row : e.general_rows_) consider(row.metres * std::abs(e.value_of(row)));
+  for (std::size_t l = 0; l < first_general_; ++l)
+    consider(view_.separation[l].cwiseAbs().maxCoeff());
+  for (const auto& row : equations_.general_rows())
+    consider(row.metres * std::abs(equations_.value_of(row)));
   return worst;
-}
-
-Vector3d TreeOfBodies::ball_offset(std::size_t l) const {
-  return equations_.courses_.empty() ? Vector3d(Vector3d::Zero())
-                                     : Vector3d(equations_.offset(l).head<3>());
 }
 
 // how B has to be moved against A that the rows are met, but for what is free
 SpatialVector TreeOfBodies::opening(const TreeNode& node) const {
-  const EquationsOfMotion& e = equations_;
-  if (e.is_ball(node.link)) return {ball_offset(node.link) - e.d_[node.link], Vector3d::Zero()};
-  const JointVectors& vectors = e.vectors_[node.link - e.first_general_];
+  if (equations_.is_ball(node.link)) return {-view_.separation[node.link], Vector3d::Zero()};
+  const JointVectors& vectors = vectors_of(node);
   const Vector3d z_A = vectors.axes_A.col(2), z_B = vectors.axes_B.col(2);
-  const JointKindInfo& kind = info(e.links_[node.link].kind);
+  const JointKindInfo& kind = info(equations_.links()[node.link].kind);
   SpatialVector by;
   for (std::size_t k = 0; k < at(kind.separation_rows); ++k) {
     const Vector3d u = vectors[across(kind.row[k])];
@@ -565,7 +448,7 @@ SpatialVector TreeOfBodies::opening(const TreeNode& node) const {
   for (std::size_t k = 0; k < node.count; ++k) {
     const Direction& direction = node.directions[k];
     if (direction.row == TreeNode::kNone) continue;
-    const double off = e.value_of(e.general_rows_[direction.row - e.first_general_row()]);
+    const double off = equations_.value_of(equations_.general_row(direction.row));
     (direction.turns ? by.angular : by.linear) -= off * direction.along;
   }
   return by;
@@ -573,8 +456,7 @@ SpatialVector TreeOfBodies::opening(const TreeNode& node) const {
 
 // one of Newton's steps, with the inertias of the last factor()
 void TreeOfBodies::correct(double* y) {
-  EquationsOfMotion& e = equations_;
-  std::fill(e.tree_forces_.begin(), e.tree_forces_.end(), SpatialVector{});
+  std::fill(tree_.forces.begin(), tree_.forces.end(), SpatialVector{});
   for (TreeNode& node : nodes_) {
     ask_nothing(&node);
     if (node.link != TreeNode::kNone) node.asked = opening(node) * node.sense;
@@ -582,7 +464,7 @@ void TreeOfBodies::correct(double* y) {
   reduce();
   substitute([&](std::size_t i, const SpatialVector& change) {
     Vector3d::Map(y + 3 * i) += change.linear;
-    double* const q = y + e.q_at_ + 4 * i;
+    double* const q = y + view_.q_at + 4 * i;
     double rate[4];
     write_quaternion_rate(change.angular, q, rate);
     for (std::size_t k = 0; k < 4; ++k) q[k] += rate[k];

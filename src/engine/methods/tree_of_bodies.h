@@ -3,7 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 
-#include "engine/methods/equations_of_motion.h"
+#include "engine/methods/kernel_view.h"
 
 namespace constraint_sim::engine {
 
@@ -45,7 +45,7 @@ class TreeOfBodies {
   Vector3d spin(std::size_t point) const;
   Vector3d inertia_times(std::size_t body, const Vector3d& w) const;
   SpatialVector relative_velocity(const TreeNode& node) const;
-  SpatialVector held(const TreeNode& node, const std::vector<double>& of_rows) const;
+  SpatialVector held(const TreeNode& node, const double* of_rows) const;
   SpatialVector bias_of(const TreeNode& node, const SpatialVector& relative) const;
   void pull(TreeNode* node, const SpatialVector& relative, double* forces) const;
   void note_positions();
@@ -63,8 +63,16 @@ class TreeOfBodies {
   void substitute(const Act& act);
   void find_forces(double* by_unknown);
 
+  bool turns(std::size_t point) const { return point < bodies_; }
+  JointVectors& vectors_of(const TreeNode& node) const {
+    return view_.vectors[node.link - first_general_];
+  }
+
   EquationsOfMotion& equations_;
+  KernelView view_;
+  BodyTree& tree_;
   std::vector<TreeNode>& nodes_;
+  std::size_t bodies_, first_general_;
   bool is_lost_ = false;  // a pivot, since the last restart
 };
 

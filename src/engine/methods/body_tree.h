@@ -5,6 +5,9 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <vector>
+
+#include "engine/methods/island_model.h"
 
 namespace constraint_sim::engine {
 
@@ -71,5 +74,16 @@ struct TreeNode {
   SpatialInertia whole;  ///< with all that hangs on it, at the joint's place
   SpatialVector asked;   ///< of child against parent without its free directions
 };
+
+/// From its leaves to the root.
+struct BodyTree {
+  std::vector<TreeNode> nodes;
+  std::vector<SpatialInertia> inertias;        ///< of bodies
+  std::vector<SpatialVector> forces, motions;  ///< of bodies
+};
+
+/// The bodies of an island that is a tree of joints, from its leaves to the root
+///; none where it is no tree, or has what a tree cannot have.
+BodyTree tree_of(const IslandModel& island);
 
 }  // namespace constraint_sim::engine

@@ -1,0 +1,264 @@
+// Islands that may touch each other, or what does not move, within a step, and are few enough to be
+// carried from event to event together: between stages 2 and 3 of a step. Only with `method:
+// event_driven`. A group has no memory: it is found anew in each step, from where the bodies are.
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numeric>
+
+#include "engine/constraints/contact.h"
+#include "engine/fast_bodies.h"
+#include "engine/methods/contact_events.h"
+#include "engine/narrowphase.h"
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+/// Whether nothing of a joint but rigid rows acts, which have no limits and ask for nothing.
+bool is_plain(const Joint& joint) {
+  if (couples(joint.kind) || is_custom(joint.kind) || joint.break_force > 0.0 ||
+      joint.break_torque > 0.0)
+    return false;
+  const auto* distance = if_distance(joint);
+  if (distance != nullptr)
+    return !distance->is_limited() && !distance->is_soft() && !joint.motor.is_moving();
+  return !any_coordinate(joint, [](const CoordinateLaw& law) {
+    return law.motor || law.stiffness > 0.0 || law.damping > 0.0 || law.friction > 0.0 ||
+           law.is_limited();
+  });
+}
+
+ContactState state_of(const ContactEquations::Contact& contact) {
+  if (contact.acts == ContactEquations::Acts::kOpen || contact.friction == 0.0)
+    return ContactState::kClosed;
+  return contact.acts == ContactEquations::Acts::kSlips ? ContactState::kSlipping
+                                                        : ContactState::kSticking;
+}
+
+/// Contacts of a pair that hold, or had an impulse within the step, in the order of bodies.
+TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pair& of) {
+  const ContactEquations& equations = by_events.equations();
+  const int a = equations.bodies[of.a].index, b = equations.bodies[of.b].index;
+  const bool is_swapped = a > b;
+  TouchingPair pair;
+  pair.a = std::min(a, b);
+  pair.b = std::max(a, b);
+  for (std::size_t c = of.first; c < of.first + of.count; ++c) {
+    if (!by_events.has_touched(c)) continue;
+    const ContactEquations::Contact& contact = equations.contacts[c];
+    const ContactMotion now = equations.motion(contact);
+    const double sign = is_swapped ? -1.0 : 1.0;
+    const auto k = at(pair.manifold.count++);
+    pair.manifold.normal = sign * now.n;
+    pair.manifold.points[k] = {is_swapped ? now.p : Vector3d(now.p - now.gap * now.n),
+                               std::max(-now.gap, 0.0), contact.feature.id};
+    pair.impulses[k] = sign * contact.impulse;
+    pair.contact_states[k] = state_of(contact);
+  }
+  return pair;
+}
+
+}  // namespace
+
+bool World::Impl::follows_contacts() const { return options.method == Method::kEventDriven; }
+
+// One that is hit gets up to twice as fast as what hits it.
+void World::Impl::find_group_reach() {
+  group_reach = 0.0;
+  for (const int body : moving_shapes)
+    group_reach = std::max(group_reach, 2.0 * travel(body, options.time_step));
+  group_reach += kTouching;
+}
+
+bool World::Impl::may_touch(const Broadphase::Pair& pair) const {
+  const auto [a, b] = pair;
+  if (std::binary_search(unpaired.begin(), unpaired.end(), pair)) return false;
+  const PlacedShape of_a(bodies[at(a)], states[at(a)]), of_b(bodies[at(b)], states[at(b)]);
+  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap <=
+         (is_movable(at(a)) && is_movable(at(b)) ? 2.0 : 1.0) * group_reach;
+}
+
+// what sleeps and may be touched is awake
+bool World::Impl::wake_approached(const std::vector<Broadphase::Pair>& near) {
+  for (const Broadphase::Pair& pair : near) {
+    if (!(asleep[at(pair.first)] || asleep[at(pair.second)]) || !may_touch(pair)) continue;
+    wake(at(pair.first));
+    wake(at(pair.second));
+  }
+  return any_waking;
+}
+
+// Islands that pairs connect, directly or by others.
+void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near) {
+  contact_groups.clear();
+  if (!follows_contacts() || near.empty()) return;
+  std::vector<int> leader(islands.size());
+  std::iota(leader.begin(), leader.end(), 0);
+  const std::function<int(int)> find = [&](int i) {
+    return leader[at(i)] == i ? i : leader[at(i)] = find(leader[at(i)]);
+  };
+  std::vector<Broadphase::Pair> pairs;
+  for (const Broadphase::Pair& pair : near) {
+    if (!may_touch(pair)) continue;
+    pairs.push_back(pair);
+    const int a = island_of[at(pair.first)], b = island_of[at(pair.second)];
+    if (a >= 0 && b >= 0) leader[at(std::max(find(a), find(b)))] = std::min(find(a), find(b));
+  }
+  group_of.assign(islands.size(), -1);
+  for (const Broadphase::Pair& pair : pairs) {
+    const int island = std::max(island_of[at(pair.first)], island_of[at(pair.second)]);
+    int& group = group_of[at(find(island))];
+    if (group < 0) {
+      group = static_cast<int>(contact_groups.size());
+      contact_groups.emplace_back();
+    }
+    contact_groups[at(group)].pairs.push_back(pair);
+  }
+  for (const int i : awake_islands) {
+    const int group = group_of[at(find(i))];
+    if (group >= 0) contact_groups[at(group)].islands.push_back(i);
+  }
+  for (ContactGroup& group : contact_groups)
+    if (!compile_group(&group)) group.events.reset();
+  const auto is_left = [](const ContactGroup& group) { return group.events == nullptr; };
+  contact_groups.erase(std::remove_if(contact_groups.begin(), contact_groups.end(), is_left),
+                       contact_groups.end());
+  group_of.assign(islands.size(), -1);
+  for (std::size_t g = 0; g < contact_groups.size(); ++g)
+    for (const int i : contact_groups[g].islands) group_of[at(i)] = static_cast<int>(g);
+}
+
+// Whether all that an island has can be in a group.
+bool World::Impl::can_be_in_group(std::size_t i) const {
+  const IslandParts& parts = island_parts[i];
+  if (parts.nature != MethodReason::kSmooth || parts.is_stiff || step_count < parts.refused_until ||
+      step_count < parts.contacts_refused_until || step_count < parts.inconsistent_until)
+    return false;
+  const JointStep now = span_from(time(), options.time_step);
+  return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
+    const std::size_t j = at(index);
+    JointState state = joint_states[j];
+    return is_plain(joints[j]) && !state.closing && !is_moving_by_itself(joint_ends[j].first) &&
+           !is_moving_by_itself(joint_ends[j].second) &&
+           fits(joints[j], state_a(j), state_b(j), now, state);
+  });
+}
+
+// The group with its equations; false where it is left to others.
+bool World::Impl::compile_group(ContactGroup* group) {
+  if (group->pairs.size() > ContactEvents::kMostContacts) return false;
+  ContactEquations equations;
+  std::vector<int> place(bodies.size(), -1);
+  const auto add = [&](int body) {
+    if (place[at(body)] >= 0) return;
+    place[at(body)] = static_cast<int>(equations.bodies.size());
+    ContactEquations::Body& added = equations.bodies.emplace_back();
+    added.index = body;
+    added.mass = masses[at(body)];
+  };
+  for (const int i : group->islands) {
+    if (!can_be_in_group(at(i))) return false;
+    for (const int body : island_parts[at(i)].members.bodies) add(body);
+    if (equations.bodies.size() > ContactEvents::kMostBodies) return false;
+  }
+  equations.movable = equations.bodies.size();
+  for (const int i : group->islands) {
+    for (const int index : island_parts[at(i)].members.joints) {
+      const auto [a, b] = joint_ends[at(index)];
+      add(static_cast<int>(a));
+      add(static_cast<int>(b));
+      ContactEquations::RigidJoint& joint = equations.joints.emplace_back();
+      joint.index = index;
+      joint.a = at(place[a]);
+      joint.b = at(place[b]);
+      joint.joint = joints[at(index)];
+    }
+  }
+  std::vector<ContactEvents::Pair> pairs;
+  for (auto [a, b] : group->pairs) {
+    if (is_moving_by_itself(at(a)) || is_moving_by_itself(at(b))) return false;
+    if (!has_features(bodies[at(a)].shape, bodies[at(b)].shape)) std::swap(a, b);
+    const Body& body_a = bodies[at(a)];
+    const Body& body_b = bodies[at(b)];
+    if (!has_features(body_a.shape, body_b.shape)) return false;
+    if (body_a.shape_pose || body_b.shape_pose) return false;
+    add(a);
+    add(b);
+    const ContactSurface surface(body_a, body_b);
+    pairs.push_back({at(place[at(a)]), at(place[at(b)]), body_a.shape, body_b.shape,
+                     surface.friction, surface.restitution, 0, 0,
+                     std::min(thickness(body_a.shape), thickness(body_b.shape))});
+  }
+  group->events = std::make_shared<ContactEvents>(std::move(equations), std::move(pairs));
+  return group->events->begin(states);
+}
+
+void World::Impl::advance_contact_groups(const SmoothSpan& span) {
+  for (ContactGroup& group : contact_groups) {
+    if (group.has_failed) continue;
+    const IntegrationResult progress = group.events->advance(
+        span, accuracy_within(std::numeric_limits<double>::infinity()), &states);
+    group.has_failed = !note(at(group.islands.front()), progress);
+    if (group.islands.size() > 1)  // they exchange energy
+      for (const int i : group.islands) island_parts[at(i)].energy.has_changed = true;
+    if (!group.has_failed) continue;
+    for (const int i : group.islands) refuse_island(at(i), MethodReason::kContactsGivenUp);
+  }
+}
+
+// Their contacts are not those of impulses.
+void World::Impl::take_out_group_contacts() {
+  const auto is_of_group = [&](const TouchingPair& pair) {
+    const int island = std::max(island_of[at(pair.a)], island_of[at(pair.b)]);
+    return is_in_group(at(island)) && !contact_groups[at(group_of[at(island)])].has_failed;
+  };
+  touching.erase(std::remove_if(touching.begin(), touching.end(), is_of_group), touching.end());
+}
+
+// What groups did, to joints, contacts and the list of events.
+void World::Impl::tell_contact_groups(const JointStep& step) {
+  for (const ContactGroup& group : contact_groups) {
+    if (group.has_failed) continue;
+    const ContactEvents& by_events = *group.events;
+    for (const ContactEquations::RigidJoint& joint : by_events.equations().joints)
+      read_smooth_joint(at(joint.index), step, joint.impulse, 0.0);
+    const auto body_of = [&](std::size_t place) {
+      return by_events.equations().bodies[place].index;
+    };
+    for (const ContactEvents::Told& told : by_events.told()) {
+      const ContactEvents::Pair& pair = by_events.pairs()[told.pair];
+      events.push_back({told.kind, told.time, body_ids[at(body_of(pair.a))],
+                        body_ids[at(body_of(pair.b))], std::nullopt, -1, told.impulse});
+    }
+    add_group_contacts(by_events);
+  }
+  std::sort(touching.begin(), touching.end(),
+            [](const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); });
+}
+
+void World::Impl::add_group_contacts(const ContactEvents& by_events) {
+  for (const ContactEvents::Pair& of : by_events.pairs()) {
+    TouchingPair pair = contacts_of(by_events, of);
+    if (pair.manifold.count == 0) continue;
+    pair.id_a = body_ids[at(pair.a)];
+    pair.id_b = body_ids[at(pair.b)];
+    report.contacts += static_cast<std::uint32_t>(pair.manifold.count);
+    for (std::size_t k = 0; k < at(pair.manifold.count); ++k)
+      report.max_penetration = std::max(report.max_penetration, pair.manifold.points[k].depth);
+    touching.push_back(pair);
+  }
+}
+
+// the first one tells those of all
+std::uint32_t World::Impl::events_of_group(std::size_t island) const {
+  const ContactGroup& group = contact_groups[at(group_of[island])];
+  return group.islands.front() == static_cast<int>(island) ? group.events->events() : 0;
+}
+
+}  // namespace constraint_sim::engine

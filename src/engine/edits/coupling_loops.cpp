@@ -1,0 +1,156 @@
+// Gears and pulleys in loops: whether one more can be met with those that act.
+
+#include "engine/edits/coupling_loops.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <set>
+
+#include "engine/constraints/joint.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/validate.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kFits = 1e-6;       // what a coupling may be off by [unit of q₁]
+constexpr double kParallel = 1e-9;   // share of its terms up to which a sum of ratios is zero
+constexpr double kRounding = 1.001;  // of the present errors, which are summed up in another order
+
+/// A coordinate by that of the root: q = share · q_root + constant. `off`: by how much it reads
+/// otherwise now, where the couplings on the way are not met yet.
+struct Implied {
+  double share = 1.0, constant = 0.0, off = 0.0;
+};
+
+/// A coupling that acts: q₁ + ratio q₂ = constant of the first coordinates of these joints.
+struct Acting {
+  std::size_t joint, first, second;
+  double ratio, constant, error;
+};
+
+/// What couplings say of the coordinates that one leads to.
+class CoupledCoordinates {
+ public:
+  CoupledCoordinates(std::size_t root, const std::vector<Acting>& couplings) {
+    known_[root] = {};
+    std::vector<Acting> left = couplings;
+    for (std::size_t before = left.size() + 1; left.size() < before;) {
+      before = left.size();
+      const auto follows = [this](const Acting& coupling) { return follow(coupling); };
+      left.erase(std::remove_if(left.begin(), left.end(), follows), left.end());
+    }
+  }
+
+  bool leads_to(std::size_t joint) const { return known_.count(joint) > 0; }
+
+  /// q₁ + ratio q₂; nothing where it depends on q_root, of which nothing is said.
+  std::optional<Implied> sum(std::size_t first, double ratio, std::size_t second) const {
+    Implied all = by_root(first, ratio, second);
+    if (all.share == 0.0) return all;
+    if (!root_) return std::nullopt;
+    all.constant += all.share * root_->constant;
+    all.off += std::abs(all.share) * root_->off;
+    return all;
+  }
+
+  /// The couplings by which it is so.
+  std::set<std::size_t> reasons(std::size_t first, double ratio, std::size_t second) const {
+    std::set<std::size_t> names;
+    for (const std::size_t joint : {first, second}) add_way(joint, &names);
+    if (by_root(first, ratio, second).share == 0.0 || !root_) return names;
+    names.insert(loop_->joint);
+    for (const std::size_t joint : {loop_->first, loop_->second}) add_way(joint, &names);
+    return names;
+  }
+
+ private:
+  struct Known {
+    Implied q{};
+    std::optional<Acting> by{};  ///< not of the root
+  };
+
+  Implied by_root(std::size_t first, double ratio, std::size_t second) const {
+    const Implied &a = known_.at(first).q, &b = known_.at(second).q;
+    Implied all{a.share + ratio * b.share, a.constant + ratio * b.constant,
+                a.off + std::abs(ratio) * b.off};
+    const double terms = std::abs(a.share) + std::abs(ratio * b.share);
+    if (std::abs(all.share) <= kParallel * terms) all.share = 0.0;
+    return all;
+  }
+
+  /// False of one that none of the coordinates is in.
+  bool follow(const Acting& coupling) {
+    const bool has_first = leads_to(coupling.first), has_second = leads_to(coupling.second);
+    if (!has_first && !has_second) return false;
+    const double ratio = coupling.ratio, constant = coupling.constant;
+    if (has_first && has_second) {
+      const Implied all = by_root(coupling.first, ratio, coupling.second);
+      if (all.share == 0.0 || root_) return true;
+      root_ = Implied{0.0, (constant - all.constant) / all.share,
+                      (all.off + coupling.error) / std::abs(all.share)};
+      loop_ = coupling;
+    } else if (has_first) {
+      const Implied q = known_.at(coupling.first).q;
+      known_[coupling.second] = {{-q.share / ratio, (constant - q.constant) / ratio,
+                                  (q.off + coupling.error) / std::abs(ratio)},
+                                 coupling};
+    } else {
+      const Implied q = known_.at(coupling.second).q;
+      known_[coupling.first] = {{-ratio * q.share, constant - ratio * q.constant,
+                                 std::abs(ratio) * q.off + coupling.error},
+                                coupling};
+    }
+    return true;
+  }
+
+  void add_way(std::size_t joint, std::set<std::size_t>* names) const {
+    for (const Known* known = &known_.at(joint); known->by; known = &known_.at(joint)) {
+      names->insert(known->by->joint);
+      joint = known->by->first == joint ? known->by->second : known->by->first;
+    }
+  }
+
+  std::map<std::size_t, Known> known_;
+  std::optional<Implied> root_;  // where a loop says what it is
+  std::optional<Acting> loop_;
+};
+
+}  // namespace
+
+void check_coupling_loop(const Model& model, const State& state, const Joint& joint) {
+  const std::size_t first = model.index(joint.coupling.first);
+  const std::size_t second = model.index(joint.coupling.second);
+  std::vector<Acting> couplings;
+  bool has_first = false, has_second = false;
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    if (!couples_joints(model.joints[j].kind) || !acts(model.joints[j], state.joint_states[j]))
+      continue;
+    const CoupledTerms terms = model.terms_of(j);
+    const CouplingState& now = state.joint_states[j].coupling;
+    couplings.push_back({j, terms[0].joint, terms[1].joint, terms[1].ratio, now.constant,
+                         std::abs(now.value - now.constant)});
+    for (const CoupledTerm& term : terms) {
+      has_first = has_first || term.joint == first;
+      has_second = has_second || term.joint == second;
+    }
+  }
+  if (!has_first || !has_second) return;
+  const CoupledCoordinates coordinates(first, couplings);
+  if (!coordinates.leads_to(second)) return;
+  const double ratio = joint.coupling.ratio;
+  const std::optional<Implied> implied = coordinates.sum(first, ratio, second);
+  if (!implied) return;
+  const auto reads = [&](std::size_t j) { return state.joint_states[j].coordinates[0].position; };
+  const double value = joint.coupling.value.value_or(reads(first) + ratio * reads(second));
+  if (std::abs(value - implied->constant) <= kFits + kRounding * implied->off) return;
+  std::string names;
+  for (const std::size_t j : coordinates.reasons(first, ratio, second))
+    names += (names.empty() ? "" : ", ") + quoted(model.joints[j].name);
+  refuse("value", "contradicts " + names + ", by which it is " + shortest(implied->constant) +
+                      ", got " + shortest(value));
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,121 @@
+// What is told of islands that were integrated, and of their joints: at the end of a step.
+
+#include <algorithm>
+
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+void World::Impl::report_islands(const Carried& by_method) {
+  report.islands = by_method.islands;
+  report.rows = by_method.integrated_rows;
+  for (const int index : by_method.smooth) {
+    Island& island = islands[at(index)];
+    const int m = island_parts[at(index)].motion;
+    if (m >= 0)
+      island.dependent_rows =
+          static_cast<std::uint32_t>(motions[at(m)].equations().dependent_rows());
+    island.events = m >= 0 ? motions[at(m)].events() : 0;
+    if (is_in_group(at(index))) island.events = events_of_group(at(index));
+    report.events += island.events;
+    if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
+      island.unresolved_bodies = find_unresolved(at(index), nullptr);
+    report.unresolved_bodies += island.unresolved_bodies;
+    report.local_error = std::max(report.local_error, island.local_error);
+    report.dependent_rows = std::max(report.dependent_rows, island.dependent_rows);
+    report.substeps += island.substeps;
+    report.rejected += island.rejected;
+    report.iterations += island.iterations;
+  }
+}
+
+// how many there are in an island, and if asked for which bodies
+std::uint32_t World::Impl::find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const {
+  if (islands[i].method == Method::kSequentialImpulses) return find_spinning(i, bodies);
+  const IslandMotion& motion = motions[at(island_parts[i].motion)];
+  const std::vector<int>& held = motion.equations().bodies();
+  std::uint32_t count = 0;
+  for (std::size_t k = 0; k < held.size(); ++k) {
+    if (options.time_step * motion.gradients().frequency_of(k) <= EnergyMomentum::kResolved)
+      continue;
+    ++count;
+    if (bodies != nullptr) bodies->push_back(at(held[k]));
+  }
+  return count;
+}
+
+// Of a joint that couples: where the coordinates are by now, and what it did in a step.
+void World::Impl::note_coupling(std::size_t j, double h, double impulse) {
+  CouplingState& coupling = joint_states[j].coupling;
+  if (couples_joints(joints[j].kind)) read_coupling(terms_of(j), joint_states, &coupling);
+  coupling.impulse = impulse;
+  coupling.effort = impulse / h;
+}
+
+void World::Impl::read_smooth_joints(const JointStep& step, const Carried& by_method) {
+  const bool is_split = span_ends.size() > 2;
+  for (std::size_t k = 0; is_split && k < time_varying_joints.size(); ++k) {
+    const std::size_t j = at(time_varying_joints[k]);
+    if (is_integrated(j))
+      joint_states[j].bias = (joint_states[j].travel - joint_states_before[j].travel) / step.h;
+  }
+  for (const int i : by_method.smooth) {
+    if (island_parts[at(i)].motion < 0 || is_in_group(at(i))) continue;
+    IslandMotion& motion = motions[at(island_parts[at(i)].motion)];
+    if (const EventDriven* by_events = motion.finish_events(states)) {
+      tell_events(*by_events);
+      for (std::size_t l = 0; l < by_events->joints().size(); ++l) {
+        by_events->write(l, &joint_states[at(by_events->joints()[l])]);
+        read_smooth_joint(at(by_events->joints()[l]), step, by_events->impulse(l),
+                          by_events->coupled_impulse(l));
+      }
+      continue;
+    }
+    const EquationsOfMotion& equations = motion.equations();
+    // joints that cannot all be met have shares already
+    const bool shares =
+        equations.redundant_rows() > 0 && islands[at(i)].why != MethodReason::kInconsistent;
+    const LeastNormForces* const shared = shares ? &motion.share_forces(states) : nullptr;
+    const bool any_coupling = !equations.coupled_rows().empty();
+    const bool any_counted = any_coupling || !equations.soft_coordinates().empty();
+    JointStep counted = step;
+    for (std::size_t l = 0; l < equations.joints().size(); ++l) {
+      std::array<double, kMaxCoordinates> positions;
+      if (any_counted)
+        counted.counted = equations.count_turns(l, &positions) ? positions.data() : nullptr;
+      read_smooth_joint(at(equations.joints()[l]), counted,
+                        shared ? shared->impulse(equations, l) : equations.impulse(l),
+                        !any_coupling ? 0.0
+                        : shared      ? shared->coupled_impulse(equations, l)
+                                      : equations.coupled_impulse(l));
+    }
+  }
+}
+
+void World::Impl::tell_events(const EventDriven& from) {
+  for (const EventDriven::Told& told : from.told()) {
+    const std::size_t j = at(from.joints()[told.joint]);
+    events.push_back({told.kind, told.time, joints[j].body_a, joints[j].body_b, joint_ids[j],
+                      told.coordinate, told.impulse});
+  }
+}
+
+// Of a joint that was integrated: where it is by now, and what it did.
+void World::Impl::read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
+                                    double coupled_impulse) {
+  const double zeta = courses[j].is_driven() ? courses[j].zeta(step.t + step.h) : 0.0;
+  const bool has_coupling = couples(joints[j].kind);
+  if (has_coupling) note_coupling(j, step.h, coupled_impulse);
+  engine::read_smooth_joint(joints[j], state_a(j), state_b(j), step, impulse, zeta,
+                            joint_states[j]);
+  if (has_coupling && couples_joints(joints[j].kind))
+    add_coupled_effort(terms_of(j), joint_states[j].coupling.effort, &joint_states);
+  note_if_broken(j);
+}
+
+}  // namespace constraint_sim::engine

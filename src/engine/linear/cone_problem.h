@@ -1,0 +1,37 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace constraint_sim::engine {
+
+/// How a contact of a ConeProblem acts.
+struct ConeContact {
+  double friction = 0.0;  ///< μ
+  bool slips = false;     ///< already, so that its friction has a direction
+  Eigen::Vector2d direction = Eigen::Vector2d::Zero();  ///< unit, of the slip
+};
+
+/// Contacts with Coulomb's friction: three numbers each, along the normal and two tangents.
+/// u = b + A p, and for each contact
+///   u_n ≥ 0, p_n ≥ 0, one of them 0; ‖p_t‖ ≤ μ p_n, and p_t = −μ p_n u_t/‖u_t‖ where u_t ≠ 0,
+///   or of one that slips p_t = −μ p_n times its direction.
+struct ConeProblem {
+  Eigen::MatrixXd A;  ///< symmetric, positive semidefinite
+  Eigen::VectorXd b;
+  std::vector<ConeContact> contacts;
+};
+
+/// Solves it by Newton's method on which contacts are open, stick and slip (Alart and Curnier,
+/// Comput. Methods Appl. Mech. Eng. 92 (1991) 353), begun from sweeps over the contacts, each
+/// solved exactly (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235). Where A is singular p is
+/// about the one of least norm, rates of each contact scaled to a trace of 3 of its A. False where
+/// it does not get there: it has no solution, or friction and many contacts make it take too long.
+bool solve(const ConeProblem& problem, Eigen::VectorXd* p);
+
+/// The impulse of one contact on its own: A of 3×3, b of 3. False where no impulse along the normal
+/// moves it along the normal.
+bool solve_contact(const Eigen::Matrix3d& A, const Eigen::Vector3d& b, const ConeContact& contact,
+                   Eigen::Vector3d* p);
+
+}  // namespace constraint_sim::engine

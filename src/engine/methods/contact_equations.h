@@ -1,0 +1,177 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/LU>
+#include <Eigen/QR>
+#include <array>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/joint.h"
+#include "engine/constraints/contact_feature.h"
+#include "engine/constraints/joint.h"
+#include "engine/mass_properties.h"
+#include "engine/methods/embedded_pairs.h"
+#include "engine/methods/equations_of_motion.h"
+
+namespace constraint_sim::engine {
+
+/// A few bodies that touch each other, and the rigid joints on them, as a System of integrate.h
+/// with dense matrices. With the rows J of joints and of contacts that act, and F the forces for a
+/// unit of each multiplier:
+///   J M⁻¹ F λ = −γ − J a_free
+/// F = J but for a contact that slips, which has one row, along its normal, and F = n − μ û with û
+/// the direction of the slip. Where rows depend on each other λ is that of least norm, beside a
+/// reference. The state: x, v, q (x, y, z, w) and L of one body after the other.
+class ContactEquations {
+ public:
+  enum class Acts : char { kOpen, kSticks, kSlips };  ///< slips: also without friction
+
+  struct Contact {
+    std::size_t a, b;  ///< bodies here; the second one may be immovable
+    double friction = 0.0, restitution = 0.0;
+    ContactFeature feature;
+    Acts acts = Acts::kOpen;
+    Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< û where a substep starts; 0: none
+    Eigen::Vector3d reference = Eigen::Vector3d::Zero();  ///< a force that it can have, world [N]
+    Eigen::Vector3d impulse = Eigen::Vector3d::Zero();    ///< since begin_step(), on A [N s]
+  };
+  struct Body {
+    int index;  ///< in the world
+    MassProperties mass;
+    Eigen::Vector3d force = Eigen::Vector3d::Zero(), torque = Eigen::Vector3d::Zero();
+  };
+  struct RigidJoint {
+    int index;         ///< in the world
+    std::size_t a, b;  ///< bodies here
+    Joint joint;
+    RowVector impulse = RowVector::Zero();
+  };
+
+  std::vector<Body> bodies;  ///< movable ones first
+  std::size_t movable = 0;
+  std::vector<RigidJoint> joints;
+  std::vector<Contact> contacts;
+  Eigen::Vector3d gravity = Eigen::Vector3d::Zero();
+
+  /// Where all bodies are; of immovable ones for good.
+  void gather_state(const std::vector<BodyState>& states);
+  void scatter_state(std::vector<BodyState>* states) const;
+  const BodyState& state(std::size_t body) const { return states_[body]; }
+  std::vector<double>& numbers() { return y_; }
+  /// Moves to these numbers.
+  void place(const double* y);
+
+  // ---- a System
+  std::size_t size() const { return (kNumbers * movable + 1) / 2 * 2; }
+  void derivative(std::size_t stage, double t, const double* y, double* dydt);
+  bool project(double t, double* y);
+  template <class Pair>
+  void accept(double h) {
+    for (std::size_t j = 0; j < Pair::kStages; ++j)
+      if (Pair::kA[Pair::kStages][j] != 0.0) add_impulses(h * Pair::kA[Pair::kStages][j], j);
+  }
+  bool restart(double* y, double* dydt);
+  double squared_size_of(const double* dy, double h) const;
+  double rounding() const;
+
+  /// Whether a derivative says that nothing moves, to rounding.
+  bool is_still(const double* dydt) const;
+  /// Takes the forces that act now for h.
+  void accept_stillness(double h) { add_impulses(h, 0); }
+
+  // ---- for events, as the bodies lie and with what restart() found
+  /// Accelerations of bodies in a derivative; of immovable ones 0.
+  struct Accelerations {
+    std::vector<Eigen::Vector3d> linear, angular;
+  };
+  void find_accelerations(const double* dydt, Accelerations* rates) const;
+  /// ẇ of a contact.
+  static Eigen::Vector3d slip_acceleration(const ContactMotion& motion, const Contact& contact,
+                                           const Accelerations& rates);
+  ContactMotion motion(const Contact& contact) const {
+    return motion_of(contact.feature, states_[contact.a], states_[contact.b]);
+  }
+  /// Force of a contact on A in a stage of the last substep; stage 0 is where the bodies are now.
+  const Eigen::Vector3d& force(std::size_t contact, std::size_t stage) const {
+    return stages_[stage].contact[contact];
+  }
+  /// The same along its normal.
+  double normal_force(std::size_t contact, std::size_t stage) const {
+    return stages_[stage].normal[contact];
+  }
+  double scale() const { return scale_; }
+  /// What a substep that is taken again goes on from, beside the numbers: impulses and stage 0.
+  void keep();
+  void restore();
+  double largest_force() const;
+  double kinetic_energy() const;
+  double potential_energy() const;  ///< of gravity and of constant forces [J]
+
+  /// What unit impulses of contacts do while the joints hold, three columns a contact.
+  struct Responses {
+    std::vector<std::size_t> contacts;
+    std::vector<Eigen::Matrix3d> frames;  ///< of these: columns n, t1, t2
+    Eigen::MatrixXd velocity;             ///< change of (v, ω) of bodies by unit impulses
+    Eigen::MatrixXd joints;               ///< impulses of joints' rows by unit impulses
+    Eigen::MatrixXd A;                    ///< change of w of these contacts, along the frames
+  };
+  Responses responses(const std::vector<std::size_t>& of);
+  /// Adds impulses p to velocities, and to those of joints.
+  void apply(const Responses& responses, const Eigen::VectorXd& p, double* y);
+
+ private:
+  static constexpr std::size_t kV = 3, kQ = 6, kL = 10, kNumbers = 13;  // of a body, in the state
+  using Vector = Eigen::Map<Eigen::Vector3d>;
+  using ConstVector = Eigen::Map<const Eigen::Vector3d>;
+  static Eigen::Index index(std::size_t i) { return static_cast<Eigen::Index>(i); }
+
+  struct Row {
+    std::size_t a, b;
+    Jacobian J, F;
+    double gamma = 0.0, value = 0.0, rate = 0.0, reference = 0.0;
+    int joint = -1, function = 0;    // of a joint
+    int contact = -1;                // or a contact
+    bool is_normal = false;          // of it
+    Eigen::Vector3d along{0, 0, 0};  // force of one unit on A, of a contact
+  };
+  struct Stage {
+    std::vector<Eigen::Vector3d> contact;  // forces on A
+    std::vector<double> normal;            // the same along normals
+    std::vector<RowVector> joint;
+  };
+
+  void add_joint_rows();
+  void add_contact_rows(bool with_slip, bool with_tangents);
+  double along(const Row& row, const Jacobian& J, const std::vector<Eigen::Vector3d>& linear,
+               const std::vector<Eigen::Vector3d>& angular) const;
+  void push(const Row& row, const Jacobian& F, double amount, std::vector<Eigen::Vector3d>* linear,
+            std::vector<Eigen::Vector3d>* angular) const;
+  bool solve_rows(const Eigen::VectorXd& right, Eigen::VectorXd* lambda);
+  void factor_rows(bool asks_rank);
+  bool find_change(double Row::*by, std::vector<Eigen::Vector3d>* linear,
+                   std::vector<Eigen::Vector3d>* angular);
+  void clear_motion(std::vector<Eigen::Vector3d>* linear,
+                    std::vector<Eigen::Vector3d>* angular) const;
+  void add_impulses(double weight, std::size_t stage);
+
+  std::vector<double> y_;
+  std::vector<BodyState> states_;
+  std::vector<Eigen::Matrix3d> inverse_inertia_;  // world
+  std::vector<Row> rows_;
+  Eigen::MatrixXd A_;
+  Eigen::VectorXd weight_;        // that scale rows to a diagonal of one
+  bool are_independent_ = false;  // rows, as restart() found them
+  Eigen::PartialPivLU<Eigen::MatrixXd> lu_;
+  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factors_;  // where they are not
+  std::array<Stage, DormandPrince8::kStages + 1> stages_;
+  double scale_ = 0.0;  // [m] that rounding goes by
+  std::vector<Eigen::Vector3d> linear_, angular_, free_linear_, free_angular_;  // scratch
+  Stage kept_;
+  std::vector<Eigen::Vector3d> kept_contacts_;  // impulses
+  std::vector<RowVector> kept_joints_;
+};
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,314 @@
+#include "engine/methods/contact_events.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kForceShare = 1e-9;    // of the largest force: less is rounding
+constexpr double kSlipping = 1e-9;      // [m/s] a slip below has no direction of its own
+constexpr double kFastShare = 0.25;     // of a thickness, that a substep may move by
+constexpr double kMostTurn = 1.0;       // [rad] of a box in a substep
+constexpr std::uint32_t kMostJams = 4;  // in a step
+constexpr int kMostUnchanged = 100;     // events in a step, that changed nothing
+
+}  // namespace
+
+ContactEvents::ContactEvents(ContactEquations equations, std::vector<Pair> pairs)
+    : equations_(std::move(equations)), pairs_(std::move(pairs)) {}
+
+// ---- where things are
+
+// What of each pair can meet. Contacts that hold go on with their features, unless `all`.
+void ContactEvents::find_features(bool all) {
+  std::vector<ContactFeature> found;
+  for (const Pair& pair : pairs_) {
+    found.clear();
+    add_features(pair.shape_a, equations_.state(pair.a), pair.shape_b, equations_.state(pair.b),
+                 &found);
+    for (std::size_t k = 0; k < pair.count; ++k) {
+      ContactEquations::Contact& contact = equations_.contacts[pair.first + k];
+      if (all || contact.acts == Acts::kOpen) contact.feature = found[k];
+    }
+  }
+}
+
+// The contacts of all pairs, open.
+void ContactEvents::add_contacts() {
+  equations_.contacts.clear();
+  pair_of_.clear();
+  std::vector<ContactFeature> found;
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    Pair& pair = pairs_[p];
+    found.clear();
+    add_features(pair.shape_a, equations_.state(pair.a), pair.shape_b, equations_.state(pair.b),
+                 &found);
+    pair.first = equations_.contacts.size();
+    pair.count = found.size();
+    for (const ContactFeature& feature : found) {
+      ContactEquations::Contact& contact = equations_.contacts.emplace_back();
+      contact.a = pair.a;
+      contact.b = pair.b;
+      contact.friction = pair.friction;
+      contact.restitution = pair.restitution;
+      contact.feature = feature;
+      pair_of_.push_back(p);
+    }
+  }
+}
+
+bool ContactEvents::begin(const std::vector<BodyState>& states) {
+  equations_.gather_state(states);
+  add_contacts();
+  if (equations_.contacts.size() > kMostContacts) return false;
+  equations_.gather_state(states);  // with what contacts have of stages
+  return std::all_of(equations_.contacts.begin(), equations_.contacts.end(),
+                     [&](const ContactEquations::Contact& contact) {
+                       return equations_.motion(contact).gap >= -kMostOverlap;
+                     });
+}
+
+bool ContactEvents::has_touched(std::size_t contact) const {
+  const ContactEquations::Contact& of = equations_.contacts[contact];
+  return of.acts != Acts::kOpen || !of.impulse.isZero(0.0);
+}
+
+// ---- a span
+
+IntegrationResult ContactEvents::advance(const SmoothSpan& all, const IntegratorOptions& accuracy,
+                                         std::vector<BodyState>* states) {
+  Span span{all, accuracy, SubstepSpan(all.t, all.h), {}};
+  equations_.gather_state(*states);
+  equations_.gravity = all.gravity;
+  for (ContactEquations::Body& body : equations_.bodies) {
+    body.force.setZero();
+    body.torque.setZero();
+    for (const AppliedWrench& load : all.loads) {
+      if (load.body != body.index) continue;
+      body.force += load.force;
+      body.torque += load.torque;
+    }
+  }
+  const std::size_t n = equations_.size();
+  numbers_.assign(StageMemory::kRows * n, 0.0);
+  std::copy(equations_.numbers().begin(), equations_.numbers().end(), numbers_.begin());
+  step_ = all.h;
+  watched_.is_muted.clear();
+  bool is_done = settle(&span, {}, true);
+  while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
+  equations_.scatter_state(states);
+  span.progress.done = is_done;
+  return span.progress;
+}
+
+double* ContactEvents::derivative() {
+  return numbers_.data() + StageMemory::kDerivatives * equations_.size();
+}
+
+// So that no body gets through another one, nor a corner through a whole turn, between two places
+// where gaps are looked at.
+double ContactEvents::longest_substep(double left) const {
+  double longest = left;
+  const double fall = left * equations_.gravity.norm();
+  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
+    const ContactEquations::Contact& contact = equations_.contacts[c];
+    if (contact.acts != Acts::kOpen) continue;
+    if (!contact.feature.on_a.isZero(0.0))
+      longest = std::min(longest, kMostTurn / equations_.state(contact.a).angular_velocity.norm());
+    const double thickness = pairs_[pair_of_[c]].thickness;
+    if (!std::isfinite(thickness)) continue;
+    const ContactMotion now = equations_.motion(contact);
+    const double way = std::max(now.gap, kFastShare * thickness);
+    longest = std::min(longest, way / (now.w.norm() + fall));
+  }
+  return longest;
+}
+
+void ContactEvents::set_directions() {
+  for (ContactEquations::Contact& contact : equations_.contacts) {
+    if (contact.acts != Acts::kSlips || contact.friction == 0.0) continue;
+    const Vector3d slip = equations_.motion(contact).slip();
+    const double speed = slip.norm();
+    if (speed > kSlipping) contact.direction = slip / speed;
+  }
+}
+
+// ---- what is watched
+
+void ContactEvents::watch_forces(std::size_t c, std::vector<Watched>* list) const {
+  const ContactEquations::Contact& contact = equations_.contacts[c];
+  const bool has_cone = contact.acts == Acts::kSticks;
+  const auto margins = [&](std::size_t stage) {
+    const double normal = equations_.normal_force(c, stage);
+    const double squared = equations_.force(c, stage).squaredNorm() - normal * normal;
+    return std::pair(normal, contact.friction * normal - std::sqrt(std::max(squared, 0.0)));
+  };
+  Watched watched;
+  watched.contact = c;
+  watched.tolerance = kForceShare * equations_.largest_force();
+  for (const bool is_cone : {false, true}) {
+    if (is_cone && !has_cone) continue;
+    const auto margin = [&](std::size_t stage) {
+      return is_cone ? margins(stage).second : margins(stage).first;
+    };
+    watched.kind = is_cone ? Watched::Kind::kCone : Watched::Kind::kForce;
+    watched.value = margin(0);
+    watched.early = 0.0;
+    for (std::size_t i = 1; has_stages_ && watched.early == 0.0 && i < DormandPrince8::kStages; ++i)
+      if (margin(i) < -watched.tolerance) watched.early = DormandPrince8::kC[i];
+    list->push_back(watched);
+  }
+}
+
+// In an order that depends on what contacts do alone.
+void ContactEvents::watch(std::vector<Watched>* list) {
+  list->clear();
+  equations_.find_accelerations(derivative(), &rates_);
+  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
+    const ContactEquations::Contact& contact = equations_.contacts[c];
+    const Pair& pair = pairs_[pair_of_[c]];
+    const ContactMotion now = equations_.motion(contact);
+    const Vector3d w_dot = ContactEquations::slip_acceleration(now, contact, rates_);
+    Watched watched;
+    watched.contact = c;
+    if (contact.acts == Acts::kOpen) {
+      watched.kind = Watched::Kind::kGap;
+      watched.known = 2;
+      watched.value = now.gap;
+      watched.rate = now.gap_rate();
+      watched.acceleration = now.n.dot(w_dot) + now.n_dot.dot(now.w);
+      watched.tolerance = 4.0 * kEpsilon * equations_.scale();
+      list->push_back(watched);
+      continue;
+    }
+    watch_forces(c, list);
+    watched.known = 1;
+    if (contact.acts == Acts::kSlips && contact.friction > 0.0) {
+      watched.kind = Watched::Kind::kSlip;
+      watched.value = now.w.dot(contact.direction);
+      watched.rate = w_dot.dot(contact.direction);
+      watched.tolerance = kEpsilon * equations_.state(contact.a).linear_velocity.norm();
+      list->push_back(watched);
+    }
+    const FeatureMargin margin = margin_of(
+        contact.feature, pair.shape_b, equations_.state(contact.a), equations_.state(contact.b));
+    if (!std::isfinite(margin.value)) continue;
+    watched.kind = Watched::Kind::kMargin;
+    watched.value = margin.value;
+    watched.rate = margin.rate;
+    watched.tolerance = 4.0 * kEpsilon * equations_.scale();
+    list->push_back(watched);
+  }
+}
+
+// ---- from event to event
+
+bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double* step) {
+  const StageMemory memory(numbers_.data(), equations_.size());
+  const SubstepLimits limits{tolerance, span->accuracy.most_attempts, span->all.stop};
+  return span->accuracy.order == 5 ? take_substep<DormandPrince5>(equations_, memory, limits, *left,
+                                                                  *step, span->progress)
+                                   : take_substep<DormandPrince8>(equations_, memory, limits, *left,
+                                                                  *step, span->progress);
+}
+
+// A substep of h from where the last one started, which was at t.
+bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
+  const std::size_t n = equations_.size();
+  std::copy(kept_.begin(), kept_.begin() + static_cast<std::ptrdiff_t>(n), numbers_.begin());
+  std::copy(kept_.begin() + static_cast<std::ptrdiff_t>(n), kept_.end(), derivative());
+  equations_.restore();
+  equations_.place(numbers_.data());
+  if (is_start) return true;
+  SubstepSpan left(t, h);
+  double step = h;
+  const int rejected = span->progress.rejected;
+  return take(span, &left, 0.0, &step) && left.left == 0.0 && span->progress.rejected == rejected;
+}
+
+bool ContactEvents::advance_to_event(Span* span) {
+  if (is_set(span->all.stop)) return false;
+  find_features(false);
+  set_directions();
+  if (equations_.is_still(derivative())) {  // and stays so
+    equations_.accept_stillness(span->left.left);
+    span->left.left = 0.0;
+    return true;
+  }
+  has_stages_ = false;
+  watch(&watched_.before);
+  const std::size_t n = equations_.size();
+  kept_.assign(numbers_.begin(), numbers_.begin() + static_cast<std::ptrdiff_t>(n));
+  kept_.insert(kept_.end(), derivative(), derivative() + n);
+  equations_.keep();
+  const SubstepSpan start = span->left;
+  const double longest = longest_substep(start.left);
+  double step = std::min(step_, longest);
+  if (!take(span, &span->left, span->accuracy.tolerance, &step)) return end_jam(span);
+  const double h = start.left - span->left.left;
+  step_ = step;
+  const auto look = [&] {
+    find_features(false);
+    has_stages_ = span->accuracy.order == 8;
+    watch(&watched_.after);
+  };
+  look();
+  std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);
+  const auto go_to = [&](double share, bool is_start) {
+    if (!repeat(span, start.t, share * h, is_start)) return false;
+    span->left = start;
+    if (!is_start) {
+      span->left.left = start.left - share * h;
+      span->left.t = start.end - span->left.left;
+    }
+    look();
+    return true;
+  };
+  if (event && !watched_.locate(start.t, h, go_to, &event)) return false;
+  if (event) return finish_event(span, watched_.after[event->which], event->which);
+  if (watched_.is_muted.empty()) return true;
+  // what was muted and has passed all the same has its event now
+  watched_.is_muted.clear();
+  const std::optional<std::size_t> late = watched_.find_passed(watched_.before, watched_.after);
+  return !late || finish_event(span, watched_.after[*late], *late);
+}
+
+// Substeps that became ever shorter: forces grow without bound where friction is about to jam.
+bool ContactEvents::end_jam(Span* span) {
+  const bool any_slips = std::any_of(
+      equations_.contacts.begin(), equations_.contacts.end(),
+      [](const auto& contact) { return contact.acts == Acts::kSlips && contact.friction > 0.0; });
+  if (is_set(span->all.stop) || !any_slips || ++jams_ > kMostJams) return false;
+  ++events_;
+  span->left.failures = 0;
+  span->progress.is_inconsistent = false;
+  equations_.restore();
+  equations_.place(numbers_.data());
+  return settle(span, {}, false, true);
+}
+
+bool ContactEvents::finish_event(Span* span, const Watched& watched, std::size_t which) {
+  if (++events_ > kMostEvents) return false;
+  const std::vector<ContactEquations::Contact> before = equations_.contacts;
+  const std::size_t watches = watched_.before.size();
+  const std::uint32_t impacts = impacts_;
+  if (!settle(span, watched, false)) return false;
+  bool is_changed = impacts != impacts_ || watched.kind == Watched::Kind::kSlip;
+  for (std::size_t c = 0; c < before.size(); ++c)
+    is_changed = is_changed || before[c].acts != equations_.contacts[c].acts ||
+                 before[c].feature.id != equations_.contacts[c].feature.id;
+  if (is_changed) {
+    watched_.is_muted.clear();
+    return true;
+  }
+  watched_.is_muted.resize(watches, 0);
+  watched_.is_muted[which] = 1;
+  return ++unchanged_ <= kMostUnchanged;
+}
+
+}  // namespace constraint_sim::engine

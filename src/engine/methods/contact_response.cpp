@@ -1,0 +1,141 @@
+// What events ask of ContactEquations: accelerations, energies, and what impulses of contacts do
+// while the rigid joints hold.
+
+#include <algorithm>
+
+#include "engine/constraints/contact.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/methods/contact_equations.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Index;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+}  // namespace
+
+double ContactEquations::kinetic_energy() const {
+  double energy = 0.0;
+  for (std::size_t i = 0; i < movable; ++i) {
+    const BodyState& state = states_[i];
+    energy += 0.5 * state.linear_velocity.squaredNorm() / bodies[i].mass.inverse_mass +
+              0.5 * state.angular_velocity.dot(apply_inertia(
+                        bodies[i].mass.inertia, state.orientation, state.angular_velocity));
+  }
+  return energy;
+}
+
+double ContactEquations::potential_energy() const {
+  double energy = 0.0;
+  for (std::size_t i = 0; i < movable; ++i)
+    energy -= states_[i].position.dot(gravity / bodies[i].mass.inverse_mass + bodies[i].force);
+  return energy;
+}
+
+double ContactEquations::largest_force() const {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < movable; ++i)
+    largest =
+        std::max(largest, gravity.norm() / bodies[i].mass.inverse_mass + bodies[i].force.norm());
+  for (const Vector3d& force : stages_[0].contact) largest = std::max(largest, force.norm());
+  return largest;
+}
+
+void ContactEquations::find_accelerations(const double* dydt, Accelerations* rates) const {
+  rates->linear.assign(bodies.size(), Vector3d::Zero());
+  rates->angular.assign(bodies.size(), Vector3d::Zero());
+  for (std::size_t i = 0; i < movable; ++i) {
+    const double* const body = dydt + kNumbers * i;
+    rates->linear[i] = ConstVector(body + kV);
+    const Vector3d& w = states_[i].angular_velocity;
+    const Vector3d L = apply_inertia(bodies[i].mass.inertia, states_[i].orientation, w);
+    rates->angular[i] = inverse_inertia_[i] * (ConstVector(body + kL) - Vector3d(w.cross(L)));
+  }
+}
+
+Vector3d ContactEquations::slip_acceleration(const ContactMotion& motion, const Contact& contact,
+                                             const Accelerations& rates) {
+  return rates.linear[contact.a] + rates.angular[contact.a].cross(motion.r_a) -
+         rates.linear[contact.b] - rates.angular[contact.b].cross(motion.r_b) + motion.w_bias;
+}
+
+ContactEquations::Responses ContactEquations::responses(const std::vector<std::size_t>& of) {
+  Responses result;
+  result.contacts = of;
+  const Index n = 3 * index(of.size());
+  result.velocity.setZero(6 * index(movable), n);
+  rows_.clear();
+  add_joint_rows();
+  const Index held = index(rows_.size());
+  if (held > 0) factor_rows(true);
+  result.joints.setZero(held, n);
+  result.A.resize(n, n);
+  std::vector<Row> directions;
+  for (const std::size_t c : of) {
+    const ContactMotion now = motion(contacts[c]);
+    Matrix3d frame;
+    frame.col(0) = now.n;
+    frame.col(1) = tangent_to(now.n);
+    frame.col(2) = now.n.cross(Vector3d(frame.col(1)));
+    result.frames.push_back(frame);
+    for (int k = 0; k < 3; ++k) {
+      Row& row = directions.emplace_back();
+      row.a = contacts[c].a;
+      row.b = contacts[c].b;
+      row.J = row.F = now.along(frame.col(k));
+    }
+  }
+  VectorXd right(held), lambda;
+  for (Index j = 0; j < n; ++j) {
+    std::vector<Vector3d> linear(movable, Vector3d::Zero()), angular = linear;
+    const Row& row = directions[static_cast<std::size_t>(j)];
+    push(row, row.F, 1.0, &linear, &angular);
+    if (held > 0) {
+      for (Index i = 0; i < held; ++i) {
+        Row& joint = rows_[static_cast<std::size_t>(i)];
+        right[i] = -along(joint, joint.J, linear, angular);
+      }
+      solve_rows(right, &lambda);
+      for (Index i = 0; i < held; ++i) {
+        const Row& joint = rows_[static_cast<std::size_t>(i)];
+        push(joint, joint.F, lambda[i], &linear, &angular);
+      }
+      result.joints.col(j) = lambda;
+    }
+    for (std::size_t i = 0; i < movable; ++i) {
+      result.velocity.block<3, 1>(6 * index(i), j) = linear[i];
+      result.velocity.block<3, 1>(6 * index(i) + 3, j) = angular[i];
+    }
+    for (Index i = 0; i < n; ++i) {
+      const Row& other = directions[static_cast<std::size_t>(i)];
+      result.A(i, j) = along(other, other.J, linear, angular);
+    }
+  }
+  result.A = (0.5 * (result.A + result.A.transpose())).eval();
+  return result;
+}
+
+void ContactEquations::apply(const Responses& responses, const VectorXd& p, double* y) {
+  const VectorXd change = responses.velocity * p;
+  for (std::size_t i = 0; i < movable; ++i) {
+    double* const body = y + kNumbers * i;
+    Vector(body + kV) += change.segment<3>(6 * index(i));
+    if (bodies[i].mass.can_turn())
+      Vector(body + kL) += apply_inertia(bodies[i].mass.inertia, states_[i].orientation,
+                                         change.segment<3>(6 * index(i) + 3));
+  }
+  const VectorXd held = responses.joints * p;
+  Index i = 0;
+  for (RigidJoint& joint : joints) {
+    const int count = info(joint.joint.kind).rows;
+    for (int k = 0; k < count; ++k) joint.impulse[k] += held[i++];
+  }
+  for (std::size_t c = 0; c < responses.contacts.size(); ++c)
+    contacts[responses.contacts[c]].impulse += responses.frames[c] * p.segment<3>(3 * index(c));
+  place(y);
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <QComboBox>
+#include <QLineEdit>
+#include <QWidget>
+
+#include "panel/client.h"
+
+namespace constraint_sim::panel {
+
+/// Scenes to load, and a file to save to.
+class SceneControls : public QWidget {
+ public:
+  SceneControls(Client& client, QWidget* parent);
+
+  /// Asks the node for its list of scenes.
+  void refresh();
+  QString scene() const { return scenes_->currentText(); }
+  QString file() const { return file_->text(); }
+  void set(const QString& scene, const QString& file);
+
+ private:
+  void load();
+  void save();
+
+  Client& client_;
+  QComboBox* scenes_;
+  QLineEdit* file_;
+};
+
+}  // namespace constraint_sim::panel

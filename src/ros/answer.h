@@ -1,0 +1,21 @@
+#pragma once
+
+#include <exception>
+
+namespace constraint_sim {
+
+/// Runs `work` and fills in what every answer has. Errors, bad input foremost, are answered and not
+/// thrown, so that roscpp passes the response on.
+template <class Response, class Work>
+bool answer(Response& response, Work work) {
+  try {
+    work();
+    response.success = true;
+  } catch (const std::exception& error) {
+    response = Response{};
+    response.status_message = error.what();
+  }
+  return true;
+}
+
+}  // namespace constraint_sim

@@ -1,0 +1,164 @@
+#include "ros/diagnostics.h"
+
+#include <diagnostic_msgs/DiagnosticArray.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <limits>
+#include <vector>
+
+#include "constraint_sim/engine/plan.h"
+
+namespace constraint_sim {
+namespace {
+
+using diagnostic_msgs::DiagnosticStatus;
+
+constexpr double kPeriod = 1.0;  // [s]
+constexpr std::size_t kMostNames = 20;
+
+double steady_now() { return ros::SteadyTime::now().toSec(); }
+
+std::string shown(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.6g", value);
+  return text;
+}
+
+void add(DiagnosticStatus* status, const char* key, const std::string& value) {
+  diagnostic_msgs::KeyValue pair;
+  pair.key = key;
+  pair.value = value;
+  status->values.push_back(std::move(pair));
+}
+
+void warn(DiagnosticStatus* status, const std::string& why) {
+  if (status->level == DiagnosticStatus::OK) status->message.clear();
+  status->level = std::max<std::int8_t>(status->level, DiagnosticStatus::WARN);
+  status->message += (status->message.empty() ? "" : "; ") + why;
+}
+
+}  // namespace
+
+Diagnostics::Diagnostics(const Parameters& parameters, ros::NodeHandle& handle,
+                         const std::string& node)
+    : parameters_(parameters),
+      node_(node),
+      topic_(handle.advertise<diagnostic_msgs::DiagnosticArray>("/diagnostics", 10)) {}
+
+void Diagnostics::stepped(const World& world, double seconds) {
+  if (listening_) ticks_.add(world, seconds);
+}
+
+double Diagnostics::passed(const World& world, const Stepper& stepper,
+                           const FrameFollower& follower) {
+  const double now = steady_now();
+  const bool listens = topic_.getNumSubscribers() > 0;
+  if (listens != listening_) {
+    listening_ = listens;
+    start_interval(world, stepper, now);
+  }
+  // a pause within the interval would look like a clock that is not kept up with
+  if (stepper.is_paused() != was_paused_) start_interval(world, stepper, now);
+  if (!listening_) return kPeriod;
+  const double passed = now - started_;
+  if (passed < kPeriod) return kPeriod - passed;
+  diagnostic_msgs::DiagnosticArray message;
+  message.header.stamp = ros::Time::now();
+  message.status = {clock(world, stepper, passed), constraints(world), physics(world, stepper)};
+  if (follower.follows_any()) message.status.push_back(frames(follower));
+  topic_.publish(message);
+  start_interval(world, stepper, now);
+  return kPeriod;
+}
+
+void Diagnostics::start_interval(const World& world, const Stepper& stepper, double now) {
+  ticks_.clear();
+  started_ = now;
+  started_time_ = world.time();
+  dropped_before_ = stepper.dropped_ticks();
+  was_paused_ = stepper.is_paused();
+}
+
+Diagnostics::Status Diagnostics::begin(const char* what) const {
+  Status status;
+  status.name = node_ + ": " + what;
+  status.hardware_id = node_;
+  status.level = Status::OK;
+  return status;
+}
+
+Diagnostics::Status Diagnostics::clock(const World& world, const Stepper& stepper,
+                                       double passed) const {
+  Status status = begin("clock");
+  const double asked = stepper.real_time_factor();
+  const double factor = std::max(world.time() - started_time_, 0.0) / passed;
+  const std::uint64_t dropped = stepper.dropped_ticks() - dropped_before_;
+  const bool stands = stepper.is_paused() || stepper.has_failed();
+  status.message = stands ? "stands" : asked > 0.0 ? "keeps up" : "as fast as it can";
+  // a clock that is followed may itself be slow or stand
+  const bool has_pace = asked > 0.0 && !parameters_.follows_clock();
+  if (!stands && has_pace && factor < parameters_.diagnostics_real_time_factor * asked)
+    warn(&status, "real-time factor " + shown(factor) + ", " + shown(asked) + " is asked for");
+  if (dropped > 0) warn(&status, std::to_string(dropped) + " ticks dropped");
+  add(&status, "real_time_factor", shown(factor));
+  add(&status, "real_time_factor asked for", shown(asked));
+  add(&status, "dropped ticks", std::to_string(dropped));
+  add(&status, "dropped ticks since the start", std::to_string(stepper.dropped_ticks()));
+  add(&status, "ticks", std::to_string(ticks_.ticks));
+  add(&status, "run time of a tick, mean [s]", shown(ticks_.wall_sum / std::max(ticks_.ticks, 1u)));
+  add(&status, "run time of a tick, largest [s]", shown(ticks_.wall_max));
+  add(&status, "paused", stepper.is_paused() ? "true" : "false");
+  return status;
+}
+
+Diagnostics::Status Diagnostics::constraints(const World& world) const {
+  Status status = begin("constraints");
+  status.message = "hold";
+  std::size_t broken = 0;
+  for (const engine::JointId id : world.joint_ids()) broken += world.joint_state(id).broken;
+  std::string inconsistent;
+  const std::vector<engine::JointId> unclosed = world.unclosed_joints();
+  for (std::size_t i = 0; i < std::min(unclosed.size(), kMostNames); ++i)
+    inconsistent += (i == 0 ? "" : ", ") + world.joint(unclosed[i]).name;
+  if (ticks_.max_constraint_error > parameters_.diagnostics_constraint_error)
+    warn(&status, ticks_.worst_constraint + " is off by " + shown(ticks_.max_constraint_error));
+  if (!unclosed.empty())
+    warn(&status, std::to_string(unclosed.size()) + " inconsistent or not being closed");
+  add(&status, "largest error [m]", shown(ticks_.max_constraint_error));
+  add(&status, "worst constraint", ticks_.worst_constraint);
+  add(&status, "inconsistent", inconsistent);
+  add(&status, "broken", std::to_string(broken));
+  add(&status, "constraints", std::to_string(world.joint_ids().size()));
+  return status;
+}
+
+Diagnostics::Status Diagnostics::physics(const World& world, const Stepper& stepper) const {
+  Status status = begin("physics");
+  status.message = "goes on";
+  if (!stepper.has_failed())
+    for (const engine::StepWarning& warning : engine::step_warnings(world))
+      if (warning.kind != engine::StepWarning::Kind::kUnclosed)  // of constraints()
+        warn(&status, engine::to_string(warning));
+  if (stepper.has_failed()) {
+    status.level = Status::ERROR;
+    status.message = "failed: " + stepper.failure();
+  }
+  add(&status, "failed", stepper.has_failed() ? "true" : "false");
+  add(&status, "step", std::to_string(world.step_count()));
+  add(&status, "simulated time [s]", shown(world.time()));
+  add(&status, "local error in this second [m]", shown(ticks_.local_error));
+  return status;
+}
+
+Diagnostics::Status Diagnostics::frames(const FrameFollower& follower) const {
+  Status status = begin("frames");
+  status.message = "followed";
+  std::string stale;
+  for (const std::string& body : follower.stale()) stale += (stale.empty() ? "" : ", ") + body;
+  if (!stale.empty()) warn(&status, "no transform to follow: " + stale);
+  add(&status, "bodies that stand", stale);
+  return status;
+}
+
+}  // namespace constraint_sim

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <diagnostic_msgs/DiagnosticStatus.h>
+#include <ros/node_handle.h>
+#include <ros/publisher.h>
+
+#include <string>
+
+#include "ros/frame_follower.h"
+#include "ros/parameters.h"
+#include "sim/statistics.h"
+#include "sim/stepper.h"
+
+namespace constraint_sim {
+
+/// Three statuses on /diagnostics once a second: whether the simulator keeps up with its clock,
+/// whether its constraints hold, and whether its physics can go on; a fourth where bodies follow
+/// frames, whether these come. On the stepping thread, and
+/// nothing while nobody listens.
+class Diagnostics {
+ public:
+  Diagnostics(const Parameters& parameters, ros::NodeHandle& handle, const std::string& node);
+
+  void stepped(const World& world, double seconds);
+  /// Answers after how many seconds it has something to do again.
+  double passed(const World& world, const Stepper& stepper, const FrameFollower& follower);
+
+ private:
+  using Status = diagnostic_msgs::DiagnosticStatus;
+
+  Status begin(const char* what) const;
+  Status clock(const World& world, const Stepper& stepper, double passed) const;
+  Status constraints(const World& world) const;
+  Status physics(const World& world, const Stepper& stepper) const;
+  Status frames(const FrameFollower& follower) const;
+  void start_interval(const World& world, const Stepper& stepper, double now);
+
+  Parameters parameters_;
+  std::string node_;
+  ros::Publisher topic_;
+  bool listening_ = false;
+  TickStatistics ticks_;
+  double started_ = 0.0;       // of the steady clock [s]
+  double started_time_ = 0.0;  // simulated [s]
+  std::uint64_t dropped_before_ = 0;
+  bool was_paused_ = false;
+};
+
+}  // namespace constraint_sim

@@ -1,0 +1,271 @@
+#include "ros/edits.h"
+
+#include <ros/serialization.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cstring>
+#include <map>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/scene.h"
+#include "ros/conversions.h"
+#include "ros/laws.h"
+#include "ros/parameters.h"
+#include "sim/words.h"
+
+namespace constraint_sim {
+namespace {
+
+// Adds a joint; what its answer says of an error that it has.
+engine::JointId add_joint(World& world, const engine::Joint& joint, double* initial_error,
+                          std::string* status_message) {
+  const engine::JointId id = world.add_joint(joint);
+  *initial_error = finite(world.joint_state(id).initial_error);
+  *status_message = engine::text_of_opening(world, id);
+  return id;
+}
+
+// Bias, limit and timeout of a motor, of the first coordinate where there are several; amplitude,
+// frequency and phase stay what they are. One that goes to a position, or with a force, no longer
+// does.
+template <class Bias>
+void set_bias(World& world, const Bias& bias) {
+  const engine::JointId id = find_joint(world, "constraint", bias.constraint);
+  const engine::Joint& joint = world.joint(id);
+  engine::Motor motor = joint.motor;
+  if (joint.coordinates[0].motor) motor = *joint.coordinates[0].motor;
+  motor.bias = bias.bias;
+  motor.max_force = bias.max_force;
+  motor.timeout = bias.timeout;
+  world.set_motor(id, motor);
+}
+
+void set_state(World& world, const BodyState& message, const std::string& reference_frame) {
+  const engine::BodyId body = find_own_body(world, "name", message.name);
+  const engine::BodyId frame = find_body(world, "reference_frame", reference_frame);
+  const engine::BodyState state = from_msg(message.pose, message.twist);
+  engine::validate(state);
+  world.set_state(body, from_relative(world.state(frame), state));
+}
+
+// Does `act` with each element; what it throws says which one it was.
+template <class Element, class Act>
+void for_each(const char* field, const std::vector<Element>& list, Act act) {
+  for (std::size_t i = 0; i < list.size(); ++i) {
+    try {
+      act(list[i]);
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument(std::string(field) + "[" + std::to_string(i) +
+                                  "]: " + error.what());
+    }
+  }
+}
+
+// Sets a setting of a body by its key; false where there is none of that name.
+bool set_property(const std::string& key, double value, engine::Body* body) {
+  const std::map<std::string, double*> numbers{{"mass", &body->mass},
+                                               {"inertia_x", &body->inertia.x()},
+                                               {"inertia_y", &body->inertia.y()},
+                                               {"inertia_z", &body->inertia.z()},
+                                               {"friction", &body->friction},
+                                               {"restitution", &body->restitution}};
+  const auto found = numbers.find(key);
+  if (found != numbers.end()) {
+    *found->second = value;
+    return true;
+  }
+  if (key != "no_collision") return false;
+  if (value != 0.0 && value != 1.0) throw std::invalid_argument("no_collision: must be 0 or 1");
+  body->no_collision = value == 1.0;
+  return true;
+}
+
+template <class Request>
+void check_pairs(const Request& request) {
+  if (request.keys.size() != request.values.size())
+    throw std::invalid_argument("values: must be as many as keys, got " +
+                                std::to_string(request.values.size()) + " for " +
+                                std::to_string(request.keys.size()));
+  for (std::size_t i = 0; i < request.keys.size(); ++i)
+    if (std::count(request.keys.begin(), request.keys.end(), request.keys[i]) > 1)
+      throw std::invalid_argument("keys: '" + shortened(request.keys[i]) + "' is there twice");
+}
+
+// A line of YAML that can mean nothing but this one option.
+std::string line_of(const std::string& key, const std::string& value) {
+  const bool is_plain = !value.empty() && std::all_of(value.begin(), value.end(), [](char c) {
+    return std::isalnum(static_cast<unsigned char>(c)) || std::strchr(" .,+-_[]", c) != nullptr;
+  });
+  if (!is_plain)
+    throw std::invalid_argument(key + ": must be a number, a word or a list, got '" +
+                                shortened(value) + "'");
+  return key + ": " + value + "\n";
+}
+
+double number(const std::string& key, const std::string& value) {
+  std::size_t end = 0;
+  double number = 0.0;
+  try {
+    number = std::stod(value, &end);
+  } catch (const std::exception&) {
+    end = 0;
+  }
+  if (end == 0 || end != value.size())
+    throw std::invalid_argument(key + ": must be a number, got '" + shortened(value) + "'");
+  return number;
+}
+
+}  // namespace
+
+void change(World& world, const AddBodyRequest& request, AddBodyResponse*) {
+  world.add_body(from_msg(request.body));
+}
+
+void change(World& world, const RemoveBodyRequest& request, RemoveBodyResponse* response) {
+  response->removed_constraints = world.remove_body(find_own_body(world, "name", request.name));
+}
+
+void change(World& world, const AddDistanceConstraintRequest& request,
+            AddDistanceConstraintResponse* response) {
+  add_joint(world, from_msg(request, world), &response->initial_error, &response->status_message);
+}
+
+void change(World& world, const AddConstraintRequest& request, AddConstraintResponse* response) {
+  add_joint(world, from_msg(request.constraint, world), &response->initial_error,
+            &response->status_message);
+}
+
+void change(World& world, const RemoveConstraintRequest& request, RemoveConstraintResponse*) {
+  world.remove_joint(find_joint(world, "name", request.name));
+}
+
+void change(World& world, const SetMotorBiasRequest& request, SetMotorBiasResponse*) {
+  set_bias(world, request);
+}
+
+void change(World& world, const SetConstraintPropertiesRequest& request,
+            SetConstraintPropertiesResponse* response) {
+  const engine::JointId id = find_joint(world, "name", request.name);
+  engine::Joint joint = world.joint(id);
+  change_properties(request.keys, request.values, &joint);
+  world.set_joint(id, joint);
+  response->status_message = engine::text_of_opening(world, id);
+}
+
+void change(World& world, const ApplyBodyWrenchRequest& request, ApplyBodyWrenchResponse*) {
+  world.add_wrench(from_msg(request, world));
+}
+
+void change(World& world, const ClearBodyWrenchesRequest& request, ClearBodyWrenchesResponse*) {
+  world.clear_wrenches(find_own_body(world, "body_name", request.body_name));
+}
+
+void change(World& world, const SetBodyStateRequest& request, SetBodyStateResponse*) {
+  set_state(world, request.state, request.reference_frame);
+}
+
+// in a copy, which then takes the place of the world
+void change(World& world, const ApplyEditsRequest& request, ApplyEditsResponse* response) {
+  World changed = world;
+  for_each("remove_constraints", request.remove_constraints, [&](const std::string& name) {
+    changed.remove_joint(find_joint(changed, "name", name));
+  });
+  for_each("remove_bodies", request.remove_bodies, [&](const std::string& name) {
+    for (std::string& removed : changed.remove_body(find_own_body(changed, "name", name)))
+      response->removed_constraints.push_back(std::move(removed));
+  });
+  for_each("bodies", request.bodies, [&](const Body& body) { changed.add_body(from_msg(body)); });
+  for_each("constraints", request.constraints, [&](const Constraint& constraint) {
+    std::string opening;
+    add_joint(changed, from_msg(constraint, changed), &response->initial_errors.emplace_back(0.0),
+              &opening);
+    if (response->status_message.empty() && !opening.empty())
+      response->status_message = constraint.name + ": " + opening;
+  });
+  for_each("states", request.states,
+           [&](const BodyState& state) { set_state(changed, state, ""); });
+  for_each("motors", request.motors, [&](const MotorBias& bias) { set_bias(changed, bias); });
+  world = std::move(changed);
+}
+
+void change(World& world, const SetBodyPropertiesRequest& request, SetBodyPropertiesResponse*) {
+  const engine::BodyId id = find_own_body(world, "name", request.name);
+  check_pairs(request);
+  engine::Body body = world.body(id);
+  for (std::size_t i = 0; i < request.keys.size(); ++i)
+    if (!set_property(request.keys[i], request.values[i], &body))
+      throw std::invalid_argument(
+          "keys: there is no '" + shortened(request.keys[i]) +
+          "' of a body; there are mass, inertia_x, inertia_y, inertia_z, friction, restitution, "
+          "no_collision");
+  world.set_body(id, body);
+}
+
+Pacing pacing(const SetOptionsRequest& request) {
+  Pacing pacing;
+  for (std::size_t i = 0; i < request.keys.size(); ++i) {
+    if (request.keys[i] == "real_time_factor")
+      pacing.real_time_factor = number(request.keys[i], request.values[i]);
+    if (request.keys[i] == "publish_rate")
+      pacing.publish_rate = number(request.keys[i], request.values[i]);
+  }
+  return pacing;
+}
+
+void change(World& world, const SetOptionsRequest& request, SetOptionsResponse*) {
+  check_pairs(request);
+  const Pacing beside = pacing(request);
+  if (beside.real_time_factor) check_real_time_factor(*beside.real_time_factor);
+  if (beside.publish_rate) check_publish_rate(*beside.publish_rate);
+  std::vector<std::string> known{"real_time_factor", "publish_rate"};
+  engine::WorldOptions options = world.options();
+  engine::visit_options(
+      options, [&](const engine::OptionInfo& info, auto&, auto) { known.emplace_back(info.name); });
+  std::string text;
+  for (std::size_t i = 0; i < request.keys.size(); ++i) {
+    const std::string& key = request.keys[i];
+    if (std::find(known.begin(), known.end(), key) == known.end())
+      throw std::invalid_argument("keys: there is no option '" + shortened(key) + "'" +
+                                  did_you_mean(key, known));
+    if (key != "real_time_factor" && key != "publish_rate") text += line_of(key, request.values[i]);
+  }
+  if (!text.empty()) world.set_options(engine::change_options(text, options));
+}
+
+void reset_world(World& world) { world.reset(); }
+
+void reset_simulation(World& world) {
+  world.reset();
+  world.set_time(0.0, 0);
+}
+
+void apply_recorded(World& world, const std::string& service,
+                    const std::vector<std::uint8_t>& request) {
+  if (service == "reset_world") return reset_world(world);
+  if (service == "reset_simulation") return reset_simulation(world);
+  bool is_known = false;
+  visit_edits([&](const char* name, auto* type) {
+    if (service != name) return;
+    is_known = true;
+    using Service = std::remove_pointer_t<decltype(type)>;
+    typename Service::Request read;
+    typename Service::Response response;
+    std::vector<std::uint8_t> bytes = request;
+    ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+    try {
+      ros::serialization::deserialize(stream, read);
+    } catch (const ros::serialization::StreamOverrunException&) {
+      throw std::invalid_argument("the request of " + service + " is cut off");
+    }
+    change(world, read, &response);
+  });
+  if (!is_known) throw std::invalid_argument("there is no edit '" + shortened(service) + "'");
+}
+
+}  // namespace constraint_sim

@@ -1,0 +1,148 @@
+#include "ros/frame_follower.h"
+
+#include <ros/console.h>
+#include <ros/time.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "ros/conversions.h"
+
+namespace constraint_sim {
+namespace {
+
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+constexpr double kStale = 0.5;    // [s] without a transform that is new enough
+constexpr double kJitter = 0.02;  // [s] that ticks may begin early or late
+constexpr double kSlew = 0.5;     // of a tick, by which time is made up for in each
+constexpr double kLost = 0.5;     // [s] after which it is not made up for, as after a pause
+
+// The rotation that takes one orientation to the other, as a vector of its angle [rad].
+Vector3d rotation_to(const Quaterniond& from, const Quaterniond& to) {
+  Quaterniond turn = to * from.conjugate();
+  if (turn.w() < 0.0) turn.coeffs() = -turn.coeffs();
+  const double sine = turn.vec().norm();
+  if (sine < 1e-12) return 2.0 * turn.vec();
+  return 2.0 * std::atan2(sine, turn.w()) / sine * turn.vec();
+}
+
+double steady_now() { return ros::SteadyTime::now().toSec(); }
+
+}  // namespace
+
+FrameFollower::FrameFollower(const Parameters& parameters, const ros::NodeHandle& handle)
+    : parameters_(parameters), buffer_(ros::Duration(10.0)) {
+  for (const auto& [body, frame] : followed_in(parameters.follow)) {
+    Followed& followed = followed_.emplace_back();
+    followed.body = body;
+    followed.frame = frame;
+  }
+  if (!followed_.empty())
+    listener_ = std::make_unique<tf2_ros::TransformListener>(buffer_, handle, true);
+}
+
+std::vector<std::string> FrameFollower::stale() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return stale_;
+}
+
+void FrameFollower::before_step(engine::World* world, double real_time_factor) {
+  if (followed_.empty()) return;
+  const double stamp = stamp_after_tick(*world, real_time_factor) - parameters_.follow_delay;
+  for (Followed& followed : followed_) {
+    try {
+      follow(world, stamp, &followed);
+      followed.is_refused = false;
+    } catch (const std::invalid_argument& error) {
+      followed.is_following = false;
+      if (!std::exchange(followed.is_refused, true))
+        ROS_WARN("follow: '%s' cannot follow '%s': %s", followed.body.c_str(),
+                 followed.frame.c_str(), error.what());
+    }
+  }
+}
+
+// The stamp of the transforms that go with the end of the tick [s]: by the wall evenly, though
+// ticks begin when the machine gets to them.
+double FrameFollower::stamp_after_tick(const engine::World& world, double real_time_factor) {
+  const double end = world.time() + world.options().time_step;
+  if (parameters_.stamps_simulated_time()) return end;
+  const double now = ros::WallTime::now().toSec();
+  if (!(real_time_factor > 0.0)) return now;
+  const double late = now - (anchor_ + end / real_time_factor);
+  if (std::abs(late) > kLost) {
+    anchor_ += late;
+    for (Followed& followed : followed_) followed.is_following = false;
+  } else if (std::abs(late) > kJitter) {
+    const double most = kSlew * world.options().time_step / real_time_factor;
+    anchor_ += std::clamp(late, -most, most);
+  }
+  return anchor_ + end / real_time_factor;
+}
+
+bool FrameFollower::is_known(const Followed& followed, double stamp) const {
+  return stamp > 0.0 &&
+         buffer_.canTransform(parameters_.world_frame, followed.frame, ros::Time(stamp));
+}
+
+void FrameFollower::follow(engine::World* world, double stamp, Followed* followed) {
+  const engine::BodyId id = find_own_body(*world, "body", followed->body);
+  if (world->body(id).type != engine::BodyType::kKinematic)
+    throw std::invalid_argument("the body is not kinematic");
+  const bool known = is_known(*followed, stamp);
+  notice(known, stamp, followed);
+  engine::BodyState state = world->state(id);
+  const engine::BodyState before = state;
+  Vector3d position = state.position;
+  Quaterniond orientation = state.orientation;
+  if (known || followed->is_following) {  // to the last one there is, where it stops
+    const geometry_msgs::Transform found =
+        buffer_
+            .lookupTransform(parameters_.world_frame, followed->frame,
+                             known ? ros::Time(stamp) : ros::Time(0))
+            .transform;
+    position = from_msg(found.translation);
+    orientation = from_msg(found.rotation).normalized();
+  }
+  const bool is_placed = known && !followed->is_following;
+  if (is_placed) {  // as by set_body_state
+    state.position = position;
+    state.orientation = orientation;
+  }
+  const double h = world->options().time_step;
+  state.linear_velocity = (position - state.position) / h;
+  state.angular_velocity = rotation_to(state.orientation, orientation) / h;
+  if (is_placed || state.linear_velocity != before.linear_velocity ||
+      state.angular_velocity != before.angular_velocity)
+    world->set_state(id, state);
+  followed->is_following = known || followed->is_following;
+}
+
+void FrameFollower::notice(bool is_known, double stamp, Followed* followed) {
+  if (is_known || followed->last_heard < 0.0) followed->last_heard = stamp;
+  const bool is_stale = stamp > followed->last_heard + kStale;
+  if (is_stale) followed->is_following = false;  // placed where the frame is when it comes again
+  switch (followed->without_frame.update(is_stale, steady_now())) {
+    case Condition::Change::kBegan:
+      ROS_WARN("follow: no transform of '%s' to '%s' for %g s: '%s' stands until one comes",
+               followed->frame.c_str(), parameters_.world_frame.c_str(), kStale,
+               followed->body.c_str());
+      break;
+    case Condition::Change::kEnded:
+      ROS_INFO("follow: '%s' follows '%s' again", followed->body.c_str(), followed->frame.c_str());
+      break;
+    case Condition::Change::kNone:
+      break;
+  }
+  if (std::exchange(followed->is_stale, is_stale) == is_stale) return;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  stale_.clear();
+  for (const Followed& each : followed_)
+    if (each.is_stale) stale_.push_back(each.body);
+}
+
+}  // namespace constraint_sim

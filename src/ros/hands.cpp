@@ -1,0 +1,276 @@
+#include "ros/hands.h"
+
+#include <ros/console.h>
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "ros/conversions.h"
+#include "ros/marker_style.h"
+#include "sim/grip.h"
+#include "sim/hand_edits.h"
+
+namespace constraint_sim {
+namespace {
+
+using interactive_markers::InteractiveMarkerServer;
+using visualization_msgs::InteractiveMarker;
+using visualization_msgs::InteractiveMarkerControl;
+using visualization_msgs::InteractiveMarkerFeedback;
+using visualization_msgs::Marker;
+
+constexpr double kShowPeriod = 0.1;   // [s] between poses of markers
+constexpr double kDragPeriod = 0.05;  // [s] between approaches of the target
+constexpr double kIdle = 1.0;         // [s]
+constexpr double kPush = 1.0;         // [m/s]
+constexpr float kVeil = 0.02F;        // opacity of what is clicked at, over the body itself
+constexpr double kLargerThanBody = 1.02;
+
+double steady_now() { return ros::SteadyTime::now().toSec(); }
+
+}  // namespace
+
+Hands::Hands(const Parameters& parameters, const ros::NodeHandle& private_handle)
+    : parameters_(parameters), private_handle_(private_handle) {
+  if (!parameters_.hands) return;
+  update_topic_ =
+      private_handle_.advertise<visualization_msgs::InteractiveMarkerUpdate>("hands/update", 100);
+  build_menu();
+}
+
+void Hands::start(Stepper* stepper) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  stepper_ = stepper;
+}
+
+void Hands::stop() {
+  const std::lock_guard<std::mutex> lock(server_mutex_);
+  stopped_ = true;
+  server_.reset();  // joins its thread, whose edits are cancelled
+}
+
+bool Hands::anybody_looks() const {
+  return parameters_.hands && update_topic_.getNumSubscribers() > 0;
+}
+
+std::string Hands::followed() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return followed_;
+}
+
+// ---- the menu
+
+void Hands::build_menu() {
+  add_entry("Fix here", [](World& world, const std::string& body) { fix(&world, body); });
+  add_entry("Release", [](World& world, const std::string& body) { release(&world, body); });
+  add_entry("Remove", [](World& world, const std::string& body) {
+    world.remove_body(find_own_body(world, "body", body));
+  });
+  for (int axis = 0; axis < 3; ++axis)
+    for (const double sign : {1.0, -1.0}) {
+      const std::string title = std::string("Push along ") + (sign > 0.0 ? '+' : '-') + "xyz"[axis];
+      add_entry(title.c_str(), [axis, sign](World& world, const std::string& body) {
+        push(&world, body, kPush * sign * Eigen::Vector3d::Unit(axis));
+      });
+    }
+  menu_.insert("Join: mark this body", [this](const Feedback& f) { mark_for_joining(f); });
+  menu_.insert("Join to the marked body", [this](const Feedback& f) { join(f); });
+  menu_.insert("Follow", [this](const Feedback& f) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    followed_ = f->marker_name;
+  });
+}
+
+void Hands::add_entry(const char* title,
+                      const std::function<void(World&, const std::string&)>& change) {
+  menu_.insert(title, [this, title = std::string(title), change](const Feedback& feedback) {
+    const std::string body = feedback->marker_name;
+    post(title + " of " + body, [change, body](World& world) { change(world, body); });
+  });
+}
+
+void Hands::mark_for_joining(const Feedback& feedback) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  marked_ = feedback->marker_name;
+  ROS_INFO("'%s' is marked: 'Join to the marked body' of another one puts a rod between",
+           marked_.c_str());
+}
+
+void Hands::join(const Feedback& feedback) {
+  std::string marked;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    marked = marked_;
+  }
+  const std::string body = feedback->marker_name;
+  if (marked.empty()) {
+    ROS_WARN("no body is marked: 'Join: mark this body' of another one first");
+    return;
+  }
+  post("join of " + body,
+       [marked, body](World& world) { constraint_sim::join(&world, marked, body); });
+}
+
+// What cannot be is said in the log: a viewer has no room for an answer.
+void Hands::post(const std::string& what, std::function<void(World&)> change) {
+  Stepper* stepper = nullptr;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    stepper = stepper_;
+  }
+  if (stepper == nullptr) return;
+  try {
+    stepper->post([what, change = std::move(change)](World& world) {
+      try {
+        change(world);
+      } catch (const std::invalid_argument& error) {
+        ROS_WARN("%s: %s", what.c_str(), error.what());
+      }
+    });
+  } catch (const std::runtime_error& error) {  // going down, or in a long tick
+    ROS_WARN("%s: %s", what.c_str(), error.what());
+  }
+}
+
+// ---- drags
+
+void Hands::on_feedback(const Feedback& feedback) {
+  const Eigen::Vector3d target = from_msg(feedback->pose.position);
+  const std::string& body = feedback->marker_name;
+  const std::lock_guard<std::mutex> lock(mutex_);
+  const auto drag = drags_.find(body);
+  switch (feedback->event_type) {
+    case InteractiveMarkerFeedback::MOUSE_DOWN:
+      break;  // a click alone moves nothing
+    case InteractiveMarkerFeedback::POSE_UPDATE:
+      drags_[body] = {target, steady_now()};
+      if (stepper_ != nullptr) stepper_->wake();
+      break;
+    case InteractiveMarkerFeedback::KEEP_ALIVE:
+      if (drag != drags_.end()) drag->second.last_feedback = steady_now();
+      break;
+    case InteractiveMarkerFeedback::MOUSE_UP:
+      if (drag != drags_.end()) drag->second.last_feedback = -kIdle;
+      if (stepper_ != nullptr) stepper_->wake();
+      break;
+    default:
+      break;
+  }
+}
+
+double Hands::passed() {
+  if (!parameters_.hands) return kIdle;
+  const double now = steady_now();
+  std::map<std::string, Eigen::Vector3d> held;
+  std::vector<std::string> released;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    if (drags_.empty()) return kIdle;
+    if (now < last_drag_ + kDragPeriod) return last_drag_ + kDragPeriod - now;
+    last_drag_ = now;
+    for (auto drag = drags_.begin(); drag != drags_.end();) {
+      const bool is_over = now > drag->second.last_feedback + kPatience;
+      if (is_over)
+        released.push_back(drag->first);
+      else
+        held[drag->first] = drag->second.target;
+      drag = is_over ? drags_.erase(drag) : std::next(drag);
+    }
+  }
+  for (const std::string& body : released)
+    post("release of " + body, [body](World& world) { let_go(&world, body); });
+  for (const auto& [body, target] : held)
+    post("drag of " + body, [body = body, target = target](World& world) {
+      // a body that was removed, or came with another scene, is no longer dragged
+      if (world.has_body(body)) drag(&world, body, target);
+    });
+  return kDragPeriod;
+}
+
+void Hands::edited(const World& world) {
+  if (!parameters_.hands) return;
+  std::set<std::string> left;
+  {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    for (const engine::JointId id : world.joint_ids()) {
+      const engine::Joint& joint = world.joint(id);
+      if (!is_grip(joint)) continue;
+      const std::string& body = world.body(joint.body_b).name;
+      if (drags_.count(body) == 0) left.insert(body);
+    }
+  }
+  for (const std::string& body : left)
+    post("release of " + body, [body](World& w) { let_go(&w, body); });
+}
+
+// ---- markers
+
+void Hands::show(const World& world) {
+  const std::lock_guard<std::mutex> lock(server_mutex_);
+  if (stopped_) return;
+  if (!anybody_looks()) {
+    server_.reset();
+    shown_.clear();
+    return;
+  }
+  const double now = steady_now();
+  if (server_ && now < last_shown_ + kShowPeriod) return;
+  last_shown_ = now;
+  if (!server_)
+    server_ = std::make_unique<InteractiveMarkerServer>(private_handle_.resolveName("hands"),
+                                                        ros::this_node::getName(), true);
+  std::map<std::string, std::uint32_t> present;
+  for (const engine::BodyId id : world.body_ids()) {
+    if (world.body(id).type != engine::BodyType::kDynamic) continue;
+    if (present.size() == kMost) {
+      if (!std::exchange(told_of_most_, true))
+        ROS_WARN("only the first %zu dynamic bodies can be dragged in rviz", kMost);
+      break;
+    }
+    present[world.body(id).name] = id.value;
+    show_body(world, id);
+  }
+  for (const auto& [name, id] : shown_)
+    if (present.count(name) == 0) server_->erase(name);
+  shown_ = std::move(present);
+  server_->applyChanges();
+}
+
+void Hands::show_body(const World& world, engine::BodyId id) {
+  const engine::Body& body = world.body(id);
+  const auto known = shown_.find(body.name);
+  if (known != shown_.end() && known->second == id.value) {
+    std_msgs::Header header;
+    header.frame_id = parameters_.world_frame;
+    server_->setPose(body.name, to_pose(world.state(id)), header);
+    return;
+  }
+  Marker veil;
+  veil.color = body_colour(body);
+  veil.color.a = kVeil;
+  set_shape(&veil, body.shape);
+  veil.scale.x *= kLargerThanBody;
+  veil.scale.y *= kLargerThanBody;
+  veil.scale.z *= kLargerThanBody;
+  InteractiveMarkerControl control;
+  control.name = "drag";
+  control.interaction_mode = InteractiveMarkerControl::MOVE_3D;
+  control.always_visible = true;
+  control.markers.push_back(veil);
+  InteractiveMarker marker;
+  marker.header.frame_id = parameters_.world_frame;
+  marker.header.stamp = ros::Time(0);  // where it is said to be, whatever the time
+  marker.name = body.name;
+  marker.description = "";
+  marker.pose = to_pose(world.state(id));
+  marker.scale = static_cast<float>(std::max({veil.scale.x, veil.scale.y, veil.scale.z}));
+  marker.controls.push_back(control);
+  server_->insert(marker, [this](const Feedback& feedback) { on_feedback(feedback); });
+  menu_.apply(*server_, body.name);
+}
+
+}  // namespace constraint_sim

@@ -1,0 +1,57 @@
+#pragma once
+
+#include <geometry_msgs/Point.h>
+#include <geometry_msgs/Quaternion.h>
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <vector>
+
+namespace constraint_sim {
+
+/// Points of a LINE_LIST: each two are a line.
+using Lines = std::vector<geometry_msgs::Point>;
+
+/// Of places in a world, which are finite.
+inline geometry_msgs::Point point_at(const Eigen::Vector3d& v) {
+  geometry_msgs::Point point;
+  point.x = v.x();
+  point.y = v.y();
+  point.z = v.z();
+  return point;
+}
+inline geometry_msgs::Quaternion quaternion_of(const Eigen::Quaterniond& q) {
+  geometry_msgs::Quaternion quaternion;
+  quaternion.x = q.x();
+  quaternion.y = q.y();
+  quaternion.z = q.z();
+  quaternion.w = q.w();
+  return quaternion;
+}
+
+/// Turns z to this direction (unit).
+Eigen::Quaterniond turn_of_z(const Eigen::Vector3d& direction);
+
+void add_line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, Lines* lines);
+/// An arrow of this length [m] along a direction (unit), with a head of that length at most, seen
+/// from all sides.
+void add_arrow(const Eigen::Vector3d& from, const Eigen::Vector3d& along, double length,
+               double head, Lines* lines);
+/// Three quarters of a circle about z, with a head where it ends; clockwise seen against z where
+/// not `positive`.
+void add_turning_arrow(double radius, bool positive, Lines* lines);
+/// A rope of this length from the origin to a point, which hangs through along `down` (unit) where
+/// it is longer than their distance: kRopeParts lines, in place of what was there.
+inline constexpr int kRopeParts = 16;
+void set_rope(const Eigen::Vector3d& to, double length, const Eigen::Vector3d& down, Lines* lines);
+
+// Along z from the origin, so that stretch() makes them longer.
+/// A straight rope: kRopeParts lines.
+void add_straight(double length, Lines* lines);
+/// A spring as a coil of this radius [m] with straight ends.
+void add_coil(double length, double radius, Lines* lines);
+/// A piston in a sleeve of this radius [m], whose bottom is at the end.
+void add_strut(double length, double radius, Lines* lines);
+void stretch(double factor, Lines* lines);
+
+}  // namespace constraint_sim

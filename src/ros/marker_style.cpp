@@ -1,0 +1,185 @@
+#include "ros/marker_style.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <variant>
+
+#include "ros/conversions.h"
+#include "sim/grip.h"
+
+namespace constraint_sim {
+namespace {
+
+using visualization_msgs::Marker;
+
+constexpr double kPointDiameter = 0.06;  // [m] that a point mass is drawn with
+constexpr double kPlaneWidth = 20.0;     // [m] that is drawn of a plane
+constexpr double kForcesPeriod = 0.1;    // [s]
+constexpr double kForgets = 5.0;         // [s] in which the largest force falls to 1/e
+constexpr double kMostSign = 0.3;        // [m]
+constexpr double kMostWidth = 0.05;      // [m]
+constexpr double kSignOfScene = 0.1;     // of the diagonal
+constexpr double kWidthOfScene = 0.01;   // of the diagonal
+
+void set_size(Marker* marker, std::int32_t type, const Eigen::Vector3d& size) {
+  marker->type = type;
+  marker->scale = to_vector(size);
+}
+
+double radius_of(const engine::Shape& shape) {
+  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return sphere->radius;
+  if (const auto* box = std::get_if<engine::Box>(&shape)) return 0.5 * box->size.norm();
+  return 0.0;
+}
+
+}  // namespace
+
+Look look_of(const engine::Joint& joint) {
+  if (engine::couples_joints(joint.kind)) return Look::kCoupling;
+  const engine::DistanceJoint* distance = engine::if_distance(joint);
+  if (distance == nullptr) return engine::is_free_length(joint.kind) ? Look::kRope : Look::kJoint;
+  if (distance->is_soft()) return Look::kSpring;
+  if (distance->min_length > 0.0) return Look::kStrut;
+  return distance->is_limited() ? Look::kRope : Look::kRod;
+}
+
+bool is_slack(const engine::Joint& joint, const engine::JointState& state) {
+  return engine::if_distance(joint) != nullptr && look_of(joint) == Look::kRope &&
+         state.force == 0.0;
+}
+
+double shown_error(Look look, const engine::JointState& state) {
+  return look == Look::kSpring ? 0.0 : std::abs(state.error);
+}
+
+std::optional<double> axial_force(const engine::Joint& joint, const engine::JointState& state) {
+  if (engine::if_distance(joint) == nullptr) return std::nullopt;
+  return state.force;
+}
+
+std::optional<ShownMotor> shown_motor(const engine::Joint& joint, const engine::JointState& state) {
+  ShownMotor shown;
+  if (engine::if_distance(joint) != nullptr) {
+    shown.rate = state.bias;
+    return joint.motor.is_moving() || state.bias != 0.0 ? std::optional(shown) : std::nullopt;
+  }
+  // of planar and universal joints the coordinates have other axes than the one that is drawn
+  if (joint.kind == engine::JointKind::kPlanar || joint.kind == engine::JointKind::kUniversal)
+    return std::nullopt;
+  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const std::optional<engine::CoordinateMotor>& motor = joint.coordinates[at].motor;
+    if (!motor) continue;
+    shown.is_angle = engine::is_angle(joint.kind, i);
+    shown.rate = state.coordinates[at].bias;
+    shown.force = motor->force.value_or(0.0);
+    if (shown.direction() != 0.0) return shown;
+  }
+  return std::nullopt;
+}
+
+void set_shape(Marker* marker, const engine::Shape& shape) {
+  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) {
+    set_size(marker, Marker::SPHERE, Eigen::Vector3d::Constant(2.0 * sphere->radius));
+  } else if (const auto* box = std::get_if<engine::Box>(&shape)) {
+    set_size(marker, Marker::CUBE, box->size);
+  } else if (std::holds_alternative<engine::Plane>(shape)) {
+    // of no thickness to speak of, so that what lies on it is not cut
+    set_size(marker, Marker::CUBE, {kPlaneWidth, kPlaneWidth, 1e-3});
+    marker->color.a *= 0.5F;
+  } else {
+    set_size(marker, Marker::SPHERE, Eigen::Vector3d::Constant(kPointDiameter));
+  }
+}
+
+std_msgs::ColorRGBA colour(double r, double g, double b, double a) {
+  std_msgs::ColorRGBA msg;
+  msg.r = static_cast<float>(r);
+  msg.g = static_cast<float>(g);
+  msg.b = static_cast<float>(b);
+  msg.a = static_cast<float>(a);
+  return msg;
+}
+
+std_msgs::ColorRGBA body_colour(const engine::Body& body) {
+  if (body.color) {
+    const auto& [r, g, b, a] = *body.color;
+    return colour(r, g, b, a);
+  }
+  switch (body.type) {
+    case engine::BodyType::kStatic:
+      return colour(0.36, 0.36, 0.38);
+    case engine::BodyType::kKinematic:
+      return colour(1.0, 0.55, 0.0);
+    default:
+      return colour(0.27, 0.51, 0.71);
+  }
+}
+
+std_msgs::ColorRGBA constraint_colour(double share, double error) {
+  // small ones show as well
+  const double load = std::sqrt(std::sqrt(std::min(std::abs(share), 1.0)));
+  const double red =
+      error > kGreenError
+          ? std::min(std::log(error / kGreenError) / std::log(kRedError / kGreenError), 1.0)
+          : 0.0;
+  Eigen::Vector3d rgb(0.2, 0.8, 0.2);
+  rgb += load *
+         ((share < 0.0 ? Eigen::Vector3d(0.1, 0.85, 1.0) : Eigen::Vector3d(1.0, 0.9, 0.1)) - rgb);
+  rgb += red * (Eigen::Vector3d(0.8, 0.2, 0.2) - rgb);
+  return colour(rgb.x(), rgb.y(), rgb.z());
+}
+
+std_msgs::ColorRGBA motor_colour(bool saturated) {
+  return saturated ? colour(0.75, 0.2, 0.55) : colour(1.0, 0.4, 0.85);
+}
+
+std_msgs::ColorRGBA friction_colour() { return colour(1.0, 0.6, 0.2); }
+
+void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
+  const double passed = std::max((stamp - stamp_).toSec(), 0.0);
+  if (stamp >= stamp_ && passed < kForcesPeriod) return;
+  stamp_ = stamp;
+  const double kept = std::exp(-passed / kForgets);
+  reference_ *= kept;
+  contact_ *= kept;
+  for (const engine::JointId id : world.joint_ids())
+    if (const auto force = axial_force(world.joint(id), world.joint_state(id));
+        force && !is_grip(world.joint(id)))
+      if (std::isfinite(*force)) reference_ = std::max(reference_, std::abs(*force));
+  for (const engine::Contact& contact : world.contacts())
+    if (std::isfinite(contact.normal_force)) contact_ = std::max(contact_, contact.normal_force);
+}
+
+double ForceScale::share(double force) const {
+  if (!(reference_ > 0.0) || std::isnan(force)) return 0.0;
+  return std::clamp(force / reference_, -1.0, 1.0);
+}
+
+Extent extent_of(const engine::World& world) {
+  Extent extent;
+  extent.low.setConstant(std::numeric_limits<double>::infinity());
+  extent.high = -extent.low;
+  const auto include = [&](const Eigen::Vector3d& point, double radius) {
+    extent.low = extent.low.cwiseMin(point - Eigen::Vector3d::Constant(radius));
+    extent.high = extent.high.cwiseMax(point + Eigen::Vector3d::Constant(radius));
+  };
+  for (const engine::BodyId id : world.body_ids()) {
+    const engine::Shape& shape = world.body(id).shape;
+    if (!std::holds_alternative<engine::Plane>(shape))
+      include(world.state(id).position, radius_of(shape));
+  }
+  for (const engine::JointId id : world.joint_ids())
+    if (!engine::couples_joints(world.joint(id).kind) && !is_grip(world.joint(id))) {
+      include(world.anchors(id).p_a, 0.0);
+      include(world.anchors(id).p_b, 0.0);
+    }
+  if (!(extent.low.array() <= extent.high.array()).all()) extent.low = extent.high.setZero();
+  const double diagonal = (extent.high - extent.low).norm();
+  extent.sign = diagonal > 0.0 ? std::min(kMostSign, kSignOfScene * diagonal) : kMostSign;
+  extent.width = diagonal > 0.0 ? std::min(kMostWidth, kWidthOfScene * diagonal) : kMostWidth;
+  return extent;
+}
+
+}  // namespace constraint_sim

@@ -1,0 +1,66 @@
+#include "ros/plugins.h"
+
+#include <ros/console.h>
+
+#include <pluginlib/class_loader.hpp>
+#include <utility>
+
+namespace constraint_sim {
+namespace {
+
+using Loader = pluginlib::ClassLoader<Plugin>;
+
+// never destroyed: that would unload libraries
+Loader& loader() {
+  static auto* const kLoader = new Loader("constraint_sim", "constraint_sim::Plugin");
+  return *kLoader;
+}
+
+class Host : public PluginHost {
+ public:
+  explicit Host(std::string private_namespace) : namespace_(std::move(private_namespace)) {}
+  std::string private_namespace() const override { return namespace_; }
+  void add_constraint_type(const std::string& type,
+                           engine::CustomConstraintFactory factory) override {
+    engine::register_custom_constraint(type, std::move(factory));
+  }
+  void add_force_type(const std::string& type, engine::CustomForceFactory factory) override {
+    engine::register_custom_force(type, std::move(factory));
+  }
+
+ private:
+  std::string namespace_;
+};
+
+}  // namespace
+
+Plugins::Plugins(const Parameters& parameters, const ros::NodeHandle& private_handle) {
+  Host host(private_handle.getNamespace());
+  for (const std::string& name : names_in(parameters.plugins)) {
+    try {
+      plugins_.push_back({name, std::unique_ptr<Plugin>(loader().createUnmanagedInstance(name))});
+      plugins_.back().plugin->start(host);
+    } catch (const std::exception& error) {
+      throw ParameterError("plugins", "parameter ~plugins: '" + name + "': " + error.what());
+    }
+    ROS_INFO("plugin %s", name.c_str());
+  }
+}
+
+void Plugins::stepped(const engine::World& world) {
+  for (Loaded& loaded : plugins_) {
+    if (loaded.has_failed) continue;
+    std::string why = "an exception of no known type";
+    try {
+      loaded.plugin->stepped(world);
+      continue;
+    } catch (const std::exception& error) {
+      why = error.what();
+    } catch (...) {
+    }
+    loaded.has_failed = true;
+    ROS_ERROR("plugin %s threw and is not called again: %s", loaded.name.c_str(), why.c_str());
+  }
+}
+
+}  // namespace constraint_sim

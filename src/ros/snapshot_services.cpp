@@ -1,0 +1,75 @@
+#include "ros/snapshot_services.h"
+
+#include <stdexcept>
+#include <utility>
+
+#include "constraint_sim/engine/snapshot.h"
+#include "ros/answer.h"
+#include "ros/time_conversions.h"
+#include "sim/files.h"
+
+namespace constraint_sim {
+
+SnapshotServices::SnapshotServices(Stepper& stepper, EditLog& edit_log,
+                                   const Parameters& parameters, ros::NodeHandle edits,
+                                   ros::NodeHandle queries)
+    : stepper_(stepper), edit_log_(edit_log), parameters_(parameters) {
+  servers_ = {queries.advertiseService("save_snapshot", &SnapshotServices::save, this),
+              edits.advertiseService("restore_snapshot", &SnapshotServices::restore, this),
+              queries.advertiseService("list_snapshots", &SnapshotServices::list, this)};
+}
+
+std::string SnapshotServices::place(const std::string& path) const {
+  const std::string& folder = parameters_.scene_folder;
+  return folder.empty() ? path : path_below(folder, path);
+}
+
+// the stepping thread only copies the world
+bool SnapshotServices::save(SaveSnapshotRequest& request, SaveSnapshotResponse& response) {
+  return answer(response, [&] {
+    if (!request.name.empty() && !request.path.empty())
+      throw std::invalid_argument("name, path: at most one of the two, got both");
+    World world;
+    stepper_.inspect([&](const World& now) { world = now; });
+    std::string bytes = engine::write_snapshot(world);
+    response.sim_time = world.time();
+    response.step = world.step_count();
+    response.state_hash = world.state_hash();
+    if (request.path.empty())
+      response.name = snapshots_.keep({request.name, false, world.time(), world.step_count(),
+                                       response.state_hash, std::move(bytes)});
+    else
+      write_file(place(request.path), bytes);
+  });
+}
+
+bool SnapshotServices::restore(RestoreSnapshotRequest& request, RestoreSnapshotResponse& response) {
+  return answer(response, [&] {
+    if (request.name.empty() == request.path.empty())
+      throw std::invalid_argument("name, path: exactly one of the two is needed");
+    World restored = engine::read_snapshot(
+        request.path.empty() ? snapshots_.bytes(request.name)
+                             : read_file(place(request.path), Snapshots::kMostBytes));
+    response.state_hash = restored.state_hash();
+    const Boundary boundary = stepper_.interrupt("restore_snapshot", [&](World& world) {
+      restored.reserve_ids(world);
+      world = std::move(restored);
+      edit_log_.record_replaced(stepper_, world);
+    });
+    response.applied_at = time_from_seconds(boundary.time);
+    response.step = boundary.step;
+  });
+}
+
+bool SnapshotServices::list(ListSnapshotsRequest&, ListSnapshotsResponse& response) {
+  return answer(response, [&] {
+    for (const Snapshots::Snapshot& snapshot : snapshots_.list()) {
+      response.names.push_back(snapshot.name);
+      response.sim_times.push_back(snapshot.time);
+      response.steps.push_back(snapshot.step);
+      response.state_hashes.push_back(snapshot.hash);
+    }
+  });
+}
+
+}  // namespace constraint_sim

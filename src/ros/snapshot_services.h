@@ -1,0 +1,37 @@
+#pragma once
+
+#include <constraint_sim/ListSnapshots.h>
+#include <constraint_sim/RestoreSnapshot.h>
+#include <constraint_sim/SaveSnapshot.h>
+#include <ros/node_handle.h>
+
+#include <vector>
+
+#include "ros/edit_log.h"
+#include "ros/parameters.h"
+#include "ros/snapshots.h"
+#include "sim/stepper.h"
+
+namespace constraint_sim {
+
+/// Services that keep the stepper's world to the bit, and go back to it.
+class SnapshotServices {
+ public:
+  /// Edits on the first handle, queries on the second one.
+  SnapshotServices(Stepper& stepper, EditLog& edit_log, const Parameters& parameters,
+                   ros::NodeHandle edits, ros::NodeHandle queries);
+
+ private:
+  bool save(SaveSnapshotRequest& request, SaveSnapshotResponse& response);
+  bool restore(RestoreSnapshotRequest& request, RestoreSnapshotResponse& response);
+  bool list(ListSnapshotsRequest& request, ListSnapshotsResponse& response);
+  std::string place(const std::string& path) const;
+
+  Stepper& stepper_;
+  EditLog& edit_log_;
+  Parameters parameters_;
+  Snapshots snapshots_;
+  std::vector<ros::ServiceServer> servers_;
+};
+
+}  // namespace constraint_sim

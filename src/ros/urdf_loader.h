@@ -1,0 +1,32 @@
+#pragma once
+
+#include <constraint_sim/LoadUrdf.h>
+#include <ros/node_handle.h>
+
+#include "ros/parameters.h"
+#include "ros/robots.h"
+#include "sim/stepper.h"
+
+namespace constraint_sim {
+
+/// Adds the robot that the parameters name, if any, to the world that the node starts with. Throws
+/// ParameterError.
+void add_first_robot(const ros::NodeHandle& handle, const Parameters& parameters, Robots* robots,
+                     World* world);
+
+/// The service load_urdf.
+class UrdfLoader {
+ public:
+  UrdfLoader(Stepper& stepper, const Parameters& parameters, Robots& robots,
+             ros::NodeHandle handle);
+
+ private:
+  bool load(LoadUrdfRequest& request, LoadUrdfResponse& response);
+
+  Stepper& stepper_;
+  Parameters parameters_;
+  Robots& robots_;
+  ros::ServiceServer server_;
+};
+
+}  // namespace constraint_sim

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <boost/program_options.hpp>
+#include <optional>
+#include <string>
+
+#include "constraint_sim/engine/world.h"
+
+namespace constraint_sim::engine {
+
+/// The command line of constraint_sim_run.
+struct Arguments {
+  std::string scene;
+  double duration = 0.0;                          ///< [s]
+  boost::program_options::variables_map options;  ///< of the world, in place of the scene's
+  std::string csv, report, save, snapshot;        ///< paths; empty: not wanted
+  bool explain = false;
+};
+
+/// Nothing when only help was asked for.
+std::optional<Arguments> parse(int argc, char** argv);
+
+/// The scene, with the options of the command line in place of its own.
+World load(const Arguments& arguments);
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,166 @@
+#include "sim/trajectories.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+namespace constraint_sim {
+namespace {
+
+// [m or rad] that a point at the start may be off by: it is where the joint is, told with few
+// digits
+constexpr double kSamePlace = 1e-3;
+
+[[noreturn]] void refuse(const std::string& field, const std::string& why) {
+  throw std::invalid_argument(field + ": " + why);
+}
+
+std::string of_joint(const std::string& joint) { return "joint '" + joint + "' "; }
+
+void check(const JointTrajectory& trajectory) {
+  if (trajectory.joints.empty()) refuse("joint_names", "there are none");
+  double before = -1.0;
+  for (std::size_t i = 0; i < trajectory.points.size(); ++i) {
+    const JointTrajectory::Point& point = trajectory.points[i];
+    const std::string field = "points[" + std::to_string(i) + "]";
+    if (!(std::isfinite(point.time) && point.time >= 0.0 && point.time > before))
+      refuse(field + ".time_from_start",
+             "times must be >= 0 and increase, got " + std::to_string(point.time));
+    before = point.time;
+    if (point.positions.size() != trajectory.joints.size())
+      refuse(field + ".positions",
+             "must be one for each joint, got " + std::to_string(point.positions.size()));
+    for (const auto* values : {&point.velocities, &point.accelerations})
+      if (!values->empty() && values->size() != trajectory.joints.size())
+        refuse(field, "velocities and accelerations must be one for each joint, or left out");
+    for (const auto* values : {&point.positions, &point.velocities, &point.accelerations})
+      for (const double value : *values)
+        if (!std::isfinite(value)) refuse(field, "numbers must be finite");
+  }
+}
+
+/// What all points have enough for.
+int order_of(const JointTrajectory& trajectory) {
+  const auto all_have = [&](auto member) {
+    return std::all_of(trajectory.points.begin(), trajectory.points.end(), [&](const auto& point) {
+      return (point.*member).size() == trajectory.joints.size();
+    });
+  };
+  if (!all_have(&JointTrajectory::Point::velocities)) return 1;
+  return all_have(&JointTrajectory::Point::accelerations) ? 5 : 3;
+}
+
+/// The motor that is to follow.
+const engine::CoordinateMotor& motor_of(const engine::Joint& joint) {
+  if (engine::coordinates(joint.kind) == 0)
+    refuse("joint_names", of_joint(joint.name) + "has no coordinate");
+  if (!joint.coordinates[0].motor)
+    refuse("joint_names", of_joint(joint.name) + "has no motor to follow a trajectory with");
+  const engine::CoordinateMotor& motor = *joint.coordinates[0].motor;
+  if (motor.force) refuse("joint_names", of_joint(joint.name) + "has a motor that goes by force");
+  return motor;
+}
+
+void check_limits(const engine::Joint& joint, double position) {
+  const engine::CoordinateLaw& law = joint.coordinates[0];
+  if (position < law.lower || position > law.upper)
+    refuse("points", of_joint(joint.name) + "goes from " + std::to_string(law.lower) + " to " +
+                         std::to_string(law.upper) + ", not to " + std::to_string(position));
+}
+
+double present(const engine::Joint& joint, const engine::JointState& state) {
+  const engine::CoordinateState& now = state.coordinates[0];
+  return joint.coordinates[0].motor->is_servo() ? now.position : now.held;
+}
+
+Spline spline_of(const engine::World& world, engine::JointId id, const JointTrajectory& trajectory,
+                 std::size_t k) {
+  const engine::Joint& joint = world.joint(id);
+  motor_of(joint);
+  const engine::JointState& state = world.joint_state(id);
+  std::vector<TrajectoryPoint> points{
+      {0.0, present(joint, state), state.coordinates[0].velocity, 0.0}};
+  for (const JointTrajectory::Point& given : trajectory.points) {
+    TrajectoryPoint point{given.time, given.positions[k], 0.0, 0.0};
+    check_limits(joint, point.position);
+    if (!given.velocities.empty()) point.velocity = given.velocities[k];
+    if (!given.accelerations.empty()) point.acceleration = given.accelerations[k];
+    if (given.time > 0.0) {
+      points.push_back(point);
+      continue;
+    }
+    if (std::abs(point.position - points[0].position) > kSamePlace)
+      refuse("points[0].positions",
+             of_joint(joint.name) + "is at " + std::to_string(points[0].position) +
+                 " and cannot be elsewhere at once, got " + std::to_string(point.position));
+    points[0].velocity = point.velocity;
+    points[0].acceleration = point.acceleration;
+  }
+  return {std::move(points), order_of(trajectory)};
+}
+
+}  // namespace
+
+Spline::Spline(std::vector<TrajectoryPoint> points, int order)
+    : points_(std::move(points)), order_(order) {}
+
+double Spline::at(double time) const {
+  if (time <= points_.front().time) return points_.front().position;
+  if (time >= points_.back().time) return points_.back().position;
+  const auto next =
+      std::upper_bound(points_.begin(), points_.end(), time,
+                       [](double t, const TrajectoryPoint& point) { return t < point.time; });
+  const TrajectoryPoint &a = *(next - 1), &b = *next;
+  const double T = b.time - a.time, u = (time - a.time) / T;
+  const double d = b.position - a.position;
+  if (order_ == 1) return a.position + u * d;
+  const double v_a = T * a.velocity, v_b = T * b.velocity;
+  if (order_ == 3)
+    return a.position + u * (v_a + u * ((3.0 * d - 2.0 * v_a - v_b) + u * (v_a + v_b - 2.0 * d)));
+  const double a_a = T * T * a.acceleration, a_b = T * T * b.acceleration;
+  const double c3 = 10.0 * d - 6.0 * v_a - 4.0 * v_b - 1.5 * a_a + 0.5 * a_b;
+  const double c4 = -15.0 * d + 8.0 * v_a + 7.0 * v_b + 1.5 * a_a - a_b;
+  const double c5 = 6.0 * d - 3.0 * v_a - 3.0 * v_b - 0.5 * a_a + 0.5 * a_b;
+  return a.position + u * (v_a + u * (0.5 * a_a + u * (c3 + u * (c4 + u * c5))));
+}
+
+void Trajectories::begin(const engine::World& world, const JointTrajectory& trajectory) {
+  check(trajectory);
+  std::map<std::uint32_t, OnItsWay> next;
+  for (std::size_t k = 0; k < trajectory.joints.size(); ++k) {
+    const std::string& name = trajectory.joints[k];
+    if (!world.has_joint(name))
+      refuse("joint_names", "there is no constraint named '" + name + "'");
+    const engine::JointId id = world.find_joint(name);
+    const OnItsWay way{spline_of(world, id, trajectory, k), world.time() + trajectory.delay};
+    if (!next.emplace(id.value, way).second) refuse("joint_names", "'" + name + "' is there twice");
+  }
+  for (auto& [id, way] : next) on_their_way_.insert_or_assign(id, std::move(way));
+}
+
+void Trajectories::before_step(engine::World* world) {
+  if (on_their_way_.empty()) return;
+  const double h = world->options().time_step;
+  for (const engine::JointId id : world->joint_ids()) {
+    const auto found = on_their_way_.find(id.value);
+    if (found == on_their_way_.end() || !world->joint(id).coordinates[0].motor) continue;
+    const double since = world->time() - found->second.start;
+    if (since + h <= 0.0) continue;
+    const Spline& spline = found->second.spline;
+    const bool is_over = since >= spline.duration();
+    const double target = spline.at(since + h);
+    engine::CoordinateMotor motor = *world->joint(id).coordinates[0].motor;
+    motor.timeout = motor.amplitude = 0.0;
+    if (motor.is_servo()) {
+      motor.position = target;
+    } else {
+      motor.position.reset();
+      motor.bias = is_over ? 0.0 : (target - world->joint_state(id).coordinates[0].held) / h;
+    }
+    world->set_motor(id, 0, motor);
+    if (is_over) on_their_way_.erase(found);
+  }
+}
+
+}  // namespace constraint_sim

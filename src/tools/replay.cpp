@@ -1,0 +1,115 @@
+// Runs again what a bag of edit_log has recorded, and holds each step and edit against its hash:
+//   rosrun constraint_sim replay FILE.bag [TOPIC]
+
+#include <constraint_sim/EditRecord.h>
+#include <rosbag/bag.h>
+#include <rosbag/view.h>
+
+#include <cstdio>
+#include <exception>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <string>
+
+#include "constraint_sim/engine/snapshot.h"
+#include "ros/edits.h"
+
+namespace constraint_sim {
+namespace {
+
+constexpr int kDiffers = 1, kBadInput = 2;
+
+/// A world that does what records say.
+class Replay {
+ public:
+  /// False where it comes out differently, which is then told.
+  bool add(const EditRecord& record) {
+    if (record.number != last_number_ + 1 && world_)
+      throw std::invalid_argument("records " + std::to_string(last_number_ + 1) + " to " +
+                                  std::to_string(record.number - 1) + " are missing");
+    last_number_ = record.number;
+    ++records_;
+    const bool is_world = record.service == "snapshot";
+    if (!world_ && !is_world)
+      throw std::invalid_argument("the first record is no snapshot; record from the start on");
+    if (!is_world && !advance_to(record)) return false;
+    if (is_world)
+      world_ = engine::read_snapshot({record.request.begin(), record.request.end()});
+    else if (record.service == "failed_step")
+      world_->step();
+    else if (!record.service.empty())
+      apply_recorded(*world_, record.service, record.request);
+    if (world_->state_hash() != record.state_hash) return differs(record, "the hash is another");
+    last_equal_ = record.step;
+    return true;
+  }
+
+  void print() const {
+    std::printf("%llu records, %llu steps: the same hash at each record\n",
+                static_cast<unsigned long long>(records_), static_cast<unsigned long long>(steps_));
+  }
+
+ private:
+  bool advance_to(const EditRecord& record) {
+    if (world_->step_count() > record.step && record.service != "reset_simulation")
+      return differs(record, "it has gone beyond that step");
+    while (world_->step_count() < record.step && record.service != "reset_simulation") {
+      ++steps_;
+      if (world_->step().failed) return differs(record, "a step fails before it");
+    }
+    return true;
+  }
+
+  bool differs(const EditRecord& record, const char* why) const {
+    const std::string what = record.service.empty() ? "" : ", after '" + record.service + "'";
+    std::printf(
+        "record %llu: differs at step %llu%s: %s; the last one that is equal is step %llu\n",
+        static_cast<unsigned long long>(record.number),
+        static_cast<unsigned long long>(record.step), what.c_str(), why,
+        static_cast<unsigned long long>(last_equal_));
+    return false;
+  }
+
+  std::optional<World> world_;
+  std::uint64_t last_number_ = 0, records_ = 0, steps_ = 0, last_equal_ = 0;
+};
+
+int replay(const std::string& path, std::string topic) {
+  rosbag::Bag bag(path);
+  rosbag::View view(bag, rosbag::TypeQuery(ros::message_traits::datatype<EditRecord>()));
+  Replay replay;
+  const bool is_named = !topic.empty();
+  bool any = false;
+  for (const rosbag::MessageInstance& message : view) {
+    if (topic.empty()) topic = message.getTopic();
+    if (message.getTopic() != topic) {
+      if (is_named) continue;
+      throw std::invalid_argument("there are several edit logs; name one: " + topic + ", " +
+                                  message.getTopic());
+    }
+    const EditRecord::ConstPtr record = message.instantiate<EditRecord>();
+    if (!record) throw std::invalid_argument("a record cannot be read");
+    any = true;
+    if (!replay.add(*record)) return kDiffers;
+  }
+  if (!any) throw std::invalid_argument("there is no edit log in it");
+  replay.print();
+  return 0;
+}
+
+}  // namespace
+}  // namespace constraint_sim
+
+int main(int argc, char** argv) {
+  if (argc < 2 || argc > 3) {
+    std::fprintf(stderr, "usage: rosrun constraint_sim replay FILE.bag [TOPIC]\n");
+    return constraint_sim::kBadInput;
+  }
+  try {
+    return constraint_sim::replay(argv[1], argc > 2 ? argv[2] : "");
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "replay: %s: %s\n", argv[1], error.what());
+    return constraint_sim::kBadInput;
+  }
+}

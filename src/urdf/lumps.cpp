@@ -1,0 +1,144 @@
+#include "urdf/lumps.h"
+
+#include <algorithm>
+#include <stdexcept>
+
+#include "urdf/parse.h"
+
+namespace constraint_sim {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+[[noreturn]] void refuse(const std::string& link, const std::string& why) {
+  throw std::invalid_argument("urdf: link '" + link + "' " + why);
+}
+
+/// Of a point of unit mass, about the origin [m²].
+Matrix3d point_inertia(const Vector3d& r) {
+  return r.squaredNorm() * Matrix3d::Identity() - r * r.transpose();
+}
+
+bool has_mass(const urdf::Link& link) { return link.inertial && link.inertial->mass > 0.0; }
+
+void add_inertial(const urdf::Link& link, const Isometry3d& in_lump, Lump* lump) {
+  if (!link.inertial) return;
+  const urdf::Inertial& inertial = *link.inertial;
+  if (!(inertial.mass >= 0.0))
+    refuse(link.name, "must have a mass >= 0, got " + std::to_string(inertial.mass));
+  Matrix3d inertia;
+  inertia << inertial.ixx, inertial.ixy, inertial.ixz,  //
+      inertial.ixy, inertial.iyy, inertial.iyz,         //
+      inertial.ixz, inertial.iyz, inertial.izz;
+  const Isometry3d at = in_lump * to_isometry(inertial.origin);
+  if (!inertia.allFinite() || !at.matrix().allFinite())
+    refuse(link.name, "has an inertia that is not finite");
+  const Matrix3d R = at.linear();
+  lump->mass += inertial.mass;
+  lump->first_moment += inertial.mass * at.translation();
+  lump->second_moment +=
+      R * inertia * R.transpose() + inertial.mass * point_inertia(at.translation());
+}
+
+std::optional<engine::Shape> shape_of(const std::string& link, const urdf::Geometry& geometry,
+                                      std::vector<std::string>* warnings) {
+  switch (geometry.type) {
+    case urdf::Geometry::SPHERE:
+      return engine::Sphere{static_cast<const urdf::Sphere&>(geometry).radius};
+    case urdf::Geometry::BOX:
+      return engine::Box{to_eigen(static_cast<const urdf::Box&>(geometry).dim)};
+    case urdf::Geometry::CYLINDER: {
+      const auto& cylinder = static_cast<const urdf::Cylinder&>(geometry);
+      warnings->push_back("link '" + link + "': its cylinder collides as the box around it");
+      return engine::Box{{2.0 * cylinder.radius, 2.0 * cylinder.radius, cylinder.length}};
+    }
+    default:
+      warnings->push_back("link '" + link + "': the mesh '" +
+                          static_cast<const urdf::Mesh&>(geometry).filename + "' does not collide");
+      return std::nullopt;
+  }
+}
+
+/// The first collision of a link that has a shape.
+std::optional<LumpShape> shape_of(const urdf::Link& link, std::vector<std::string>* warnings) {
+  std::optional<LumpShape> first;
+  std::size_t left_out = 0;
+  for (const auto& collision : link.collision_array) {
+    const auto shape = shape_of(link.name, *collision->geometry, warnings);
+    if (!shape) continue;
+    try {
+      engine::validate(*shape);
+    } catch (const std::invalid_argument& error) {
+      refuse(link.name, std::string("has a collision with ") + error.what());
+    }
+    if (first)
+      ++left_out;
+    else
+      first = LumpShape{*shape, to_isometry(collision->origin)};
+  }
+  if (left_out > 0)
+    warnings->push_back("link '" + link.name + "': of its collisions the first one collides, " +
+                        std::to_string(left_out) + " more do not");
+  return first;
+}
+
+/// Walks the tree from the root.
+class Walk {
+ public:
+  explicit Walk(const urdf::ModelInterface& model) { begin(*model.getRoot(), nullptr); }
+
+  Lumps take() { return std::move(lumps_); }
+
+ private:
+  // a lump of its own
+  void begin(const urdf::Link& link, const urdf::JointConstSharedPtr& joint) {
+    const std::size_t lump = lumps_.list.size();
+    lumps_.list.emplace_back();
+    lumps_.list[lump].link = link.name;
+    lumps_.list[lump].joint = joint;
+    add(link, {lump, Isometry3d::Identity()}, shape_of(link, &lumps_.warnings));
+  }
+
+  void add(const urdf::Link& link, const LinkPlace& place, const std::optional<LumpShape>& shape) {
+    Lump& lump = lumps_.list[place.lump];
+    lump.links.push_back(link.name);
+    lumps_.places[link.name] = place;
+    add_inertial(link, place.in_lump, &lump);
+    if (shape && lump.shape)
+      lumps_.warnings.push_back("link '" + link.name +
+                                "' has no mass, and is fixed to what collides by another shape "
+                                "already: it does not collide");
+    else if (shape)
+      lump.shape = LumpShape{shape->shape, place.in_lump * shape->in_lump};
+    for (const urdf::JointSharedPtr& joint : link.child_joints) {
+      const auto child = std::find_if(
+          link.child_links.begin(), link.child_links.end(),
+          [&](const auto& candidate) { return candidate->name == joint->child_link_name; });
+      follow(**child, joint, place);
+    }
+  }
+
+  void follow(const urdf::Link& child, const urdf::JointSharedPtr& joint, const LinkPlace& parent) {
+    if (joint->type != urdf::Joint::FIXED) return begin(child, joint);
+    const bool would_lose_shape =
+        lumps_.list[parent.lump].shape && has_mass(child) && !child.collision_array.empty();
+    if (would_lose_shape) {
+      std::vector<std::string> warnings;  // told when it is added
+      if (shape_of(child, &warnings)) return begin(child, joint);
+    }
+    add(child, {parent.lump, parent.in_lump * to_isometry(joint->parent_to_joint_origin_transform)},
+        shape_of(child, &lumps_.warnings));
+  }
+
+  Lumps lumps_;
+};
+
+}  // namespace
+
+Matrix3d Lump::inertia() const { return second_moment - mass * point_inertia(centre_of_mass()); }
+
+Lumps lump_links(const urdf::ModelInterface& model) { return Walk(model).take(); }
+
+}  // namespace constraint_sim

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <urdf_model/model.h>
+#include <urdf_world/types.h>
+
+#include <Eigen/Geometry>
+#include <functional>
+#include <string>
+
+namespace constraint_sim {
+
+/// Whether the file that a mesh's name stands for can be read. Empty: not looked for.
+using MeshExists = std::function<bool(const std::string& name)>;
+
+/// A robot's description that is a tree of links. Throws std::invalid_argument in plain words for
+/// what is no URDF, for a link with two parents or in a cycle, and for a mesh that is not there.
+urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text, const MeshExists& mesh_exists);
+
+/// As Eigen has it.
+Eigen::Isometry3d to_isometry(const urdf::Pose& pose);
+Eigen::Vector3d to_eigen(const urdf::Vector3& vector);
+
+}  // namespace constraint_sim

@@ -1,0 +1,90 @@
+#include "urdf/positions.h"
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace constraint_sim {
+namespace {
+
+[[noreturn]] void refuse(const std::string& joint, const std::string& why) {
+  throw std::invalid_argument("urdf: joint '" + joint + "' " + why);
+}
+
+[[noreturn]] void refuse_given(const std::string& joint, const std::string& why) {
+  throw std::invalid_argument("extra: positions: joint '" + joint + "' " + why);
+}
+
+class Positions {
+ public:
+  Positions(const urdf::ModelInterface& model, const std::map<std::string, double>& given,
+            std::vector<std::string>* warnings)
+      : model_(model), given_(given), warnings_(warnings) {
+    for (const auto& entry : model.joints_)
+      if (has_position(*entry.second)) of(*entry.second, 0);
+  }
+
+  std::map<std::string, double> take() { return std::move(found_); }
+
+ private:
+  double of(const urdf::Joint& joint, std::size_t depth) {
+    const auto known = found_.find(joint.name);
+    if (known != found_.end()) return known->second;
+    if (depth > model_.joints_.size()) refuse(joint.name, "mimics itself by way of others");
+    double q = 0.0;
+    const auto given = given_.find(joint.name);
+    const bool is_given = given != given_.end();
+    if (joint.mimic) {
+      if (is_given) refuse_given(joint.name, "mimics another one; give the position of that");
+      q = joint.mimic->offset + joint.mimic->multiplier * of(leader_of(model_, joint), depth + 1);
+    } else if (is_given) {
+      q = given->second;
+    }
+    return found_[joint.name] = within_limits(joint, q, is_given);
+  }
+
+  double within_limits(const urdf::Joint& joint, double q, bool is_given) {
+    if (!joint.limits || joint.type == urdf::Joint::CONTINUOUS) return q;
+    const urdf::JointLimits& limits = *joint.limits;
+    if (!(limits.lower <= limits.upper))
+      refuse(joint.name, "has a lower limit above the upper one");
+    if (q >= limits.lower && q <= limits.upper) return q;
+    if (is_given)
+      refuse_given(joint.name, "must be from " + std::to_string(limits.lower) + " to " +
+                                   std::to_string(limits.upper) + ", got " + std::to_string(q));
+    if (joint.mimic)
+      refuse(joint.name, "mimics a position beyond its own limits, " + std::to_string(q));
+    const double nearest = std::clamp(q, limits.lower, limits.upper);
+    warnings_->push_back("joint '" + joint.name + "' begins at " + std::to_string(nearest) +
+                         ", since 0 is beyond its limits");
+    return nearest;
+  }
+
+  const urdf::ModelInterface& model_;
+  const std::map<std::string, double>& given_;
+  std::vector<std::string>* warnings_;
+  std::map<std::string, double> found_;
+};
+
+}  // namespace
+
+bool has_position(const urdf::Joint& joint) {
+  return joint.type == urdf::Joint::REVOLUTE || joint.type == urdf::Joint::CONTINUOUS ||
+         joint.type == urdf::Joint::PRISMATIC;
+}
+
+const urdf::Joint& leader_of(const urdf::ModelInterface& model, const urdf::Joint& joint) {
+  const auto leader = model.getJoint(joint.mimic->joint_name);
+  if (!leader || !has_position(*leader))
+    refuse(joint.name, "mimics '" + joint.mimic->joint_name +
+                           "', which is no revolute, continuous or prismatic joint");
+  return *leader;
+}
+
+std::map<std::string, double> first_positions(const urdf::ModelInterface& model,
+                                              const std::map<std::string, double>& given,
+                                              std::vector<std::string>* warnings) {
+  return Positions(model, given, warnings).take();
+}
+
+}  // namespace constraint_sim

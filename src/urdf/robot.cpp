@@ -1,0 +1,480 @@
+#include "urdf/robot.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <utility>
+
+#include "engine/narrowphase.h"
+#include "engine/scene_joints.h"
+#include "urdf/extra.h"
+#include "urdf/lumps.h"
+#include "urdf/positions.h"
+
+namespace constraint_sim {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using engine::BodyId;
+using engine::World;
+
+[[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument("urdf: " + why); }
+
+std::string quoted(const std::string& name) { return "'" + name + "'"; }
+
+Isometry3d to_isometry(const engine::BodyState& state) {
+  return Eigen::Translation3d(state.position) * state.orientation;
+}
+
+engine::BodyState to_state(const Isometry3d& pose) {
+  engine::BodyState state;
+  state.position = pose.translation();
+  state.orientation = Quaterniond(pose.linear()).normalized();
+  return state;
+}
+
+bool is_diagonal(const Matrix3d& inertia) {
+  constexpr double kRounding = 1e-12;  // of products of inertia that rotations leave
+  Matrix3d rest = inertia;
+  rest.diagonal().setZero();
+  return rest.cwiseAbs().maxCoeff() <= kRounding * inertia.diagonal().cwiseAbs().maxCoeff();
+}
+
+/// The principal axes, each nearest to one of those that the inertia is given along.
+Matrix3d principal_axes(const Matrix3d& inertia) {
+  if (is_diagonal(inertia)) return Matrix3d::Identity();
+  const Matrix3d found = Eigen::SelfAdjointEigenSolver<Matrix3d>(inertia).eigenvectors();
+  std::array<int, 3> order{0, 1, 2}, best = order;
+  double most = -1.0;
+  do {
+    double along = 0.0;
+    for (int k = 0; k < 3; ++k) along += std::abs(found(k, order[static_cast<std::size_t>(k)]));
+    if (along > most) {
+      most = along;
+      best = order;
+    }
+  } while (std::next_permutation(order.begin(), order.end()));
+  Matrix3d axes;
+  for (int k = 0; k < 3; ++k) {
+    axes.col(k) = found.col(best[static_cast<std::size_t>(k)]);
+    if (axes(k, k) < 0.0) axes.col(k) = -axes.col(k);
+  }
+  if (axes.determinant() < 0.0) axes.col(2) = -axes.col(2);
+  return axes;
+}
+
+engine::JointKind kind_of(const urdf::Joint& joint) {
+  switch (joint.type) {
+    case urdf::Joint::REVOLUTE:
+    case urdf::Joint::CONTINUOUS:
+      return engine::JointKind::kHinge;
+    case urdf::Joint::PRISMATIC:
+      return engine::JointKind::kSlider;
+    case urdf::Joint::PLANAR:
+      return engine::JointKind::kPlanar;
+    case urdf::Joint::FIXED:
+      return engine::JointKind::kWeld;
+    default:
+      refuse("joint " + quoted(joint.name) + " has a type that is not known");
+  }
+}
+
+/// Of the joint's frame, z along its axis.
+Quaterniond along_axis(const urdf::Joint& joint) {
+  if (joint.type == urdf::Joint::FIXED) return Quaterniond::Identity();
+  const Vector3d axis = to_eigen(joint.axis);
+  if (!axis.allFinite() || !(axis.norm() > 0.0))
+    refuse("joint " + quoted(joint.name) + " has an axis without direction");
+  return engine::frame_along(axis);
+}
+
+/// Puts a robot together in a world of its own. `world` may be left half done where it throws.
+class Builder {
+ public:
+  Builder(const urdf::ModelInterface& model, const RobotOptions& options, World* world)
+      : model_(model),
+        options_(options),
+        extra_(read_extra(options.extra)),
+        lumps_(lump_links(model)),
+        world_(world) {
+    robot_.name = model.getName();
+    robot_.warnings = lumps_.warnings;
+    positions_ = first_positions(model, extra_.positions, &robot_.warnings);
+  }
+
+  Robot build() {
+    check_extra();
+    place_lumps();
+    for (std::size_t i = 0; i < lumps_.list.size(); ++i) add_body(i);
+    for (const Lump& lump : lumps_.list) add_joint(lump);
+    add_mimics();
+    add_extra_constraints();
+    list_links();
+    warn_of_overlaps();
+    return std::move(robot_);
+  }
+
+ private:
+  std::string named(const std::string& name) const { return options_.prefix + name; }
+
+  bool is_fixed() const { return options_.fixed || model_.getRoot()->name == "world"; }
+
+  void warn(const std::string& sentence) { robot_.warnings.push_back(sentence); }
+
+  void check_extra() const {
+    for (const auto& entry : extra_.positions) check_joint("positions", entry.first);
+    for (const auto& entry : extra_.motors) check_joint("motors", entry.first);
+    for (const auto& entry : extra_.links)
+      if (!model_.getLink(entry.first))
+        throw std::invalid_argument("extra: links: the URDF has no link " + quoted(entry.first));
+  }
+
+  void check_joint(const char* key, const std::string& name) const {
+    const auto joint = model_.getJoint(name);
+    if (!joint)
+      throw std::invalid_argument(std::string("extra: ") + key + ": the URDF has no joint " +
+                                  quoted(name));
+    if (!has_position(*joint))
+      throw std::invalid_argument(std::string("extra: ") + key + ": joint " + quoted(name) +
+                                  " is not revolute, continuous or prismatic");
+  }
+
+  // ---- where everything is at first
+
+  // of the joint's frame on the parent to that of the child
+  Isometry3d motion(const urdf::Joint& joint) const {
+    Isometry3d motion = Isometry3d::Identity();
+    if (!has_position(joint)) return motion;
+    const Vector3d axis = along_axis(joint) * Vector3d::UnitZ();
+    const double q = positions_.at(joint.name);
+    if (joint.type == urdf::Joint::PRISMATIC)
+      motion.translation() = q * axis;
+    else
+      motion.linear() = Eigen::AngleAxisd(q, axis).toRotationMatrix();
+    return motion;
+  }
+
+  void place_lumps() {
+    const Isometry3d root = to_isometry(options_.pose);
+    for (const Lump& lump : lumps_.list) {
+      if (!lump.joint) {
+        lump_poses_.push_back(root);
+        continue;
+      }
+      const LinkPlace& parent = lumps_.places.at(lump.joint->parent_link_name);
+      lump_poses_.push_back(
+          lump_poses_[parent.lump] * parent.in_lump *
+          constraint_sim::to_isometry(lump.joint->parent_to_joint_origin_transform) *
+          motion(*lump.joint));
+    }
+  }
+
+  Isometry3d pose_of_link(const std::string& link) const {
+    const LinkPlace& place = lumps_.places.at(link);
+    return lump_poses_[place.lump] * place.in_lump;
+  }
+
+  // ---- bodies
+
+  void add_body(std::size_t i) {
+    const Lump& lump = lumps_.list[i];
+    engine::Body body;
+    body.name = named(lump.link) + "/com";
+    Isometry3d in_lump = Isometry3d::Identity();
+    if (i == 0 && is_fixed())
+      body.type = engine::BodyType::kStatic;
+    else
+      in_lump = set_mass(lump, &body);
+    set_shape(lump, in_lump, &body);
+    set_properties(lump, &body);
+    body.state = to_state(lump_poses_[i] * in_lump);
+    bodies_.push_back(world_->add_body(body));
+    in_body_.push_back(in_lump.inverse());
+    robot_.bodies.push_back(body.name);
+  }
+
+  // answers the body's frame in the lump: centre of mass, principal axes
+  Isometry3d set_mass(const Lump& lump, engine::Body* body) {
+    if (!(lump.mass > 0.0))
+      refuse("link " + quoted(lump.link) +
+             " moves and has no mass: it needs an <inertial> with a mass > 0");
+    const Matrix3d inertia = lump.inertia();
+    const Matrix3d wanted = axes_of_shape(lump, inertia);
+    const Matrix3d axes = wanted * principal_axes(wanted.transpose() * inertia * wanted);
+    const Vector3d moments = (axes.transpose() * inertia * axes).diagonal();
+    if (!(moments.minCoeff() > 0.0))
+      refuse("link " + quoted(lump.link) +
+             " has no inertia, or one that is not positive definite: its principal moments are " +
+             std::to_string(moments.x()) + ", " + std::to_string(moments.y()) + ", " +
+             std::to_string(moments.z()) + " kg m^2");
+    if (moments.sum() < 2.0 * moments.maxCoeff() * (1.0 - 1e-9))
+      warn("link " + quoted(lump.link) +
+           ": no mass has such an inertia: one principal moment is more than the two others");
+    body->mass = lump.mass;
+    body->inertia = moments;
+    Isometry3d in_lump = Isometry3d::Identity();
+    in_lump.translation() = lump.centre_of_mass();
+    in_lump.linear() = axes;
+    return in_lump;
+  }
+
+  // those of the shape where they are principal, so that the shape lies along the body's axes
+  static Matrix3d axes_of_shape(const Lump& lump, const Matrix3d& inertia) {
+    if (!lump.shape) return Matrix3d::Identity();
+    const Matrix3d R = lump.shape->in_lump.linear();
+    return is_diagonal(R.transpose() * inertia * R) ? R : Matrix3d(Matrix3d::Identity());
+  }
+
+  static void set_shape(const Lump& lump, const Isometry3d& in_lump, engine::Body* body) {
+    if (!lump.shape) return;
+    constexpr double kRounding = 1e-14;
+    body->shape = lump.shape->shape;
+    const Isometry3d in_body = in_lump.inverse() * lump.shape->in_lump;
+    const bool is_there = in_body.isApprox(Isometry3d::Identity(), kRounding);
+    if (!is_there)
+      body->shape_pose = engine::ShapePose{in_body.translation(), Quaterniond(in_body.linear())};
+  }
+
+  void set_properties(const Lump& lump, engine::Body* body) const {
+    for (const std::string& link : lump.links) {
+      const auto found = extra_.links.find(link);
+      if (found == extra_.links.end()) continue;
+      body->friction = found->second.friction;
+      body->restitution = found->second.restitution;
+      body->no_collision = found->second.no_collision;
+    }
+  }
+
+  // ---- joints
+
+  void add_joint(const Lump& lump) {
+    if (!lump.joint || lump.joint->type == urdf::Joint::FLOATING) return;
+    const urdf::Joint& given = *lump.joint;
+    const LinkPlace& parent = lumps_.places.at(given.parent_link_name);
+    const LinkPlace& child = lumps_.places.at(given.child_link_name);
+    const Quaterniond axis = along_axis(given);
+    const Isometry3d a = in_body_[parent.lump] * parent.in_lump *
+                         constraint_sim::to_isometry(given.parent_to_joint_origin_transform);
+    const Isometry3d& b = in_body_[child.lump];
+    engine::Joint joint;
+    joint.name = named(given.name);
+    joint.kind = kind_of(given);
+    joint.body_a = bodies_[parent.lump];
+    joint.body_b = bodies_[child.lump];
+    joint.anchor_a = a.translation();
+    joint.anchor_b = b.translation();
+    joint.frame_a = Quaterniond(a.linear()) * axis;
+    joint.frame_b = Quaterniond(b.linear()) * axis;
+    if (has_position(given)) joint.coordinates[0] = law_of(given);
+    add(joint);
+  }
+
+  engine::CoordinateLaw law_of(const urdf::Joint& given) {
+    engine::CoordinateLaw law;
+    constexpr double kWithinATurn = 3.0;
+    const double q = positions_.at(given.name);
+    if (given.type != urdf::Joint::PRISMATIC && std::abs(q) > kWithinATurn) law.position = q;
+    if (given.limits) {
+      if (given.type != urdf::Joint::CONTINUOUS) {
+        law.lower = given.limits->lower;
+        law.upper = given.limits->upper;
+      }
+      robot_.bounds[named(given.name)] = {given.limits->effort, given.limits->velocity};
+    }
+    if (given.dynamics) {
+      law.damping = given.dynamics->damping;
+      law.friction = given.dynamics->friction;
+    }
+    const auto motor = extra_.motors.find(given.name);
+    if (motor == extra_.motors.end()) return law;
+    law.motor = engine::read_coordinate_motor(motor->second);
+    if (given.limits && !motor->second.find("max_force"))
+      law.motor->max_force = given.limits->effort;
+    return law;
+  }
+
+  engine::JointId add(const engine::Joint& joint) {
+    const engine::JointId id = world_->add_joint(joint);
+    robot_.constraints.push_back(joint.name);
+    return id;
+  }
+
+  void add_mimics() {
+    for (const auto& [name, given] : model_.joints_) {
+      if (!given->mimic || !has_position(*given)) continue;
+      if (given->mimic->multiplier == 0.0)
+        refuse("joint " + quoted(name) + " mimics by a multiplier of 0; make it a fixed joint");
+      engine::Joint gear;
+      gear.name = named(name) + "/mimic";
+      gear.kind = engine::JointKind::kGear;
+      gear.coupling.first = world_->find_joint(named(name));
+      gear.coupling.second = world_->find_joint(named(leader_of(model_, *given).name));
+      gear.coupling.ratio = -given->mimic->multiplier;
+      gear.coupling.value = given->mimic->offset;
+      add(gear);
+    }
+  }
+
+  // ---- what the YAML beside it closes
+
+  // Constraints are read as those of a scene whose bodies are the links.
+  World scene_of_links() const {
+    World scene;
+    for (const auto& [link, place] : lumps_.places) {
+      if (link == "world") continue;  // is the world
+      engine::Body body;
+      body.name = link;
+      body.shape = engine::Sphere{1.0};
+      body.mass = 1.0;
+      body.state = to_state(pose_of_link(link));
+      scene.add_body(body);
+    }
+    for (const auto& [name, given] : model_.joints_) {
+      if (!has_position(*given)) continue;
+      engine::Joint joint = world_->joint(world_->find_joint(named(name)));
+      const auto in_scene = [&](const std::string& link) {
+        return link == "world" ? engine::kWorldBody : scene.find_body(link);
+      };
+      joint.name = name;
+      joint.body_a = in_scene(given->parent_link_name);
+      joint.body_b = in_scene(given->child_link_name);
+      scene.add_joint(joint);
+    }
+    return scene;
+  }
+
+  void add_extra_constraints() {
+    if (extra_.constraints.empty()) return;
+    World scene = scene_of_links();
+    for (const engine::YamlElement& item : extra_.constraints) {
+      for (const char* key : {"state", "broken"})
+        if (const auto saved = item.find(key)) saved->fail("belongs to saved scenes");
+      engine::Joint joint = engine::read_joint(item, scene);
+      item.attempt([&] { scene.add_joint(joint); });  // those that follow may couple it
+      if (engine::couples_joints(joint.kind)) {
+        for (engine::JointId* id : {&joint.coupling.first, &joint.coupling.second})
+          *id = world_->find_joint(named(scene.joint(*id).name));
+      } else {
+        move_end(scene, &joint.body_a, &joint.anchor_a, &joint.frame_a);
+        Quaterniond none = Quaterniond::Identity();
+        const Quaterniond in_body = turn_to_body(scene, joint.body_b);
+        if (joint.axis_b) joint.axis_b = in_body * *joint.axis_b;
+        move_end(scene, &joint.body_b, &joint.anchor_b, joint.frame_b ? &*joint.frame_b : &none);
+      }
+      joint.name = named(joint.name);
+      item.attempt([&] { add(joint); });
+    }
+  }
+
+  Quaterniond turn_to_body(const World& scene, BodyId id) const {
+    if (id == engine::kWorldBody) return Quaterniond::Identity();
+    return Quaterniond(link_in_body(scene.body(id).name).linear());
+  }
+
+  // from the link's frame to that of its body
+  void move_end(const World& scene, BodyId* id, Vector3d* anchor, Quaterniond* frame) const {
+    if (*id == engine::kWorldBody) return;
+    const std::string& link = scene.body(*id).name;
+    const Isometry3d in_body = link_in_body(link);
+    *anchor = in_body * *anchor;
+    *frame = Quaterniond(in_body.linear()) * *frame;
+    *id = bodies_[lumps_.places.at(link).lump];
+  }
+
+  // ---- what is told of it
+
+  Isometry3d link_in_body(const std::string& link) const {
+    const LinkPlace& place = lumps_.places.at(link);
+    return in_body_[place.lump] * place.in_lump;
+  }
+
+  void list_links() {
+    for (const Lump& lump : lumps_.list) {
+      for (const std::string& link : lump.links) {
+        const BodyId body = bodies_[lumps_.places.at(link).lump];
+        const Isometry3d in_body = link_in_body(link);
+        robot_.links.push_back({named(link), body, in_body});
+        for (const auto& visual : model_.getLink(link)->visual_array) {
+          RobotVisual& shown = robot_.visuals.emplace_back();
+          shown.body = body;
+          shown.in_body = in_body * constraint_sim::to_isometry(visual->origin);
+          shown.geometry = visual->geometry;
+          if (!visual->material) continue;
+          const urdf::Color& colour = visual->material->color;
+          shown.colour = {colour.r, colour.g, colour.b, colour.a};
+        }
+      }
+    }
+  }
+
+  void warn_of_overlaps() {
+    for (std::size_t i = 0; i < bodies_.size(); ++i)
+      for (std::size_t j = i + 1; j < bodies_.size(); ++j) {
+        const engine::Body& a = world_->body(bodies_[i]);
+        const engine::Body& b = world_->body(bodies_[j]);
+        if (a.no_collision || b.no_collision || are_joined(bodies_[i], bodies_[j])) continue;
+        const engine::Manifold manifold =
+            engine::collide(engine::PlacedShape(a, a.state), engine::PlacedShape(b, b.state));
+        if (manifold.count > 0)
+          warn("links " + quoted(lumps_.list[i].link) + " and " + quoted(lumps_.list[j].link) +
+               " overlap and push each other apart; no_collision of one of them ends that");
+      }
+  }
+
+  bool are_joined(BodyId a, BodyId b) const {
+    return std::any_of(robot_.constraints.begin(), robot_.constraints.end(), [&](const auto& name) {
+      const engine::Joint& joint = world_->joint(world_->find_joint(name));
+      if (engine::couples_joints(joint.kind) || joint.collide_connected) return false;
+      return (joint.body_a == a && joint.body_b == b) || (joint.body_a == b && joint.body_b == a);
+    });
+  }
+
+  const urdf::ModelInterface& model_;
+  const RobotOptions& options_;
+  RobotExtra extra_;
+  Lumps lumps_;
+  World* world_;
+  Robot robot_;
+  std::map<std::string, double> positions_;  // of joints at first
+  std::vector<Isometry3d> lump_poses_;       // in the world
+  std::vector<BodyId> bodies_;               // of lumps
+  std::vector<Isometry3d> in_body_;          // lumps in their bodies
+};
+
+}  // namespace
+
+namespace {
+
+/// Frames of links are published beside those of bodies.
+void check_frames(const urdf::ModelInterface& model, const RobotOptions& options,
+                  const World& world) {
+  const std::string& root = model.getRoot()->name;
+  for (const auto& entry : model.links_) {
+    const std::string frame = options.prefix + entry.first;
+    if (frame != "world") {
+      if (world.has_body(frame)) refuse("there is already a body named " + quoted(frame));
+    } else if (entry.first != root || !to_isometry(options.pose).isApprox(Isometry3d::Identity())) {
+      refuse(
+          "link 'world' is the world itself only as the root of a robot that is added without a "
+          "pose; else give the robot a prefix");
+    }
+  }
+}
+
+}  // namespace
+
+Robot add_robot(const std::string& urdf, const RobotOptions& options, World* world) {
+  engine::validate(options.pose);
+  const urdf::ModelInterfaceSharedPtr model = parse_urdf(urdf, options.mesh_exists);
+  check_frames(*model, options, *world);
+  World with_robot = *world;
+  Robot robot = Builder(*model, options, &with_robot).build();
+  *world = std::move(with_robot);
+  return robot;
+}
+
+}  // namespace constraint_sim

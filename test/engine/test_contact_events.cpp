@@ -1,0 +1,370 @@
+// Contacts of few bodies from event to event: `method: event_driven`. Oracles: closed forms. What
+// is left of errors is rounding, which grows with the number of ticks, and for what turns the
+// tolerance of 1e-10 m/s.
+
+#include <array>
+
+#include "bouncing.h"
+#include "constraint_sim/engine/plan.h"
+#include "constraint_sim/engine/scene.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kPlace = 1e-12;  // [m] of what is in closed form within a tick, too
+constexpr double kTime = 1e-12;   // [s]
+
+WorldOptions by_events(double time_step, double gravity = kGravity) {
+  WorldOptions options = engine::options(time_step, gravity);
+  options.method = Method::kEventDriven;
+  options.tolerance = 1e-10;
+  return options;
+}
+
+Body with_surface(Body body, double friction, double restitution) {
+  body.friction = friction;
+  body.restitution = restitution;
+  return body;
+}
+
+BodyId add_floor(World* world, double friction = 0.0, double restitution = 0.0) {
+  Body floor;
+  floor.name = "floor";
+  floor.type = BodyType::kStatic;
+  floor.shape = Plane{};
+  return world->add_body(with_surface(floor, friction, restitution));
+}
+
+/// Steps on, with the events of so many seconds. All is to be carried by events.
+std::vector<Event> advance(World* world, double seconds) {
+  std::vector<Event> all;
+  const int steps = static_cast<int>(std::lround(seconds / world->options().time_step));
+  for (int i = 0; i < steps; ++i) {
+    world->step();
+    EXPECT_EQ(world->report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)], 0u)
+        << world->time();
+    all.insert(all.end(), world->events().begin(), world->events().end());
+  }
+  return all;
+}
+
+class ContactEventsAt : public testing::TestWithParam<double> {};
+
+INSTANTIATE_TEST_SUITE_P(Ticks, ContactEventsAt,
+                         testing::Values(1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000));
+
+/// When it comes to rest.
+double rest_time(double h, double e) {
+  return std::sqrt(2.0 * h / kGravity) * (1.0 + e) / (1.0 - e);
+}
+
+TEST_P(ContactEventsAt, ABallBouncesAndComesToRest) {
+  for (const double e : {0.0, 0.5, 0.9, 1.0}) {
+    World world(by_events(GetParam()));
+    add_floor(&world, 0.3, e);
+    const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, 2.0, {0.0, 0.0, 0.6}));
+    const double seconds = e == 0.9 ? 6.5 : 2.0;
+    std::vector<Event> events;
+    double worst = 0.0;
+    while (world.time() < seconds - 1e-9) {
+      const std::vector<Event> now = advance(&world, GetParam());
+      events.insert(events.end(), now.begin(), now.end());
+      worst = std::max(
+          worst, std::abs(world.state(id).position.z() - 0.1 - bouncing(0.5, e, world.time())));
+    }
+    EXPECT_LT(worst, e == 0.0 ? kPlace : 1e-10) << e;  // what is cut off bounces less than 1e-10 m
+    ASSERT_FALSE(events.empty());
+    EXPECT_EQ(events.front().kind, EventKind::kContactBegan);
+    EXPECT_NEAR(events.front().time, std::sqrt(2.0 * 0.5 / kGravity), kTime);
+    EXPECT_NEAR(events.front().impulse, (1.0 + e) * 2.0 * kGravity * std::sqrt(1.0 / kGravity),
+                1e-11);
+    if (e == 1.0) {
+      EXPECT_NEAR(world.energy(), 2.0 * kGravity * 0.6, 1e-11);
+      continue;
+    }
+    EXPECT_EQ(world.state(id).linear_velocity.z(), 0.0) << e;
+    EXPECT_EQ(events.back().kind, EventKind::kContactBegan);
+    // the bounces that are cut off would last for 2 v/(g (1 − e)), v² < 2 g 1e-10 m
+    EXPECT_NEAR(events.back().time, rest_time(0.5, e), 2.0 * std::sqrt(2e-10 / kGravity) / (1 - e));
+    ASSERT_EQ(world.contacts().size(), 1u);
+    EXPECT_NEAR(world.contacts()[0].normal_force, 2.0 * kGravity, 1e-9);
+  }
+}
+
+// μ g until v = 5/7 v₀, t = 2 v₀/(7 μ g); then it rolls on
+TEST_P(ContactEventsAt, ASphereSlidesAndThenRolls) {
+  constexpr double kMu = 0.2, kRadius = 0.1;
+  for (const bool on_box : {false, true}) {
+    World world(by_events(GetParam()));
+    if (on_box) {
+      Body box = make_body("floor", Box{{20.0, 20.0, 2.0}}, 1.0, {0.0, 0.0, -1.0});
+      box.type = BodyType::kStatic;
+      world.add_body(with_surface(box, kMu, 0.0));
+    } else {
+      add_floor(&world, kMu);
+    }
+    Body ball = with_surface(make_body("ball", Sphere{kRadius}, 2.0, {0.0, 0.0, kRadius}), kMu, 0);
+    ball.state.linear_velocity = {2.0, 1.0, 0.0};
+    const BodyId id = world.add_body(ball);
+    const std::vector<Event> events = advance(&world, 1.0);
+    const double speed = std::sqrt(5.0), rolls = 2.0 * speed / (7.0 * kMu * kGravity);
+    const double way = speed * rolls - 0.5 * kMu * kGravity * rolls * rolls +
+                       5.0 / 7.0 * speed * (world.time() - rolls);
+    const Vector3d along = Vector3d(2.0, 1.0, 0.0) / speed;
+    EXPECT_LT((world.state(id).position - Vector3d(way * along + Vector3d(0, 0, kRadius))).norm(),
+              kPlace);
+    EXPECT_LT((world.state(id).linear_velocity - 5.0 / 7.0 * speed * along).norm(), kPlace);
+    EXPECT_NEAR(world.state(id).angular_velocity.norm(), 5.0 / 7.0 * speed / kRadius, 1e-11);
+    ASSERT_EQ(events.size(), 1u);
+    EXPECT_EQ(events[0].kind, EventKind::kSticks);
+    EXPECT_NEAR(events[0].time, rolls, kTime);
+  }
+}
+
+// Newton's cradle in flight: the last one leaves with all of the speed.
+TEST_P(ContactEventsAt, OfARowOfBallsOnlyTheLastLeaves) {
+  World world(by_events(GetParam(), 0.0));
+  std::array<BodyId, 5> balls;
+  for (std::size_t i = 0; i < balls.size(); ++i) {
+    Body ball = make_body("ball" + std::to_string(i), Sphere{0.1}, 1.0,
+                          {i == 0 ? -1.0 : 0.2 * static_cast<double>(i), 0.0, 0.0});
+    if (i == 0) ball.state.linear_velocity.x() = 3.0;
+    balls[i] = world.add_body(with_surface(ball, 0.0, 1.0));
+  }
+  const std::vector<Event> events = advance(&world, 1.0);
+  for (std::size_t i = 0; i < balls.size(); ++i)
+    EXPECT_NEAR(world.state(balls[i]).linear_velocity.x(), i == 4 ? 3.0 : 0.0, 1e-14) << i;
+  EXPECT_NEAR(world.state(balls[4]).position.x(), 0.8 + 3.0 * (world.time() - 1.0 / 3.0), kPlace);
+  int impacts = 0;
+  for (const Event& event : events) {
+    if (event.impulse == 0.0) continue;
+    ++impacts;
+    EXPECT_NEAR(event.time, 1.0 / 3.0, kTime);
+    EXPECT_NEAR(event.impulse, 3.0, kPlace);
+  }
+  EXPECT_EQ(impacts, 4);
+}
+
+// A bob on a rod falls against a wall below its pivot: there its speed is √(2 g L), and e of that
+// after each hit, so that it comes back for higher ones ever sooner. Its energy says how high.
+TEST_P(ContactEventsAt, ABobOnARodHitsAWall) {
+  constexpr double kRestitution = 0.8, kLength = 1.0, kRadius = 0.1;
+  World world(by_events(GetParam()));
+  Body wall = make_body("wall", Box{{1.0, 2.0, 4.0}}, 1.0, {-0.5 - kRadius, 0.0, 0.0});
+  wall.type = BodyType::kStatic;
+  world.add_body(with_surface(wall, 0.0, kRestitution));
+  const BodyId bob = world.add_body(make_body("bob", Sphere{kRadius}, 1.0, {kLength, 0.0, 0.0}));
+  const JointId rod_id = world.add_joint(hang("rod", bob, rod(kLength)));
+  // a quarter of the period from rest at 90°: K(sin² 45°) √(L/g), by the mean of Gauss
+  double a = 1.0, b = std::sqrt(0.5);
+  for (int i = 0; i < 8; ++i) {
+    const double mean = 0.5 * (a + b);
+    b = std::sqrt(a * b);
+    a = mean;
+  }
+  const double first = kPi / (2.0 * a) * std::sqrt(kLength / kGravity);
+  const std::vector<Event> events = advance(&world, 3.0);
+  ASSERT_GE(events.size(), 4u);
+  EXPECT_EQ(events[0].kind, EventKind::kContactBegan);
+  EXPECT_NEAR(events[0].time, first, 1e-9);  // tolerance 1e-10 m/s over the way, at 4 m/s
+  double speed = std::sqrt(2.0 * kGravity * kLength);
+  for (const Event& event : events) {
+    if (event.kind != EventKind::kContactBegan) continue;
+    EXPECT_NEAR(event.impulse, (1.0 + kRestitution) * speed, 1e-8);
+    speed *= kRestitution;
+  }
+  EXPECT_NEAR(world.energy(), 0.5 * speed * speed - kGravity * kLength, 1e-8);
+  EXPECT_LT(std::abs(world.joint_state(rod_id).error), 1e-12);
+}
+
+TEST_P(ContactEventsAt, ABoxSlidesToRestOnItsCorners) {
+  constexpr double kMu = 0.3;
+  World world(by_events(GetParam()));
+  add_floor(&world, kMu);
+  Body box = with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.2}), kMu, 0.0);
+  box.state.linear_velocity = {2.0, 0.5, 0.0};
+  const BodyId id = world.add_body(box);
+  const std::vector<Event> events = advance(&world, 1.0);
+  const double speed = box.state.linear_velocity.norm();
+  const Vector3d place = Vector3d(0.0, 0.0, 0.2) +
+                         box.state.linear_velocity / speed * (speed * speed / (2 * kMu * kGravity));
+  EXPECT_LT((world.state(id).position - place).norm(), kPlace);
+  EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-15);
+  EXPECT_LT(world.state(id).angular_velocity.norm(), 1e-15);
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].kind, EventKind::kSticks);
+  EXPECT_NEAR(events[0].time, speed / (kMu * kGravity), kTime);
+  ASSERT_EQ(world.contacts().size(), 4u);
+  double force = 0.0;
+  for (const Contact& contact : world.contacts()) force += contact.normal_force;
+  EXPECT_NEAR(force, 2.0 * kGravity, 1e-9);
+}
+
+TEST_P(ContactEventsAt, ABoxDropsFlatAndDoesNotTurn) {
+  for (const double e : {0.0, 0.5, 1.0}) {
+    for (const double mu : {0.0, 0.5}) {
+      World world(by_events(GetParam()));
+      add_floor(&world, mu, e);
+      const BodyId id = world.add_body(
+          with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.65}), mu, e));
+      advance(&world, 1.5);
+      EXPECT_NEAR(world.state(id).position.z() - 0.2, bouncing(0.45, e, world.time()), 1e-10);
+      EXPECT_LT(world.state(id).angular_velocity.norm(), 1e-13);
+    }
+  }
+}
+
+// on a slope of less than its friction it stays where it is; of more it slides with
+// g (sin α − μ cos α)
+TEST_P(ContactEventsAt, ABoxOnASlopeStaysOrSlides) {
+  const double mu = std::tan(0.3);
+  for (const double slope : {0.2, 0.4}) {
+    World world(by_events(GetParam()));
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(slope, Vector3d::UnitY()));
+    Body floor;
+    floor.name = "slope";
+    floor.type = BodyType::kStatic;
+    floor.shape = Plane{};
+    floor.state.orientation = turn;
+    world.add_body(with_surface(floor, mu, 0.0));
+    const Vector3d start = turn * Vector3d(0.0, 0.0, 0.2);
+    Body box = with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, start), mu, 0.0);
+    box.state.orientation = turn;
+    const BodyId id = world.add_body(box);
+    advance(&world, 1.0);
+    const double a = std::max(0.0, kGravity * (std::sin(slope) - mu * std::cos(slope)));
+    const Vector3d place = start + turn * Vector3d(0.5 * a * world.time() * world.time(), 0.0, 0.0);
+    EXPECT_LT((world.state(id).position - place).norm(), kPlace) << slope;
+    // m g cos α along the normal, and up the slope m g sin α or μ of that; rounding of h·force over
+    // h
+    const Vector3d force = turn.conjugate() * contact_force_on(world, id);
+    const double normal = 2.0 * kGravity * std::cos(slope);
+    const double friction = std::min(2.0 * kGravity * std::sin(slope), mu * normal);
+    EXPECT_LT((force - Vector3d(-friction, 0.0, normal)).norm(), 1e-9) << slope;
+    ASSERT_EQ(world.contacts().size(), 4u);
+    for (const Contact& contact : world.contacts()) {
+      EXPECT_EQ(contact.state, a > 0.0 ? ContactState::kSlipping : ContactState::kSticking);
+      EXPECT_NEAR(contact.force.dot(contact.normal), contact.normal_force, 1e-12);
+    }
+  }
+}
+
+TEST_P(ContactEventsAt, ABounceAndARestWithoutFrictionAreClosed) {
+  World world(by_events(GetParam()));
+  add_floor(&world, 0.0, 1.0);
+  const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, 2.0, {0.0, 0.0, 0.6}));
+  double impulse = 0.0;
+  while (world.time() < 0.5) {
+    advance(&world, GetParam());
+    impulse += GetParam() * contact_force_on(world, id).z();
+    for (const Contact& contact : world.contacts()) EXPECT_EQ(contact.state, ContactState::kClosed);
+  }
+  // one bounce: 2 m v
+  EXPECT_NEAR(impulse, 2.0 * 2.0 * std::sqrt(2.0 * kGravity * 0.5), 1e-11);
+}
+
+// Housner: a block of slenderness α rocks on one edge, and keeps (1 − 3/2 sin² α)² of its energy
+// at each change of edges
+TEST_P(ContactEventsAt, ARockingBlockLosesWhatHousnerSays) {
+  constexpr double kWidth = 0.4, kHeight = 1.2, kMass = 10.0;
+  World world(by_events(GetParam()));
+  add_floor(&world, 2.0);
+  const double alpha = std::atan(kWidth / kHeight), radius = 0.5 * std::hypot(kWidth, kHeight);
+  const double tilt = 0.5 * alpha;
+  Body block = make_body("block", Box{{kWidth, 1.0, kHeight}}, kMass, Vector3d::Zero());
+  // on its edge at x = +width/2, leaning by `tilt` towards it
+  block.state.orientation = Eigen::Quaterniond(Eigen::AngleAxisd(tilt, Vector3d::UnitY()));
+  block.state.position = block.state.orientation * Vector3d(-0.5 * kWidth, 0.0, 0.5 * kHeight);
+  const BodyId id = world.add_body(with_surface(block, 2.0, 0.0));
+  const double rest = kMass * kGravity * 0.5 * kHeight;
+  const double before = kMass * kGravity * radius * std::cos(alpha - tilt) - rest;
+  EXPECT_NEAR(world.energy() - rest, before, 1e-12);
+  const std::vector<Event> events = advance(&world, 1.2);
+  std::size_t impacts = 0;
+  for (const Event& event : events) impacts += event.impulse > 0.0 ? 1 : 0;
+  EXPECT_GE(impacts, 1u);
+  ASSERT_GT(world.state(id).angular_velocity.norm(), 0.0);
+  const double kept = std::pow(1.0 - 1.5 * std::pow(std::sin(alpha), 2), 2);
+  const double share = (world.energy() - rest) / before;
+  const double changes = std::round(std::log(share) / std::log(kept));
+  EXPECT_GE(changes, 1.0);
+  EXPECT_NEAR(share, std::pow(kept, changes), 1e-9);
+}
+
+TEST(ContactEvents, EnergyNeverRisesOfBoxesAndBallsThatFall) {
+  Random random;
+  for (int scene = 0; scene < 30; ++scene) {
+    World world(by_events(1.0 / 60));
+    const double friction = 0.5 + 0.5 * random(), restitution = 0.5 + 0.5 * random();
+    add_floor(&world, friction, restitution);
+    for (int i = 0; i < 3; ++i) {
+      const bool is_box = random() > 0.0;
+      const Shape shape = is_box ? Shape(Box{Vector3d(0.3, 0.2, 0.25)}) : Shape(Sphere{0.15});
+      Body body = make_body("body" + std::to_string(i), shape, 1.0 + 0.5 * random(),
+                            {1.5 * i, 0.0, 0.7 + 0.3 * random()});
+      body.state.orientation = random.orientation();
+      body.state.linear_velocity = random.vector();
+      body.state.angular_velocity = 3.0 * random.vector();
+      world.add_body(with_surface(body, friction, restitution));
+    }
+    double least = world.energy();
+    for (int i = 0; i < 120; ++i) {
+      const StepReport& report = world.step();
+      ASSERT_FALSE(report.failed);
+      if (report.islands[static_cast<std::size_t>(Method::kSequentialImpulses)] > 0) break;
+      ASSERT_LT(world.energy(), least + 1e-7 * 50.0) << scene << ' ' << world.time();
+      least = std::min(least, world.energy());
+      ASSERT_LT(report.max_penetration, 1e-9) << scene;
+    }
+  }
+}
+
+TEST(ContactEvents, OtherMethodsCarryContactsAsBefore) {
+  World world(by_events(1.0 / 60)), automatic(by_events(1.0 / 60));
+  WorldOptions options = automatic.options();
+  options.method = Method::kAuto;
+  automatic.set_options(options);
+  for (World* of : {&world, &automatic}) {
+    add_floor(of);
+    of->add_body(make_body("ball", Sphere{0.1}, 2.0, {0.0, 0.0, 0.1}));
+    of->step();
+    of->step();
+  }
+  EXPECT_EQ(world.islands().front().why, MethodReason::kFewContacts);
+  EXPECT_EQ(automatic.islands().front().method, Method::kSequentialImpulses);
+}
+
+// two boxes are more than events are for: told
+TEST(ContactEvents, WhatEventsCannotCarryIsLeftToImpulses) {
+  World world(by_events(1.0 / 60));
+  add_floor(&world, 0.5);
+  world.add_body(make_body("lower", Box{{1.0, 1.0, 1.0}}, 2.0, {0.0, 0.0, 0.5}));
+  world.add_body(make_body("upper", Box{{1.0, 1.0, 1.0}}, 2.0, {0.0, 0.0, 1.49}));
+  run(world, 10);
+  for (const Island& island : world.islands()) {
+    EXPECT_EQ(island.method, Method::kSequentialImpulses);
+    EXPECT_EQ(island.why, MethodReason::kContact);
+  }
+}
+
+TEST(ContactEvents, ACopyAndASavedWorldGoOnWithTheSameBits) {
+  World world(by_events(1.0 / 60));
+  add_floor(&world, 0.4, 0.6);
+  Body box = with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.8}), 0.4, 0.6);
+  box.state.orientation = Eigen::Quaterniond(0.9, 0.2, 0.3, -0.1).normalized();
+  const BodyId id = world.add_body(box);
+  run(world, 40);
+  World copy(world), saved = load_scene(save_scene(world));
+  EXPECT_EQ(copy.state_hash(), world.state_hash());
+  run(world, 40);
+  run(copy, 40);
+  run(saved, 40);
+  EXPECT_EQ(copy.state_hash(), world.state_hash());
+  EXPECT_EQ(saved.state(saved.find_body("box")).position, world.state(id).position);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

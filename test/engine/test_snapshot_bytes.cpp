@@ -1,0 +1,126 @@
+// Snapshots as bytes. Oracle: the world that was written, going on itself, to the bit.
+
+#include <algorithm>
+#include <filesystem>
+
+#include "constraint_sim/engine/scene.h"
+#include "constraint_sim/engine/snapshot.h"
+#include "random_mechanisms.h"
+#include "random_scenes.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr int kFuture = 500 / kSanitizedShare;            // [steps]
+constexpr std::uint64_t kRandom = 100 / kSanitizedShare;  // scenes of each kind
+
+std::vector<std::string> shipped() { return scene_names(CONSTRAINT_SIM_SCENE_DIR); }
+
+/// The same hash after every step.
+void expect_same_future(World world, World again, int steps, const std::string& what) {
+  for (int i = 0; i <= steps; ++i) {
+    ASSERT_EQ(again.state_hash(), world.state_hash()) << what << ", " << i << " steps later";
+    ASSERT_EQ(again.report().energy, world.report().energy) << what;
+    ASSERT_EQ(again.report().local_error, world.report().local_error) << what;
+    ASSERT_EQ(again.contacts().size(), world.contacts().size()) << what;
+    world.step();
+    again.step();
+  }
+}
+
+class Snapshots : public testing::TestWithParam<std::string> {};
+
+TEST_P(Snapshots, OfAShippedSceneGoOnWithTheSameBits) {
+  for (const Method method :
+       {Method::kAuto, Method::kEnergyMomentum, Method::kRungeKutta, Method::kSequentialImpulses}) {
+    World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/" + GetParam() + ".yaml");
+    WorldOptions options = world.options();
+    options.method = method;
+    if (options.method != world.options().method) world.set_options(options);
+    for (const int steps : {0, 1, 150}) {
+      run(world, steps);
+      const std::uint64_t hash = world.state_hash();
+      const std::string bytes = write_snapshot(world);
+      ASSERT_EQ(world.state_hash(), hash);
+      ASSERT_EQ(write_snapshot(world), bytes);
+      World again = read_snapshot(bytes);
+      ASSERT_EQ(again.time(), world.time());
+      ASSERT_EQ(again.step_count(), world.step_count());
+      ASSERT_EQ(write_snapshot(again), bytes);
+      const int future = method == Method::kAuto && steps == 150 ? kFuture : kFuture / 10;
+      expect_same_future(world, again, future,
+                         GetParam() + " by " + name(method) + " at " + std::to_string(steps));
+      if (HasFatalFailure()) return;
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, Snapshots, testing::ValuesIn(shipped()),
+                         [](const auto& of) { return of.param; });
+
+TEST(SnapshotBytes, OfRandomScenesGoOnWithTheSameBits) {
+  for (std::uint64_t seed = 0; seed < kRandom; ++seed) {
+    for (const bool is_mechanism : {false, true}) {
+      World world =
+          random_scenes::make_world(is_mechanism ? random_scenes::MechanismGenerator(seed).make()
+                                                 : random_scenes::Generator(seed).make());
+      run(world, static_cast<int>(seed % 40));
+      expect_same_future(world, read_snapshot(write_snapshot(world)), 40,
+                         (is_mechanism ? "mechanism " : "scene ") + std::to_string(seed));
+      if (HasFatalFailure()) return;
+    }
+  }
+}
+
+// Edits before and after, and what a reset and ids go by.
+TEST(SnapshotBytes, TakeTheSameEditsAfterwards) {
+  for (const std::string& scene : shipped()) {
+    World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/" + scene + ".yaml");
+    run(world, 20);
+    world.remove_body(world.body_ids().back());  // not yet compiled
+    World again = read_snapshot(write_snapshot(world));
+    for (World* one : {&world, &again}) {
+      run(*one, 5);
+      Body body = make_body("newcomer", Sphere{0.1}, 1.0, {0.0, 0.0, 50.0});
+      const BodyId id = one->add_body(body);
+      if (one->joint_ids().empty()) continue;
+      one->set_broken(one->joint_ids().front(), true);
+      Wrench wrench;
+      wrench.body = id;
+      wrench.force = {1.0, 2.0, 3.0};
+      wrench.end = one->time() + 0.123;
+      one->add_wrench(wrench);
+    }
+    EXPECT_EQ(again.find_body("newcomer"), world.find_body("newcomer")) << scene;
+    expect_same_future(world, again, 30, scene + " edited");
+    for (World* one : {&world, &again}) one->reset();
+    expect_same_future(world, again, 30, scene + " reset");
+    if (HasFatalFailure()) return;
+  }
+}
+
+TEST(SnapshotBytes, RefuseWhatIsNoSnapshot) {
+  World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/double_pendulum.yaml");
+  run(world, 10);
+  const std::string bytes = write_snapshot(world);
+  const auto refused = [](const std::string& text) {
+    return refusal([&] { read_snapshot(text); });
+  };
+  EXPECT_EQ(refused(""), "snapshot: is none");
+  EXPECT_EQ(refused("world: {}"), "snapshot: is none");
+  for (std::size_t size = 0; size < bytes.size(); size += 7)
+    EXPECT_NE(refused(bytes.substr(0, size)), "") << size;
+  for (std::size_t i = 0; i < bytes.size(); i += 13) {
+    std::string damaged = bytes;
+    damaged[i] = static_cast<char>(damaged[i] ^ 0x10);
+    EXPECT_NE(refused(damaged), "") << i;
+  }
+  EXPECT_NE(refused(bytes + "x"), "");
+  std::string other = bytes;
+  other.replace(other.find("snapshot 2"), 10, "snapshot 0");
+  EXPECT_NE(refused(other).find("another build"), std::string::npos) << refused(other);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

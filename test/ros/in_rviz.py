@@ -1,0 +1,78 @@
+"""rviz on a virtual display, for tests."""
+import contextlib
+import os
+import re
+import subprocess
+import tempfile
+import unittest
+
+import numpy
+import rospkg
+
+import support
+from support import NODE
+
+PACKAGE = rospkg.RosPack().get_path("constraint_sim")
+WIDTH, HEIGHT = 1280, 800
+START = 60.0  # [s] that rviz may take, which draws without a graphics card
+
+
+def shipped_configuration():
+    """The shipped configuration without the panel, so that the view fills the window."""
+    with open(os.path.join(PACKAGE, "config/constraint_sim.rviz")) as file:
+        text = file.read()
+    text, count = re.subn(r"  - Class: constraint_sim/Simulator\n(?:    .*\n)+", "", text)
+    assert count == 1
+    return text
+
+
+def read_view(path):
+    """The 3-D view of a screenshot as an array of rows, columns, rgb."""
+    raw = subprocess.check_output(["convert", path, "-depth", "8", "rgb:-"])
+    picture = numpy.frombuffer(raw, numpy.uint8).reshape(HEIGHT, WIDTH, 3)
+    return picture[70:760, 24:1256].astype(float)
+
+
+@contextlib.contextmanager
+def virtual_display():
+    reading, writing = os.pipe()
+    with support.running(["Xvfb", "-displayfd", str(writing), "-screen", "0",
+                          "%dx%dx24" % (WIDTH, HEIGHT), "-nolisten", "tcp"],
+                         pass_fds=[writing], stderr=subprocess.DEVNULL):
+        os.close(writing)
+        with os.fdopen(reading) as number:
+            yield ":" + number.readline().strip()
+
+
+class InRviz(unittest.TestCase):
+    """rviz with a configuration, on a display of its own."""
+    @classmethod
+    def setUpClass(cls):
+        cls.stack = contextlib.ExitStack()
+        display = cls.stack.enter_context(virtual_display())
+        cls.folder = cls.stack.enter_context(tempfile.TemporaryDirectory())
+        cls.environment = dict(os.environ, DISPLAY=display, LIBGL_ALWAYS_SOFTWARE="1",
+                               XDG_RUNTIME_DIR=cls.folder)
+        cls.prepare()
+        config = os.path.join(cls.folder, "view.rviz")
+        with open(config, "w") as file:
+            file.write(cls.configuration())
+        cls.rviz = cls.stack.enter_context(support.running(
+            ["rviz", "-d", config, "__name:=rviz"], env=cls.environment,
+            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+        support.wait_until(lambda: NODE + "/hands/update" in support.topics_between(NODE, "/rviz"),
+                           "rviz", START)
+
+    @classmethod
+    def tearDownClass(cls):
+        cls.stack.close()
+
+    @classmethod
+    def prepare(cls):
+        """What rviz needs beside the display."""
+
+    def screenshot(self, name):
+        """Its path: in the folder of CONSTRAINT_SIM_SCREENSHOTS, where that is set."""
+        path = os.path.join(os.environ.get("CONSTRAINT_SIM_SCREENSHOTS", self.folder), name)
+        subprocess.check_call(["import", "-window", "root", path], env=self.environment)
+        return path

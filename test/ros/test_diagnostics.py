@@ -1,0 +1,88 @@
+#!/usr/bin/env python3
+"""/diagnostics: three statuses a second, and what makes each of them warn."""
+import unittest
+
+import rospy
+import rostest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+
+from support import NODE, Listener, call, node_command, running, sphere
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+PENDULUM = """
+bodies: [{name: bob, mass: 1, position: [0, 0, -1]}]
+constraints: [{name: rod, type: distance, body_b: bob}]
+"""
+
+
+def status(message, what, node=NODE):
+    return next((s for s in message.status if s.name == "%s: %s" % (node, what)), None)
+
+
+def values(found):
+    return {pair.key: pair.value for pair in found.values}
+
+
+class Diagnostics(unittest.TestCase):
+    def setUp(self):
+        call("pause_physics")
+        self.assertTrue(call("load_scene", text=PENDULUM).success)
+        self.listener = Listener("/diagnostics", DiagnosticArray)
+
+    def tearDown(self):
+        call("pause_physics")
+        Listener.stop_all()
+
+    def wait(self, what, level, condition=lambda s: True):
+        message = self.listener.wait(
+            lambda m: status(m, what) and status(m, what).level == level and
+            condition(status(m, what)), "%s at level %d" % (what, level))
+        return status(message, what)
+
+    def test_all_is_well(self):
+        call("unpause_physics")
+        clock = self.wait("clock", OK, lambda s: s.message == "keeps up")
+        self.assertAlmostEqual(float(values(clock)["real_time_factor"]), 1.0, delta=0.1)
+        self.assertEqual(clock.hardware_id, NODE)
+        self.assertEqual(self.wait("constraints", OK).message, "hold")
+        self.assertEqual(self.wait("physics", OK).message, "goes on")
+
+    def test_a_pause_is_no_fault(self):
+        self.assertEqual(self.wait("clock", OK).message, "stands")
+
+    def test_a_node_that_does_not_keep_up_warns(self):
+        with running(node_command(real_time_factor=1e6) + ["__name:=fast"]):
+            self.listener.wait(
+                lambda m: status(m, "clock", "/fast") and
+                status(m, "clock", "/fast").level == WARN and
+                "real-time factor" in status(m, "clock", "/fast").message and
+                "ticks dropped" in status(m, "clock", "/fast").message, "the warning")
+
+    def test_inconsistent_constraints_are_named(self):
+        call("add_distance_constraint", name="longer", body_b="bob", length=1.5)
+        call("unpause_physics")
+        found = self.wait("constraints", WARN, lambda s: "inconsistent" in s.message)
+        self.assertEqual(set(values(found)["inconsistent"].split(", ")), {"rod", "longer"})
+        self.assertIn(values(found)["worst constraint"], ("rod", "longer"))
+        self.assertGreater(float(values(found)["largest error [m]"]), 0.1)
+
+    def test_the_threshold_of_errors_is_a_parameter(self):
+        with running(node_command(scene="pendulum", diagnostics_constraint_error=1e-20) +
+                     ["__name:=strict"]):
+            self.listener.wait(
+                lambda m: status(m, "constraints", "/strict") and
+                status(m, "constraints", "/strict").level == WARN, "the warning")
+
+    def test_a_failure_is_an_error(self):
+        body = sphere("fast", 1e20)
+        body.twist.linear.x = 1e20
+        call("add_body", body=body)
+        call("unpause_physics")
+        found = self.wait("physics", ERROR)
+        self.assertIn("fast", found.message)
+        self.assertEqual(values(found)["failed"], "true")
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_diagnostics")
+    rostest.rosrun("constraint_sim", "diagnostics", Diagnostics)

@@ -1,0 +1,122 @@
+#!/usr/bin/env python3
+"""The topic events: what changed from one tick to the next, and no tick without a change."""
+import math
+import unittest
+
+import rospy
+import rostest
+from constraint_sim.msg import Event
+
+import support
+from support import NODE, Listener, call, properties, sphere
+
+TICK = 0.01
+FLOOR = "- {name: floor, type: static, shape: {plane: {}}}\n"
+
+
+class Events(unittest.TestCase):
+    def setUp(self):
+        support.empty_world()
+        self.listener = Listener(NODE + "/events", Event)
+        support.wait_until(lambda: NODE + "/events" in support.topics_between(
+            NODE, rospy.get_name()), "the connection")
+
+    def tearDown(self):
+        call("pause_physics")
+        Listener.stop_all()
+
+    def load(self, bodies, constraints=""):
+        answer = call("load_scene", text="bodies:\n%sconstraints: [%s]\n" % (bodies, constraints))
+        self.assertTrue(answer.success, answer.status_message)
+        self.start = properties().sim_time
+
+    def events(self, *kinds):
+        return [e for e in self.listener.messages if e.kind in kinds]
+
+    def wait(self, kind, count=1):
+        support.wait_until(lambda: len(self.events(kind)) >= count, "event %d" % kind)
+        return self.events(kind)
+
+    def test_a_fall_onto_the_floor_is_one_contact(self):
+        self.load(FLOOR + "- {name: ball, mass: 2, shape: {sphere: {radius: 0.1}}, "
+                  "position: [0, 0, 0.6]}\n")
+        call("step", steps=100)
+        event, = self.wait(Event.CONTACT_BEGAN)
+        self.assertEqual(set(event.names), {"floor", "ball"})
+        falls = math.sqrt(2 * 0.5 / 9.81)
+        # a tick late at most, for where no finer time is known it is the tick's end
+        self.assertGreater(event.time - self.start, falls - TICK)
+        self.assertLess(event.time - self.start, falls + 2 * TICK)
+        # what stops 2 kg, and a tick's weight: within the fall of a tick or two
+        self.assertAlmostEqual(event.impulse, 2 * 9.81 * falls, delta=3 * 2 * 9.81 * TICK)
+        call("set_body_state", state=self.at("ball", 5.0))
+        call("step", steps=2)
+        event, = self.wait(Event.CONTACT_ENDED)
+        self.assertEqual(set(event.names), {"floor", "ball"})
+        self.assertEqual(len(self.listener.messages), 2)
+
+    def at(self, body, z):
+        state = call("get_body_state", name=body).state
+        state.pose.position.z = z
+        return state
+
+    def test_contacts_of_what_is_removed_do_not_end(self):
+        self.load(FLOOR + "- {name: ball, mass: 2, shape: {sphere: {radius: 0.1}}, "
+                  "position: [0, 0, 0.1]}\n")
+        call("step", steps=10)
+        self.wait(Event.CONTACT_BEGAN)
+        call("remove_body", name="ball")
+        call("step", steps=10)
+        call("add_body", body=sphere("other", 0, 0, 0.1))
+        call("step", steps=10)
+        self.wait(Event.CONTACT_BEGAN, 2)  # after all that could have come before
+        self.assertEqual(self.events(Event.CONTACT_ENDED), [])
+
+    def test_a_rope_gets_taut_and_slack(self):
+        self.load("- {name: ball, mass: 2, shape: {point: {}}, position: [0, 0, -0.5]}\n",
+                  "{name: line, type: rope, body_b: ball, max_length: 1}")
+        call("step", steps=60)
+        event = self.wait(Event.ROPE_TAUT)[0]
+        self.assertEqual(event.names, ["line"])
+        falls = math.sqrt(2 * 0.5 / 9.81)
+        self.assertAlmostEqual(event.time - self.start, falls, delta=2 * TICK)
+        self.assertAlmostEqual(event.impulse, 2 * 9.81 * falls, delta=3 * 2 * 9.81 * TICK)
+        call("set_body_state", state=self.at("ball", -0.5))
+        call("step", steps=2)
+        self.assertEqual(self.wait(Event.ROPE_SLACK)[-1].names, ["line"])
+
+    def test_what_breaks_says_so_once(self):
+        self.load("- {name: ball, mass: 2, shape: {point: {}}, position: [0, 0, -1]}\n",
+                  "{name: thread, type: distance, body_b: ball, break_force: 10}")
+        call("step", steps=50)
+        event, = self.wait(Event.BROKEN)
+        self.assertEqual(event.names, ["thread"])
+        self.assertEqual(len(self.listener.messages), 1)
+
+    def test_a_motor_reaches_its_limit_and_leaves_it(self):
+        self.load("- {name: ball, mass: 2, shape: {point: {}}, position: [0, 0, -1]}\n",
+                  "{name: winch, type: distance, body_b: ball, motor: {bias: -0.1, max_force: 5}}")
+        call("step", steps=20)
+        self.assertEqual(self.wait(Event.SATURATED)[0].names, ["winch"])
+        call("set_motor_bias", constraint="winch", bias=-0.1, max_force=500)
+        call("step", steps=100)  # which catches the ball, and then winds it up
+        self.assertEqual(self.wait(Event.RELEASED)[-1].names, ["winch"])
+
+    def test_a_failure_names_the_body(self):
+        body = sphere("fast", 1e20)
+        body.twist.linear.x = 1e20
+        call("add_body", body=body)
+        call("unpause_physics")
+        event, = self.wait(Event.FAILED)
+        self.assertEqual(event.names, ["fast"])
+
+    def test_the_stamp_and_frame_are_those_of_other_topics(self):
+        self.test_what_breaks_says_so_once()
+        header = self.listener.messages[0].header
+        self.assertEqual(header.frame_id, "world")
+        self.assertLess(abs((rospy.Time.now() - header.stamp).to_sec()), 60.0)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_events")
+    rostest.rosrun("constraint_sim", "events", Events)

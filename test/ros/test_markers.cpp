@@ -1,0 +1,339 @@
+// What rviz is told to draw.
+
+#include <gtest/gtest.h>
+#include <ros/serialization.h>
+#include <visualization_msgs/MarkerArray.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <string>
+#include <vector>
+
+#include "constraint_sim/engine/scene.h"
+#include "counted_allocations.h"
+#include "ros/markers.h"
+#include "ros/parameters.h"
+#include "ros/robots.h"
+#include "ros/scenes.h"
+#include "ros/view.h"
+
+namespace constraint_sim {
+namespace {
+
+using Eigen::Vector3d;
+using visualization_msgs::Marker;
+using visualization_msgs::MarkerArray;
+
+constexpr double kRound = 0.02;  // [s] of simulated time
+
+MarkerArray array_of(const MarkerMessage& message) {
+  MarkerArray array;
+  for (const Marker* marker : message.markers) array.markers.push_back(*marker);
+  return array;
+}
+
+/// A listener, whose rounds come each kRound of simulated time.
+class Listener {
+ public:
+  MarkerArray hear(const engine::World& world, bool is_newcomer = false, bool is_edited = false) {
+    const ros::Time stamp(100.0 + world.time());
+    forces.update(world, stamp);
+    return array_of(markers_.update(world, forces, stamp, is_newcomer, is_edited));
+  }
+  const MarkerMessage& hear_only(const engine::World& world) {
+    const ros::Time stamp(100.0 + world.time());
+    forces.update(world, stamp);
+    return markers_.update(world, forces, stamp, false, false);
+  }
+  ForceScale forces;
+
+ private:
+  Robots robots_{Parameters()};
+  Markers markers_{"world", robots_};
+};
+
+void run(engine::World* world, double seconds) {
+  const double end = world->time() + seconds - 1e-9;
+  while (world->time() < end) world->step();
+}
+
+const Marker* find(const MarkerArray& array, const std::string& ns, std::int32_t id) {
+  const auto found = std::find_if(array.markers.begin(), array.markers.end(),
+                                  [&](const Marker& m) { return m.ns == ns && m.id == id; });
+  return found != array.markers.end() ? &*found : nullptr;
+}
+
+engine::World kinds() {
+  return engine::load_scene_file(std::string(CONSTRAINT_SIM_SOURCE_DIR) +
+                                 "/docs/images/kinds.yaml");
+}
+
+std::vector<engine::World> scenes() {
+  std::vector<engine::World> all{kinds()};
+  for (const std::string& name : shipped_scenes())
+    all.push_back(load_world(name, "", Parameters(), Caller::kParameter));
+  return all;
+}
+
+void expect_same(const Marker& a, const Marker& b) {
+  const std::string what = a.ns + " " + std::to_string(a.id);
+  EXPECT_EQ(a.type, b.type) << what;
+  EXPECT_EQ(a.action, b.action) << what;
+  EXPECT_EQ(a.color, b.color) << what;
+  EXPECT_EQ(a.scale, b.scale) << what;
+  EXPECT_EQ(a.pose, b.pose) << what;
+  EXPECT_EQ(a.colors, b.colors) << what;
+  ASSERT_EQ(a.points.size(), b.points.size()) << what;
+  for (std::size_t i = 0; i < a.points.size(); ++i) {
+    // what was stretched a hundred times has the rounding of each
+    EXPECT_NEAR(a.points[i].x, b.points[i].x, 1e-12) << what;
+    EXPECT_NEAR(a.points[i].y, b.points[i].y, 1e-12) << what;
+    EXPECT_NEAR(a.points[i].z, b.points[i].z, 1e-12) << what;
+  }
+}
+
+// One listener hears each round, and one the first and the last: signs have the size that the first
+// message gives them.
+void expect_kept_is_anew(engine::World* world, int rounds) {
+  Listener kept, anew;
+  anew.hear(*world);
+  for (int round = 0; round < rounds; ++round) {
+    kept.hear(*world);
+    run(world, kRound);
+  }
+  const MarkerArray ours = kept.hear(*world, true);
+  anew.forces = kept.forces;  // of the last seconds, which it has not seen
+  const MarkerArray theirs = anew.hear(*world, true);
+  std::size_t same = 0;
+  for (const Marker& marker : ours.markers) {
+    if (marker.action != Marker::ADD) continue;
+    const Marker* other = find(theirs, marker.ns, marker.id);
+    ASSERT_NE(other, nullptr) << marker.ns << " " << marker.id;
+    expect_same(marker, *other);
+    ++same;
+  }
+  EXPECT_GT(same, world->body_ids().size());
+}
+
+TEST(Markers, ThatWereKeptAreThoseDrawnAnew) {
+  for (engine::World& world : scenes()) expect_kept_is_anew(&world, 100);
+}
+
+TEST(Markers, ThatWereStretchedAreThoseDrawnAnew) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: a, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, -1]}]\n"
+      "constraints: [{name: s, type: spring, body_b: a, frequency: 1, length: 1, damping_ratio: 0},"
+      " {name: r, type: rope, body_b: a, anchor_a: [0.5, 0, 0], max_length: 1.3},"
+      " {name: t, type: strut, body_b: a, anchor_a: [1, 0, -2], min_length: 0.2}]");
+  for (const int rounds : {1, 10, 37, 300}) expect_kept_is_anew(&world, rounds);
+}
+
+TEST(Markers, AreOnTheWireAMarkerArray) {
+  engine::World world = kinds();
+  run(&world, 0.1);
+  Robots robots{Parameters()};
+  Markers markers("world", robots);
+  ForceScale forces;
+  forces.update(world, ros::Time(1.0));
+  const MarkerMessage& message = markers.update(world, forces, ros::Time(1.0), false, false);
+  const ros::SerializedMessage ours = ros::serialization::serializeMessage(message);
+  const ros::SerializedMessage theirs = ros::serialization::serializeMessage(array_of(message));
+  ASSERT_EQ(ours.num_bytes, theirs.num_bytes);
+  EXPECT_EQ(std::memcmp(ours.buf.get(), theirs.buf.get(), ours.num_bytes), 0);
+  EXPECT_EQ(ros::message_traits::md5sum(message), ros::message_traits::md5sum<MarkerArray>());
+  EXPECT_EQ(ros::message_traits::datatype(message), ros::message_traits::datatype<MarkerArray>());
+}
+
+TEST(Markers, TakeNoMemoryOnceTheyAreThere) {
+  for (engine::World& world : scenes()) {
+    Listener listener;
+    bool touched = false;
+    std::size_t allocations = 0;
+    for (int round = 0; round < 100; ++round) {
+      run(&world, kRound);
+      const std::size_t before = engine::counted_allocations();
+      listener.hear_only(world);
+      // contacts may get more than ever before
+      touched = touched || !world.contacts().empty();
+      if (round > 0 && !touched) allocations += engine::counted_allocations() - before;
+    }
+    EXPECT_EQ(allocations, 0u);
+  }
+}
+
+TEST(Markers, OfWhatRestsAreSentOnceASecond) {
+  engine::World world = engine::load_scene(
+      "world: {sleep_after: 0.1}\n"
+      "bodies: [{name: floor, type: static, shape: {plane: {}}},"
+      " {name: ball, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 0.1]}]");
+  run(&world, 1.0);
+  Listener listener;
+  listener.hear(world);
+  int sent = 0;
+  for (int round = 0; round < 100; ++round) {
+    run(&world, kRound);
+    const MarkerArray array = listener.hear(world);
+    sent += static_cast<int>(std::count_if(array.markers.begin(), array.markers.end(),
+                                           [](const Marker& m) { return m.ns == "bodies"; }));
+  }
+  EXPECT_EQ(sent, 2 * 2);
+}
+
+TEST(Markers, SpringsAreNeverRedAndOthersAre) {
+  engine::World world = engine::load_scene(
+      "world: {method: sequential_impulses, gravity: [0, 0, 0]}\n"
+      "bodies: [{name: a, mass: 1, shape: {point: {}}, position: [3, 0, 0]},"
+      " {name: b, mass: 1, shape: {point: {}}, position: [3, 1, 0]}]\n"
+      "constraints: [{name: s, type: spring, body_b: a, frequency: 0.01, length: 1},"
+      " {name: r, body_b: b, anchor_a: [0, 1, 0], length: 1}]");
+  world.step();
+  const MarkerArray array = Listener().hear(world);
+  const auto color = [&](const char* name) {
+    const Marker* found =
+        find(array, "constraints", static_cast<std::int32_t>(world.find_joint(name).value));
+    return found->color;
+  };
+  EXPECT_GT(std::abs(world.joint_state(world.find_joint("s")).error), 1.0);
+  EXPECT_LT(color("s").r, 0.3F);
+  EXPECT_GT(color("r").r, 0.7F);
+  EXPECT_LT(color("r").g, 0.3F);
+}
+
+TEST(Markers, OfWhatBreaksAreGreyForTwoSeconds) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: a, mass: 1, shape: {point: {}}, position: [1, 0, 0]},"
+      " {name: b, mass: 1, shape: {point: {}}, position: [3, 0, 0]}]\n"
+      "constraints: [{name: s, body_b: a}, {name: r, body_b: b, break_force: 15}]");
+  const engine::JointId rod = world.find_joint("r");
+  const auto id = static_cast<std::int32_t>(rod.value);
+  Listener listener;
+  double broke = -1.0;
+  bool is_gone = false;
+  while (world.time() < 5.0) {
+    run(&world, kRound);
+    const bool is_broken = world.joint_state(rod).broken;
+    if (is_broken && broke < 0.0) broke = world.time();
+    const MarkerArray array = listener.hear(world, false, is_broken && broke == world.time());
+    const Marker* marker = find(array, "constraints", id);
+    if (!is_broken) {
+      ASSERT_NE(marker, nullptr);
+      EXPECT_NE(marker->color.r, marker->color.g);
+    } else if (world.time() < broke + 2.0 - 1e-6) {
+      ASSERT_NE(marker, nullptr) << world.time();
+      EXPECT_EQ(marker->action, Marker::ADD);
+      EXPECT_EQ(marker->color.r, marker->color.g);
+      EXPECT_EQ(marker->color.g, marker->color.b);
+    } else if (!is_gone) {
+      ASSERT_NE(marker, nullptr);
+      EXPECT_EQ(marker->action, Marker::DELETE);
+      is_gone = true;
+    } else {
+      EXPECT_EQ(marker, nullptr);
+    }
+  }
+  EXPECT_GT(broke, 0.0);
+  EXPECT_TRUE(is_gone);
+}
+
+TEST(Markers, StaticBodiesAreMutedAndColoursAreTheBodies) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: wall, type: static, shape: {box: {size: [1, 1, 1]}}},"
+      " {name: a, mass: 1, shape: {sphere: {radius: 0.1}}, position: [5, 0, 0]},"
+      " {name: b, mass: 1, shape: {sphere: {radius: 0.1}}, position: [6, 0, 0],"
+      " color: [0.1, 0.9, 0.4, 0.5]}]");
+  const MarkerArray array = Listener().hear(world);
+  const auto spread = [&](const char* name) {
+    const auto& c =
+        find(array, "bodies", static_cast<std::int32_t>(world.find_body(name).value))->color;
+    return std::max({c.r, c.g, c.b}) - std::min({c.r, c.g, c.b});
+  };
+  EXPECT_LT(spread("wall"), 0.05F);
+  EXPECT_GT(spread("a"), 0.3F);
+  const auto& own =
+      find(array, "bodies", static_cast<std::int32_t>(world.find_body("b").value))->color;
+  EXPECT_FLOAT_EQ(own.g, 0.9F);
+  EXPECT_FLOAT_EQ(own.a, 0.5F);
+}
+
+// A block on a slope of 0.4 rad that friction holds, and one that slides down.
+TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
+  for (const double mu : {0.6, 0.2}) {
+    for (const char* method : {"event_driven", "sequential_impulses"}) {
+      const std::string friction = std::to_string(mu);
+      engine::World world = engine::load_scene(
+          std::string("world: {sleep_after: .inf, method: ") + method +
+          "}\nbodies: [{name: slope, type: static, shape: {plane: {}}, friction: " + friction +
+          ", orientation: [0, 0.19866933079506122, 0, 0.98006657784124163]},"
+          " {name: block, mass: 2, shape: {box: {size: [0.6, 0.5, 0.4]}}, friction: " +
+          friction +
+          ", position: [0.07788366846173, 0, 0.18421219880058],"
+          " orientation: [0, 0.19866933079506122, 0, 0.98006657784124163]}]");
+      run(&world, 0.5);
+      const MarkerArray array = Listener().hear(world);
+      const Marker* normal = find(array, "contacts", 0);
+      const Marker* along = find(array, "friction", 0);
+      ASSERT_NE(normal, nullptr) << method << mu;
+      ASSERT_NE(along, nullptr) << method << mu;
+      const Vector3d up(std::sin(0.4), 0.0, std::cos(0.4)),
+          uphill(-std::cos(0.4), 0.0, std::sin(0.4));
+      // of a block that is held, only all of its points together are determined
+      const auto together = [](const Marker& marker) {
+        Vector3d sum = Vector3d::Zero();
+        for (std::size_t i = 0; i + 9 < marker.points.size(); i += 10) {
+          const auto& a = marker.points[i];
+          const auto& b = marker.points[i + 1];
+          sum += Vector3d(b.x - a.x, b.y - a.y, b.z - a.z);
+        }
+        return sum;
+      };
+      const Vector3d normals = together(*normal), frictions = together(*along);
+      EXPECT_GT(normals.normalized().dot(up), 0.999) << method << mu;
+      EXPECT_GT(frictions.normalized().dot(uphill), 0.999) << method << mu;
+      // on one scale; impulses are off by what the sweeps leave
+      EXPECT_NEAR(frictions.norm() / normals.norm(), std::min(mu, std::tan(0.4)), 0.01)
+          << method << mu;
+    }
+  }
+}
+
+// ---- the view
+
+TEST(View, ShowsAllOfASceneAndLarge) {
+  for (const double size : {0.01, 0.1, 1.0, 100.0}) {
+    for (const Vector3d& shape : {Vector3d(1.0, 1.0, 1.0), Vector3d(1.0, 0.02, 0.02),
+                                  Vector3d(0.02, 1.0, 0.02), Vector3d(0.02, 0.02, 1.0)}) {
+      Extent extent;
+      extent.low = Vector3d(3.0, -2.0, 7.0);
+      extent.high = extent.low + size * shape;
+      const View view = fitted_view(extent);
+      double farthest = 0.0;
+      for (int i = 0; i < 8; ++i) {
+        const Vector3d corner((i & 1 ? extent.high : extent.low).x(),
+                              (i & 2 ? extent.high : extent.low).y(),
+                              (i & 4 ? extent.high : extent.low).z());
+        const Vector3d seen = in_view(view, corner);
+        EXPECT_GT(seen.z(), 0.0);
+        farthest = std::max({farthest, std::abs(seen.x()), std::abs(seen.y())});
+      }
+      EXPECT_NEAR(farthest, 0.85, 1e-9);
+    }
+  }
+}
+
+TEST(View, HasWhatMovesInItAndNotWhatFallsAway) {
+  const engine::World pendulum = engine::load_scene(
+      "bodies: [{name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [2, 0, 3]}]\n"
+      "constraints: [{name: rod, anchor_a: [0, 0, 3], body_b: bob}]");
+  const View view = fitted_view(seen_extent(pendulum));
+  for (const Vector3d& point : {Vector3d(2, 0, 3), Vector3d(0, 0, 1), Vector3d(-2, 0, 3)}) {
+    const Vector3d seen = in_view(view, point);
+    EXPECT_LT(std::max(std::abs(seen.x()), std::abs(seen.y())), 1.0);
+  }
+  const Extent falling = seen_extent(engine::load_scene(
+      "bodies: [{name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 3]}]"));
+  EXPECT_LT((falling.high - falling.low).norm(), 4.0 * std::sqrt(3.0) * 0.2);  // falls by 44 m
+}
+
+}  // namespace
+}  // namespace constraint_sim

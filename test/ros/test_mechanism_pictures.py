@@ -1,0 +1,129 @@
+#!/usr/bin/env python3
+"""A picture of each mechanism that comes with the package, and of each kind of joint, by rviz."""
+import math
+import os
+import shutil
+import subprocess
+
+import numpy
+import rospy
+import rostest
+import tf2_ros
+from geometry_msgs.msg import TransformStamped
+
+import support
+from in_rviz import PACKAGE, START, InRviz, read_view, shipped_configuration
+from support import call
+
+# name or file below docs/images: middle of the picture [m], distance of the eye [m], simulated time [s],
+# turn about x [rad] that brings the mechanism into the upright x-z plane
+MECHANISMS = {
+    "slider_crank": ((0.5, 0, 0.97), 1.3, 0.2, 0),
+    "gear_train": ((0.12, 0, 0.9), 1.1, 0.6, 0),
+    "universal_shaft": ((0, 0, 1.15), 1.5, 0.1, 0),
+    "atwood": ((0.2, 0, 1.6), 2.4, 0.3, 0),
+    "screw": ((0, 0, 1.98), 0.32, 0.5, 0),
+    "peaucellier": ((0.65, 0, 1.5), 1.5, 0.3, 0),
+    "squeezer": ((-0.03, 0.025, 0), 0.16, 0.005, math.pi / 2),
+    "crane": ((0.6, 0, 1.5), 4.2, 2.0, 0),
+    "gripper": ((0, 0, 0.94), 0.32, 1.0, 0),
+    "stewart_platform": ((0, 0, 0.6), 3.0, 1.0, 0),
+    "joints.yaml": ((0.2, 0.7, 1.35), 6.0, 0.5, 0),
+}
+# of the configuration [m], and what a click of the wheel makes of it
+DISTANCE, NEARER, FARTHER = 6.5, 0.88, 1.12
+
+
+def from_the_front():
+    """Along y, without grid, frames and legend. The frame of the picture is put where each scene needs it."""
+    text = shipped_configuration()
+    for before, after in (("Fixed Frame: world", "Fixed Frame: picture"),
+                          ("Name: Grid\n      Enabled: true", "Name: Grid\n      Enabled: false"),
+                          ("Name: Frames\n      Enabled: true", "Name: Frames\n      Enabled: false"),
+                          ("legend: true", "legend: false"),
+                          ("Focal Point: {X: 0, Y: 0, Z: 1.2}", "Focal Point: {X: 0, Y: 0, Z: 0}"),
+                          ("Pitch: 0.45\n      Yaw: 1.1\n    Saved", "Pitch: 0.3\n      Yaw: 4.9\n    Saved")):
+        assert text.count(before) == 1, before
+        text = text.replace(before, after)
+    return text
+
+
+class Mechanisms(InRviz):
+    """Each mechanism is drawn whole. With CONSTRAINT_SIM_SCREENSHOTS set to a folder the pictures of
+    docs/images are left there, small enough for a page."""
+
+    configuration = staticmethod(from_the_front)
+
+    @classmethod
+    def setUpClass(cls):
+        cls.frames = tf2_ros.StaticTransformBroadcaster()
+        super().setUpClass()
+        cls.distance = DISTANCE
+
+    def look(self, middle, distance, turn):
+        frame = TransformStamped()
+        frame.header.stamp = rospy.Time.now()
+        frame.header.frame_id, frame.child_frame_id = "picture", "world"
+        x, y, z = middle
+        cosine, sine = math.cos(turn), math.sin(turn)
+        shift, rotation = frame.transform.translation, frame.transform.rotation
+        shift.x, shift.y, shift.z = -x, -(cosine * y - sine * z), -(sine * y + cosine * z)
+        rotation.x, rotation.w = math.sin(0.5 * turn), math.cos(0.5 * turn)
+        self.frames.sendTransform(frame)
+        clicks = []
+        while self.distance * NEARER > 0.94 * distance:
+            clicks.append("4")
+            self.distance *= NEARER
+        while self.distance < 0.94 * distance:
+            clicks.append("5")
+            self.distance *= FARTHER
+        subprocess.check_call(["xdotool", "mousemove", "60", "720"] +
+                              [word for click in clicks for word in ("click", click)],
+                              env=self.environment)
+
+    def is_drawn(self, view):
+        return numpy.abs(view - 48.0).max(axis=-1) > 20  # which is the background
+
+    def extent(self, view):
+        """Shares of the view's width and height over which something is drawn."""
+        is_drawn = self.is_drawn(view)
+        return [numpy.ptp(numpy.flatnonzero(is_drawn.any(axis=axis))) / is_drawn.shape[1 - axis]
+                if is_drawn.any() else 0.0 for axis in (0, 1)]
+
+    def shrink(self, path, width):
+        subprocess.check_call(["convert", path, "-crop", "1232x690+24+70", "+repage", "-resize",
+                               "%dx" % width, "-colors", "64", "PNG8:" + path])
+
+    def test_each_mechanism_is_drawn_whole(self):
+        for scene, (middle, distance, seconds, turn) in MECHANISMS.items():
+            path = os.path.join(PACKAGE, "docs/images", scene) if "." in scene else scene
+            with self.subTest(scene):
+                name = scene.partition(".")[0] + ".png"
+                support.empty_world()  # no body takes the wheel for itself
+                support.wait_until(lambda: self.extent(read_view(self.screenshot(name))) == [0, 0],
+                                   "an empty view", START)
+                self.look(middle, distance, turn)
+                answer = call("load_scene", path=path)
+                self.assertTrue(answer.success, answer.status_message)
+                tick = support.properties().time_step
+                self.assertTrue(call("step", steps=round(seconds / tick)).success)
+                views = []
+
+                def is_still():
+                    views.append(read_view(self.screenshot(name)))
+                    # three times the same
+                    return (len(views) > 2 and max(self.extent(views[-1])) > 0.3 and
+                            all((views[-1] == view).all() for view in views[-3:-1]))
+                support.wait_until(is_still, "a picture", START)
+                is_seen = self.is_drawn(views[-1])
+                for border in (is_seen[0], is_seen[-1], is_seen[:, 0], is_seen[:, -1]):
+                    self.assertFalse(border.any())
+                self.shrink(os.path.join(os.environ.get("CONSTRAINT_SIM_SCREENSHOTS", self.folder),
+                                         name), 900 if "." in scene else 480)
+
+
+if __name__ == "__main__":
+    if not shutil.which("xdotool"):
+        raise SystemExit("xdotool is needed: scripts/setup")
+    rospy.init_node("test_mechanism_pictures")
+    rostest.rosrun("constraint_sim", "mechanism_pictures", Mechanisms)

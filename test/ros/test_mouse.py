@@ -1,0 +1,165 @@
+#!/usr/bin/env python3
+"""rviz on a virtual display, with a real mouse: bodies are dragged, clicked and chosen from a menu."""
+import re
+import shutil
+import subprocess
+import time
+
+import rospy
+import rostest
+from constraint_sim.msg import Statistics
+from visualization_msgs.msg import InteractiveMarkerFeedback
+
+import support
+from in_rviz import HEIGHT, START, WIDTH, InRviz, shipped_configuration
+from support import NODE, Listener, call, properties
+
+SCALE = 100.0  # pixels a metre, seen from above
+VIEW = """  Views:
+    Current:
+      Class: rviz/TopDownOrtho
+      Name: Current View
+      Target Frame: <Fixed Frame>
+      Scale: %g
+      X: 0
+      Y: 0
+      Angle: 0
+""" % SCALE
+
+
+def from_above():
+    """The shipped configuration of rviz, seen straight from above: pixels are metres. Without labels:
+    from there the legend hides a single body."""
+    text = shipped_configuration()
+    text, count = re.subn(r"  Views:\n(?:    .*\n)+", VIEW, text)
+    assert count == 1 and "/labels" in text
+    return text.replace("/constraint_sim/labels", "/constraint_sim/no_labels")
+
+
+class Mouse(InRviz):
+    configuration = staticmethod(from_above)
+
+    def setUp(self):
+        support.empty_world()
+        self.feedback = Listener(NODE + "/hands/feedback", InteractiveMarkerFeedback)
+
+    def tearDown(self):
+        self.mouse("mouseup", "1")
+        call("pause_physics")
+        Listener.stop_all()
+
+    def mouse(self, *arguments):
+        subprocess.check_call(["xdotool", *map(str, arguments)], env=self.environment)
+
+    def point(self, x, y):
+        """The pointer to this place [m]: x is to the right, y up, in the middle of the view."""
+        self.mouse("mousemove", round(self.centre[0] + SCALE * x), round(self.centre[1] - SCALE * y))
+
+    def load(self, text):
+        answer = call("load_scene", text=text)
+        self.assertTrue(answer.success, answer.status_message)
+        call("unpause_physics")
+
+    # found by the first scene: window decorations differ
+    centre = (WIDTH / 2, HEIGHT / 2 + 16)
+
+    def grab(self, body, x, y):
+        """Presses the button over the body, again until rviz has it under the pointer."""
+        def pressed():
+            self.mouse("mouseup", "1")
+            self.point(x, y)
+            time.sleep(0.3)
+            self.point(x + 0.02, y)  # rviz looks what is there when the pointer moves
+            time.sleep(0.3)
+            self.mouse("mousedown", "1")
+            time.sleep(0.3)
+            return any(m.event_type == InteractiveMarkerFeedback.MOUSE_DOWN and
+                       m.marker_name == body for m in self.feedback.messages)
+        support.wait_until(pressed, body + " under the pointer", START)
+
+    def x(self, body):
+        return call("get_body_state", name=body).state.pose.position.x
+
+    def speed(self, body):
+        return abs(call("get_body_state", name=body).state.twist.linear.x)
+
+    def is_held(self):
+        return any(name.startswith("hand/") for name in properties().constraints)
+
+    def drag_two_metres(self, body, start):
+        self.grab(body, start, 0)
+        for step in range(1, 51):
+            self.point(start + 0.02 + 0.04 * step, 0)
+            time.sleep(0.04)
+        self.screenshot("drag_%s.png" % body)
+        # the button stays down, the pointer still: rviz says so four times a second
+        support.wait_until(lambda: abs(self.x(body) - start - 2.0) < 0.05, "two metres")
+        self.assertTrue(self.is_held())
+
+    def let_go(self):
+        self.mouse("mouseup", "1")
+        support.wait_until(lambda: not self.is_held(), "the release")
+
+    def weightless(self, bodies, constraints="  []\n"):
+        return ("world: {gravity: [0, 0, 0]}\nbodies:\n%sconstraints:\n%s" % (bodies, constraints))
+
+    def ball(self, name, mass, x, y=0):
+        return ("- {name: %s, mass: %g, no_collision: true, shape: {sphere: {radius: 0.2}}, "
+                "position: [%g, %g, 0]}\n" % (name, mass, x, y))
+
+    def test_a_speck_and_a_thousand_tonnes_are_dragged_two_metres(self):
+        for mass, name in ((1e-3, "speck"), (1e6, "rock")):
+            self.load(self.weightless(self.ball(name, mass, -2)))
+            self.drag_two_metres(name, -2)
+            support.wait_until(lambda: self.speed(name) < 1e-3, "rest")
+            self.let_go()
+            self.assertLess(self.speed(name), 2e-3)
+
+    def test_a_load_is_dragged_through_a_chain(self):
+        bodies = self.ball("rock", 1e6, -3) + "".join(
+            self.ball("bead%d" % i, 1e-3, -3 + 0.5 * i) for i in range(1, 4))
+        names = ["rock", "bead1", "bead2", "bead3"]
+        rods = "".join("- {name: r%d, type: distance, body_a: %s, body_b: %s}\n" % (i, a, b)
+                       for i, (a, b) in enumerate(zip(names, names[1:])))
+        self.load(self.weightless(bodies, rods))
+        self.drag_two_metres("bead3", -1.5)
+        # the rock follows; a chain pulls and does not push, so that it may go on past the beads
+        support.wait_until(lambda: self.x("rock") > -2.0, "a metre of the rock's way")
+        self.let_go()
+        statistics = Listener(NODE + "/statistics", Statistics)
+        first = statistics.wait(lambda m: m.ticks > 0)
+        later = statistics.wait(lambda m: m.step > first.step + 200)
+        # nothing drives it any more; the rest is the tolerance of 2 s
+        self.assertLessEqual(later.energy, first.energy * (1 + 1e-6))
+
+    def test_a_viewer_that_dies_in_a_drag_lets_go(self):
+        self.load(self.weightless(self.ball("ball", 1, 0)))
+        self.grab("ball", 0, 0)
+        self.point(0.5, 0)
+        support.wait_until(self.is_held, "the grip")
+        self.rviz.send_signal(19)  # SIGSTOP: nothing more comes
+        try:
+            begin = time.monotonic()
+            support.wait_until(lambda: not self.is_held(), "the release")
+            # 0.5 s and a period of 0.05 s; the rest is for slow machines
+            self.assertLess(time.monotonic() - begin, 5.0)
+        finally:
+            self.rviz.send_signal(18)
+
+    def test_the_menu_fixes_a_body(self):
+        self.load(self.weightless(self.ball("ball", 1, 0)))
+        self.grab("ball", 0, 0)
+        self.mouse("mouseup", "1")
+        self.mouse("click", "3")
+        time.sleep(1.0)
+        self.screenshot("menu.png")
+        self.mouse("key", "Down")
+        self.mouse("key", "Return")  # the first entry: Fix here
+        support.wait_until(lambda: "fixed/ball" in properties().constraints, "the fixing")
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_mouse")
+    if not shutil.which("xdotool"):
+        raise SystemExit("xdotool is needed: scripts/setup")
+    rostest.rosrun("constraint_sim", "mouse", Mouse)

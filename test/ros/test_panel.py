@@ -1,0 +1,185 @@
+#!/usr/bin/env python3
+"""The panel in rviz on a virtual display: each button does what its service does."""
+import glob
+import os
+import shutil
+import subprocess
+
+import rosbag
+import rospy
+import rostest
+from constraint_sim.msg import EditRecord
+from constraint_sim.srv import SetOptionsRequest
+
+import support
+from in_rviz import START
+from support import NODE, Listener, call, properties, wait_until
+from with_panel import PANEL_TOPICS, WithPanel, topics_of_panel
+
+
+class Panel(WithPanel):
+    def setUp(self):
+        call("pause_physics")
+        self.assertTrue(call("load_scene", path="winch").success)
+        call("reset_simulation")
+        self.assertTrue(call("step", steps=20).success)
+        self.assertTrue(call("save_snapshot", name="base").success)
+
+    def expect_same(self, service, act, **fields):
+        """`act` in the panel leads to the world to which the service leads."""
+        answer = call(service, **fields)
+        self.assertTrue(getattr(answer, "success", True))
+        expected = properties()
+        before = call("restore_snapshot", name="base").state_hash
+        self.assertNotEqual(expected.state_hash, before)  # or nothing would be seen
+        act()
+        self.wait_for_hash(expected.state_hash, "the world of " + service)
+        self.assertEqual(properties().step, expected.step)
+        self.wait_for_message(service)
+
+    def test_step(self):
+        self.enter("Number of steps", "7")
+        self.expect_same("step", lambda: self.click("Step"), steps=7)
+
+    def test_resets(self):
+        self.expect_same("reset_world", lambda: self.click("Reset world"))
+        self.expect_same("reset_simulation", lambda: self.click("Reset all"))
+        self.assertEqual(properties().step, 0)
+
+    def test_play_and_pause(self):
+        start = properties().step
+        self.click("Play")
+        wait_until(lambda: properties().step > start + 50, "steps", START)
+        self.click("Pause")
+        wait_until(lambda: properties().paused, "the pause", START)
+        reached = properties()
+        call("restore_snapshot", name="base")
+        self.assertEqual(call("step", steps=reached.step - start).state_hash, reached.state_hash)
+
+    def test_load(self):
+        def load():
+            self.enter("Scene name", "pendulum")
+            self.click("Load")
+        self.expect_same("load_scene", load, path="pendulum")
+        self.assertEqual(properties().bodies, ["bob"])
+
+    def test_what_is_refused_is_said(self):
+        answer = call("load_scene", path="no_such_scene")
+        self.assertFalse(answer.success)
+        before = properties().state_hash
+        self.enter("Scene name", "no_such_scene")
+        self.click("Load")
+        self.wait_for_message(answer.status_message)
+        self.assertEqual(properties().state_hash, before)
+
+    def test_save(self):
+        path = os.path.join(self.folder, "saved.yaml")
+        self.enter("Scene file", path)
+        self.click("Save")
+        wait_until(lambda: os.path.exists(path), "the file", START)
+        with open(path) as file:
+            self.assertEqual(file.read(), call("save_scene").text)
+
+    def test_rewind(self):
+        kept = len(call("list_snapshots").names)
+        base = properties().state_hash
+        self.click("Keep")
+        wait_until(lambda: len(call("list_snapshots").names) == kept + 1, "a snapshot", START)
+        name = call("list_snapshots").names[-1]
+        self.assertEqual(call("list_snapshots").state_hashes[-1], base)
+        self.wait_for_message("save_snapshot")
+        wait_until(lambda: self.panel.find_containing(name + ":"), "its name", START)
+        self.assertNotEqual(call("step", steps=5).state_hash, base)
+        self.click("Rewind")
+        self.wait_for_hash(base, "the rewound world")
+        self.assertEqual(properties().step, 20)
+
+    def test_snapshots_are_kept_while_the_world_runs(self):
+        first = call("list_snapshots").names
+        self.enter("Snapshot interval", "0.2")
+        self.click("Play")
+        wait_until(lambda: len(set(call("list_snapshots").names) - set(first)) > 2, "three", START)
+        self.enter("Snapshot interval", "0")
+
+    def test_speed(self):
+        log = Listener(NODE + "/edit_log", EditRecord)
+        log.wait(what="its first record")
+        for factor in ("0.25", "1"):
+            self.enter("Real-time factor", factor)
+            record = wait_until(lambda: next((m for m in log.messages if m.service == "set_options"),
+                                             None), "the option", START)
+            request = SetOptionsRequest()
+            request.deserialize(bytes(record.request))
+            self.assertEqual((request.keys, request.values), (["real_time_factor"], [factor]))
+            del log.messages[:]
+
+    def test_motor(self):
+        def bias(value):
+            return dict(name="rope", keys=["bias"], values=[value])
+        self.click("Motors")
+        self.widgets.pop("Motor rope", None)
+        self.expect_same("set_constraint_properties", lambda: self.enter("Motor rope", "0.1"),
+                         **bias(0.1))
+        call("restore_snapshot", name="base")
+
+        def slide():
+            self.click("Motor slider rope")
+            self.keys("Home")  # the end on the left
+        self.expect_same("set_constraint_properties", slide, **bias(-1.0))
+
+    def test_tabs_subscribe_to_what_they_show(self):
+        self.click("Plots")
+        wait_until(lambda: topics_of_panel() == {NODE + "/statistics"}, "the topic of plots", START)
+        self.click("World")
+        wait_until(lambda: topics_of_panel() == PANEL_TOPICS, "those of the tree", START)
+        for name in ("load", "rope"):
+            self.assertIsNotNone(wait_until(lambda: self.panel.find(name), name, START))
+        self.click("Plots")
+        wait_until(lambda: topics_of_panel() == {NODE + "/statistics"}, "the topic of plots again", START)
+        self.keys("alt+p")  # the menu Panels: the panel is the last of the list
+        self.hide_and_show()
+
+    def hide_and_show(self):
+        self.keys("Up", "Return")
+        wait_until(lambda: not topics_of_panel(), "silence of a hidden panel", START)
+        self.keys("alt+p", "Up", "Return")
+        wait_until(lambda: topics_of_panel() == {NODE + "/statistics"}, "the panel again", START)
+
+    def test_record(self):
+        prefix = os.path.join(self.folder, "run")
+        self.enter("Bag", prefix)
+        self.click("Record")
+        wait_until(lambda: glob.glob(prefix + "*.bag.active"), "the recorder", START)
+        wait_until(lambda: self.recorders(), "its subscription", START)
+        self.assertTrue(call("step", steps=9).success)
+        self.click("Stop recording")
+        bags = wait_until(lambda: glob.glob(prefix + "*.bag"), "the bag", START)
+        self.wait_for_message("recorded " + bags[0])
+        with rosbag.Bag(bags[0]) as bag:
+            records = [m for _, m, _ in bag.read_messages([NODE + "/edit_log"])]
+        self.assertEqual(records[0].service, "snapshot")
+        self.enter("Bag", os.path.join(self.folder, "missing", "run"))
+        self.click("Record")
+        self.wait_for_message("No such file or directory")
+
+    def recorders(self):
+        topics = {}
+        for name in subprocess.check_output(["rosnode", "list"], universal_newlines=True).split():
+            if name.startswith("/record"):
+                topics[name] = support.topics_between(NODE, name)
+        return any(NODE + "/edit_log" in connected for connected in topics.values())
+
+    def test_all_at_a_glance(self):
+        """For docs/rviz.md."""
+        call("unpause_physics")
+        self.click("Plots")
+        statistics = Listener(NODE + "/statistics", rospy.AnyMsg)
+        wait_until(lambda: len(statistics.messages) > 60, "a part of the plot", START)
+        self.assertGreater(os.path.getsize(self.screenshot("panel.png")), 0)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_panel")
+    if not shutil.which("xdotool"):
+        raise SystemExit("xdotool is needed: scripts/setup")
+    rostest.rosrun("constraint_sim", "panel", Panel)

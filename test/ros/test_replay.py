@@ -1,0 +1,193 @@
+#!/usr/bin/env python3
+"""A recorded run is run again to the same hashes, and where it is not, that is named."""
+import os
+import random
+import subprocess
+import tempfile
+
+import rosbag
+import rospy
+import rostest
+from constraint_sim.msg import Constraint, EditRecord, MotorBias
+from geometry_msgs.msg import Vector3, Wrench
+
+import support
+from support import NODE, call, properties, sphere
+
+
+def replay(*arguments):
+    """Exit status and what it says."""
+    done = subprocess.run(["rosrun", "constraint_sim", "replay", *arguments],
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                          universal_newlines=True, timeout=240)
+    return done.returncode, done.stdout
+
+
+class Replay(support.ServiceCase):
+    def setUp(self):
+        support.empty_world()
+        self.folder = tempfile.TemporaryDirectory()
+        self.file = os.path.join(self.folder.name, "run.bag")
+        self.log = support.Listener(NODE + "/edit_log", EditRecord)
+
+    def tearDown(self):
+        support.Listener.stop_all()
+        self.folder.cleanup()
+
+    def begin(self):
+        support.wait_until(lambda: self.log.messages, "the world that the log begins with")
+        self.assertEqual(self.log.messages[0].service, "snapshot")
+
+    def write(self, records, topic="/constraint_sim/edit_log"):
+        with rosbag.Bag(self.file, "w") as bag:
+            for i, record in enumerate(records):
+                bag.write(topic, record, rospy.Time(1 + i))
+
+    def end(self):
+        """Writes what was heard up to now to the bag; the hash it ends with."""
+        self.assertTrue(call("add_body", body=sphere("last", z=77.0)).success)
+        last = properties()
+        support.wait_until(lambda: self.log.messages[-1].state_hash == last.state_hash,
+                           "the last record")
+        self.write(self.log.messages)
+        return last.state_hash
+
+    def some_edit(self, number, draw):
+        kind = draw.randrange(9)
+        name = "ball_%d" % number
+        ball = sphere(name, x=3.0 * number, z=draw.uniform(1, 3), no_collision=True)
+        if kind < 3:
+            self.good("add_body", body=ball)
+            self.good("add_distance_constraint", name="rod_%d" % number, body_b=name)
+            self.good("set_motor_bias", constraint="rod_%d" % number, bias=0.1, timeout=0.5)
+        elif kind == 3:
+            self.good("apply_edits", bodies=[ball], constraints=[
+                Constraint(name="rope_%d" % number, type="rope", body_b=name, max_length=99.0)])
+        elif kind == 4:
+            self.good("apply_body_wrench", body_name="first", duration=rospy.Duration(0.25),
+                      wrench=Wrench(force=Vector3(draw.uniform(-1, 1), 0, 2)))
+        elif kind == 5:
+            self.good("set_options", keys=["gravity"],
+                      values=["[0, 0, %r]" % draw.uniform(-10, -5)])
+        elif kind == 6:
+            self.good("set_body_properties", name="first", keys=["mass"],
+                      values=[draw.uniform(1, 2)])
+        elif kind == 7:
+            call("reset_world")
+        else:
+            self.good("save_snapshot", name="some")
+
+    def test_a_run_with_all_kinds_of_edits(self):
+        self.good("load_scene", path="double_pendulum")
+        self.good("add_body", body=sphere("first", x=-3.0))
+        self.good("step", steps=37)
+        self.begin()
+        draw = random.Random(1)
+        for number in range(60):
+            self.some_edit(number, draw)
+            self.good("step", steps=draw.randrange(40))
+        call("reset_simulation")
+        self.good("step", steps=250)
+        self.good("restore_snapshot", name="some")
+        self.good("step", steps=50)
+        self.good("load_scene", path="winch")
+        self.good("step", steps=120)
+        self.end()
+        status, said = replay(self.file)
+        self.assertEqual(status, 0, said)
+        self.assertIn("%d records" % len(self.log.messages), said)
+        self.assertGreater(sum(not r.service for r in self.log.messages), 5)  # checks on the way
+        self.assertGreater(len({r.service for r in self.log.messages}), 10)
+
+    def test_a_run_in_real_time_with_a_stream_of_commands(self):
+        self.good("load_scene", path="platform")
+        self.begin()
+        bias = rospy.Publisher(NODE + "/motor_bias", MotorBias, queue_size=10)
+        support.wait_until(bias.get_num_connections, "the subscriber of motor_bias")
+        motor = properties().constraints[0]
+        call("unpause_physics")
+        for i in range(100):
+            bias.publish(constraint=motor, bias=0.001 * i, timeout=0.5)
+            rospy.sleep(0.01)
+        call("pause_physics")
+        self.end()
+        self.assertGreater(sum(r.service == "set_motor_bias" for r in self.log.messages), 50)
+        status, said = replay(self.file)
+        self.assertEqual(status, 0, said)
+
+    def test_an_hour_of_commands(self):
+        self.good("load_scene", path="platform")
+        winches = properties().constraints
+        self.good("add_body", body=sphere("first", x=9.0))
+        self.begin()
+        call("set_options", keys=["real_time_factor"], values=["0"])
+        end = properties().sim_time + 3600.0
+        draw = random.Random(2)
+        call("unpause_physics")
+        while properties().sim_time < end:
+            self.good("set_motor_bias", constraint=draw.choice(winches),
+                      bias=draw.uniform(-0.02, 0.02), timeout=draw.uniform(0, 3))
+            self.good("apply_body_wrench", body_name="first", duration=rospy.Duration(0.25),
+                      wrench=Wrench(force=Vector3(draw.uniform(-1, 1), 0, 9.81)))
+        call("pause_physics")
+        call("set_options", keys=["real_time_factor"], values=["1"])
+        self.end()
+        self.assertGreater(sum(r.service == "set_motor_bias" for r in self.log.messages), 500)
+        status, said = replay(self.file)
+        self.assertEqual(status, 0, said)
+
+    def test_the_first_record_that_differs_is_named(self):
+        self.good("load_scene", path="pendulum")
+        call("reset_simulation")
+        self.begin()
+        self.good("step", steps=150)
+        self.good("add_body", body=sphere("ball", x=5.0))
+        self.good("step", steps=20)
+        self.end()
+        records = self.log.messages
+        added = next(r for r in records if r.service == "add_body")
+        self.assertEqual(added.step, 150)
+        added.state_hash ^= 1
+        self.write(records)
+        status, said = replay(self.file)
+        self.assertEqual(status, 1)
+        for word in ("step 150", "add_body", "step 100"):
+            self.assertIn(word, said)
+
+    def test_what_cannot_be_replayed(self):
+        self.good("load_scene", path="pendulum")
+        self.begin()
+        self.good("step", steps=250)
+        self.end()
+        records = self.log.messages
+        self.write(records[:1] + records[2:])
+        self.assertEqual(replay(self.file)[0], 2)
+        self.assertIn("missing", replay(self.file)[1])
+        self.write(records[2:])
+        self.assertIn("no snapshot", replay(self.file)[1])
+        self.write([])
+        self.assertIn("no edit log", replay(self.file)[1])
+        records[-1].request = records[-1].request[:5]
+        self.write(records)
+        self.assertIn("cut off", replay(self.file)[1])
+        self.assertEqual(replay(os.path.join(self.folder.name, "none.bag"))[0], 2)
+        self.assertEqual(replay()[0], 2)
+
+    def test_a_step_that_fails_is_replayed_as_well(self):
+        self.begin()
+        fast = sphere("fast", x=1e20)
+        fast.twist.linear.x = 1e20
+        self.good("add_body", body=fast)
+        self.assertFalse(call("step", steps=5).success)
+        self.good("remove_body", name="fast")
+        self.good("add_body", body=sphere("ball"))
+        self.good("step", steps=5)
+        self.end()
+        self.assertIn("failed_step", {r.service for r in self.log.messages})
+        status, said = replay(self.file)
+        self.assertEqual(status, 0, said)
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_replay")
+    rostest.rosrun("constraint_sim", "replay", Replay)

@@ -1,0 +1,283 @@
+#!/usr/bin/env python3
+"""Robots from URDFs: load_urdf, frames beside a robot_state_publisher, and topics that drive."""
+import contextlib
+import os
+import subprocess
+
+import numpy
+import rospkg
+import rospy
+import rostest
+from constraint_sim.msg import Body, Shape
+from geometry_msgs.msg import Pose, Twist, WrenchStamped
+from nav_msgs.msg import Odometry
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+from tf2_msgs.msg import TFMessage
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from visualization_msgs.msg import Marker, MarkerArray
+
+import support
+from support import Listener, call, node_command, properties, running, wait_until
+
+ROBOTS = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "config", "robots")
+POSE = """
+positions: {shoulder_pan: 0.3, shoulder_lift: -0.4, elbow: 0.9, wrist_1: -0.5, wrist_2: 0.4, wrist_3: 1.1}
+links: {base_link: {no_collision: true}, upper_arm: {no_collision: true}, forearm: {no_collision: true}}
+"""
+MOTORS = """
+motors: {shoulder_pan: {bias: 0, max_force: 0}, shoulder_lift: {bias: 0, max_force: 0}, elbow: {bias: 0, max_force: 0}}
+"""
+LINKS = ["base_link", "shoulder", "upper_arm", "forearm", "wrist_1_link", "wrist_2_link",
+         "wrist_3_link", "flange", "tool0"]
+
+
+def urdf(name):
+    with open(os.path.join(ROBOTS, name + ".urdf")) as file:
+        return file.read()
+
+
+@contextlib.contextmanager
+def simulator(**parameters):
+    """A paused node with these parameters, once it answers."""
+    with running(node_command(paused=True, **parameters)) as process:
+        properties()
+        yield process
+
+
+@contextlib.contextmanager
+def robot_state_publisher(robot, topic):
+    rospy.set_param("/robot_description", urdf(robot))
+    program = subprocess.check_output(
+        ["catkin_find", "--first-only", "--libexec", "robot_state_publisher",
+         "robot_state_publisher"], universal_newlines=True).strip()
+    with running([program, "joint_states:=%s/joint_states" % support.NODE, "/tf:=" + topic,
+                  "/tf_static:=%s_static" % topic, "__name:=robot_state_publisher"]):
+        yield
+
+
+def matrix(transform):
+    t, q = transform.translation, transform.rotation
+    x, y, z, w = q.x, q.y, q.z, q.w
+    return numpy.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), t.x],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), t.y],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), t.z],
+        [0, 0, 0, 1]])
+
+
+class Robots(support.ServiceCase):
+    def tearDown(self):
+        Listener.stop_all()
+
+    def expect(self, listener, joint, value, field="position"):
+        """A paused world's joint comes to read this, to what integration leaves."""
+        def reads():
+            message = listener.messages[-1] if listener.messages else None
+            if not message or joint not in message.name:
+                return False
+            return abs(getattr(message, field)[message.name.index(joint)] - value) < 1e-9
+        wait_until(reads, "%s of %s to be %.12g" % (field, joint, value))
+
+    def test_frames_agree_with_a_robot_state_publisher(self):
+        ours, fixed = Listener("/tf", TFMessage), Listener("/arm/tf_static", TFMessage)
+        theirs = Listener("/arm/tf", TFMessage)
+        with simulator(), robot_state_publisher("arm", "/arm/tf"):
+            answer = self.good("load_urdf", path="arm", fixed=True, extra=POSE)
+            self.assertEqual(len(answer.bodies), 7)
+            self.assertEqual(answer.constraints, ["shoulder_pan", "shoulder_lift", "elbow",
+                                                  "wrist_1", "wrist_2", "wrist_3"])
+            call("unpause_physics")
+            rest = wait_until(lambda: fixed.messages and fixed.messages[-1], "fixed frames")
+
+            def compared():
+                mine = {m.transforms[0].header.stamp: m for m in ours.messages if m.transforms}
+                return [(mine[m.transforms[0].header.stamp], m) for m in theirs.messages
+                        if m.transforms and m.transforms[0].header.stamp in mine]
+            wait_until(lambda: len(compared()) >= 20, "20 rounds with the same stamp")
+            most, moved = 0.0, 0.0
+            for mine, other in compared():
+                parents = {t.child_frame_id: (t.header.frame_id, matrix(t.transform))
+                           for t in list(other.transforms) + list(rest.transforms)}
+                frames = {t.child_frame_id: matrix(t.transform) for t in mine.transforms}
+                self.assertEqual(sorted(frames), sorted(LINKS))
+                for link in LINKS[1:]:
+                    chain, at = numpy.eye(4), link
+                    while at != "base_link":
+                        at, transform = parents[at]
+                        chain = transform @ chain
+                    difference = numpy.abs(frames["base_link"] @ chain - frames[link]).max()
+                    most = max(most, difference)
+                moved = max(moved, numpy.abs(frames["tool0"] - chain_start(compared)).max())
+            self.assertLess(most, 1e-9)
+            self.assertGreater(moved, 0.01)
+
+    def test_nothing_is_published_twice(self):
+        with simulator(publish_links="root"), robot_state_publisher("arm", "/tf"):
+            tf = Listener("/tf", TFMessage)
+            static = Listener("/tf_static", TFMessage)
+            self.good("load_urdf", path="arm", fixed=True, extra=POSE)
+            call("unpause_physics")
+
+            def publishers():
+                found = {}
+                for message in tf.messages + static.messages:
+                    for transform in message.transforms:
+                        found.setdefault(transform.child_frame_id, set()).add(
+                            message._connection_header["callerid"])
+                return found
+            wait_until(lambda: sorted(publishers()) == sorted(LINKS), "frames of all links")
+            self.assertEqual({link: 1 for link in LINKS},
+                             {link: len(callers) for link, callers in publishers().items()})
+            self.assertEqual(publishers()["base_link"], {support.NODE})
+
+    def test_frames_of_bodies_are_children_of_links(self):
+        with simulator(publish_com=True, robot="gripper", robot_fixed=True):
+            tf = Listener("/tf", TFMessage)
+            message = tf.wait()
+            parents = {t.child_frame_id: t.header.frame_id for t in message.transforms}
+            self.assertEqual(parents["left_finger"], "world")
+            self.assertEqual(parents["left_finger/com"], "left_finger")
+
+    def test_bad_descriptions_change_nothing(self):
+        with simulator():
+            before = properties().state_hash
+            for part, fields in (("exactly one", {}),
+                                 ("exactly one", {"path": "arm", "text": urdf("arm")}),
+                                 ("cannot read", {"path": "/nowhere.urdf"}),
+                                 ("no mass", {"text": urdf("arm").replace('mass value="8.4"',
+                                                                          'mass value="0"')}),
+                                 ("no mesh 'package://nowhere/a.stl'",
+                                  {"text": urdf("arm").replace(
+                                      '<sphere radius="0.05"/>',
+                                      '<mesh filename="package://nowhere/a.stl"/>')}),
+                                 ("no joint 'knee'", {"path": "arm", "extra": "positions: {knee: 1}"}),
+                                 ("orientation", {"path": "arm", "pose": quarter()})):
+                answer = call("load_urdf", **fields)
+                self.assertFalse(answer.success, part)
+                self.assertIn(part, answer.status_message)
+                self.assertEqual(properties().state_hash, before)
+            self.good("load_urdf", path="arm", prefix="left/")
+            self.good("load_urdf", path="arm", prefix="right/")
+            before = properties().state_hash
+            answer = call("load_urdf", path="arm", prefix="left/")
+            self.assertIn("left/base_link/com", answer.status_message)
+            self.assertEqual(properties().state_hash, before)
+
+    def test_a_bad_robot_in_a_parameter_ends_the_node(self):
+        with running(node_command(robot="nobody")) as process:
+            self.assertEqual(process.wait(support.TIMEOUT), 2)
+
+    def test_the_parameter_robot_description(self):
+        rospy.set_param("/robot_description", urdf("quadruped"))
+        with simulator(robot="/robot_description", robot_z=0.5):
+            self.assertEqual(len(properties().bodies), 13)
+            markers = Listener(support.NODE + "/markers", MarkerArray)
+            message = markers.wait(lambda m: any(x.ns == "visuals" for x in m.markers))
+            visuals = [m for m in message.markers if m.ns == "visuals"]
+            self.assertEqual(len(visuals), 17)
+            self.assertEqual({m.type for m in visuals},
+                             {Marker.CUBE, Marker.CYLINDER, Marker.SPHERE})
+            call("load_scene", text="bodies: []")
+            markers.wait(lambda m: sum(x.ns == "visuals" and x.action == Marker.DELETE
+                                       for x in m.markers) == 17)
+
+    def test_a_trajectory_is_followed(self):
+        with simulator(real_time_factor=0):
+            self.good("load_urdf", path="arm", fixed=True, extra=POSE + MOTORS)
+            states = Listener(support.NODE + "/joint_states", JointState)
+            topic = rospy.Publisher(support.NODE + "/joint_trajectory", JointTrajectory,
+                                    queue_size=1)
+            wait_until(topic.get_num_connections, "the simulator")
+            end = JointTrajectoryPoint(positions=[0.5, 0.2], velocities=[0, 0],
+                                       accelerations=[0, 0], time_from_start=rospy.Duration(1))
+            topic.publish(JointTrajectory(joint_names=["shoulder_pan", "elbow"], points=[end]))
+            rospy.sleep(0.3)  # no answer says that a message has come
+            self.good("step", steps=50)
+            # a quintic is half way in the middle
+            self.expect(states, "shoulder_pan", 0.5 * (0.3 + 0.5))
+            self.expect(states, "elbow", 0.5 * (0.9 + 0.2))
+            self.good("step", steps=60)
+            self.expect(states, "shoulder_pan", 0.5)
+            self.expect(states, "elbow", 0.2)
+            self.expect(states, "shoulder_lift", -0.4)
+
+    def test_commands_by_what_motor_there_is(self):
+        motors = """
+motors:
+  shoulder_pan: {bias: 0, max_force: 0}
+  elbow: {position: 0.9, max_force: 0}
+  wrist_3: {force: 0}
+"""
+        with simulator(command="shoulder_pan elbow wrist_3 wrist_1"):
+            self.good("load_urdf", text=urdf("arm").replace('damping="0.02"', 'damping="0"'),
+                      fixed=True, extra=POSE + motors)
+            states = Listener(support.NODE + "/joint_states", JointState)
+            for joint, value in (("shoulder_pan", 0.2), ("elbow", 0.7), ("wrist_3", 0.01)):
+                topic = rospy.Publisher("%s/command/%s" % (support.NODE, joint), Float64,
+                                        queue_size=1)
+                wait_until(topic.get_num_connections, joint)
+                topic.publish(value)
+            rospy.sleep(0.3)
+            self.good("step", steps=100)
+            self.expect(states, "shoulder_pan", 0.3 + 0.2)
+            self.expect(states, "elbow", 0.7)
+            self.expect(states, "wrist_3", 0.01, "effort")
+
+    def test_odometry_wrenches_and_twists(self):
+        with simulator(odometry="ball left/trunk", wrench="ball", cmd_vel="cart"):
+            self.good("load_scene", text="world: {gravity: [0, 0, 0]}")
+            self.good("add_body", body=support.sphere("ball"))
+            cart = Body(name="cart", type=Body.KINEMATIC,
+                        shape=Shape(type=Shape.BOX, dimensions=[1, 1, 1]))
+            cart.pose.position.y = 5
+            cart.pose.orientation.z = cart.pose.orientation.w = 0.5 ** 0.5
+            self.good("add_body", body=cart)
+            self.good("load_urdf", path="quadruped", prefix="left/", extra="{}",
+                      pose=above(3.0))
+            wrench = rospy.Publisher(support.NODE + "/wrench/ball", WrenchStamped, queue_size=1)
+            twist = rospy.Publisher(support.NODE + "/cmd_vel/cart", Twist, queue_size=1)
+            for topic in (wrench, twist):
+                wait_until(topic.get_num_connections, topic.name)
+            push, drive = WrenchStamped(), Twist()
+            push.wrench.force.x = 2.0
+            drive.linear.x = 0.5
+            wrench.publish(push)
+            twist.publish(drive)
+            rospy.sleep(0.3)
+            self.good("step", steps=100)
+            # 2 N on 1 kg for 1 s, and nobody listened to what it was before
+            odometry = Listener(support.NODE + "/odometry/ball", Odometry).wait()
+            self.assertAlmostEqual(odometry.twist.twist.linear.x, 2.0, delta=1e-9)
+            self.assertAlmostEqual(odometry.pose.pose.position.x, 1.0, delta=1e-9)
+            self.assertEqual(odometry.child_frame_id, "ball")
+            # forwards is along y, since it is turned by a quarter
+            position = call("get_body_state", name="cart").state.pose.position
+            self.assertAlmostEqual(position.y, 5.5, delta=1e-9)
+            self.assertAlmostEqual(position.x, 0.0, delta=1e-9)
+            trunk = Listener(support.NODE + "/odometry/left/trunk", Odometry).wait()
+            self.assertAlmostEqual(trunk.pose.pose.position.z, 3.0, delta=1e-9)
+
+
+def chain_start(compared):
+    """Where tool0 was at first."""
+    return matrix(next(t.transform for t in compared()[0][0].transforms
+                       if t.child_frame_id == "tool0"))
+
+
+def quarter():
+    """No orientation."""
+    pose = Pose()
+    pose.orientation.w = 0.5
+    return pose
+
+
+def above(height):
+    pose = Pose()
+    pose.position.z = height
+    return pose
+
+
+if __name__ == "__main__":
+    rospy.init_node("test_robots")
+    rostest.rosrun("constraint_sim", "robots", Robots)

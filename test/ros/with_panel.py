@@ -1,0 +1,82 @@
+"""rviz with the panel, with a real mouse and keys, for tests."""
+import contextlib
+import os
+import subprocess
+
+import accessible
+import support
+from in_rviz import PACKAGE, START, InRviz
+from support import NODE, Listener, node_command, properties, wait_until
+
+PANEL_TOPICS = {NODE + "/" + name for name in ("statistics", "body_states", "constraint_states")}
+
+
+def topics_of_panel():
+    return support.topics_between(NODE, "/rviz") & PANEL_TOPICS
+
+
+class WithPanel(InRviz):
+    """A node, and rviz with the shipped configuration."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.outer = contextlib.ExitStack()
+        cls.node = cls.outer.enter_context(support.running(node_command(scene="winch", paused=True)))
+        properties()  # it is up
+        super().setUpClass()
+        cls.desktop = accessible.Desktop(cls.bus)
+        # other panels have buttons of the same names
+        cls.panel = wait_until(lambda: cls.desktop.root.find("Simulator"), "the panel", START)
+        window = subprocess.check_output(
+            ["xdotool", "search", "--onlyvisible", "--name", "RViz"], env=cls.environment,
+            universal_newlines=True).split()[0]
+        subprocess.check_call(["xdotool", "windowfocus", window], env=cls.environment)
+        cls.widgets = {}
+
+    @classmethod
+    def tearDownClass(cls):
+        super().tearDownClass()
+        cls.outer.close()
+
+    @classmethod
+    def prepare(cls):
+        cls.bus = cls.stack.enter_context(accessible.session(cls.environment))
+
+    @staticmethod
+    def configuration():
+        with open(os.path.join(PACKAGE, "config/constraint_sim.rviz")) as file:
+            return file.read()
+
+    def tearDown(self):
+        Listener.stop_all()
+
+    def widget(self, name):
+        if name not in self.widgets:
+            self.widgets[name] = wait_until(lambda: self.panel.find(name), name, START)
+        return self.widgets[name]
+
+    def xdotool(self, *arguments):
+        subprocess.check_call(["xdotool", *map(str, arguments)], env=self.environment)
+
+    def click(self, name):
+        self.xdotool("mousemove", *self.widget(name).centre())
+        self.xdotool("click", 1)
+
+    def keys(self, *keys):
+        self.xdotool("key", *keys)
+
+    def enter(self, name, text):
+        """Replaces the text of a field."""
+        self.click(name)
+        self.keys("ctrl+a")
+        self.xdotool("type", text)
+        self.keys("Return")
+
+    def messages(self):
+        return self.widget("Messages").text()
+
+    def wait_for_message(self, text):
+        wait_until(lambda: text in self.messages(), "the message '%s'" % text, START)
+
+    def wait_for_hash(self, expected, what):
+        wait_until(lambda: properties().state_hash == expected, what, START)

@@ -1,0 +1,176 @@
+// Splines, and joints that follow them.
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "constraint_sim/engine/scene.h"
+#include "sim/trajectories.h"
+
+namespace constraint_sim {
+namespace {
+
+using engine::World;
+
+// A polynomial of fifth degree goes through quintic points, one of third through cubic ones, and a
+// line through positions: rounding of numbers of order 10.
+TEST(Spline, ReproducesPolynomials) {
+  for (const int order : {1, 3, 5}) {
+    const double c[6] = {0.3,
+                         -1.0,
+                         order > 1 ? 0.5 : 0.0,
+                         order > 1 ? 0.7 : 0.0,
+                         order > 3 ? -0.4 : 0.0,
+                         order > 3 ? 0.1 : 0.0};
+    std::vector<TrajectoryPoint> points;
+    for (const double t : {0.0, 0.4, 1.5, 2.0}) {
+      TrajectoryPoint& point = points.emplace_back();
+      point.time = t;
+      for (int k = 0; k < 6; ++k) {
+        point.position += c[k] * std::pow(t, k);
+        if (k > 0) point.velocity += k * c[k] * std::pow(t, k - 1);
+        if (k > 1) point.acceleration += k * (k - 1) * c[k] * std::pow(t, k - 2);
+      }
+    }
+    const Spline spline(points, order);
+    for (double t = 0.0; t <= 2.0; t += 0.01) {
+      double expected = 0.0;
+      for (int k = 0; k < 6; ++k) expected += c[k] * std::pow(t, k);
+      EXPECT_NEAR(spline.at(t), expected, 1e-14) << order << " at " << t;
+    }
+    EXPECT_EQ(spline.at(-1.0), points.front().position);
+    EXPECT_EQ(spline.at(3.0), points.back().position);
+  }
+}
+
+World two_bars(const std::string& motor) {
+  return engine::load_scene(R"(
+world: {time_step: 0.01}
+bodies:
+  - {name: upper, mass: 2, shape: {box: {size: [1, 0.1, 0.1]}}, position: [0.5, 0, 0]}
+  - {name: lower, mass: 1, shape: {box: {size: [1, 0.1, 0.1]}}, position: [1.5, 0, 0]}
+constraints:
+  - {name: shoulder, type: hinge, body_b: upper, anchor_b: [-0.5, 0, 0], axis_a: [0, 1, 0], lower: -2, upper: 2, )" +
+                            motor + R"(}
+  - {name: elbow, type: hinge, body_a: upper, anchor_a: [0.5, 0, 0], body_b: lower, anchor_b: [-0.5, 0, 0], axis_a: [0, 1, 0], )" +
+                            motor + "}\n");
+}
+
+JointTrajectory to(double shoulder, double elbow) {
+  JointTrajectory trajectory;
+  trajectory.joints = {"shoulder", "elbow"};
+  trajectory.points = {{0.5, {0.5 * shoulder, 0.2 * elbow}, {1.0, -0.3}, {0.0, 0.0}},
+                       {1.0, {shoulder, elbow}, {0.0, 0.0}, {0.0, 0.0}}};
+  return trajectory;
+}
+
+double position(const World& world, const char* joint) {
+  return world.joint_state(world.find_joint(joint)).coordinates[0].position;
+}
+
+// Motors by velocity are on the spline at the end of each tick, and stay at its end.
+TEST(Trajectories, MotorsAreOnTheSpline) {
+  World world = two_bars("motor: {bias: 0}");
+  Trajectories trajectories;
+  trajectories.begin(world, to(0.8, -0.6));
+  const Spline shoulder({{0.0, 0.0, 0.0, 0.0}, {0.5, 0.4, 1.0, 0.0}, {1.0, 0.8, 0.0, 0.0}}, 5);
+  const Spline elbow({{0.0, 0.0, 0.0, 0.0}, {0.5, -0.12, -0.3, 0.0}, {1.0, -0.6, 0.0, 0.0}}, 5);
+  for (int i = 0; i < 150; ++i) {
+    trajectories.before_step(&world);
+    world.step();
+    // rounding of joints that are integrated
+    ASSERT_NEAR(position(world, "shoulder"), shoulder.at(world.time()), 1e-12) << i;
+    ASSERT_NEAR(position(world, "elbow"), elbow.at(world.time()), 1e-12) << i;
+  }
+  EXPECT_TRUE(trajectories.empty());
+  EXPECT_LT(world.report().max_constraint_error, 1e-12);
+}
+
+// A servo of stiffness k and damping c on a wheel of inertia I that follows a ramp of rate v lags
+// by c v/k in the end, where the damper holds against the joint's own rate.
+TEST(Trajectories, ServosLagAsTheirSpringSays) {
+  World world = engine::load_scene(R"(
+world: {time_step: 0.001, gravity: [0, 0, 0]}
+bodies:
+  - {name: wheel, mass: 2, shape: {sphere: {radius: 0.5}}}
+constraints:
+  - {name: axle, type: hinge, body_b: wheel, motor: {position: 0, servo_stiffness: 50, servo_damping: 8}}
+)");
+  JointTrajectory ramp;
+  ramp.joints = {"axle"};
+  ramp.points = {{2.0, {1.0}, {}, {}}};
+  Trajectories trajectories;
+  trajectories.begin(world, ramp);
+  for (int i = 0; i < 1990; ++i) {
+    trajectories.before_step(&world);
+    world.step();
+  }
+  // the target is constant over a tick, and a tick of the ramp is 5e-4
+  EXPECT_NEAR(world.time() * 0.5 - position(world, "axle"), 8.0 * 0.5 / 50.0, 5e-4);
+}
+
+TEST(Trajectories, ANewOneReplacesTheOldAndNoneStops) {
+  World world = two_bars("motor: {bias: 0}");
+  Trajectories trajectories;
+  trajectories.begin(world, to(0.8, -0.6));
+  const auto run = [&](int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+      trajectories.before_step(&world);
+      world.step();
+    }
+  };
+  run(50);
+  JointTrajectory stop;
+  stop.joints = {"shoulder"};
+  trajectories.begin(world, stop);
+  const double stopped_at = position(world, "shoulder");
+  run(100);
+  EXPECT_NEAR(position(world, "shoulder"), stopped_at, 1e-12);
+  EXPECT_NEAR(position(world, "elbow"), -0.6, 1e-12);
+}
+
+TEST(Trajectories, WhatCannotBeIsNamed) {
+  World world = two_bars("motor: {bias: 0}");
+  World passive = two_bars("damping: 0");
+  World by_force = two_bars("motor: {force: 1}");
+  Trajectories trajectories;
+  const auto refusal = [&](const World& in, const JointTrajectory& trajectory) -> std::string {
+    try {
+      trajectories.begin(in, trajectory);
+    } catch (const std::invalid_argument& error) {
+      return error.what();
+    }
+    return "";
+  };
+  const auto expect = [&](const World& in, const JointTrajectory& trajectory, const char* part) {
+    const std::string message = refusal(in, trajectory);
+    EXPECT_NE(message.find(part), std::string::npos) << message << " has no " << part;
+    EXPECT_TRUE(trajectories.empty());
+  };
+  expect(passive, to(0.1, 0.1), "has no motor");
+  expect(by_force, to(0.1, 0.1), "goes by force");
+  expect(world, to(3.0, 0.1), "goes from -2");
+  JointTrajectory wrong = to(0.1, 0.1);
+  wrong.joints[1] = "wrist";
+  expect(world, wrong, "there is no constraint named 'wrist'");
+  wrong.joints[1] = "shoulder";
+  expect(world, wrong, "'shoulder' is there twice");
+  wrong = to(0.1, 0.1);
+  wrong.points[1].time = 0.5;
+  expect(world, wrong, "points[1].time_from_start");
+  wrong = to(0.1, 0.1);
+  wrong.points[0].positions.pop_back();
+  expect(world, wrong, "points[0].positions");
+  wrong = to(0.1, 0.1);
+  wrong.points[0].velocities.pop_back();
+  expect(world, wrong, "points[0]");
+  wrong = to(0.1, 0.1);
+  wrong.points[0].time = 0.0;
+  expect(world, wrong, "cannot be elsewhere at once");
+  wrong = to(0.1, 0.1);
+  wrong.points[0].positions[0] = std::nan("");
+  expect(world, wrong, "finite");
+}
+
+}  // namespace
+}  // namespace constraint_sim

@@ -1,0 +1,188 @@
+// The robots that come with the package: that their joints hold, and that they move as theory has
+// it.
+
+#include "arm_reference.h"
+#include "constraint_sim/engine/scene.h"
+#include "robots.h"
+
+namespace constraint_sim {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using engine::World;
+using engine::WorldOptions;
+
+const char* const kPose =
+    "positions: {shoulder_pan: 0.3, shoulder_lift: -0.4, elbow: 0.9, wrist_1: -0.5, wrist_2: 0.4, "
+    "wrist_3: 1.1}\n"
+    "links: {base_link: {no_collision: true}, upper_arm: {no_collision: true}, forearm: "
+    "{no_collision: true}}";
+const char* const kBent =
+    "positions: {front_left_calf: -1.5, front_right_calf: -1.5, rear_left_calf: -1.2, "
+    "rear_right_calf: -1.8}";
+
+RobotOptions with_extra(const std::string& extra, bool fixed) {
+  RobotOptions options;
+  options.extra = extra;
+  options.fixed = fixed;
+  return options;
+}
+
+TEST(Robots, FramesOfLinksAreThoseOfTheUrdf) {
+  World world;
+  const Robot arm = add_robot(shipped_urdf("arm"), with_extra(kPose, true), &world);
+  EXPECT_EQ(arm.bodies.front(), "base_link/com");
+  EXPECT_EQ(world.joint_ids().size(), 6u);
+  const auto model = parse_urdf(shipped_urdf("arm"), {});
+  const TreeReference reference(*model, {0.0, 0.0, -9.81});
+  Eigen::VectorXd q(6);
+  q << 0.3, -0.4, 0.9, -0.5, 0.4, 1.1;
+  ASSERT_EQ(reference.names(), (std::vector<std::string>{"shoulder_pan", "shoulder_lift", "elbow",
+                                                         "wrist_1", "wrist_2", "wrist_3"}));
+  const auto names = reference.link_names();
+  const auto frames = reference.frames(q);
+  ASSERT_EQ(arm.links.size(), names.size());
+  for (const RobotLink& link : arm.links) {
+    const auto i =
+        static_cast<std::size_t>(std::find(names.begin(), names.end(), link.name) - names.begin());
+    ASSERT_LT(i, names.size()) << link.name;
+    // rounding of a product of ten transforms
+    EXPECT_LT(distance(frame_of(world, link), frames[i]), 1e-14) << link.name;
+  }
+  for (Eigen::Index k = 0; k < q.size(); ++k)
+    EXPECT_NEAR(position_of(world, reference.names()[static_cast<std::size_t>(k)]), q[k], 1e-14);
+}
+
+// Falls for a second from rest, with damping, next to the reference; that has an error of its own,
+// which halving its step shows to be a hundredth of what is allowed.
+TEST(Robots, ArmMovesAsItsMinimalCoordinatesSay) {
+  WorldOptions options;
+  options.tolerance = 1e-9;
+  World world(options);
+  add_robot(shipped_urdf("arm"), with_extra(kPose, true), &world);
+  for (int i = 0; i < 50; ++i) world.step();
+
+  const auto model = parse_urdf(shipped_urdf("arm"), {});
+  const TreeReference reference(*model, {0.0, 0.0, -9.81});
+  Eigen::VectorXd q(6), coarse;
+  for (const int steps : {2500, 5000}) {
+    coarse = q;
+    q << 0.3, -0.4, 0.9, -0.5, 0.4, 1.1;
+    Eigen::VectorXd v = Eigen::VectorXd::Zero(6);
+    for (int i = 0; i < steps; ++i) reference.step(0.5 / steps, &q, &v);
+  }
+  EXPECT_LT((q - coarse).cwiseAbs().maxCoeff(), 1e-9);
+  EXPECT_GT(std::abs(q[1] + 0.4), 0.1);  // it has moved
+  for (Eigen::Index k = 0; k < q.size(); ++k)
+    EXPECT_NEAR(position_of(world, reference.names()[static_cast<std::size_t>(k)]), q[k], 1e-7)
+        << reference.names()[static_cast<std::size_t>(k)];
+}
+
+struct Held {
+  const char* robot;
+  std::string extra;
+  bool fixed;
+};
+
+// What joints are off by after two seconds under gravity, at ticks of thirty to a thousand a
+// second: rounding of coordinates of metres over some thousand substeps.
+TEST(Robots, JointsHoldToRounding) {
+  for (const Held& held : {Held{"arm", kPose, true}, Held{"quadruped", kBent, false},
+                           Held{"gripper", shipped_extra("gripper"), true}})
+    for (const double rate : {30.0, 100.0, 1000.0}) {
+      WorldOptions options;
+      options.time_step = 1.0 / rate;
+      World world(options);
+      add_robot(shipped_urdf(held.robot), with_extra(held.extra, held.fixed), &world);
+      double most = 0.0;
+      for (int i = 0; i < static_cast<int>(2.0 * rate); ++i) {
+        world.step();
+        ASSERT_FALSE(world.report().failed);
+        most = std::max(most, world.report().max_constraint_error);
+      }
+      EXPECT_LT(most, 1e-12) << held.robot << " at " << rate << " Hz";
+    }
+}
+
+// Feet of grams below a trunk of kilograms take more sweeps than the default.
+WorldOptions for_contacts() {
+  WorldOptions options;
+  options.iterations = 100;
+  options.time_step = 0.002;
+  return options;
+}
+
+// Stands on servos: the feet carry its weight, and the trunk stays where the legs hold it.
+TEST(Robots, QuadrupedStands) {
+  World world(for_contacts());
+  world.add_body(engine::make_floor(1.0));
+  RobotOptions options;
+  options.extra = shipped_extra("quadruped");
+  options.pose.position.z() = 0.31;
+  const Robot robot = add_robot(shipped_urdf("quadruped"), options, &world);
+  EXPECT_EQ(robot.bodies.size(), 13u);
+  EXPECT_TRUE(robot.warnings.empty());
+  double mass = 0.0;
+  for (const engine::BodyId id : world.body_ids()) mass += world.body(id).mass;
+  for (int i = 0; i < 1500; ++i) world.step();
+  double weight = 0.0;
+  for (const engine::Contact& contact : world.contacts()) weight += contact.normal_force;
+  EXPECT_NEAR(weight, mass * 9.81, 0.01 * mass * 9.81);
+  EXPECT_EQ(world.contacts().size(), 4u);
+  const engine::BodyState& trunk = world.state(world.find_body("trunk/com"));
+  EXPECT_GT(trunk.position.z(), 0.2);
+  EXPECT_LT(trunk.linear_velocity.norm(), 1e-2);
+}
+
+// Closes on a box of 0.2 kg until the crank is at its effort limit, and lifts it by 0.2 m.
+TEST(Robots, GripperLiftsItsLoad) {
+  World world(for_contacts());
+  world.add_body(engine::make_floor(1.0));
+  engine::Body load =
+      engine::make_body("load", engine::Box{{0.04, 0.04, 0.06}}, 0.2, Vector3d{0.0, 0.0, 0.03});
+  load.friction = 1.0;
+  const engine::BodyId id = world.add_body(load);
+  RobotOptions options;
+  options.extra = shipped_extra("gripper");
+  options.fixed = true;
+  options.pose.position.z() = -0.05;
+  add_robot(shipped_urdf("gripper"), options, &world);
+  const auto drive = [&](const char* joint, double rate, double max_force, double seconds) {
+    engine::Motor motor;
+    motor.bias = rate;
+    motor.max_force = max_force;
+    world.set_motor(world.find_joint(joint), motor);
+    for (int i = 0; i < static_cast<int>(seconds / 0.002); ++i) world.step();
+  };
+  drive("left_crank", -0.5, 1.0, 1.0);
+  // it presses, with a share of what it may that friction in the linkage decides
+  EXPECT_LT(world.joint_state(world.find_joint("left_crank")).coordinates[0].effort, -0.2);
+  const double squeezed = world.state(id).position.z();
+  drive("lift", 0.1, 200.0, 2.0);
+  drive("lift", 0.0, 200.0, 1.0);
+  EXPECT_NEAR(position_of(world, "lift"), 0.2, 1e-3);
+  // contacts creep by a part of a millimetre
+  EXPECT_NEAR(world.state(id).position.z() - squeezed, 0.2, 2e-3);
+  // fingers stay upright
+  const engine::BodyState& finger = world.state(world.find_body("left_finger/com"));
+  EXPECT_GT(finger.orientation.w(), 0.9999);
+}
+
+TEST(Robots, ExportsAsAnyOtherScene) {
+  World world;
+  for (const char* name : {"arm", "quadruped", "gripper"}) {
+    RobotOptions options;
+    options.extra = std::string(name) == "arm" ? kPose : shipped_extra(name);
+    options.prefix = std::string(name) + "_1/";
+    options.fixed = std::string(name) != "quadruped";
+    add_robot(shipped_urdf(name), options, &world);
+  }
+  const std::string text = engine::save_scene(world);
+  const World loaded = engine::load_scene(text);
+  EXPECT_EQ(engine::save_scene(loaded), text);
+  EXPECT_EQ(loaded.joint_ids().size(), world.joint_ids().size());
+}
+
+}  // namespace
+}  // namespace constraint_sim

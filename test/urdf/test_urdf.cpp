@@ -1,0 +1,314 @@
+// What URDFs say, one element at a time, and what they get wrong.
+
+#include "constraint_sim/engine/scene.h"
+#include "robots.h"
+
+namespace constraint_sim {
+namespace {
+
+using Eigen::Isometry3d;
+using Eigen::Vector3d;
+using engine::JointKind;
+using engine::refusal;
+using engine::World;
+
+const char* const kInertial =
+    "<inertial><mass value='1'/><inertia ixx='0.1' ixy='0' ixz='0' iyy='0.1' iyz='0' izz='0.1'/>"
+    "</inertial>";
+
+std::string link(const std::string& name, const std::string& inside = kInertial) {
+  return "<link name='" + name + "'>" + inside + "</link>";
+}
+
+std::string joint(const std::string& name, const std::string& type, const std::string& parent,
+                  const std::string& child, const std::string& inside = "") {
+  return "<joint name='" + name + "' type='" + type + "'><parent link='" + parent +
+         "'/><child link='" + child + "'/>" + inside + "</joint>";
+}
+
+std::string robot(const std::string& inside) { return "<robot name='r'>" + inside + "</robot>"; }
+
+const char* const kLimit =
+    "<axis xyz='0 1 0'/><limit lower='-1' upper='2' effort='7' velocity='3'/>";
+
+Robot add(const std::string& inside, World* world, const RobotOptions& options = {}) {
+  return add_robot(robot(inside), options, world);
+}
+
+TEST(Urdf, JointsBecomeThoseOfTheEngine) {
+  World world;
+  RobotOptions options;
+  options.extra = "motors: {b: {bias: 0.5}}";
+  const Robot r =
+      add(link("base") + link("1") + link("2") + link("3") + link("4") + link("5") +
+              joint("a", "continuous", "base", "1", "<axis xyz='0 0 2'/>") +
+              joint("b", "revolute", "1", "2",
+                    std::string(kLimit) + "<dynamics damping='0.2' friction='0.3'/>") +
+              joint("c", "prismatic", "2", "3", kLimit) + joint("d", "floating", "3", "4") +
+              joint("e", "planar", "4", "5", "<axis xyz='0 0 1'/>"),
+          &world, options);
+  EXPECT_EQ(r.constraints, (std::vector<std::string>{"a", "b", "c", "e"}));
+  EXPECT_EQ(r.bodies.size(), 6u);
+  const auto at = [&](const char* name) { return world.joint(world.find_joint(name)); };
+  EXPECT_EQ(at("a").kind, JointKind::kHinge);
+  EXPECT_FALSE(at("a").coordinates[0].is_limited());
+  EXPECT_EQ(at("b").kind, JointKind::kHinge);
+  EXPECT_EQ(at("b").coordinates[0].lower, -1.0);
+  EXPECT_EQ(at("b").coordinates[0].upper, 2.0);
+  EXPECT_EQ(at("b").coordinates[0].damping, 0.2);
+  EXPECT_EQ(at("b").coordinates[0].friction, 0.3);
+  ASSERT_TRUE(at("b").coordinates[0].motor);
+  EXPECT_EQ(at("b").coordinates[0].motor->bias, 0.5);
+  EXPECT_EQ(at("b").coordinates[0].motor->max_force, 7.0);
+  EXPECT_EQ(r.bounds.at("b").effort, 7.0);
+  EXPECT_EQ(r.bounds.at("b").velocity, 3.0);
+  EXPECT_EQ(at("c").kind, JointKind::kSlider);
+  EXPECT_EQ(at("e").kind, JointKind::kPlanar);
+  // z of the frame is the axis
+  EXPECT_NEAR((at("b").frame_a * Vector3d::UnitZ() - Vector3d::UnitY()).norm(), 0.0, 1e-15);
+}
+
+// A load that is fixed to an arm, and turned: the body has the mass and inertia of both.
+TEST(Urdf, FixedLinksAreLumped) {
+  World world;
+  const Robot r =
+      add(link("base") +
+              link("load",
+                   "<inertial><origin xyz='0 0 1' rpy='0 0 1.5707963267948966'/><mass value='3'/>"
+                   "<inertia ixx='0.4' ixy='0' ixz='0' iyy='0.2' iyz='0' izz='0.3'/></inertial>") +
+              link("tip", "") + joint("f", "fixed", "base", "load") +
+              joint("g", "fixed", "load", "tip", "<origin xyz='1 0 0'/>"),
+          &world);
+  ASSERT_EQ(world.body_ids().size(), 1u);
+  const engine::Body& body = world.body(world.find_body("base/com"));
+  EXPECT_EQ(body.mass, 4.0);
+  EXPECT_NEAR((body.state.position - Vector3d(0.0, 0.0, 0.75)).norm(), 0.0, 1e-15);
+  // reduced mass 0.75 kg at 1 m, and x and y of the load change places
+  EXPECT_NEAR((body.inertia - Vector3d(0.1 + 0.2 + 0.75, 0.1 + 0.4 + 0.75, 0.4)).norm(), 0.0,
+              1e-14);
+  EXPECT_EQ(r.links.size(), 3u);
+  EXPECT_NEAR(distance(frame_of(world, r.links.back()), Isometry3d(Eigen::Translation3d(1, 0, 0))),
+              0.0, 1e-15);
+}
+
+TEST(Urdf, ProductsOfInertiaTurnTheBody) {
+  World world;
+  const Robot r =
+      add(link("base",
+               "<inertial><mass value='1'/><inertia ixx='0.3' ixy='0.1' ixz='0' iyy='0.3' iyz='0' "
+               "izz='0.35'/></inertial>"),
+          &world);
+  const engine::Body& body = world.body(world.find_body("base/com"));
+  Vector3d moments = body.inertia;
+  std::sort(moments.data(), moments.data() + 3);
+  EXPECT_NEAR((moments - Vector3d(0.2, 0.35, 0.4)).norm(), 0.0, 1e-15);
+  const Eigen::Matrix3d R = body.state.orientation.toRotationMatrix();
+  Eigen::Matrix3d inertia;
+  inertia << 0.3, 0.1, 0.0, 0.1, 0.3, 0.0, 0.0, 0.0, 0.35;
+  EXPECT_NEAR((R * body.inertia.asDiagonal() * R.transpose() - inertia).norm(), 0.0, 1e-15);
+  EXPECT_NEAR(distance(frame_of(world, r.links[0]), Isometry3d::Identity()), 0.0, 1e-15);
+}
+
+TEST(Urdf, ShapesLieWhereTheUrdfHasThem) {
+  const auto with = [](const std::string& geometry, const std::string& origin) {
+    return std::string(kInertial) + "<collision>" + origin + "<geometry>" + geometry +
+           "</geometry></collision>";
+  };
+  World world;
+  const Robot r = add(link("base", with("<box size='1 2 3'/>", "")) +
+                          link("a", with("<sphere radius='0.2'/>", "<origin xyz='0 0 -0.4'/>")) +
+                          link("b", with("<cylinder radius='0.1' length='0.5'/>", "")) +
+                          link("c", with("<mesh filename='package://x/y.stl'/>", "")) +
+                          joint("1", "floating", "base", "a", "<origin xyz='9 0 0'/>") +
+                          joint("2", "floating", "base", "b", "<origin xyz='-9 0 0'/>") +
+                          joint("3", "floating", "base", "c"),
+                      &world);
+  EXPECT_FALSE(world.body(world.find_body("base/com")).shape_pose);
+  const engine::Body& a = world.body(world.find_body("a/com"));
+  ASSERT_TRUE(a.shape_pose);
+  EXPECT_EQ(a.shape_pose->position, Vector3d(0.0, 0.0, -0.4));
+  EXPECT_EQ(std::get<engine::Box>(world.body(world.find_body("b/com")).shape).size,
+            Vector3d(0.2, 0.2, 0.5));
+  EXPECT_TRUE(std::holds_alternative<engine::Point>(world.body(world.find_body("c/com")).shape));
+  ASSERT_EQ(r.warnings.size(), 2u);
+  EXPECT_EQ(r.warnings[0], "link 'b': its cylinder collides as the box around it");
+  EXPECT_EQ(r.warnings[1], "link 'c': the mesh 'package://x/y.stl' does not collide");
+}
+
+TEST(Urdf, SecondShapesAreWeldedOnOrNamed) {
+  const std::string ball = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+  World world;
+  const Robot r =
+      add(link("base", kInertial + ball + ball) + link("hand", kInertial + ball) +
+              link("pad", ball) + joint("wrist", "fixed", "base", "hand", "<origin xyz='1 0 0'/>") +
+              joint("glue", "fixed", "base", "pad"),
+          &world);
+  EXPECT_EQ(r.bodies, (std::vector<std::string>{"base/com", "hand/com"}));
+  EXPECT_EQ(world.joint(world.find_joint("wrist")).kind, JointKind::kWeld);
+  ASSERT_EQ(r.warnings.size(), 2u);
+  EXPECT_EQ(r.warnings[0], "link 'base': of its collisions the first one collides, 1 more do not");
+  EXPECT_EQ(r.warnings[1],
+            "link 'pad' has no mass, and is fixed to what collides by another shape already: it "
+            "does not collide");
+}
+
+TEST(Urdf, MimicsAreGears) {
+  World world;
+  RobotOptions options;
+  options.extra = "positions: {a: 0.2}";
+  add(link("base") + link("1") + link("2") + joint("a", "continuous", "base", "1") +
+          joint("b", "continuous", "base", "2", "<mimic joint='a' multiplier='-2' offset='0.1'/>"),
+      &world, options);
+  EXPECT_NEAR(position_of(world, "b"), -0.3, 1e-15);
+  const engine::BodyId body = world.find_body("1/com");
+  engine::BodyState state = world.state(body);
+  state.angular_velocity.x() = 1.0;
+  world.set_state(body, state);
+  for (int i = 0; i < 100; ++i) world.step();
+  // a gear holds to rounding
+  EXPECT_NEAR(position_of(world, "b"), 0.1 - 2.0 * position_of(world, "a"), 1e-12);
+}
+
+TEST(Urdf, RobotsOfOneDescriptionHavePrefixes) {
+  World world;
+  RobotOptions options;
+  const std::string text = link("base") + link("1") + joint("a", "continuous", "base", "1");
+  for (const char* prefix : {"left/", "right/"}) {
+    options.prefix = prefix;
+    options.pose.position.x() += 1.0;
+    const Robot r = add(text, &world, options);
+    EXPECT_EQ(r.bodies[1], std::string(prefix) + "1/com");
+    EXPECT_EQ(r.links[1].name, std::string(prefix) + "1");
+    EXPECT_EQ(r.constraints[0], std::string(prefix) + "a");
+  }
+  EXPECT_EQ(world.state(world.find_body("right/base/com")).position.x(), 2.0);
+  EXPECT_NE(refusal([&] { add(text, &world, options); }).find("right/base/com"), std::string::npos);
+}
+
+TEST(Urdf, ARootNamedWorldStands) {
+  World world;
+  add("<link name='world'/>" + link("1") + joint("a", "continuous", "world", "1"), &world);
+  EXPECT_EQ(world.body(world.find_body("world/com")).type, engine::BodyType::kStatic);
+}
+
+// ---- what is wrong with them
+
+struct Fault {
+  const char* name;
+  std::string urdf;
+  std::string extra;
+  const char* part;  // of the message
+};
+
+TEST(Urdf, FaultsAreNamedAndNothingIsAdded) {
+  const std::string two = link("base") + link("1");
+  const std::string tree = two + joint("a", "continuous", "base", "1");
+  const std::string ball = "<collision><geometry><sphere radius='-1'/></geometry></collision>";
+  const Fault faults[] = {
+      {"empty", "", "", "the text is empty"},
+      {"no XML", "base: 1", "", "urdf: "},
+      {"no robot", "<link name='a'/>", "", "urdf: "},
+      {"no link", robot(""), "", "urdf: "},
+      {"two roots", robot(two), "", "Two root links found"},
+      {"link twice", robot(link("base") + link("base")), "", "'base' is not unique"},
+      {"unknown link", robot(link("base") + joint("a", "continuous", "base", "1")), "",
+       "child link [1] of joint [a] not found"},
+      {"two parents",
+       robot(tree + link("2") + joint("b", "continuous", "base", "2") +
+             joint("c", "continuous", "2", "1")),
+       "", "link '1' is the child of two joints, 'a' and 'c'"},
+      {"cycle",
+       robot(tree + link("2") + link("3") + joint("b", "continuous", "2", "3") +
+             joint("c", "continuous", "3", "2")),
+       "", "is in a cycle of joints"},
+      {"no limit", robot(two + joint("a", "revolute", "base", "1")), "", "urdf: "},
+      {"no type", robot(two + joint("a", "screw", "base", "1")), "", "urdf: "},
+      {"limits swapped",
+       robot(two + joint("a", "revolute", "base", "1",
+                         "<limit lower='1' upper='0' effort='1' velocity='1'/>")),
+       "", "joint 'a' has a lower limit above the upper one"},
+      {"no inertial", robot(link("base") + link("1", "") + joint("a", "continuous", "base", "1")),
+       "", "link '1' moves and has no mass"},
+      {"no mass",
+       robot(link("base",
+                  "<inertial><mass value='0'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' "
+                  "iyz='0' izz='1'/></inertial>")),
+       "", "link 'base' moves and has no mass"},
+      {"negative mass",
+       robot(link("base",
+                  "<inertial><mass value='-1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' "
+                  "iyz='0' izz='1'/></inertial>")),
+       "", "link 'base' must have a mass >= 0"},
+      {"no inertia",
+       robot(link("base",
+                  "<inertial><mass value='1'/><inertia ixx='0' ixy='0' ixz='0' iyy='0' "
+                  "iyz='0' izz='0'/></inertial>")),
+       "", "link 'base' has no inertia, or one that is not positive definite"},
+      {"inertia not definite",
+       robot(link("base",
+                  "<inertial><mass value='1'/><inertia ixx='1' ixy='2' ixz='0' iyy='1' "
+                  "iyz='0' izz='1'/></inertial>")),
+       "", "not positive definite"},
+      {"negative radius", robot(link("base", kInertial + ball)), "", "radius"},
+      {"no mesh",
+       robot(link("base", std::string(kInertial) +
+                              "<visual><geometry><mesh filename='package://nowhere/a.stl'/>"
+                              "</geometry></visual>")),
+       "", "link 'base': there is no mesh 'package://nowhere/a.stl'"},
+      {"bad name", robot(link("a b")), "", "name"},
+      {"mimics nothing", robot(two + joint("a", "continuous", "base", "1", "<mimic joint='b'/>")),
+       "", "joint 'a' mimics 'b', which is no revolute"},
+      {"mimics itself", robot(two + joint("a", "continuous", "base", "1", "<mimic joint='a'/>")),
+       "", "mimics itself"},
+      {"name taken", robot(link("taken")), "", "there is already a body named 'taken'"},
+      {"extra is no YAML", robot(tree), "a: [", "extra"},
+      {"extra key", robot(tree), "mass: 1", "mass"},
+      {"extra joint", robot(tree), "positions: {b: 1}", "positions: the URDF has no joint 'b'"},
+      {"extra link", robot(tree), "links: {b: {friction: 1}}", "links: the URDF has no link 'b'"},
+      {"extra motor", robot(tree), "motors: {a: {speed: 1}}", "speed"},
+      {"extra constraint", robot(tree), "constraints: [{name: c, type: ball, body_a: b}]",
+       "there is no body 'b'"},
+      {"extra constraint twice", robot(tree),
+       "constraints: [{name: a, type: ball, body_a: base, body_b: '1'}]", "a"},
+  };
+  World world;
+  world.add_body(engine::make_body("taken", engine::Sphere{1.0}, 1.0, Vector3d::Zero()));
+  const std::uint64_t before = world.state_hash();
+  RobotOptions options;
+  options.mesh_exists = [](const std::string&) { return false; };
+  for (const Fault& fault : faults) {
+    options.extra = fault.extra;
+    const std::string message = refusal([&] { add_robot(fault.urdf, options, &world); });
+    EXPECT_NE(message.find(fault.part), std::string::npos) << fault.name << ": '" << message << "'";
+    EXPECT_EQ(world.state_hash(), before) << fault.name;
+    EXPECT_EQ(world.body_ids().size(), 1u) << fault.name;
+  }
+}
+
+// A loop is closed by the names and frames of links, wherever their centres of mass are.
+TEST(Urdf, ConstraintsBesideItAreOfLinks) {
+  const std::string heavy_below =
+      "<inertial><origin xyz='0.1 0 -0.3' rpy='0.2 0 0'/><mass value='1'/><inertia ixx='0.1' "
+      "ixy='0' ixz='0' iyy='0.2' iyz='0' izz='0.15'/></inertial>";
+  World world;
+  RobotOptions options;
+  options.prefix = "p/";
+  options.extra =
+      "constraints:\n"
+      "  - {name: loop, type: point_on_line, body_a: '1', anchor_a: [0, 0, 1], axis_a: [0, 1, 0],"
+      " body_b: base, anchor_b: [0, 0, 1]}\n"
+      "  - {name: anchor, type: ball, body_b: '1', anchor_a: [0, 0, 2], anchor_b: [0, 0, 2]}\n"
+      "  - {name: train, type: gear, joints: [a, b], ratio: 2}\n";
+  add(link("base", heavy_below) + link("1", heavy_below) + link("2", heavy_below) +
+          joint("a", "continuous", "base", "1", "<axis xyz='0 1 0'/>") +
+          joint("b", "continuous", "1", "2", "<axis xyz='0 1 0'/>"),
+      &world, options);
+  // rounding: at the start all fits
+  for (const engine::JointId id : world.joint_ids())
+    EXPECT_LT(world.joint_state(id).initial_error, 1e-15) << world.joint(id).name;
+  EXPECT_EQ(world.joint(world.find_joint("p/anchor")).body_a, engine::kWorldBody);
+  EXPECT_EQ(world.joint(world.find_joint("p/train")).coupling.second, world.find_joint("p/b"));
+}
+
+}  // namespace
+}  // namespace constraint_sim

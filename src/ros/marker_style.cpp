@@ -139,7 +139,10 @@ std_msgs::ColorRGBA friction_colour() { return colour(1.0, 0.6, 0.2); }
 
 void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
   const double passed = std::max((stamp - stamp_).toSec(), 0.0);
-  if (stamp >= stamp_ && passed < kForcesPeriod) return;
+  // the first forces show at once, also where a single step brings them
+  const bool awaits_some = (!world.joint_ids().empty() && !(reference_ > 0.0)) ||
+                           (!world.contacts().empty() && !(contact_ > 0.0));
+  if (stamp >= stamp_ && passed < kForcesPeriod && !awaits_some) return;
   stamp_ = stamp;
   const double kept = std::exp(-passed / kForgets);
   reference_ *= kept;

@@ -48,7 +48,7 @@ std_msgs::ColorRGBA motor_colour(bool saturated);
 std_msgs::ColorRGBA friction_colour();
 
 /// The largest force of distance joints in the last seconds, beside which forces are drawn. It is
-/// looked for ten times a second.
+/// looked for ten times a second, and at every call until there is one.
 class ForceScale {
  public:
   void update(const engine::World& world, const ros::Time& stamp);

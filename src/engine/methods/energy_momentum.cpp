@@ -13,7 +13,8 @@ constexpr int kMostNewtonSteps = 25;
 // Newton's steps end when a change moves nothing by more than this share of the scene, or by less
 // than the second and no longer half of the change before: then it is rounding. Or when the next
 // change, of those that go down as squares, is to be below the third, and what rows are off by then
-// below the fourth.
+// below the fourth; that is believed of changes below the second as a share of the mechanism,
+// wherever it lies.
 constexpr double kSolved = 1e-14;
 constexpr double kRounding = 1e-7;
 constexpr double kSquared = 1e-16;
@@ -198,7 +199,8 @@ bool EnergyMomentum::find_end(IntegrationResult* progress) {
     const double ratio = i > 0 ? (moved / before) * (moved / before) : kInfinity;
     const bool is_next_nothing =
         moved * ratio < kSquared && worst_row * ratio < kRowSquared * step_equations_.scale();
-    if (is_solved || (moved < kRounding && is_next_nothing)) return true;
+    const bool is_close = moved * step_equations_.scale() < kRounding * step_equations_.extent();
+    if (is_solved || (is_close && is_next_nothing)) return true;
     before = moved;
   }
   return false;

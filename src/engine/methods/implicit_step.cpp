@@ -118,9 +118,12 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
   predict();
   equations->move_with_time(t);
   for (std::size_t p = bodies_; p < x_.size(); ++p) x_[p] = equations->position(p);
-  scale_ = 0.0;
-  for (const Vector3d& x : x_) scale_ = std::max(scale_, x.cwiseAbs().maxCoeff());
-  if (scale_ == 0.0) scale_ = 1.0;  // of points in one place
+  double coordinate = 0.0, spread = 0.0;
+  extent_ = 0.0;
+  for (const Vector3d& x : x_) {
+    coordinate = std::max(coordinate, x.cwiseAbs().maxCoeff());
+    spread = std::max(spread, (x - x_.front()).cwiseAbs().maxCoeff());
+  }
   for (std::size_t l = 0; l < links_.size(); ++l) place_link(l, *equations);
   for (CoupledRow& coupled : coupled_) coupled.is_left_out = coupled.is_redundant = false;
   if (may_depend_ && !leave_out_dependent(t, equations)) return false;
@@ -128,6 +131,10 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
   equations->move_with_time(t + h);
   for (std::size_t p = bodies_; p < x_.size(); ++p) shift_[p] = equations->position(p) - x_[p];
   for (std::size_t l = 0; l < links_.size(); ++l) ask_link(l, *equations);
+  scale_ = std::max(coordinate, extent_);
+  if (scale_ == 0.0) scale_ = 1.0;  // of points in one place
+  extent_ = std::max(extent_, spread);
+  if (extent_ == 0.0) extent_ = scale_;
   scale_equations(*equations);
   if (!coupled_.empty()) begin_coupled(*equations);
   return true;
@@ -146,7 +153,7 @@ void ImplicitStep::place_link(std::size_t l, const EquationsOfMotion& equations)
     const bool is_frame = e == 1 && link.kind == Kind::kGeneral;
     shape.r0[e] = J_angular_[end.point].R0 * (is_frame ? equations.frame_b(l).anchor : end.anchor);
     shape.d0 += end.sign * shape.r0[e];
-    scale_ = std::max(scale_, end.anchor.norm());
+    extent_ = std::max(extent_, end.anchor.norm());
   }
   if (link.kind == Kind::kSpring)  // what its law has of the start; the rest once that is known
     shape.target = equations.length(l).value;
@@ -162,7 +169,7 @@ void ImplicitStep::place_link(std::size_t l, const EquationsOfMotion& equations)
   if (link.kind == Kind::kGeneral) {
     place_axes(equations, link, &shape.axes0);
     begin_general(link, &shape);
-    scale_ = std::max(scale_, link.radius);
+    extent_ = std::max(extent_, link.radius);
   }
   if (link.kind == Kind::kRod) shape.scale /= shape.d0.norm();
   shape.is_left_out = shape.is_redundant = {};
@@ -186,7 +193,7 @@ void ImplicitStep::ask_link(std::size_t l, const EquationsOfMotion& equations) {
     return;
   }
   const Prescribed& length = equations.length(l);
-  scale_ = std::max(scale_, length.value);
+  extent_ = std::max(extent_, length.value);
   if (link.kind == Kind::kRod) {
     shape.target = 0.5 * length.value * length.value;
     return;

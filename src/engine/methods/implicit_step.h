@@ -107,6 +107,8 @@ class ImplicitStep {
   std::pair<double, double> largest_spin(double most_frequency) const;
   /// The largest coordinate or length [m].
   double scale() const { return scale_; }
+  /// The same but for where the scene lies: from one body to the others, or a length [m].
+  double extent() const { return extent_; }
 
  private:
   enum class Kind { kRod, kBall, kGeneral, kSpring };
@@ -337,7 +339,8 @@ class ImplicitStep {
   std::vector<CoupledRow> coupled_;
   std::vector<double> left_, right_;  // scales of equations and unknowns
   std::vector<double> residual_;
-  double worst_row_ = 0.0, worst_momentary_row_ = 0.0, scale_ = 1.0, frequency_ = 0.0;
+  double worst_row_ = 0.0, worst_momentary_row_ = 0.0, frequency_ = 0.0;
+  double scale_ = 1.0, extent_ = 1.0;
   std::vector<char> is_dependent_;
   std::vector<double> squares_;  // ω² of bodies
 };

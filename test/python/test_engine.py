@@ -504,8 +504,7 @@ def test_time_limit_and_interrupt():
               'world = engine.World(time_step=1e-6)\n'
               'world.add_body("a", mass=1.0)\n'
               'positions = world.positions\n'
-              'print("running", flush=True)\n'
-              'try:\n    world.run(1e6)\n'
+              'try:\n    print("running", flush=True)\n    world.run(1e6)\n'
               'except KeyboardInterrupt:\n'
               '    assert tuple(positions[0]) == world.state("a")["position"]\n'
               '    world.step()\n    print("interrupted")\n')

@@ -16,7 +16,7 @@ from constraint_sim.msg import Body, Shape
 from constraint_sim.srv import GetWorldPropertiesRequest  # noqa: F401  (the package must be built)
 
 NODE = "/constraint_sim"
-TIMEOUT = 20.0  # [s] far beyond what anything here takes, so that a slow machine is no failure
+TIMEOUT = 60.0  # [s] far beyond what anything here takes, so that a slow machine is no failure
 
 
 def wait_until(condition, what, timeout=TIMEOUT):
@@ -108,11 +108,22 @@ class Listener:
         while cls._subscribers:
             cls._subscribers.pop().unregister()
 
-    def wait(self, condition=lambda message: True, what="a message"):
-        """The first message that meets the condition and comes after this call."""
-        start = len(self.messages)
+    def find(self, condition=lambda message: True, what="a message", start=0):
+        """The first message that meets the condition, also of those that have come already: of topics
+        that say things once, as latched ones do."""
         return wait_until(
             lambda: next((m for m in self.messages[start:] if condition(m)), None), what)
+
+    def wait(self, condition=lambda message: True, what="a message"):
+        """The first message that meets the condition and comes after this call; the node may have made
+        it before."""
+        return self.find(condition, what, len(self.messages))
+
+    def present(self, condition=lambda message: True, what="a message"):
+        """The first message that meets the condition and is of the world as it is at this call or later,
+        where stamps are wall time: not of a tick in the middle of what has been stepped."""
+        now = rospy.Time.from_sec(time.time())
+        return self.find(lambda m: m.header.stamp >= now and condition(m), what)
 
 
 class ServiceCase(unittest.TestCase):

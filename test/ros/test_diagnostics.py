@@ -41,14 +41,15 @@ class Diagnostics(unittest.TestCase):
 
     def test_all_is_well(self):
         call("unpause_physics")
-        clock = self.wait("clock", OK, lambda s: s.message == "keeps up")
-        self.assertAlmostEqual(float(values(clock)["real_time_factor"]), 1.0, delta=0.1)
+        # in one of the seconds, for a busy machine drops ticks
+        clock = self.wait("clock", OK, lambda s: s.message == "keeps up" and
+                          abs(float(values(s)["real_time_factor"]) - 1.0) < 0.1)
         self.assertEqual(clock.hardware_id, NODE)
-        self.assertEqual(self.wait("constraints", OK).message, "hold")
-        self.assertEqual(self.wait("physics", OK).message, "goes on")
+        self.wait("constraints", OK, lambda s: s.message == "hold")
+        self.wait("physics", OK, lambda s: s.message == "goes on")
 
     def test_a_pause_is_no_fault(self):
-        self.assertEqual(self.wait("clock", OK).message, "stands")
+        self.wait("clock", OK, lambda s: s.message == "stands")
 
     def test_a_node_that_does_not_keep_up_warns(self):
         with running(node_command(real_time_factor=1e6) + ["__name:=fast"]):
@@ -61,7 +62,9 @@ class Diagnostics(unittest.TestCase):
     def test_inconsistent_constraints_are_named(self):
         call("add_distance_constraint", name="longer", body_b="bob", length=1.5)
         call("unpause_physics")
-        found = self.wait("constraints", WARN, lambda s: "inconsistent" in s.message)
+        # after the closing time, the mean of the two lengths is what is left
+        found = self.wait("constraints", WARN, lambda s: "inconsistent" in s.message and
+                          len(values(s)["inconsistent"].split(", ")) == 2)
         self.assertEqual(set(values(found)["inconsistent"].split(", ")), {"rod", "longer"})
         self.assertIn(values(found)["worst constraint"], ("rod", "longer"))
         self.assertGreater(float(values(found)["largest error [m]"]), 0.1)

@@ -87,6 +87,9 @@ class Follow(unittest.TestCase):
         return running(node_command(**parameters))
 
     def load(self):
+        # what is said before it is connected does not come
+        support.wait_until(lambda: "/rosout" in support.topics_between(
+            support.NODE, rospy.get_name()), "the node's /rosout")
         answer = call("load_scene", text=SCENE)
         self.assertTrue(answer.success, answer.status_message)
 
@@ -116,7 +119,7 @@ class Follow(unittest.TestCase):
         with self.start():
             self.load()
             self.step_until(0.2)  # so that a frame is asked for at a time that there was
-            self.send(0.0, 4.0)
+            self.send(0.0, 8.0)
             self.arrive(0.5)
             began = call("get_world_properties").sim_time
             while call("get_world_properties").sim_time < began + 2.0 - 1e-9:
@@ -136,7 +139,7 @@ class Follow(unittest.TestCase):
         with self.start():
             self.load()
             # the load hangs below where the frame is, at rest, before the frame is there
-            self.send(0.0, 4.0)
+            self.send(0.0, 8.0)
             self.assertTrue(call("pause_physics") is not None)
             self.step_until(DELAY + TICK)
             self.arrive(0.5)

@@ -39,7 +39,7 @@ class Hands(unittest.TestCase):
     def marker(self, body):
         """The marker of a body, as a viewer that has just come sees it."""
         inits = Listener(HANDS + "/update_full", InteractiveMarkerInit)
-        message = inits.wait(lambda m: any(k.name == body for k in m.markers), body)
+        message = inits.find(lambda m: any(k.name == body for k in m.markers), body)
         return next(m for m in message.markers if m.name == body)
 
     def send(self, kind, body, x=0.0, y=0.0, z=0.0, entry=0):
@@ -123,19 +123,22 @@ class Hands(unittest.TestCase):
         self.load(self.weightless(self.ball("a", 1, 0)), "a")
         call("unpause_physics")
         self.drag("a", (0, 0, 0), (0.5, 0, 0), 0.5)
-        self.assertTrue(self.is_held())
+        self.keep("a", self.is_held, "the grip")
         end = time.monotonic()
         support.wait_until(lambda: not self.is_held(), "the release")
         # 0.5 s, and a period of 0.05 s in which it is looked for; the rest is for slow machines
-        self.assertLess(time.monotonic() - end, 5.0)
-        self.assertGreater(time.monotonic() - end, 0.3)
+        self.assertLess(time.monotonic() - end, 10.0)
 
     def test_what_is_saved_in_a_hand_is_let_go_when_loaded(self):
         self.load(self.weightless(self.ball("a", 1, 0)), "a")
         self.drag("a", (0, 0, 0), (0.5, 0, 0), 0.2)
-        self.keep("a", self.is_held, "the grip")
-        text = call("save_scene").text
-        self.assertIn("hand/a/x", text)
+        texts = [""]
+
+        def is_saved_held():
+            texts.append(call("save_scene").text)
+            return "hand/a/x" in texts[-1]
+        self.keep("a", is_saved_held, "the grip")
+        text = texts[-1]
         self.send(InteractiveMarkerFeedback.MOUSE_UP, "a")
         support.wait_until(lambda: not self.is_held(), "the release")
         self.assertTrue(call("load_scene", text=text).success)
@@ -157,16 +160,15 @@ class Hands(unittest.TestCase):
         call("step", steps=100)
         self.assertAlmostEqual(self.state("a").pose.position.z, 0.0, places=6)
         self.menu("a", "Join: mark this body")
-        time.sleep(0.2)  # feedback is taken in its order, on one thread: no answer to wait for
-        self.menu("b", "Join to the marked body")
+        self.menu("b", "Join to the marked body")  # feedback is taken in its order, on one thread
         support.wait_until(lambda: "joined/a/b" in properties().constraints, "the rod")
         self.menu("a", "Release")
         support.wait_until(lambda: "fixed/a" not in properties().constraints, "the release")
         self.menu("b", "Remove")
         support.wait_until(lambda: properties().bodies == ["a"], "the removal")
-        before = self.state("a").twist.linear.x
+        before, pushed = self.state("a").twist.linear.x, properties().state_hash
         self.menu("a", "Push along +x")
-        time.sleep(0.5)
+        support.wait_until(lambda: properties().state_hash != pushed, "the push")
         call("step", steps=20)
         # 1 m/s, whatever the mass
         self.assertAlmostEqual(self.state("a").twist.linear.x - before, 1.0, places=6)

@@ -83,7 +83,7 @@ class Joints(support.ServiceCase):
             self.good("set_motor_bias", constraint="j", bias=0.25, timeout=0.8)
             listener = Listener(support.NODE + "/constraint_states", ConstraintStates)
             self.good("step", steps=40)
-            state = listener.wait(lambda m: m.constraints and m.constraints[0].bias).constraints[0]
+            state = listener.present().constraints[0]
             self.assertEqual((state.type, state.bias), (kind, 0.25))
             # to what ten sweeps leave, which start from the impulses of the tick before
             self.assertAlmostEqual(state.reached_rate, 0.25, places=6)
@@ -197,7 +197,7 @@ class Joints(support.ServiceCase):
         self.assertIn("m apart; closes in 0.5 s", answer.status_message)
         self.good("step", steps=60)
         listener = Listener(support.NODE + "/constraint_states", ConstraintStates)
-        state = listener.wait().constraints[0]
+        state = listener.present().constraints[0]
         self.assertFalse(state.closing)
         self.assertLess(abs(state.error), 1e-9)
 

@@ -127,7 +127,8 @@ class Mouse(InRviz):
         support.wait_until(lambda: self.x("rock") > -2.0, "a metre of the rock's way")
         self.let_go()
         statistics = Listener(NODE + "/statistics", Statistics)
-        first = statistics.wait(lambda m: m.ticks > 0)
+        released = properties().step
+        first = statistics.wait(lambda m: m.ticks > 0 and m.step > released)
         later = statistics.wait(lambda m: m.step > first.step + 200)
         # nothing drives it any more; the rest is the tolerance of 2 s
         self.assertLessEqual(later.energy, first.energy * (1 + 1e-6))
@@ -150,12 +151,22 @@ class Mouse(InRviz):
         self.load(self.weightless(self.ball("ball", 1, 0)))
         self.grab("ball", 0, 0)
         self.mouse("mouseup", "1")
-        self.mouse("click", "3")
-        time.sleep(1.0)
-        self.screenshot("menu.png")
-        self.mouse("key", "Down")
-        self.mouse("key", "Return")  # the first entry: Fix here
-        support.wait_until(lambda: "fixed/ball" in properties().constraints, "the fixing")
+        is_fixed = lambda: "fixed/ball" in properties().constraints
+
+        def chosen():
+            """Again where the menu was not there in time."""
+            self.mouse("click", "3")
+            time.sleep(1.0)
+            self.screenshot("menu.png")
+            self.mouse("key", "Down")
+            self.mouse("key", "Return")  # the first entry: Fix here
+            for _ in range(20):
+                if is_fixed():
+                    return True
+                time.sleep(0.1)
+            self.mouse("key", "Escape")
+            return False
+        support.wait_until(chosen, "the fixing", START)
 
 
 if __name__ == "__main__":

@@ -70,7 +70,8 @@ class Options(support.ServiceCase):
         self.good("add_body", body=sphere("ball", z=100.0))
         self.good("set_options", keys=["real_time_factor"], values=["0.1"])
         call("unpause_physics")
-        start, begun = properties().sim_time, time.monotonic()
+        begun = time.monotonic()  # before the time that is measured, and the end after it
+        start = properties().sim_time
         time.sleep(1.0)  # of wall time: that is what is measured
         passed = properties().sim_time - start
         # as slow as asked for, but never faster than it; a loaded machine may be slower
@@ -80,17 +81,18 @@ class Options(support.ServiceCase):
 
     def test_the_publish_rate(self):
         self.good("add_body", body=sphere("ball", z=100.0))
-        self.good("set_options", keys=["publish_rate"], values=["5"])
         states = support.Listener("/constraint_sim/body_states", BodyStates)
         call("unpause_physics")
-        states.wait()
-        count, begun = len(states.messages), time.monotonic()
-        time.sleep(1.0)
-        slow = (len(states.messages) - count) / (time.monotonic() - begun)
-        self.good("set_options", keys=["publish_rate"], values=["40"])
-        support.wait_until(lambda: len(states.messages) > count + 30, "a faster stream")
+        for rate in (5.0, 40.0, 5.0):
+            self.good("set_options", keys=["publish_rate"], values=[str(rate)])
+            start = len(states.messages)
+
+            def is_kept():
+                """By the stamps of eleven messages in a row; a busy machine does so sooner or later."""
+                stamps = [m.header.stamp.to_sec() for m in states.messages[start:]]
+                return any(0.8 < (b - a) * rate / 10 < 1.2 for a, b in zip(stamps, stamps[10:]))
+            support.wait_until(is_kept, "%g messages a second" % rate)
         support.Listener.stop_all()
-        self.assertLessEqual(slow, 7.0)  # 5 Hz, and one on either end
 
     # ---- bodies
 

@@ -103,7 +103,7 @@ class Panel(WithPanel):
 
     def test_speed(self):
         log = Listener(NODE + "/edit_log", EditRecord)
-        log.wait(what="its first record")
+        log.find(what="its first record")
         for factor in ("0.25", "1"):
             self.enter("Real-time factor", factor)
             record = wait_until(lambda: next((m for m in log.messages if m.service == "set_options"),

@@ -70,6 +70,17 @@ class Robots(support.ServiceCase):
     def tearDown(self):
         Listener.stop_all()
 
+    def step_until(self, seen):
+        """Steps tick by tick until the states that a step answers with show it: no answer says that a
+        message has come. The states of the last two steps, by name."""
+        states = [{body.name: body for body in self.good("step", steps=0).bodies}]
+
+        def is_seen():
+            states.append({body.name: body for body in self.good("step", steps=1).bodies})
+            return seen(states[-2], states[-1])
+        wait_until(is_seen, "what the message does")
+        return states[-2:]
+
     def expect(self, listener, joint, value, field="position"):
         """A paused world's joint comes to read this, to what integration leaves."""
         def reads():
@@ -179,7 +190,7 @@ class Robots(support.ServiceCase):
             self.assertEqual({m.type for m in visuals},
                              {Marker.CUBE, Marker.CYLINDER, Marker.SPHERE})
             call("load_scene", text="bodies: []")
-            markers.wait(lambda m: sum(x.ns == "visuals" and x.action == Marker.DELETE
+            markers.find(lambda m: sum(x.ns == "visuals" and x.action == Marker.DELETE
                                        for x in m.markers) == 17)
 
     def test_a_trajectory_is_followed(self):
@@ -192,8 +203,11 @@ class Robots(support.ServiceCase):
             end = JointTrajectoryPoint(positions=[0.5, 0.2], velocities=[0, 0],
                                        accelerations=[0, 0], time_from_start=rospy.Duration(1))
             topic.publish(JointTrajectory(joint_names=["shoulder_pan", "elbow"], points=[end]))
-            rospy.sleep(0.3)  # no answer says that a message has come
-            self.good("step", steps=50)
+            # the first tick turns it by 2e-6 rad; what the motors hold stays to rounding
+            self.step_until(lambda before, after: abs(
+                after["shoulder/com"].pose.orientation.z -
+                before["shoulder/com"].pose.orientation.z) > 1e-8)
+            self.good("step", steps=49)
             # a quintic is half way in the middle
             self.expect(states, "shoulder_pan", 0.5 * (0.3 + 0.5))
             self.expect(states, "elbow", 0.5 * (0.9 + 0.2))
@@ -217,8 +231,9 @@ motors:
                 topic = rospy.Publisher("%s/command/%s" % (support.NODE, joint), Float64,
                                         queue_size=1)
                 wait_until(topic.get_num_connections, joint)
+                before = properties().state_hash
                 topic.publish(value)
-            rospy.sleep(0.3)
+                wait_until(lambda: properties().state_hash != before, "the command of " + joint)
             self.good("step", steps=100)
             self.expect(states, "shoulder_pan", 0.3 + 0.2)
             self.expect(states, "elbow", 0.7)
@@ -243,19 +258,21 @@ motors:
             push.wrench.force.x = 2.0
             drive.linear.x = 0.5
             wrench.publish(push)
-            twist.publish(drive)
-            rospy.sleep(0.3)
-            self.good("step", steps=100)
+            self.step_until(lambda before, after: after["ball"].twist.linear.x > 0.0)
+            self.good("step", steps=99)
             # 2 N on 1 kg for 1 s, and nobody listened to what it was before
-            odometry = Listener(support.NODE + "/odometry/ball", Odometry).wait()
+            odometry = Listener(support.NODE + "/odometry/ball", Odometry).present()
             self.assertAlmostEqual(odometry.twist.twist.linear.x, 2.0, delta=1e-9)
             self.assertAlmostEqual(odometry.pose.pose.position.x, 1.0, delta=1e-9)
             self.assertEqual(odometry.child_frame_id, "ball")
+            twist.publish(drive)
+            before, _ = self.step_until(lambda before, after: after["cart"].twist.linear.y > 0.0)
+            self.good("step", steps=99)
             # forwards is along y, since it is turned by a quarter
             position = call("get_body_state", name="cart").state.pose.position
-            self.assertAlmostEqual(position.y, 5.5, delta=1e-9)
+            self.assertAlmostEqual(position.y - before["cart"].pose.position.y, 0.5, delta=1e-9)
             self.assertAlmostEqual(position.x, 0.0, delta=1e-9)
-            trunk = Listener(support.NODE + "/odometry/left/trunk", Odometry).wait()
+            trunk = Listener(support.NODE + "/odometry/left/trunk", Odometry).present()
             self.assertAlmostEqual(trunk.pose.pose.position.z, 3.0, delta=1e-9)
 
 

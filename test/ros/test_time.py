@@ -114,13 +114,22 @@ class Time(unittest.TestCase):
         due = (last.step + last.dropped_ticks) - (first.step + first.dropped_ticks)
         return due * tick / (end - start)
 
+    def check_pace(self, expected, *arguments):
+        """Sooner or later: a machine that stands for a while makes one figure wrong, not all."""
+        paces = []
+
+        def is_kept():
+            paces.append(self.pace(*arguments))
+            return abs(paces[-1] / expected - 1.0) < 0.3
+        support.wait_until(is_kept, "a pace of %g" % expected)
+
     # ---- the pace
 
     def test_real_time_factor_is_kept(self):
         for factor in (1.0, 0.1):
             with running(node_command(scene="pendulum", real_time_factor=factor)):
                 properties()
-                self.assertAlmostEqual(self.pace(0.002, 2.0) / factor, 1.0, delta=0.3)
+                self.check_pace(factor, 0.002, 2.0)
 
     def test_real_time_factor_zero_is_as_fast_as_it_can(self):
         with running(node_command(scene="pendulum", real_time_factor=0)):
@@ -140,14 +149,14 @@ class Time(unittest.TestCase):
             self.assertEqual((before.time_step, after.time_step), (0.002, 0.0005))
             ticks = 0.002 * (loaded.step - before.step) + 0.0005 * (after.step - loaded.step)
             self.assertAlmostEqual(after.sim_time - before.sim_time, ticks, places=9)
-            self.assertAlmostEqual(self.pace(0.0005, 1.0), 1.0, delta=0.3)
+            self.check_pace(1.0, 0.0005, 1.0)
 
     def test_what_cannot_be_kept_up_with_is_dropped_and_counted(self):
         with running(node_command(scene="platform", real_time_factor=1000.0)):
             Listener(support.NODE + "/statistics", Statistics).wait(
                 lambda m: m.dropped_ticks > 0, "dropped ticks")
             # those done and those dropped are all that were due
-            self.assertAlmostEqual(self.pace(properties().time_step, 1.0) / 1000.0, 1.0, delta=0.3)
+            self.check_pace(1000.0, properties().time_step, 1.0)
 
     def test_it_survives_being_stopped_for_three_seconds(self):
         listener = Listener("/tf", TFMessage)
@@ -177,11 +186,10 @@ class Time(unittest.TestCase):
             support.wait_until(lambda: len(clock.messages) > 200, "the clock")
             call("pause_physics")
             states = Listener(support.NODE + "/body_states", BodyStates)
-            stamp = states.wait().header.stamp
-            self.assertAlmostEqual(stamp.to_sec(), properties().sim_time, places=6)
-            paused_at = len(clock.messages)
-            support.wait_until(lambda: len(clock.messages) >= paused_at + 2, "the clock's repetition")
-            self.assertEqual(clock.messages[-1].clock, clock.messages[-2].clock)
+            stood = properties().sim_time
+            states.wait(lambda m: abs(m.header.stamp.to_sec() - stood) < 1e-6, "the time it stands at")
+            support.wait_until(lambda: clock.messages[-1].clock == clock.messages[-2].clock,
+                               "the clock's repetition")
             times = [m.clock for m in clock.messages]
             self.assertTrue(all(t > rospy.Time(0) for t in times))
             self.assertEqual(times, sorted(times))
@@ -197,9 +205,9 @@ class Time(unittest.TestCase):
                 support.wait_until(lambda: properties().sim_time > 5000.0, "the clock's time")
                 for rate in (1.0, 3.0):
                     clock.rate = rate
-                    self.assertAlmostEqual(
-                        self.pace(0.002, 1.5 * rate, lambda: clock.now), 1.0, delta=0.3)
-                self.assertLess(abs(properties().sim_time - clock.now), 2.0)
+                    self.check_pace(1.0, 0.002, 1.5 * rate, lambda: clock.now)
+                support.wait_until(lambda: abs(properties().sim_time - clock.now) < 2.0,
+                                   "the time of the clock")
                 clock.rate = 0.0
                 support.wait_until(stands, "it stands with the clock")
                 states = Listener(support.NODE + "/body_states", BodyStates)
@@ -258,7 +266,8 @@ class Time(unittest.TestCase):
                     for bag_time in (1.5, 3.5):
                         play_until(bag_time)
                         steps.append(check_it_stands_there())
-                        self.assertGreater(len(played.messages), 10 * bag_time)
+                        support.wait_until(lambda: len(played.messages) > 10 * bag_time,
+                                           "what was played")
                     call("/player/pause_playback", data=False)
                     support.wait_until(lambda: player.poll() is not None, "the bag's end")
                     self.assertEqual(player.returncode, 0)

@@ -32,3 +32,15 @@ target_include_directories(constraint_sim_panel SYSTEM PRIVATE
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${rviz_INCLUDE_DIRS} ${catkin_INCLUDE_DIRS})
 target_link_libraries(constraint_sim_panel PRIVATE ${rviz_LIBRARIES} ${catkin_LIBRARIES} yaml-cpp Qt5::Widgets ${CMAKE_DL_LIBS})
 install(TARGETS constraint_sim_panel LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
+
+if(CONSTRAINT_SIM_BENCH)
+  add_executable(constraint_sim_panel_costs
+    bench/ros/panel_costs.cpp src/panel/motors.cpp src/panel/world_model.cpp)
+  constraint_sim_own_code(constraint_sim_panel_costs)
+  add_dependencies(constraint_sim_panel_costs ${PROJECT_NAME}_generate_messages_cpp)
+  target_compile_definitions(constraint_sim_panel_costs PRIVATE QT_NO_KEYWORDS)
+  target_include_directories(constraint_sim_panel_costs SYSTEM PRIVATE
+    ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
+  target_link_libraries(constraint_sim_panel_costs PRIVATE ${catkin_LIBRARIES} yaml-cpp Qt5::Widgets)
+  list(APPEND bench_programs constraint_sim_panel_costs)
+endif()

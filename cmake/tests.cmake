@@ -81,6 +81,11 @@ if(CONSTRAINT_SIM_ROS)
   target_compile_definitions(markers_test PRIVATE
     CONSTRAINT_SIM_SOURCE_DIR="${CMAKE_CURRENT_SOURCE_DIR}")
 
+  if(TARGET constraint_sim_panel)
+    constraint_sim_add_gtest(panel_test test/ros/test_motors.cpp src/panel/motors.cpp)
+    target_link_libraries(panel_test constraint_sim_engine yaml-cpp)
+  endif()
+
   file(GLOB ros_tests CONFIGURE_DEPENDS test/ros/*.test)
   foreach(ros_test IN LISTS ros_tests)
     get_filename_component(name ${ros_test} NAME_WE)

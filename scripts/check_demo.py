@@ -20,7 +20,7 @@ MOVED = 0.05  # [m] that some frame must travel at least
 VIEW = (slice(70, 760), slice(24, 850))
 BACKGROUND = (48, 48, 48)
 DYNAMIC_BODY = (69, 130, 181)
-SMALL_ERROR, LARGE_ERROR = (51, 204, 51), (204, 51, 51)
+SMALL_ERROR, LARGE_ERROR = (51, 204, 51), (255, 71, 64)
 
 
 def check_bag(path, body, constraint):

@@ -1,11 +1,12 @@
 // What markers cost in a scene: rounds of messages as the node has them, with what is named done in
 // each. marker_costs.py counts the instructions of each.
 //
-//   constraint_sim_marker_costs SCENE nothing|update|copy|serialise ROUNDS
+//   constraint_sim_marker_costs SCENE nothing|update|publish|copy|serialise ROUNDS
 //
 // nothing: only steps and the copy of the world that messages are made from; update: the markers as
-// well; copy: and a visualization_msgs/MarkerArray of the same content; serialise: that too is
-// serialised, as roscpp does it. Prints how many markers that was, and how many bytes.
+// well; publish: these are serialised as the node does it, for a listener; copy: after `update`, a
+// visualization_msgs/MarkerArray of the same content; serialise: that is serialised as roscpp does
+// it. Prints how many markers that was, and how many bytes.
 
 #include <ros/serialization.h>
 #include <visualization_msgs/MarkerArray.h>
@@ -47,6 +48,10 @@ int run(const std::string& path, const std::string& what, int rounds) {
     const MarkerMessage& message = markers.update(snapshot, forces, stamp, false, false);
     sent += message.markers.size();
     if (what == "update") continue;
+    if (what == "publish") {
+      bytes += ros::serialization::serializeMessage(message).num_bytes;
+      continue;
+    }
     const visualization_msgs::MarkerArray array = array_of(message);
     if (what == "copy") continue;
     bytes += ros::serialization::serializeMessage(array).num_bytes;
@@ -60,7 +65,8 @@ int run(const std::string& path, const std::string& what, int rounds) {
 
 int main(int argc, char** argv) {
   if (argc != 4) {
-    std::fputs("constraint_sim_marker_costs SCENE nothing|update|copy|serialise ROUNDS\n", stderr);
+    std::fputs("constraint_sim_marker_costs SCENE nothing|update|publish|copy|serialise ROUNDS\n",
+               stderr);
     return 2;
   }
   try {

@@ -2,6 +2,8 @@
 
 #include <yaml-cpp/yaml.h>
 
+#include <algorithm>
+
 namespace constraint_sim::panel {
 namespace {
 
@@ -20,16 +22,37 @@ YAML::Node first_motor(const YAML::Node& constraint) {
   return YAML::Node(YAML::NodeType::Undefined);
 }
 
+// What stands below a key, indented.
+std::string lines_of(const std::string& key, const std::string& scene) {
+  const std::string title = '\n' + key + ":\n";
+  const std::size_t found = scene.find(title);
+  if (found == std::string::npos) return "";
+  const std::size_t begin = found + title.size();
+  std::size_t end = begin;
+  while (end < scene.size() && scene[end] == ' ')
+    end = std::min(scene.find('\n', end), scene.size() - 1) + 1;
+  return scene.substr(begin, end - begin);
+}
+
 }  // namespace
 
+// Only the text of constraints with a motor is parsed: all of a world of thousands of bodies would
+// take seconds, in which rviz stands.
 std::vector<Motor> motors_in(const std::string& scene, std::size_t most) {
   std::vector<Motor> motors;
-  const YAML::Node root = YAML::Load(scene);
-  for (const YAML::Node& constraint : root["constraints"]) {
+  const std::string text = lines_of("constraints", scene);
+  const std::size_t dash = text.find_first_not_of(' ');
+  if (dash == std::string::npos || text[dash] != '-') return motors;
+  const std::string begin = '\n' + text.substr(0, dash + 1);  // of each constraint
+  for (std::size_t at = 0; at < text.size() && motors.size() < most;) {
+    const std::size_t next = std::min(text.find(begin, at), text.size() - 1) + 1;
+    const std::string item = text.substr(at, next - at);
+    at = next;
+    if (item.find("motor: ") == std::string::npos) continue;
+    const YAML::Node constraint = YAML::Load(item)[0];
     const YAML::Node motor = first_motor(constraint);
-    if (!motor || !motor.IsMap()) continue;
-    if (motors.size() == most) break;
-    motors.push_back(read_motor(constraint["name"].as<std::string>(), motor));
+    if (motor && motor.IsMap())
+      motors.push_back(read_motor(constraint["name"].as<std::string>(), motor));
   }
   return motors;
 }

@@ -17,8 +17,8 @@ inline bool same_motor(const Motor& a, const Motor& b) {
   return a.constraint == b.constraint && a.key == b.key;
 }
 
-/// Those of a scene as `save_scene` answers it, at most `most`. Throws std::runtime_error where the
-/// text is no scene.
+/// Those of a scene as `save_scene` answers it, at most `most`; none of another text. Throws
+/// std::runtime_error where a constraint with a motor cannot be read.
 std::vector<Motor> motors_in(const std::string& scene, std::size_t most);
 
 /// The unit of a key, for people.

@@ -15,10 +15,14 @@ namespace {
 using Eigen::Vector3d;
 using visualization_msgs::Marker;
 
-constexpr double kHeightOfSign = 0.25;  // letters beside arrows
-constexpr double kTellsError = 1e-4;    // [m]
+constexpr double kHeightOfSign = 0.3;  // letters beside arrows
+constexpr double kTellsError = 1e-4;   // [m]
 constexpr double kLineSpacing = 1.4;
-constexpr double kBeside = 4.5;  // heights, to the right of a line in the shipped view
+// heights of a letter
+constexpr double kBeside = 1.5;          // from a line to the text beside it
+constexpr double kHalfLetter = 0.3;      // width of half a letter
+constexpr double kMostOfBody = 4.0;      // that a text keeps off the body that a joint holds
+const Vector3d kRight(-0.9, 0.44, 0.0);  // in the shipped view
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
 std::int32_t number(engine::JointId id) { return static_cast<std::int32_t>(id.value); }
@@ -28,6 +32,9 @@ std::string shown(const char* format, double value) {
   std::snprintf(text, sizeof text, format, value);
   return text;
 }
+
+// Without a sign where there is nothing to tell it of.
+std::string signed_value(double value) { return shown(value == 0.0 ? "%.3g" : "%+.3g", value); }
 
 Vector3d middle_of(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
@@ -63,29 +70,40 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
   return set_.finish();
 }
 
-// One below the other, so that each namespace can be left out.
+// One below the other, so that each namespace can be left out, and all begin beside the line or the
+// body.
 void Labels::add_labels_of(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
   const engine::JointState& state = world.joint_state(id);
-  const Vector3d middle = middle_of(world, id) + kBeside * height_ * Vector3d(-0.9, 0.44, 0.0);
-  const Vector3d line = -kLineSpacing * height_ * Vector3d::UnitZ();
-  add_text("constraint_names", number(id), middle - line, colour(0.8, 0.9, 0.8), joint.name);
+  const Look look = look_of(joint);
+  double beside = kBeside * height_;
+  if (look == Look::kJoint)
+    beside += std::min(radius_of(world.body(joint.body_b).shape), kMostOfBody * height_);
+  const Vector3d middle = middle_of(world, id) + beside * kRight;
+  const auto add = [&](const char* ns, int row, const std_msgs::ColorRGBA& of,
+                       const std::string& text) {
+    const double half = kHalfLetter * height_ * static_cast<double>(text.size());
+    add_text(ns, number(id),
+             middle + half * kRight - row * kLineSpacing * height_ * Vector3d::UnitZ(), of, text);
+  };
+  add("constraint_names", -1, colour(0.8, 0.9, 0.8), joint.name);
   if (is_slack(joint, state))
-    add_text("forces", number(id), middle, colour(0.75, 0.68, 0.55), "slack");
-  else if (const auto force = axial_force(joint, state))
-    add_text("forces", number(id), middle, constraint_colour(*force < 0.0 ? -1.0 : 1.0, 0.0),
-             shown("%.3g N", std::abs(*force)) + (*force < 0.0 ? " tension" : " compression"));
+    add("forces", 0, colour(0.75, 0.68, 0.55), "slack");
+  else if (const auto force = axial_force(joint, state); force && *force == 0.0)
+    add("forces", 0, constraint_colour(0.0, 0.0), "0 N");
+  else if (force)
+    add("forces", 0, constraint_colour(*force < 0.0 ? -1.0 : 1.0, 0.0),
+        shown("%.3g N", std::abs(*force)) + (*force < 0.0 ? " tension" : " compression"));
   if (const auto motor = shown_motor(joint, state)) {
     std::string text = motor->force != 0.0
-                           ? shown(motor->is_angle ? "%+.3g N m" : "%+.3g N", motor->force)
-                           : shown(motor->is_angle ? "%+.3g rad/s" : "%+.3g m/s", motor->rate);
+                           ? signed_value(motor->force) + (motor->is_angle ? " N m" : " N")
+                           : signed_value(motor->rate) + (motor->is_angle ? " rad/s" : " m/s");
     if (state.saturated) text += ", at its limit";
-    add_text("motor_rates", number(id), middle + line, motor_colour(state.saturated), text);
+    add("motor_rates", 1, motor_colour(state.saturated), text);
   }
-  const double error = shown_error(look_of(joint), state);
-  if (error > kTellsError)
-    add_text("errors", number(id), middle + 2.0 * line, colour(1.0, 0.25, 0.25),
-             shown("off by %.2g m", error) + (state.closing ? ", closing" : ""));
+  if (const double error = shown_error(look, state); error > kTellsError)
+    add("errors", 2, constraint_colour(0.0, kRedError),
+        shown("off by %.2g m", error) + (state.closing ? ", closing" : ""));
 }
 
 void Labels::add_text(const char* ns, std::int32_t id, const Vector3d& place,

@@ -29,6 +29,11 @@ void add_line(const Vector3d& from, const Vector3d& to, Lines* lines) {
   lines->push_back(point_at(to));
 }
 
+void add_dashes(const Vector3d& from, const Vector3d& to, Lines* lines) {
+  const Vector3d part = (to - from) / (2 * kDashes - 1);
+  for (int i = 0; i < kDashes; ++i) add_line(from + 2 * i * part, from + (2 * i + 1) * part, lines);
+}
+
 void add_arrow(const Vector3d& from, const Vector3d& along, double length, double head,
                Lines* lines) {
   if (!(length > 0.0)) return;

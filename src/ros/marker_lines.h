@@ -32,6 +32,9 @@ inline geometry_msgs::Quaternion quaternion_of(const Eigen::Quaterniond& q) {
 /// Turns z to this direction (unit).
 Eigen::Quaterniond turn_of_z(const Eigen::Vector3d& direction);
 
+/// kDashes of them, as far apart as they are long.
+inline constexpr int kDashes = 8;
+void add_dashes(const Eigen::Vector3d& from, const Eigen::Vector3d& to, Lines* lines);
 void add_line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, Lines* lines);
 /// An arrow of this length [m] along a direction (unit), with a head of that length at most, seen
 /// from all sides.

@@ -4,7 +4,9 @@
 #include <ros/serialization.h>
 #include <visualization_msgs/MarkerArray.h>
 
+#include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <vector>
 
 namespace constraint_sim {
@@ -12,6 +14,70 @@ namespace constraint_sim {
 /// A visualization_msgs/MarkerArray of markers that somebody else owns: on the wire the same.
 struct MarkerMessage {
   std::vector<const visualization_msgs::Marker*> markers;
+};
+
+/// A Marker as on the wire, where numbers lie as in memory: block by block, since roscpp's own
+/// serialisation, which checks the buffer's end for each number, takes more than to find markers.
+class MarkerWriter {
+ public:
+  static std::uint32_t length(const visualization_msgs::Marker& marker) {
+    return kFixedLength +
+           static_cast<std::uint32_t>(marker.header.frame_id.size() + marker.ns.size() +
+                                      marker.points.size() * sizeof(geometry_msgs::Point) +
+                                      marker.colors.size() * sizeof(std_msgs::ColorRGBA) +
+                                      marker.text.size() + marker.mesh_resource.size());
+  }
+
+  /// `to` has room for length().
+  static void write(const visualization_msgs::Marker& marker, std::uint8_t* to) {
+    MarkerWriter writer{to};
+    writer.put(marker.header.seq);
+    writer.put(marker.header.stamp.sec);
+    writer.put(marker.header.stamp.nsec);
+    writer.put_all(marker.header.frame_id);
+    writer.put_all(marker.ns);
+    writer.put(marker.id);
+    writer.put(marker.type);
+    writer.put(marker.action);
+    writer.put(marker.pose);
+    writer.put(marker.scale);
+    writer.put(marker.color);
+    writer.put(marker.lifetime.sec);
+    writer.put(marker.lifetime.nsec);
+    writer.put(marker.frame_locked);
+    writer.put_all(marker.points);
+    writer.put_all(marker.colors);
+    writer.put_all(marker.text);
+    writer.put_all(marker.mesh_resource);
+    writer.put(marker.mesh_use_embedded_materials);
+  }
+
+ private:
+  static_assert(sizeof(geometry_msgs::Pose) == 7 * sizeof(double), "without padding");
+  static_assert(sizeof(geometry_msgs::Vector3) == 3 * sizeof(double), "without padding");
+  static_assert(sizeof(geometry_msgs::Point) == 3 * sizeof(double), "without padding");
+  static_assert(sizeof(std_msgs::ColorRGBA) == 4 * sizeof(float), "without padding");
+  /// Of all numbers, and of the lengths of what has one.
+  static constexpr std::uint32_t kFixedLength = 12 + 12 + 80 + 16 + 8 + 2 + 6 * 4;
+
+  explicit MarkerWriter(std::uint8_t* to) : to_(to) {}
+
+  template <class T>
+  void put(const T& value) {
+    std::memcpy(to_, &value, sizeof value);
+    to_ += sizeof value;
+  }
+
+  template <class Container>
+  void put_all(const Container& values) {
+    put(static_cast<std::uint32_t>(values.size()));
+    if (values.empty()) return;
+    const std::size_t bytes = values.size() * sizeof values[0];
+    std::memcpy(to_, values.data(), bytes);
+    to_ += bytes;
+  }
+
+  std::uint8_t* to_;
 };
 
 }  // namespace constraint_sim
@@ -50,12 +116,14 @@ struct Serializer<constraint_sim::MarkerMessage> {
   template <typename Stream>
   static void write(Stream& stream, const constraint_sim::MarkerMessage& message) {
     stream.next(static_cast<std::uint32_t>(message.markers.size()));
-    for (const visualization_msgs::Marker* marker : message.markers) stream.next(*marker);
+    for (const visualization_msgs::Marker* marker : message.markers)
+      constraint_sim::MarkerWriter::write(
+          *marker, stream.advance(constraint_sim::MarkerWriter::length(*marker)));
   }
   static std::uint32_t serializedLength(const constraint_sim::MarkerMessage& message) {
     std::uint32_t length = 4;
     for (const visualization_msgs::Marker* marker : message.markers)
-      length += serializationLength(*marker);
+      length += constraint_sim::MarkerWriter::length(*marker);
     return length;
   }
 };

@@ -27,13 +27,13 @@ void set_size(Marker* marker, std::int32_t type, const Eigen::Vector3d& size) {
   marker->scale = to_vector(size);
 }
 
+}  // namespace
+
 double radius_of(const engine::Shape& shape) {
   if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return sphere->radius;
   if (const auto* box = std::get_if<engine::Box>(&shape)) return 0.5 * box->size.norm();
   return 0.0;
 }
-
-}  // namespace
 
 Look look_of(const engine::Joint& joint) {
   if (engine::couples_joints(joint.kind)) return Look::kCoupling;
@@ -85,8 +85,11 @@ void set_shape(Marker* marker, const engine::Shape& shape) {
   } else if (const auto* box = std::get_if<engine::Box>(&shape)) {
     set_size(marker, Marker::CUBE, box->size);
   } else if (std::holds_alternative<engine::Plane>(shape)) {
-    // of no thickness to speak of, so that what lies on it is not cut
+    // of no thickness to speak of, so that what lies on it is not cut; brighter than other bodies,
+    // for what is behind shines through
     set_size(marker, Marker::CUBE, {kPlaneWidth, kPlaneWidth, 1e-3});
+    for (float* part : {&marker->color.r, &marker->color.g, &marker->color.b})
+      *part = std::min(1.5F * *part, 1.0F);
     marker->color.a *= 0.5F;
   } else {
     set_size(marker, Marker::SPHERE, Eigen::Vector3d::Constant(kPointDiameter));
@@ -127,7 +130,7 @@ std_msgs::ColorRGBA constraint_colour(double share, double error) {
   Eigen::Vector3d rgb(0.2, 0.8, 0.2);
   rgb += load *
          ((share < 0.0 ? Eigen::Vector3d(0.1, 0.85, 1.0) : Eigen::Vector3d(1.0, 0.9, 0.1)) - rgb);
-  rgb += red * (Eigen::Vector3d(0.8, 0.2, 0.2) - rgb);
+  rgb += red * (Eigen::Vector3d(1.0, 0.28, 0.25) - rgb);
   return colour(rgb.x(), rgb.y(), rgb.z());
 }
 
@@ -158,6 +161,12 @@ void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
 double ForceScale::share(double force) const {
   if (!(reference_ > 0.0) || std::isnan(force)) return 0.0;
   return std::clamp(force / reference_, -1.0, 1.0);
+}
+
+double width_around(const Extent& extent, const Eigen::Vector3d& place) {
+  const Eigen::Vector3d way =
+      (extent.low - place).cwiseAbs().cwiseMax((extent.high - place).cwiseAbs());
+  return extent.low == extent.high ? kPlaneWidth : 4.0 * way.norm();
 }
 
 Extent extent_of(const engine::World& world) {

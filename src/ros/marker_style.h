@@ -36,6 +36,9 @@ std::optional<ShownMotor> shown_motor(const engine::Joint& joint, const engine::
 inline constexpr double kGreenError = 1e-6;
 inline constexpr double kRedError = 1e-2;
 
+/// About the centre of mass [m]; 0 of points and planes.
+double radius_of(const engine::Shape& shape);
+
 /// Type and size of the marker of a body; a plane is a sheet, half as opaque.
 void set_shape(visualization_msgs::Marker* marker, const engine::Shape& shape);
 
@@ -70,5 +73,7 @@ struct Extent {
   double width = 0.0;  ///< of lines, at most [m]
 };
 Extent extent_of(const engine::World& world);
+/// Of a sheet around a place that reaches twice as far as the scene [m].
+double width_around(const Extent& extent, const Eigen::Vector3d& place);
 
 }  // namespace constraint_sim

@@ -210,6 +210,8 @@ void Markers::add_body(const engine::World& world, const BodyLook& look) {
   const engine::Body& body = world.body(look.id);
   marker.color = body_colour(body);
   set_shape(&marker, body.shape);
+  if (std::holds_alternative<engine::Plane>(body.shape))
+    marker.scale.x = marker.scale.y = width_around(extent_, at->position);
 }
 
 // What breaks while somebody looks is seen for kBrokenShown.
@@ -260,13 +262,17 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
   if (look.has_motor && !state.broken) add_motor(world, seen);
 }
 
-// from one of the joints to the other
+// Dashed, from one of the joints to the other; between the upper ends of ropes, as over a pulley.
 void Markers::draw_coupling(const engine::World& world, const Seen& seen,
                             ShownMarker* marker) const {
   const engine::Coupling& coupling = seen.joint.coupling;
+  const bool is_pulley = seen.joint.kind == engine::JointKind::kPulley;
+  const auto end = [&](engine::JointId id) -> Vector3d {
+    return is_pulley ? world.anchors(id).p_a : world.anchors(id).p_b;
+  };
   marker->scale.x *= 0.5;
   marker->points.clear();
-  add_line(world.anchors(coupling.first).p_b, world.anchors(coupling.second).p_b, &marker->points);
+  add_dashes(end(coupling.first), end(coupling.second), &marker->points);
 }
 
 // Between the anchors: the thicker, the larger the force.

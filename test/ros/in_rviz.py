@@ -8,6 +8,7 @@ import unittest
 
 import numpy
 import rospkg
+import yaml
 
 import support
 from support import NODE
@@ -24,6 +25,15 @@ def shipped_configuration():
     text, count = re.subn(r"  - Class: constraint_sim/Simulator\n(?:    .*\n)+", "", text)
     assert count == 1
     return text
+
+
+def fitted_configuration(scene):
+    """That with the view that the launch file gives this scene."""
+    text = subprocess.check_output(["rosrun", "constraint_sim", "rviz_config", scene],
+                                   universal_newlines=True)
+    config = yaml.safe_load(text)
+    config["Panels"] = [p for p in config["Panels"] if p["Class"] != "constraint_sim/Simulator"]
+    return yaml.safe_dump(config)
 
 
 def read_view(path):
@@ -46,6 +56,8 @@ def virtual_display():
 
 class InRviz(unittest.TestCase):
     """rviz with a configuration, on a display of its own."""
+    configuration = None  # or what each test shows
+
     @classmethod
     def setUpClass(cls):
         cls.stack = contextlib.ExitStack()
@@ -54,14 +66,21 @@ class InRviz(unittest.TestCase):
         cls.environment = dict(os.environ, DISPLAY=display, LIBGL_ALWAYS_SOFTWARE="1",
                                XDG_RUNTIME_DIR=cls.folder)
         cls.prepare()
+        if cls.configuration:
+            cls.rviz = cls.stack.enter_context(cls.showing(cls.configuration()))
+
+    @classmethod
+    @contextlib.contextmanager
+    def showing(cls, configuration):
+        """Runs rviz with this configuration."""
         config = os.path.join(cls.folder, "view.rviz")
         with open(config, "w") as file:
-            file.write(cls.configuration())
-        cls.rviz = cls.stack.enter_context(support.running(
-            ["rviz", "-d", config, "__name:=rviz"], env=cls.environment,
-            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
-        support.wait_until(lambda: NODE + "/hands/update" in support.topics_between(NODE, "/rviz"),
-                           "rviz", START)
+            file.write(configuration)
+        with support.running(["rviz", "-d", config, "__name:=rviz"], env=cls.environment,
+                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as rviz:
+            support.wait_until(
+                lambda: NODE + "/hands/update" in support.topics_between(NODE, "/rviz"), "rviz", START)
+            yield rviz
 
     @classmethod
     def tearDownClass(cls):

@@ -95,6 +95,14 @@ def topics_between(publisher, subscriber):
             if direction == "o" and other == subscriber}
 
 
+def stamp_of(message):
+    """Of the message, or of the first of its transforms or markers; 0 where there is none."""
+    if hasattr(message, "header"):
+        return message.header.stamp
+    parts = message.transforms if hasattr(message, "transforms") else message.markers
+    return parts[0].header.stamp if parts else rospy.Time(0)
+
+
 class Listener:
     """Keeps all messages of a topic."""
     _subscribers = []
@@ -123,7 +131,7 @@ class Listener:
         """The first message that meets the condition and is of the world as it is at this call or later,
         where stamps are wall time: not of a tick in the middle of what has been stepped."""
         now = rospy.Time.from_sec(time.time())
-        return self.find(lambda m: m.header.stamp >= now and condition(m), what)
+        return self.find(lambda m: stamp_of(m) >= now and condition(m), what)
 
 
 class ServiceCase(unittest.TestCase):

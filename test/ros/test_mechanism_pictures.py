@@ -10,6 +10,7 @@ import rospy
 import rostest
 import tf2_ros
 from geometry_msgs.msg import TransformStamped
+from visualization_msgs.msg import MarkerArray
 
 import support
 from in_rviz import PACKAGE, START, InRviz, read_view, shipped_configuration
@@ -28,16 +29,17 @@ MECHANISMS = {
     "crane": ((0.6, 0, 1.5), 4.2, 2.0, 0),
     "gripper": ((0, 0, 0.94), 0.32, 1.0, 0),
     "stewart_platform": ((0, 0, 0.6), 3.0, 1.0, 0),
-    "joints.yaml": ((0.2, 0.7, 1.35), 6.0, 0.5, 0),
 }
+JOINTS = {"joints.yaml": ((0.2, 0.7, 1.35), 6.0, 0.5, 0)}
 # of the configuration [m], and what a click of the wheel makes of it
 DISTANCE, NEARER, FARTHER = 6.5, 0.88, 1.12
 
 
-def from_the_front():
+def from_the_front(names="false"):
     """Along y, without grid, frames and legend. The frame of the picture is put where each scene needs it."""
     text = shipped_configuration()
-    for before, after in (("Fixed Frame: world", "Fixed Frame: picture"),
+    for before, after in (("constraint_names: false", "constraint_names: " + names),
+                          ("Fixed Frame: world", "Fixed Frame: picture"),
                           ("Name: Grid\n      Enabled: true", "Name: Grid\n      Enabled: false"),
                           ("Name: Frames\n      Enabled: true", "Name: Frames\n      Enabled: false"),
                           ("legend: true", "legend: false"),
@@ -52,13 +54,17 @@ class Mechanisms(InRviz):
     """Each mechanism is drawn whole. With CONSTRAINT_SIM_SCREENSHOTS set to a folder the pictures of
     docs/images are left there, small enough for a page."""
 
-    configuration = staticmethod(from_the_front)
-
     @classmethod
     def setUpClass(cls):
         cls.frames = tf2_ros.StaticTransformBroadcaster()
         super().setUpClass()
-        cls.distance = DISTANCE
+
+    def setUp(self):
+        self.distance = DISTANCE
+        self.labels = support.Listener(support.NODE + "/labels", MarkerArray)
+
+    def tearDown(self):
+        support.Listener.stop_all()
 
     def look(self, middle, distance, turn):
         frame = TransformStamped()
@@ -95,7 +101,15 @@ class Mechanisms(InRviz):
                                "%dx" % width, "-colors", "64", "PNG8:" + path])
 
     def test_each_mechanism_is_drawn_whole(self):
-        for scene, (middle, distance, seconds, turn) in MECHANISMS.items():
+        with self.showing(from_the_front()):
+            self.show(MECHANISMS)
+
+    def test_each_kind_of_joint_is_drawn_with_its_name(self):
+        with self.showing(from_the_front(names="true")):
+            self.show(JOINTS)
+
+    def show(self, scenes):
+        for scene, (middle, distance, seconds, turn) in scenes.items():
             path = os.path.join(PACKAGE, "docs/images", scene) if "." in scene else scene
             with self.subTest(scene):
                 name = scene.partition(".")[0] + ".png"
@@ -107,6 +121,7 @@ class Mechanisms(InRviz):
                 self.assertTrue(answer.success, answer.status_message)
                 tick = support.properties().time_step
                 self.assertTrue(call("step", steps=round(seconds / tick)).success)
+                self.labels.present(what="texts")  # which come more rarely than what moves
                 views = []
 
                 def is_still():

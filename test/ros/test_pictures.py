@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What rviz draws, in its shipped configuration."""
+"""What rviz draws, in the view that each scene is given."""
 import os
 
 import numpy
@@ -7,36 +7,73 @@ import rospy
 import rostest
 
 import support
-from in_rviz import PACKAGE, START, InRviz, read_view, shipped_configuration
+from in_rviz import PACKAGE, START, InRviz, fitted_configuration, read_view
 from support import call
+from visualization_msgs.msg import MarkerArray
 
 # as they are drawn, not shaded
-SEEN = {"a taut rope or rod": (26, 217, 255), "compression": (255, 230, 26), "a motor": (255, 102, 217),
-        "contact forces": (255, 255, 255), "a slack rope": (191, 173, 140)}
+TENSION, COMPRESSION, SLACK = (26, 217, 255), (255, 230, 26), (191, 173, 140)
+MOTOR, CONTACT, FRICTION, RED = (255, 102, 217), (255, 255, 255), (255, 153, 51), (255, 71, 64)
 
 
 class Pictures(InRviz):
-    """The shipped configuration shows a scene with one of each kind of constraint."""
+    """With CONSTRAINT_SIM_SCREENSHOTS set to a folder the pictures of docs/images are left there."""
 
-    configuration = staticmethod(shipped_configuration)
-
-    def test_each_sign_is_seen(self):
-        path = os.path.join(PACKAGE, "docs/images/kinds.yaml")
-        answer = call("load_scene", path=path)
-        self.assertTrue(answer.success, answer.status_message)
-        call("unpause_physics")
+    def show(self, name, scene, signs, steps=None, filled=0.0):
+        """Waits until the picture of a scene, which runs or has made these steps, has these signs and
+        bodies over this share of its width or height."""
+        path = os.path.join(PACKAGE, "docs/images", scene) if "." in scene else scene
+        views = []
 
         def missing():
-            view = read_view(self.screenshot("kinds.png"))
+            views.append(read_view(self.screenshot(name)))
             # some lines of it; a legend that is written in its colour has fewer such pixels
-            counts = {sign: int((numpy.abs(view - colour).max(axis=-1) < 12).sum())
-                      for sign, colour in SEEN.items()}
-            return [sign for sign, count in counts.items() if count < 25]
-        try:
-            support.wait_until(lambda: not missing(), "all signs", START)
-        finally:
-            call("pause_physics")
-        self.assertEqual(missing(), [])
+            counts = {sign: int((numpy.abs(views[-1] - sign).max(axis=-1) < 12).sum())
+                      for sign in signs}
+            share = max(self.filled(views[-1], 0), self.filled(views[-1], 1))
+            return [sign for sign, count in counts.items() if count < 25] or not share > filled
+        support.empty_world()
+        with self.showing(fitted_configuration(path)):
+            answer = call("load_scene", path=path)
+            self.assertTrue(answer.success, answer.status_message)
+            if steps is None:
+                call("unpause_physics")
+            elif steps > 0:
+                self.assertTrue(call("step", steps=steps).success)
+            labels = support.Listener(support.NODE + "/labels", MarkerArray)
+            labels.present(what="texts")  # which come more rarely than what moves
+            try:
+                support.wait_until(lambda: not missing(), "all signs", START)
+            finally:
+                call("pause_physics")
+                support.Listener.stop_all()
+
+    def test_kinds_of_constraints(self):
+        self.show("kinds.png", "kinds.yaml", [TENSION, COMPRESSION, SLACK, MOTOR, CONTACT, RED])
+
+    def test_contact_forces(self):
+        self.show("contact_forces.png", "slope.yaml", [CONTACT, FRICTION], steps=60)
+
+    def filled(self, view, axis):
+        """Share of the view's height (axis 1) or width (0) over which bodies are drawn."""
+        is_blue = view[..., 2] - view[..., 0] > 30
+        seen = numpy.flatnonzero(is_blue.any(axis=axis))
+        return numpy.ptp(seen) / view.shape[1 - axis] if seen.size else 0.0
+
+    def test_a_small_scene_fills_the_view(self):
+        self.show("view_small.png", "gripper", [], steps=0, filled=0.3)
+
+    def test_a_large_scene_fills_the_view(self):
+        """A chain of 100 m, seen at an angle."""
+        scene = os.path.join(self.folder, "chain.yaml")
+        with open(scene, "w") as file:
+            file.write("bodies:\n" + "".join(
+                "- {name: b%d, mass: 1, shape: {box: {size: [1, 0.1, 0.1]}}, position: [%g, 0, 0]}\n" %
+                (i, i + 0.5) for i in range(100)))
+            file.write("constraints:\n- {name: j0, type: ball, body_b: b0, anchor_b: [-0.5, 0, 0]}\n" +
+                       "".join("- {name: j%d, type: ball, body_a: b%d, anchor_a: [0.5, 0, 0], body_b: b%d, "
+                               "anchor_b: [-0.5, 0, 0]}\n" % (i, i - 1, i) for i in range(1, 100)))
+        self.show("view_large.png", scene, [], steps=0, filled=0.5)
 
 
 if __name__ == "__main__":

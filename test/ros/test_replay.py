@@ -123,9 +123,10 @@ class Replay(support.ServiceCase):
         self.begin()
         call("set_options", keys=["real_time_factor"], values=["0"])
         end = properties().sim_time + 3600.0
-        draw = random.Random(2)
+        draw, commands = random.Random(2), 0
         call("unpause_physics")
-        while properties().sim_time < end or len(self.log.messages) < 1000:
+        while properties().sim_time < end or commands < 600:
+            commands += 1
             self.good("set_motor_bias", constraint=draw.choice(winches),
                       bias=draw.uniform(-0.02, 0.02), timeout=draw.uniform(0, 3))
             self.good("apply_body_wrench", body_name="first", duration=rospy.Duration(0.25),

@@ -204,9 +204,9 @@ class Robots(support.ServiceCase):
                                        accelerations=[0, 0], time_from_start=rospy.Duration(1))
             topic.publish(JointTrajectory(joint_names=["shoulder_pan", "elbow"], points=[end]))
             # the first tick turns it by 2e-6 rad; what the motors hold stays to rounding
-            self.step_until(lambda before, after: abs(
-                after["shoulder/com"].pose.orientation.z -
-                before["shoulder/com"].pose.orientation.z) > 1e-8)
+            turned = lambda a, b: max(abs(getattr(a, i) - getattr(b, i)) for i in "xyzw") > 1e-8
+            self.step_until(lambda before, after: turned(
+                before["shoulder/com"].pose.orientation, after["shoulder/com"].pose.orientation))
             self.good("step", steps=49)
             # a quintic is half way in the middle
             self.expect(states, "shoulder_pan", 0.5 * (0.3 + 0.5))

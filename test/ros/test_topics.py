@@ -133,8 +133,8 @@ class Topics(unittest.TestCase):
             transform = buffer.lookup_transform("world", "sim/" + bob, rospy.Time(0))
             return transform if transform.header.stamp > start else None
         transform = support.wait_until(found, "the bob's transform")
-        # of the wall, which simulated time follows and does not overtake
-        self.assertLessEqual(transform.header.stamp, rospy.Time.now())
+        # of the wall: ahead by no more than the steps that a busy machine makes up for
+        self.assertLessEqual(transform.header.stamp, rospy.Time.now() + rospy.Duration(1.0))
 
     def test_paused_topics_repeat_each_second(self):
         states = Listener(topic("body_states"), BodyStates)

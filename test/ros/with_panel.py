@@ -1,11 +1,10 @@
 """rviz with the panel, with a real mouse and keys, for tests."""
 import contextlib
-import os
 import subprocess
 
 import accessible
 import support
-from in_rviz import PACKAGE, START, InRviz
+from in_rviz import START, InRviz
 from support import NODE, Listener, node_command, properties, wait_until
 
 PANEL_TOPICS = {NODE + "/" + name for name in ("statistics", "body_states", "constraint_states")}
@@ -44,8 +43,9 @@ class WithPanel(InRviz):
 
     @staticmethod
     def configuration():
-        with open(os.path.join(PACKAGE, "config/constraint_sim.rviz")) as file:
-            return file.read()
+        """With the view that the launch file gives the bridge."""
+        return subprocess.check_output(["rosrun", "constraint_sim", "rviz_config", "bridge"],
+                                       universal_newlines=True)
 
     def tearDown(self):
         Listener.stop_all()

@@ -40,7 +40,16 @@ class Plane:
     def __init__(self) -> None: ...
 
 
-Shape = Union[Point, Sphere, Box, Plane]
+class Cylinder:
+    """Centred on the body, along its z axis, with flat ends."""
+    def __init__(self, radius: float, length: float) -> None: ...
+    @property
+    def radius(self) -> float: ...  # [m]
+    @property
+    def length(self) -> float: ...  # [m]
+
+
+Shape = Union[Point, Sphere, Box, Plane, Cylinder]
 
 
 class State(TypedDict):

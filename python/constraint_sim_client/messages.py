@@ -36,6 +36,10 @@ def point():
     return Shape(Shape.POINT, [])
 
 
+def cylinder(radius, length):
+    return Shape(5, [radius, length])  # as Shape.msg has it, without a constant
+
+
 def plane():
     return Shape(Shape.PLANE, [])
 

@@ -26,6 +26,11 @@ class _Adding:
         """Adds a box with these edges; settings as of add_sphere()."""
         self.add_body(messages.body(name, messages.box(size), mass=mass, **settings))
 
+    def add_cylinder(self, name, radius, length, mass=0.0, **settings):
+        """Adds a cylinder along its z axis; settings as of add_sphere()."""
+        shape = messages.cylinder(radius, length)
+        self.add_body(messages.body(name, shape, mass=mass, **settings))
+
     def add_point(self, name, mass=0.0, **settings):
         """Adds a point mass, which touches nothing."""
         self.add_body(messages.body(name, messages.point(), mass=mass, **settings))

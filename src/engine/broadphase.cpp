@@ -18,6 +18,11 @@ struct HalfExtent {
   Eigen::Vector3d operator()(const Box& box) const {
     return state.orientation.toRotationMatrix().cwiseAbs() * (0.5 * box.size);
   }
+  Eigen::Vector3d operator()(const Cylinder& cylinder) const {
+    const Eigen::Matrix3d R = state.orientation.toRotationMatrix();
+    return cylinder.radius * R.leftCols<2>().rowwise().norm() +
+           0.5 * cylinder.length * R.col(2).cwiseAbs();
+  }
   Eigen::Vector3d operator()(const Plane&) const {
     return Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
   }

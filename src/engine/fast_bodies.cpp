@@ -33,6 +33,9 @@ struct Thickness {
   double operator()(const Sphere& sphere) const { return 2.0 * sphere.radius; }
   double operator()(const Box& box) const { return box.size.minCoeff(); }
   double operator()(const Plane&) const { return kInfinity; }
+  double operator()(const Cylinder& cylinder) const {
+    return std::min(2.0 * cylinder.radius, cylinder.length);
+  }
 };
 
 /// How far from the centre of a body its rotation moves a shape [m]. A plane is the same everywhere
@@ -43,6 +46,9 @@ struct Reach {
   double operator()(const Sphere&) const { return 0.0; }
   double operator()(const Box& box) const { return 0.5 * box.size.norm(); }
   double operator()(const Plane&) const { return distance; }
+  double operator()(const Cylinder& cylinder) const {
+    return std::hypot(cylinder.radius, 0.5 * cylinder.length);
+  }
 };
 
 double reach_of(const Body& body, double distance = 0.0) {

@@ -83,6 +83,10 @@ void add(Fnv1a&, const Point&) {}
 void add(Fnv1a& hash, const Sphere& sphere) { hash.add(sphere.radius); }
 void add(Fnv1a& hash, const Box& box) { hash.add(box.size); }
 void add(Fnv1a&, const Plane&) {}
+void add(Fnv1a& hash, const Cylinder& cylinder) {
+  hash.add(cylinder.radius);
+  hash.add(cylinder.length);
+}
 
 void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodyState& state) {
   hash.add(body.name);

@@ -12,14 +12,14 @@ namespace {
 
 using Eigen::Vector3d;
 
+Vector3d normal(const BodyState& plane) { return plane.orientation * Vector3d::UnitZ(); }
+double offset(const BodyState& plane) { return normal(plane).dot(plane.position); }
+
 /// Brings two shapes into the order of the functions above.
 struct Collide {
   const BodyState& a;
   const BodyState& b;
   double margin;
-
-  static Vector3d normal(const BodyState& plane) { return plane.orientation * Vector3d::UnitZ(); }
-  static double offset(const BodyState& plane) { return normal(plane).dot(plane.position); }
 
   Manifold operator()(const Sphere& sphere_a, const Sphere& sphere_b) const {
     return collide_sphere_sphere(a.position, sphere_a.radius, b.position, sphere_b.radius, margin);
@@ -36,6 +36,18 @@ struct Collide {
   Manifold operator()(const Box& box_a, const Box& box_b) const {
     return collide_box_box(box_a.size, a, box_b.size, b, margin);
   }
+  Manifold operator()(const Cylinder& cylinder, const Plane&) const {
+    return collide_cylinder_plane(cylinder, a, normal(b), offset(b), margin);
+  }
+  Manifold operator()(const Cylinder& cylinder, const Sphere& sphere) const {
+    return collide_cylinder_sphere(cylinder, a, b.position, sphere.radius, margin);
+  }
+  Manifold operator()(const Box& box, const Cylinder& cylinder) const {
+    return collide_box_cylinder(box.size, a, cylinder, b, margin);
+  }
+  Manifold operator()(const Cylinder& cylinder_a, const Cylinder& cylinder_b) const {
+    return collide_cylinder_cylinder(cylinder_a, a, cylinder_b, b, margin);
+  }
   Manifold operator()(const Plane& plane, const Sphere& sphere) const {
     return swapped(Collide{b, a, margin}(sphere, plane));
   }
@@ -44,6 +56,15 @@ struct Collide {
   }
   Manifold operator()(const Sphere& sphere, const Box& box) const {
     return swapped(Collide{b, a, margin}(box, sphere));
+  }
+  Manifold operator()(const Plane& plane, const Cylinder& cylinder) const {
+    return swapped(Collide{b, a, margin}(cylinder, plane));
+  }
+  Manifold operator()(const Sphere& sphere, const Cylinder& cylinder) const {
+    return swapped(Collide{b, a, margin}(cylinder, sphere));
+  }
+  Manifold operator()(const Cylinder& cylinder, const Box& box) const {
+    return swapped(Collide{b, a, margin}(box, cylinder));
   }
   template <class ShapeA, class ShapeB>
   Manifold operator()(const ShapeA&, const ShapeB&) const {
@@ -95,6 +116,19 @@ Separation separation(const Shape& shape_a, const BodyState& a, const Shape& sha
   const auto* box_b = std::get_if<Box>(&shape_b);
   if (box_a != nullptr && box_b != nullptr)
     return separation_of_boxes(box_a->size, a, box_b->size, b);
+  const auto reversed = [](const Separation& of) { return Separation{-of.normal, of.gap}; };
+  if (const auto* cylinder_a = std::get_if<Cylinder>(&shape_a)) {
+    if (const auto* cylinder_b = std::get_if<Cylinder>(&shape_b))
+      return separation_of_cylinders(*cylinder_a, a, *cylinder_b, b);
+    if (box_b != nullptr)
+      return reversed(separation_of_box_and_cylinder(box_b->size, b, *cylinder_a, a));
+    if (std::holds_alternative<Plane>(shape_b))
+      return separation_of_cylinder_and_plane(*cylinder_a, a, normal(b), offset(b));
+  } else if (const auto* cylinder_b = std::get_if<Cylinder>(&shape_b)) {
+    if (box_a != nullptr) return separation_of_box_and_cylinder(box_a->size, a, *cylinder_b, b);
+    if (std::holds_alternative<Plane>(shape_a))
+      return reversed(separation_of_cylinder_and_plane(*cylinder_b, b, normal(a), offset(a)));
+  }
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const Manifold all = collide(shape_a, a, shape_b, b, kInfinity);
   double gap = kInfinity;

@@ -62,6 +62,29 @@ Manifold collide_box_sphere(const Eigen::Vector3d& size_a, const BodyState& a,
 Manifold collide_box_box(const Eigen::Vector3d& size_a, const BodyState& a,
                          const Eigen::Vector3d& size_b, const BodyState& b, double margin = 0.0);
 
+/// The rims' points lowest to the plane, and of the lower rim those a quarter on: up to five. Of a
+/// cap level to 1e-4 those along the body's x and y axes. The solid half-space is N·x ≤ d, N a unit
+/// vector.
+Manifold collide_cylinder_plane(const Cylinder& cylinder_a, const BodyState& a,
+                                const Eigen::Vector3d& N, double d, double margin = 0.0);
+
+/// One point. A centre inside the cylinder leaves through the nearest of the side, which wins a
+/// tie, and the caps.
+Manifold collide_cylinder_sphere(const Cylinder& cylinder_a, const BodyState& a,
+                                 const Eigen::Vector3d& p_b, double radius_b, double margin = 0.0);
+
+/// Where a face, an edge or a vertex of the box meets a cap, a side or a rim: up to eight points of
+/// a face and a cap, two of a line and an area or of parallel lines, else one. Moving A along the
+/// normal by the depth that separation() has parts the two. The normal is the one of least depth;
+/// that of a face or cap where it is within 2.56° of that.
+Manifold collide_box_cylinder(const Eigen::Vector3d& size_a, const BodyState& a,
+                              const Cylinder& cylinder_b, const BodyState& b, double margin = 0.0);
+
+/// The same of two cylinders.
+Manifold collide_cylinder_cylinder(const Cylinder& cylinder_a, const BodyState& a,
+                                   const Cylinder& cylinder_b, const BodyState& b,
+                                   double margin = 0.0);
+
 /// Any two shapes at these states, in either order; points, and two planes, never touch. A plane's
 /// body says where it is: N is its z axis.
 Manifold collide(const Shape& shape_a, const BodyState& a, const Shape& shape_b, const BodyState& b,
@@ -80,6 +103,14 @@ struct Separation {
 /// Of two boxes.
 Separation separation_of_boxes(const Eigen::Vector3d& size_a, const BodyState& a,
                                const Eigen::Vector3d& size_b, const BodyState& b);
+
+/// Of a box and a cylinder, of two cylinders, and of a cylinder and a plane.
+Separation separation_of_box_and_cylinder(const Eigen::Vector3d& size_a, const BodyState& a,
+                                          const Cylinder& cylinder_b, const BodyState& b);
+Separation separation_of_cylinders(const Cylinder& cylinder_a, const BodyState& a,
+                                   const Cylinder& cylinder_b, const BodyState& b);
+Separation separation_of_cylinder_and_plane(const Cylinder& cylinder_a, const BodyState& a,
+                                            const Eigen::Vector3d& N, double d);
 
 /// Of any two shapes but points and two planes; 0 where they touch.
 Separation separation(const Shape& shape_a, const BodyState& a, const Shape& shape_b,

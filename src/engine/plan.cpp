@@ -21,8 +21,9 @@ constexpr double kTold = 1e-6;  // [m or rad] of an opening joint: smaller parts
 /// What there is of each kind.
 struct Counts {
   int dynamic_bodies = 0, static_bodies = 0, kinematic_bodies = 0;
-  int points = 0, spheres = 0, boxes = 0, planes = 0;
-  int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, rough = 0, turning = 0;
+  int points = 0, spheres = 0, boxes = 0, planes = 0, cylinders = 0;
+  int colliding = 0, colliding_dynamic = 0, colliding_boxes = 0, colliding_cylinders = 0, rough = 0,
+      turning = 0;
   int rods = 0, limited = 0, springs = 0, motors = 0, broken = 0, disabled = 0;
   int rubbing = 0;                            // coordinates with friction
   std::array<int, kJointKindCount> joints{};  // by kind
@@ -43,6 +44,7 @@ void count_body(const Body& body, Counts* counts) {
   counts->spheres += std::holds_alternative<Sphere>(body.shape);
   counts->boxes += std::holds_alternative<Box>(body.shape);
   counts->planes += std::holds_alternative<Plane>(body.shape);
+  counts->cylinders += std::holds_alternative<Cylinder>(body.shape);
 
   const bool has_inertia = !body.inertia.isZero(0.0) || !unit_inertia(body.shape).isZero(0.0);
   counts->turning += is_dynamic && has_inertia;
@@ -50,6 +52,7 @@ void count_body(const Body& body, Counts* counts) {
   ++counts->colliding;
   counts->colliding_dynamic += is_dynamic;
   counts->colliding_boxes += std::holds_alternative<Box>(body.shape);
+  counts->colliding_cylinders += std::holds_alternative<Cylinder>(body.shape);
   counts->rough += body.friction > 0.0;
 }
 
@@ -137,7 +140,8 @@ std::string explain(const World& world) {
   out << "bodies: {dynamic: " << counts.dynamic_bodies << ", static: " << counts.static_bodies
       << ", kinematic: " << counts.kinematic_bodies << "}\n";
   out << "shapes: {point: " << counts.points << ", sphere: " << counts.spheres
-      << ", box: " << counts.boxes << ", plane: " << counts.planes << "}\n";
+      << ", box: " << counts.boxes << ", plane: " << counts.planes
+      << ", cylinder: " << counts.cylinders << "}\n";
   out << "constraints: {rod: " << counts.rods << ", limited: " << counts.limited
       << ", spring: " << counts.springs;
   for (std::size_t i = 0; i < kJointKindCount; ++i) {  // balls always, others where there are any
@@ -179,6 +183,9 @@ std::vector<std::string> left_out(const World& world) {
                               Method::kSequentialImpulses})
     leave_out(counts.islands[static_cast<std::size_t>(method)] == 0,
               std::string(name(method)) + ": carries no island now");
+  leave_out(world.options().method == Method::kEventDriven && counts.collides() &&
+                counts.colliding_cylinders > 0,
+            "events of cylinders: sequential_impulses carries what touches one");
   const std::string asleep = std::to_string(counts.asleep);
   leave_out(counts.asleep > 0, "islands: " + asleep + " at rest, until something touches them");
   return lines;

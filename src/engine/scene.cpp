@@ -85,7 +85,11 @@ Shape read_shape(const YamlElement& item) {
     parameters.expect_keys({"normal", "offset"});
     return Plane{};
   }
-  fail_unknown(item, kinds[0], "point, sphere, box, plane");
+  if (kinds[0] == "cylinder") {
+    parameters.expect_keys({"radius", "length"});
+    return Cylinder{parameters.at("radius").number(), parameters.at("length").number()};
+  }
+  fail_unknown(item, kinds[0], "point, sphere, box, plane, cylinder");
 }
 
 BodyState read_state(const YamlElement& item) {

@@ -92,6 +92,11 @@ struct ShapeWriter {
     write(out, "size", box.size);
   }
   void operator()(const Plane&) const { begin("plane"); }
+  void operator()(const Cylinder& cylinder) const {
+    begin("cylinder");
+    write(out, "radius", cylinder.radius);
+    write(out, "length", cylinder.length);
+  }
 
  private:
   void begin(const char* kind) const {

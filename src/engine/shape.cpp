@@ -17,6 +17,11 @@ struct UnitInertia {
            12.0;
   }
   Eigen::Vector3d operator()(const Plane&) const { return Eigen::Vector3d::Zero(); }
+  Eigen::Vector3d operator()(const Cylinder& cylinder) const {
+    const double radius_squared = cylinder.radius * cylinder.radius;
+    const double across = radius_squared / 4.0 + cylinder.length * cylinder.length / 12.0;
+    return {across, across, radius_squared / 2.0};
+  }
 };
 
 struct Validate {
@@ -28,6 +33,10 @@ struct Validate {
     check_positive("shape.size.z", box.size.z());
   }
   void operator()(const Plane&) const {}
+  void operator()(const Cylinder& cylinder) const {
+    check_positive("shape.radius", cylinder.radius);
+    check_positive("shape.length", cylinder.length);
+  }
 };
 
 }  // namespace

@@ -154,7 +154,7 @@ class Visitor {
     (*this)(index);
     if constexpr (kReads) {
       if (index >= std::variant_size_v<Shape>) fail_damaged("a shape");
-      static const Shape kShapes[] = {Point{}, Sphere{}, Box{}, Plane{}};
+      static const Shape kShapes[] = {Point{}, Sphere{}, Box{}, Plane{}, Cylinder{}};
       shape = kShapes[index];
     }
     std::visit([this](auto& of_kind) { (*this)(of_kind); }, shape);

@@ -34,6 +34,7 @@ auto fields(T&, Of<Point>) {
 }
 CONSTRAINT_SIM_FIELDS(Sphere, a)
 CONSTRAINT_SIM_FIELDS(Box, a)
+CONSTRAINT_SIM_FIELDS(Cylinder, a, b)
 template <class T>
 auto fields(T&, Of<Plane>) {
   return std::tie();

@@ -163,8 +163,8 @@ namespace {
 void check_shape_pose(const Body& body) {
   if (!body.shape_pose) return;
   validate(*body.shape_pose);
-  if (!std::holds_alternative<Sphere>(body.shape) && !std::holds_alternative<Box>(body.shape))
-    refuse("shape_pose", "only a sphere or a box has one");
+  if (std::holds_alternative<Point>(body.shape) || std::holds_alternative<Plane>(body.shape))
+    refuse("shape_pose", "only a sphere, a box or a cylinder has one");
   if (body.type == BodyType::kDynamic && body.inertia.isZero(0.0))
     refuse("inertia", "must be given for a shape that is beside the centre of mass");
 }

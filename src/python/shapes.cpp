@@ -44,6 +44,20 @@ void define_shapes(py::module* module) {
                             "bodies only.")
       .def(py::init<>())
       .def("__repr__", [](const engine::Plane&) { return "Plane()"; });
+  py::class_<engine::Cylinder>(
+      *module, "Cylinder",
+      "Cylinder(radius, length)\n\nCentred on the body, along its z axis, with flat ends; radius "
+      "and length [m] > 0.")
+      .def(py::init([](const py::object& radius, const py::object& length) {
+             return engine::Cylinder{number("radius", radius), number("length", length)};
+           }),
+           py::arg("radius"), py::arg("length"))
+      .def_readonly("radius", &engine::Cylinder::radius, "[m]")
+      .def_readonly("length", &engine::Cylinder::length, "[m]")
+      .def("__repr__", [](const engine::Cylinder& cylinder) {
+        return "Cylinder(" + std::string(py::str(py::float_(cylinder.radius))) + ", " +
+               std::string(py::str(py::float_(cylinder.length))) + ")";
+      });
 }
 
 }  // namespace constraint_sim::python

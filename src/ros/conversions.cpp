@@ -133,6 +133,8 @@ void read_axes(const Constraint& msg, engine::Joint* joint) {
   if (!axis_b.isZero(0.0)) joint->axis_b = axis_b;
 }
 
+constexpr std::uint8_t kCylinder = 5;  // a constant in Shape.msg would change its checksum
+
 engine::BodyType body_type(std::uint8_t type) {
   switch (type) {
     case Body::DYNAMIC:
@@ -176,9 +178,12 @@ engine::Shape from_msg(const Shape& shape) {
     case Shape::PLANE:
       check_dimensions(shape, "plane has no dimensions", 0);
       return engine::Plane{};
+    case kCylinder:
+      check_dimensions(shape, "cylinder has two: radius, length", 2);
+      return engine::Cylinder{size[0], size[1]};
     default:
-      refuse("shape.type",
-             "must be POINT=0, SPHERE=1, BOX=2 or PLANE=4, got " + std::to_string(shape.type));
+      refuse("shape.type", "must be POINT=0, SPHERE=1, BOX=2, PLANE=4 or 5, a cylinder, got " +
+                               std::to_string(shape.type));
   }
 }
 

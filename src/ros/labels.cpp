@@ -58,6 +58,8 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
       place.z() += sphere->radius;
     if (const auto* box = std::get_if<engine::Box>(&world.body(id).shape))
       place.z() += 0.5 * box->size.maxCoeff();
+    if (const auto* cylinder = std::get_if<engine::Cylinder>(&world.body(id).shape))
+      place.z() += std::max(cylinder->radius, 0.5 * cylinder->length);
     place.z() += height_;
     add_text("body_names", number(id), place, colour(0.9, 0.9, 0.9), world.body(id).name);
   }

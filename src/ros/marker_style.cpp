@@ -32,6 +32,8 @@ void set_size(Marker* marker, std::int32_t type, const Eigen::Vector3d& size) {
 double radius_of(const engine::Shape& shape) {
   if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return sphere->radius;
   if (const auto* box = std::get_if<engine::Box>(&shape)) return 0.5 * box->size.norm();
+  if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
+    return std::hypot(cylinder->radius, 0.5 * cylinder->length);
   return 0.0;
 }
 
@@ -84,6 +86,9 @@ void set_shape(Marker* marker, const engine::Shape& shape) {
     set_size(marker, Marker::SPHERE, Eigen::Vector3d::Constant(2.0 * sphere->radius));
   } else if (const auto* box = std::get_if<engine::Box>(&shape)) {
     set_size(marker, Marker::CUBE, box->size);
+  } else if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape)) {
+    const double diameter = 2.0 * cylinder->radius;
+    set_size(marker, Marker::CYLINDER, {diameter, diameter, cylinder->length});
   } else if (std::holds_alternative<engine::Plane>(shape)) {
     // of no thickness to speak of, so that what lies on it is not cut; brighter than other bodies,
     // for what is behind shines through

@@ -30,6 +30,8 @@ std::int32_t number(engine::JointId id) { return static_cast<std::int32_t>(id.va
 double length_of_axis_through(const engine::Shape& shape) {
   if (const auto* box = std::get_if<engine::Box>(&shape)) return box->size.maxCoeff();
   if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return 3.0 * sphere->radius;
+  if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
+    return std::max(3.0 * cylinder->radius, cylinder->length);
   return 0.0;
 }
 

@@ -51,8 +51,7 @@ std::optional<engine::Shape> shape_of(const std::string& link, const urdf::Geome
       return engine::Box{to_eigen(static_cast<const urdf::Box&>(geometry).dim)};
     case urdf::Geometry::CYLINDER: {
       const auto& cylinder = static_cast<const urdf::Cylinder&>(geometry);
-      warnings->push_back("link '" + link + "': its cylinder collides as the box around it");
-      return engine::Box{{2.0 * cylinder.radius, 2.0 * cylinder.radius, cylinder.length}};
+      return engine::Cylinder{cylinder.radius, cylinder.length};
     }
     default:
       warnings->push_back("link '" + link + "': the mesh '" +

@@ -48,9 +48,14 @@ TEST(UnitInertia, IsTheIntegralOverTheSolid) {
   const Eigen::Vector3d of_sphere = integrated_unit_inertia(
       Eigen::Vector3d::Constant(3.0), [](const Eigen::Vector3d& p) { return p.norm() < 1.5; });
 
+  const Cylinder cylinder{0.5, 3.0};
+  const Eigen::Vector3d of_cylinder = integrated_unit_inertia(
+      {1.0, 1.0, 3.0}, [](const Eigen::Vector3d& p) { return p.head<2>().norm() < 0.5; });
+
   // the midpoint rule is off by 1/n² = 1e-4, and a bit more at the sphere's ragged surface
   EXPECT_TRUE(unit_inertia(box).isApprox(of_box, 2e-4)) << of_box.transpose();
   EXPECT_TRUE(unit_inertia(sphere).isApprox(of_sphere, 1e-3)) << of_sphere.transpose();
+  EXPECT_TRUE(unit_inertia(cylinder).isApprox(of_cylinder, 1e-3)) << of_cylinder.transpose();
 }
 
 TEST(UnitInertia, OfWhatHasNoVolumeIsZero) {
@@ -68,11 +73,14 @@ TEST(ValidateShape, AcceptsWhatCanBe) {
   EXPECT_EQ(refusal(Plane{}), "");
   EXPECT_EQ(refusal(Sphere{1e-20}), "");
   EXPECT_EQ(refusal(Box{{1e-6, 1.0, 1e6}}), "");
+  EXPECT_EQ(refusal(Cylinder{1e-6, 1e6}), "");
 }
 
 TEST(ValidateShape, NamesTheDimensionAndItsValue) {
   const double inf = std::numeric_limits<double>::infinity();
   const double nan = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(refusal(Cylinder{0.0, 1.0}), "shape.radius: must be a finite number > 0, got 0");
+  EXPECT_EQ(refusal(Cylinder{1.0, -1.0}), "shape.length: must be a finite number > 0, got -1");
   EXPECT_EQ(refusal(Sphere{}), "shape.radius: must be a finite number > 0, got 0");
   EXPECT_EQ(refusal(Sphere{-1.0}), "shape.radius: must be a finite number > 0, got -1");
   EXPECT_EQ(refusal(Sphere{nan}), "shape.radius: must be a finite number > 0, got nan");

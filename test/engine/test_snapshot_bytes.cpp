@@ -1,7 +1,12 @@
 // Snapshots as bytes. Oracle: the world that was written, going on itself, to the bit.
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
+#include <iomanip>
+#include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
@@ -71,6 +76,65 @@ TEST(SnapshotBytes, OfRandomScenesGoOnWithTheSameBits) {
       if (HasFatalFailure()) return;
     }
   }
+}
+
+/// The hash that the runner, a process of its own, comes to from these bytes; none where its steps
+/// are others.
+std::string hash_in_another_process(const World& world, int steps, const std::string& folder) {
+  const std::string file = folder + "/one.snapshot", report = folder + "/report.json";
+  std::ofstream(file, std::ios::binary) << write_snapshot(world);
+  std::ostringstream duration;
+  duration.precision(17);
+  duration << steps * world.options().time_step;
+  const std::string command = std::string(CONSTRAINT_SIM_RUN) + " " + file + " --duration " +
+                              duration.str() + " --report " + report + " > " + folder +
+                              "/said 2>&1";
+  static_cast<void>(std::system(command.c_str()));  // a warning is a status too
+  std::ifstream written(report);
+  const auto read = nlohmann::json::parse(written);
+  std::filesystem::remove(report);
+  return read["steps"] == world.step_count() + static_cast<std::uint64_t>(steps)
+             ? read["state_hash"].get<std::string>()
+             : "";
+}
+
+std::string shown(std::uint64_t hash) {
+  std::ostringstream text;
+  text << "0x" << std::hex << std::setfill('0') << std::setw(16) << hash;
+  return text.str();
+}
+
+// 500 ticks, go back, 500 ticks: in this process, and in one that has nothing but the file.
+TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
+  const std::string folder = testing::TempDir() + "constraint_sim_snapshots";
+  std::filesystem::create_directories(folder);
+  int compared = 0;
+  const auto compare = [&](World world, const std::string& what) {
+    World again = read_snapshot(write_snapshot(world));
+    const World start = world;
+    for (int i = 0; i < kFuture; ++i) {
+      if (world.step().failed) return;  // a random one may come to what no method can do
+      again.step();
+    }
+    ++compared;
+    EXPECT_EQ(again.state_hash(), world.state_hash()) << what;
+    EXPECT_EQ(hash_in_another_process(start, kFuture, folder), shown(world.state_hash())) << what;
+  };
+  const std::vector<std::string> scenes = shipped();
+  for (const std::string& scene : scenes) {
+    World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/" + scene + ".yaml");
+    run(world, 50);
+    compare(world, scene);
+  }
+  EXPECT_EQ(compared, static_cast<int>(scenes.size()));
+  for (std::uint64_t seed = 0; seed < kRandom; ++seed) {
+    compare(random_scenes::make_world(random_scenes::Generator(seed).make()),
+            "scene " + std::to_string(seed));
+    compare(random_scenes::make_world(random_scenes::MechanismGenerator(seed).make()),
+            "mechanism " + std::to_string(seed));
+  }
+  EXPECT_GT(compared, static_cast<int>(1.9 * kRandom));
+  std::filesystem::remove_all(folder);
 }
 
 // Edits before and after, and what a reset and ids go by.

@@ -122,6 +122,11 @@ def test_bodies_joints_and_options_go_round():
     world.add_body('box', shape=engine.Box((1.0, 2.0, 3.0)), mass=2.0, position=(0.0, 0.0, 5.0),
                    orientation=(0.0, 0.0, 0.6, 0.8), restitution=0.5)
     world.add_body('point', mass=1.0, position=(2.0, 0.0, 5.0), inertia=(0.1, 0.1, 0.1))
+    world.add_body('can', shape=engine.Cylinder(0.2, 0.5), mass=6.0, position=(0.0, 9.0, 5.0))
+    can = world.body('can')
+    assert (can['shape'].radius, can['shape'].length) == (0.2, 0.5)
+    assert repr(can['shape']) == 'Cylinder(0.2, 0.5)'
+    world.remove_body('can')
     world.add_body('hammer', shape=engine.Sphere(0.1), mass=1.0, inertia=(0.1, 0.1, 0.1),
                    position=(4.0, 0.0, 5.0),
                    shape_pose={'position': (0.0, 0.0, 0.2), 'orientation': (0.6, 0.0, 0.0, 0.8)})
@@ -440,7 +445,7 @@ def test_bad_input_names_field_and_value():
     assert rejected('add_body', 'x', mass=1.0, shape_pose=3) == \
         'shape_pose: must be a dict of position and orientation, got 3'
     assert rejected('add_body', 'x', mass=1.0, shape_pose={}) == \
-        'shape_pose: only a sphere or a box has one'
+        'shape_pose: only a sphere, a box or a cylinder has one'
     assert rejected('add_joint', 'j', type='cog').startswith("type: there is no 'cog'")
     assert "'nobody'" in rejected('add_joint', 'j', body_b='nobody')
     assert rejected('add_joint', 'j', body_b='bob', motor=3) == 'motor: must be a dict, got 3'

@@ -120,7 +120,7 @@ TEST(Conversions, UnknownTypesAreNamed) {
   body.type = 3;
   EXPECT_EQ(error_of([&] { from_msg(body); }).rfind("type: ", 0), 0u);
   Shape shape;
-  for (const std::uint8_t type : {std::uint8_t{Shape::CAPSULE}, std::uint8_t{5}}) {
+  for (const std::uint8_t type : {std::uint8_t{Shape::CAPSULE}, std::uint8_t{6}}) {
     shape.type = type;
     EXPECT_EQ(error_of([&] { from_msg(shape); }).rfind("shape.type: ", 0), 0u);
   }

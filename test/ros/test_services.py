@@ -5,8 +5,8 @@ import threading
 
 import rospy
 import rostest
-from constraint_sim.msg import Body, Shape
-from geometry_msgs.msg import Point, Quaternion, Vector3
+from constraint_sim.msg import Body, BodyState, Shape
+from geometry_msgs.msg import Point, Pose, Quaternion, Vector3
 
 import support
 from support import call, properties, sphere
@@ -88,6 +88,27 @@ class Services(support.ServiceCase):
         self.bad(["shape.type", "capsule"], "add_body",
                  body=sphere("b", shape=Shape(Shape.CAPSULE, [1, 2])))
         self.bad(["type", "7"], "add_body", body=sphere("b", type=7))
+
+    def test_a_cylinder_rolls_down_a_slope(self):
+        self.good("load_scene", text="world: {method: sequential_impulses}")
+        tilt = Quaternion(0, math.sin(0.1), 0, math.cos(0.1))  # 0.2 rad about y
+        self.good("add_body", body=sphere("slope", type=Body.STATIC, friction=1.0,
+                                          shape=Shape(Shape.PLANE, [])))
+        self.good("set_body_state", state=BodyState(name="slope", pose=Pose(orientation=tilt)))
+        half = math.sqrt(0.5)
+        roller = sphere("roller", 0.2 * math.sin(0.2), 0, 0.2 * math.cos(0.2), friction=1.0,
+                        shape=Shape(5, [0.2, 0.5]))  # as Shape.msg has it
+        roller.pose.orientation = Quaternion(half, 0, 0, half)
+        self.good("add_body", body=roller)
+        self.good("step", steps=100)
+        v = call("get_body_state", name="roller").state.twist.linear
+        # two thirds of what would slide, to the slop of the contact beside the radius, and the
+        # first sweeps
+        self.assertAlmostEqual(v.x / math.cos(0.2), 2.0 / 3.0 * 9.81 * math.sin(0.2), delta=0.02)
+        self.assertIn("cylinder: {radius: 0.2, length: 0.5}", call("save_scene").text)
+        for dimensions, named in (([0.1], "1"), ([], "0"), ([0.1, -1], "-1"), ([0, 1], "radius")):
+            self.bad(["shape", named], "add_body",
+                     body=sphere("b", shape=Shape(5, dimensions)))
 
     def test_remove_body_refuses_the_unknown_and_the_world(self):
         for name in ("nobody", "", "world"):

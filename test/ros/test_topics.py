@@ -276,12 +276,15 @@ constraints:
         call("add_body", body=sphere("ball", 0, 0, 1))
         call("add_body", body=sphere("box", 2, 0, 1, shape=Shape(Shape.BOX, [0.1, 0.2, 0.3])))
         call("add_body", body=sphere("floor", type=Body.STATIC, shape=Shape(Shape.PLANE, [])))
-        support.wait_until(lambda: self.count(listener, "bodies") == 3, "three bodies")
-        ball, box, _ = [m for k, m in sorted(self.shown(listener).items()) if k[0] == "bodies"]
+        call("add_body", body=sphere("can", 5, 0, 1, shape=Shape(5, [0.1, 0.6])))
+        support.wait_until(lambda: self.count(listener, "bodies") == 4, "four bodies")
+        ball, box, _, can = [m for k, m in sorted(self.shown(listener).items()) if k[0] == "bodies"]
         self.assertEqual((ball.type, ball.scale.x), (Marker.SPHERE, 0.2))
         self.assertEqual((box.type, box.scale.x, box.scale.y, box.scale.z),
                          (Marker.CUBE, 0.1, 0.2, 0.3))
         self.assertEqual(box.pose.position.x, 2.0)
+        self.assertEqual((can.type, can.scale.x, can.scale.y, can.scale.z),
+                         (Marker.CYLINDER, 0.2, 0.2, 0.6))
 
     def test_constraint_lines_turn_from_green_to_red_with_the_error(self):
         support.empty_world()

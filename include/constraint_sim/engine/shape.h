@@ -22,7 +22,13 @@ struct Box {
 /// Static or kinematic bodies only.
 struct Plane {};
 
-using Shape = std::variant<Point, Sphere, Box, Plane>;
+/// Centred on the body's origin, along the body's z axis, with flat ends.
+struct Cylinder {
+  double radius = 0.0;  ///< [m] > 0
+  double length = 0.0;  ///< from end to end [m] > 0
+};
+
+using Shape = std::variant<Point, Sphere, Box, Plane, Cylinder>;
 
 /// Principal moments of inertia of a homogeneous solid of unit mass [m²]; zero for Point and Plane.
 Eigen::Vector3d unit_inertia(const Shape& shape);

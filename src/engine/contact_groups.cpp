@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "engine/constraints/contact.h"
+#include "engine/constraints/one_sided_law.h"
 #include "engine/fast_bodies.h"
 #include "engine/methods/contact_events.h"
 #include "engine/narrowphase.h"
@@ -20,18 +21,64 @@ using Eigen::Vector3d;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-/// Whether nothing of a joint but rigid rows acts, which have no limits and ask for nothing.
-bool is_plain(const Joint& joint) {
+/// Whether events carry what acts of a joint beside contacts.
+bool can_be_beside_contacts(const Joint& joint) {
   if (couples(joint.kind) || is_custom(joint.kind) || joint.break_force > 0.0 ||
-      joint.break_torque > 0.0)
+      joint.break_torque > 0.0 || !is_switchable(joint))
     return false;
   const auto* distance = if_distance(joint);
-  if (distance != nullptr)
-    return !distance->is_limited() && !distance->is_soft() && !joint.motor.is_moving();
+  if (distance != nullptr) return !distance->is_soft() || !joint.motor.is_moving();
   return !any_coordinate(joint, [](const CoordinateLaw& law) {
-    return law.motor || law.stiffness > 0.0 || law.damping > 0.0 || law.friction > 0.0 ||
-           law.is_limited();
+    return law.motor && law.motor->is_rigid() && law.motor->position;
   });
+}
+
+/// Adds the coordinates of a joint, the last one of `equations`, on which something acts.
+void add_coordinates(ContactEquations* equations) {
+  const std::size_t j = equations->joints.size() - 1;
+  ContactEquations::BodyJoint& of = equations->joints[j];
+  const Joint& joint = of.joint;
+  std::vector<OneSidedLaw> laws;
+  add_one_sided_laws(joint, j, &laws);
+  const auto add = [&](const OneSidedLaw& law) -> ContactEquations::Coordinate& {
+    ContactEquations::Coordinate& coordinate = equations->coordinates.emplace_back();
+    coordinate.joint = j;
+    coordinate.law = law;
+    return coordinate;
+  };
+  if (const auto* distance = if_distance(joint)) {
+    of.has_rows = laws.empty() && !distance->is_soft();
+    if (of.has_rows) return;
+    OneSidedLaw law;
+    if (!laws.empty()) law = laws.front();
+    law.is_distance = true;
+    law.form = ScalarForm(LengthForm{});
+    if (distance->is_soft()) law.soft = {distance->stiffness, 0.0, distance->damping, 0.0};
+    add(law).is_one_sided = !laws.empty();
+    return;
+  }
+  const JointKindInfo& kind = info(joint.kind);
+  for (int i = 0; i < kind.coordinates; ++i) {
+    const CoordinateLaw& from = joint.coordinates[at(i)];
+    const auto found = std::find_if(laws.begin(), laws.end(), [&](const OneSidedLaw& law) {
+      return law.coordinate == i;
+    });
+    OneSidedLaw law;
+    if (found != laws.end()) {
+      law = *found;
+    } else {
+      law.coordinate = i;
+      law.form = kind.coordinate[at(i)];
+      law.zero = from.zero;
+      law.function = kind.rows + i;
+      law.soft = soft_law(from);
+    }
+    const bool acts = found != laws.end() || is_held(from) || !law.soft.is_none();
+    if (!acts) continue;
+    ContactEquations::Coordinate& coordinate = add(law);
+    coordinate.is_prescribed = is_held(from);
+    coordinate.is_one_sided = found != laws.end();
+  }
 }
 
 ContactState state_of(const ContactEquations::Contact& contact) {
@@ -137,14 +184,16 @@ void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near)
 // Whether all that an island has can be in a group.
 bool World::Impl::can_be_in_group(std::size_t i) const {
   const IslandParts& parts = island_parts[i];
-  if (parts.nature != MethodReason::kSmooth || parts.is_stiff || step_count < parts.refused_until ||
+  const bool is_by_events =
+      method_for(parts.nature, options) == Method::kEventDriven && parts.members.joints.size() > 0;
+  if (!(parts.nature == MethodReason::kSmooth || is_by_events) || parts.is_stiff || step_count < parts.refused_until ||
       step_count < parts.contacts_refused_until || step_count < parts.inconsistent_until)
     return false;
   const JointStep now = span_from(time(), options.time_step);
   return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
     const std::size_t j = at(index);
     JointState state = joint_states[j];
-    return is_plain(joints[j]) && !state.closing && !is_moving_by_itself(joint_ends[j].first) &&
+    return can_be_beside_contacts(joints[j]) && !state.closing && !is_moving_by_itself(joint_ends[j].first) &&
            !is_moving_by_itself(joint_ends[j].second) &&
            fits(joints[j], state_a(j), state_b(j), now, state);
   });
@@ -173,13 +222,15 @@ bool World::Impl::compile_group(ContactGroup* group) {
       const auto [a, b] = joint_ends[at(index)];
       add(static_cast<int>(a));
       add(static_cast<int>(b));
-      ContactEquations::RigidJoint& joint = equations.joints.emplace_back();
+      ContactEquations::BodyJoint& joint = equations.joints.emplace_back();
       joint.index = index;
       joint.a = at(place[a]);
       joint.b = at(place[b]);
       joint.joint = joints[at(index)];
+      add_coordinates(&equations);
     }
   }
+  if (equations.coordinates.size() > ContactEvents::kMostLaws) return false;
   std::vector<ContactEvents::Pair> pairs;
   for (auto [a, b] : group->pairs) {
     if (is_moving_by_itself(at(a)) || is_moving_by_itself(at(b))) return false;
@@ -203,7 +254,8 @@ void World::Impl::advance_contact_groups(const SmoothSpan& span) {
   for (ContactGroup& group : contact_groups) {
     if (group.has_failed) continue;
     const IntegrationResult progress = group.events->advance(
-        span, accuracy_within(std::numeric_limits<double>::infinity()), &states);
+        span, accuracy_within(std::numeric_limits<double>::infinity()),
+        span_from(span.t, span.h), joint_states, &states);
     group.has_failed = !note(at(group.islands.front()), progress);
     if (group.islands.size() > 1)  // they exchange energy
       for (const int i : group.islands) island_parts[at(i)].energy.has_changed = true;
@@ -226,13 +278,24 @@ void World::Impl::tell_contact_groups(const JointStep& step) {
   for (const ContactGroup& group : contact_groups) {
     if (group.has_failed) continue;
     const ContactEvents& by_events = *group.events;
-    for (const ContactEquations::RigidJoint& joint : by_events.equations().joints)
-      read_smooth_joint(at(joint.index), step, joint.impulse, 0.0);
-    const auto body_of = [&](std::size_t place) {
-      return by_events.equations().bodies[place].index;
+    const ContactEquations& equations = by_events.equations();
+    const auto joint_of = [&](std::size_t coordinate) {
+      return at(equations.joints[equations.coordinates[coordinate].joint].index);
     };
+    for (std::size_t c = 0; c < equations.coordinates.size(); ++c)
+      by_events.write(c, &joint_states[joint_of(c)]);
+    for (const ContactEquations::BodyJoint& joint : equations.joints)
+      read_smooth_joint(at(joint.index), step, joint.impulse, 0.0);
+    const auto body_of = [&](std::size_t place) { return equations.bodies[place].index; };
     for (const ContactEvents::Told& told : by_events.told()) {
-      const ContactEvents::Pair& pair = by_events.pairs()[told.pair];
+      if (told.pair < 0) {
+        const std::size_t j = joint_of(at(told.coordinate));
+        const OneSidedLaw& law = equations.coordinates[at(told.coordinate)].law;
+        events.push_back({told.kind, told.time, joints[j].body_a, joints[j].body_b, joint_ids[j],
+                          law.is_distance ? -1 : law.coordinate, told.impulse});
+        continue;
+      }
+      const ContactEvents::Pair& pair = by_events.pairs()[at(told.pair)];
       events.push_back({told.kind, told.time, body_ids[at(body_of(pair.a))],
                         body_ids[at(body_of(pair.b))], std::nullopt, -1, told.impulse});
     }

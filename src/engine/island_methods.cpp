@@ -50,6 +50,7 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
     Island& island = islands[i];
     IslandParts& parts = island_parts[i];
     const bool has_woken = island.why == MethodReason::kAtRest;
+    const bool was_in_group = island.why == MethodReason::kFewContacts;
     MethodChoice choice = choose(parts.nature, in_contact[i], parts, step_count, options);
     if (is_in_group(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
     remember_choice(choice, in_contact[i], step_count, &parts);
@@ -64,7 +65,8 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
     const Method before = island.method;
     island.method = choice.method;
     island.why = choice.why;
-    if (island.method == before && !parts.is_fresh && !has_woken) continue;
+    const bool changes_way = island.method != before || was_in_group != is_in_group(i);
+    if (!changes_way && !parts.is_fresh && !has_woken) continue;
     changed = true;
     if (!parts.is_fresh && island.method != before) ++report.changes;
     parts.energy.has_changed |= !parts.is_fresh && (island.method == Method::kSequentialImpulses ||

@@ -109,17 +109,40 @@ namespace {
 class ScaledProblem {
  public:
   explicit ScaledProblem(const ConeProblem& problem)
-      : scale_(problem.b.size()), scaled_{problem.A, problem.b, problem.contacts} {
+      : scale_(problem.b.size()), scaled_{problem.A, problem.b, problem.contacts, problem.rows} {
     for (Index i = 0; i < contacts(); ++i) {
       const double trace = problem.A.block<3, 3>(3 * i, 3 * i).trace();
       scale_.segment<3>(3 * i).setConstant(trace > 0.0 ? std::sqrt(3.0 / trace) : 0.0);
+    }
+    for (Index i = end_of_contacts(); i < scale_.size(); ++i) {
+      const double response = problem.A(i, i);
+      BoundedRow& row = scaled_.rows[row_at(i)];
+      scale_[i] = response > 0.0 ? std::sqrt(1.0 / response) : 0.0;
+      row.least = response > 0.0 ? row.least / scale_[i] : 0.0;
+      row.most = response > 0.0 ? row.most / scale_[i] : 0.0;
     }
     scaled_.A = scale_.asDiagonal() * problem.A * scale_.asDiagonal();
     scaled_.b = scale_.cwiseProduct(problem.b);
     size_ = scaled_.b.size() > 0 ? scaled_.b.lpNorm<Eigen::Infinity>() : 0.0;
   }
   Index contacts() const { return static_cast<Index>(scaled_.contacts.size()); }
-  VectorXd unscaled(const VectorXd& p) const { return scale_.cwiseProduct(p); }
+  Index end_of_contacts() const { return 3 * contacts(); }
+  /// Of `problem`, which this is; at its bounds to the bit.
+  VectorXd unscaled(const ConeProblem& problem, const VectorXd& p) const {
+    VectorXd all = scale_.cwiseProduct(p);
+    for (Index i = end_of_contacts(); i < p.size(); ++i) {
+      const BoundedRow &here = scaled_.rows[row_at(i)], &there = problem.rows[row_at(i)];
+      if (scale_[i] == 0.0) continue;
+      if (p[i] == here.most) all[i] = there.most;
+      if (p[i] == here.least) all[i] = there.least;
+    }
+    return all;
+  }
+  VectorXd start() const {
+    VectorXd p = VectorXd::Zero(scale_.size());
+    for (Index i = end_of_contacts(); i < p.size(); ++i) p[i] = within(i, 0.0);
+    return p;
+  }
   double size() const { return size_; }
 
   /// The same with rates that rise by so much of the impulse beyond p.
@@ -166,6 +189,13 @@ class ScaledProblem {
       p->segment<3>(i) = now;
       u += scaled_.A.middleCols<3>(i) * (now - before);
     }
+    const Index end = p->size();
+    for (Index k = end_of_contacts(); k < end; ++k) {
+      const Index i = back ? end_of_contacts() + end - 1 - k : k;
+      const double before = (*p)[i];
+      if (scaled_.A(i, i) > 0.0) (*p)[i] = within(i, before - u[i] / scaled_.A(i, i));
+      u += scaled_.A.col(i) * ((*p)[i] - before);
+    }
     return true;
   }
 
@@ -178,7 +208,7 @@ class ScaledProblem {
     const auto consider = [&](double value) {
       if (!(value <= worst)) worst = value;  // a NaN stays
     };
-    for (Index i = 0; i < p.size(); i += 3) {
+    for (Index i = 0; i < end_of_contacts(); i += 3) {
       const ConeContact& of = contact(i);
       if (of.slips || of.friction == 0.0) {
         consider(std::abs(std::min(p[i], u[i])));
@@ -190,6 +220,8 @@ class ScaledProblem {
       const Vector3d here = p.segment<3>(i);
       consider((here - into_cone(here - rate, of.friction)).norm());
     }
+    for (Index i = end_of_contacts(); i < p.size(); ++i)
+      consider(std::abs(p[i] - within(i, p[i] - u[i])));
     return worst;
   }
 
@@ -214,6 +246,11 @@ class ScaledProblem {
   const ConeContact& contact(Index row) const {
     return scaled_.contacts[static_cast<std::size_t>(row / 3)];
   }
+  std::size_t row_at(Index i) const { return static_cast<std::size_t>(i - end_of_contacts()); }
+  double within(Index i, double x) const {
+    const BoundedRow& row = scaled_.rows[row_at(i)];
+    return std::min(std::max(x, row.least), row.most);
+  }
   VectorXd rates(const VectorXd& p) const { return scaled_.b + scaled_.A * p; }
 
   static Vector3d into_cone(const Vector3d& x, double mu) {
@@ -232,7 +269,7 @@ class ScaledProblem {
     const VectorXd u = rates(*p);
     Eigen::MatrixXd J = Eigen::MatrixXd::Identity(p->size(), p->size());
     VectorXd off = *p;
-    for (Index i = 0; i < p->size(); i += 3) {
+    for (Index i = 0; i < end_of_contacts(); i += 3) {
       const ConeContact& of = contact(i);
       const double along = (*p)[i] - u[i];
       const Vector2d across = p->segment<2>(i + 1) - u.segment<2>(i + 1);
@@ -256,6 +293,15 @@ class ScaledProblem {
         J.middleRows<2>(i + 1) += turn * scaled_.A.middleRows<2>(i + 1);
       }
     }
+    for (Index i = end_of_contacts(); i < p->size(); ++i) {
+      const double x = (*p)[i] - u[i], bound = within(i, x);
+      if (x == bound) {
+        J.row(i) = scaled_.A.row(i);
+        off[i] = u[i];
+      } else {
+        off[i] = (*p)[i] - bound;
+      }
+    }
     Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factors;
     factors.setThreshold(kSingular);
     factors.compute(J);
@@ -274,11 +320,11 @@ class ScaledProblem {
 // again by passes from what the one before found.
 bool solve(const ConeProblem& problem, VectorXd* p) {
   const ScaledProblem scaled(problem);
-  VectorXd x = VectorXd::Zero(problem.b.size());
+  VectorXd x = scaled.start();
   for (int pass = 0; pass < kMostPasses && scaled.residual(x) > kDone * scaled.size(); ++pass)
     if (!scaled.with_compliance(kCompliance, x).find(&x)) break;
   const bool is_found = scaled.find(&x);
-  *p = scaled.unscaled(x);
+  *p = scaled.unscaled(problem, x);
   return is_found;
 }
 

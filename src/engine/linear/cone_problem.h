@@ -12,19 +12,27 @@ struct ConeContact {
   Eigen::Vector2d direction = Eigen::Vector2d::Zero();  ///< unit, of the slip
 };
 
-/// Contacts with Coulomb's friction: three numbers each, along the normal and two tangents.
-/// u = b + A p, and for each contact
+/// Between which bounds a row of a ConeProblem acts.
+struct BoundedRow {
+  double least = 0.0, most = 0.0;
+};
+
+/// Contacts with Coulomb's friction: three numbers each, along the normal and two tangents; then
+/// rows with bounds, one number each. u = b + A p, and for each contact
 ///   u_n ≥ 0, p_n ≥ 0, one of them 0; ‖p_t‖ ≤ μ p_n, and p_t = −μ p_n u_t/‖u_t‖ where u_t ≠ 0,
-///   or of one that slips p_t = −μ p_n times its direction.
+///   or of one that slips p_t = −μ p_n times its direction;
+/// and for each row
+///   u = 0, or p at the least and u ≥ 0, or p at the most and u ≤ 0.
 struct ConeProblem {
   Eigen::MatrixXd A;  ///< symmetric, positive semidefinite
   Eigen::VectorXd b;
   std::vector<ConeContact> contacts;
+  std::vector<BoundedRow> rows = {};
 };
 
 /// Solves it by Newton's method on which contacts are open, stick and slip (Alart and Curnier,
 /// Comput. Methods Appl. Mech. Eng. 92 (1991) 353), begun from sweeps over the contacts, each
-/// solved exactly (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235). Where A is singular p is
+/// solved exactly (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235), and over the rows. Where A is singular p is
 /// about the one of least norm, rates of each contact scaled to a trace of 3 of its A. False where
 /// it does not get there: it has no solution, or friction and many contacts make it take too long.
 bool solve(const ConeProblem& problem, Eigen::VectorXd* p);

@@ -6,6 +6,7 @@
 
 #include "engine/constraints/contact.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/methods/law_events.h"
 #include "engine/methods/quaternion_state.h"
 
 namespace constraint_sim::engine {
@@ -23,13 +24,6 @@ constexpr double kStill = 1e-13;      // of gravity: less is rounding of forces 
 constexpr double kStillFor = 1.0;     // [s] and a speed that it has after so long
 constexpr double kProjected = 1e-12;  // of the scale: rows that are off by more are not met
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-
-// the function of a rigid joint's row, and where it is to be
-std::pair<ScalarForm, double> row_of(const Joint& joint, int function) {
-  if (const auto* distance = if_distance(joint))
-    return {ScalarForm(LengthForm{}), distance->length.value_or(0.0)};
-  return {info(joint.kind).function[static_cast<std::size_t>(function)], 0.0};
-}
 
 }  // namespace
 
@@ -56,6 +50,7 @@ void ContactEquations::gather_state(const std::vector<BodyState>& states) {
   for (Stage& stage : stages_) {
     stage.contact.assign(contacts.size(), Vector3d::Zero());
     stage.normal.assign(contacts.size(), 0.0);
+    stage.coordinate.assign(coordinates.size(), 0.0);
     stage.joint.assign(joints.size(), RowVector::Zero());
   }
   place(y_.data());
@@ -103,26 +98,133 @@ void ContactEquations::push(const Row& row, const Jacobian& F, double amount,
   }
 }
 
+// what joints hold both ways with any force
 void ContactEquations::add_joint_rows() {
   for (std::size_t j = 0; j < joints.size(); ++j) {
-    const RigidJoint& joint = joints[j];
+    const BodyJoint& joint = joints[j];
+    if (!joint.has_rows) continue;
     const BodyState& a = states_[joint.a];
     const BodyState& b = states_[joint.b];
     const JointVectors vectors(joint.joint, a, b);
     const JointMotion motion(vectors, a, b);
-    const int count = info(joint.joint.kind).rows;
-    for (int k = 0; k < count; ++k) {
-      const auto [form, target] = row_of(joint.joint, k);
+    const JointKindInfo& kind = info(joint.joint.kind);
+    const bool is_distance = if_distance(joint.joint) != nullptr;
+    for (int k = 0; k < kind.rows; ++k) {
+      const ScalarForm form =
+          is_distance ? ScalarForm(LengthForm{}) : kind.function[static_cast<std::size_t>(k)];
+      const Prescribed target = is_distance ? joint.course.length(t_) : Prescribed{};
       Row& row = rows_.emplace_back();
       row.a = joint.a;
       row.b = joint.b;
       row.J = row.F = jacobian(form, vectors);
-      row.value = value(form, vectors) - target;
-      row.rate = rate(form, vectors, motion);
-      row.gamma = gamma(form, vectors, motion);
+      row.value = value(form, vectors) - target.value;
+      row.rate = rate(form, vectors, motion) - target.rate;
+      row.gamma = gamma(form, vectors, motion) - target.acceleration;
       row.joint = static_cast<int>(j);
       row.function = k;
     }
+  }
+  for (std::size_t c = 0; c < coordinates.size(); ++c)
+    if (coordinates[c].is_prescribed) add_coordinate_row(c, target(coordinates[c]));
+}
+
+void ContactEquations::add_coordinate_row(std::size_t c, const Prescribed& target) {
+  const Coordinate& of = coordinates[c];
+  const Reading now = read(of, nullptr);
+  Row& row = rows_.emplace_back();
+  row.a = joints[of.joint].a;
+  row.b = joints[of.joint].b;
+  row.J = row.F = now.J;
+  row.value = of.law.form.is_angle ? unwound(now.q - target.value, 0.0) : now.q - target.value;
+  row.rate = now.rate - target.rate;
+  row.gamma = now.acceleration - target.acceleration;
+  row.joint = static_cast<int>(of.joint);
+  row.function = of.law.function;
+  row.coordinate = static_cast<int>(c);
+  row.reference = of.reference;
+}
+
+// what holds coordinates up to a force, or one way
+void ContactEquations::add_held_rows() {
+  for (std::size_t c = 0; c < coordinates.size(); ++c)
+    if (coordinates[c].state.hold != Hold::kNone) add_coordinate_row(c, target(coordinates[c]));
+}
+
+// ---- coordinates
+
+ContactEquations::Reading ContactEquations::read(const Coordinate& of, const Accelerations* rates) const {
+  const BodyJoint& joint = joints[of.joint];
+  const BodyState &a = states_[joint.a], &b = states_[joint.b];
+  const JointVectors vectors(joint.joint, a, b);
+  const JointMotion motion(vectors, a, b);
+  Reading now;
+  now.q = reading(of.law.form, value(of.law.form, vectors), of.law.zero, of.position);
+  now.rate = rate(of.law.form, vectors, motion);
+  now.J = jacobian(of.law.form, vectors);
+  now.acceleration = gamma(of.law.form, vectors, motion);
+  if (rates != nullptr)
+    now.acceleration += now.J.times(rates->linear[joint.a], rates->angular[joint.a],
+                                    rates->linear[joint.b], rates->angular[joint.b]);
+  return now;
+}
+
+// a motor moves that of a length
+Prescribed ContactEquations::limit(const Coordinate& of, bool upper_one) const {
+  if (!of.law.is_distance) return {of.law.limit(upper_one), 0.0, 0.0};
+  const BodyJoint& joint = joints[of.joint];
+  Prescribed at_limit = joint.course.length(t_);
+  at_limit.value += of.law.limit(upper_one) - joint.joint.distance.length.value_or(0.0) +
+                    of.given_way;
+  return at_limit;
+}
+
+Prescribed ContactEquations::zeta(const Coordinate& of) const {
+  if (of.law.is_distance) return joints[of.joint].course.length(t_);
+  return of.law.drive > 0.0 ? motor_course(of.motor, t_, 0.0) : Prescribed{};
+}
+
+Prescribed ContactEquations::target(const Coordinate& of) const {
+  const BodyJoint& joint = joints[of.joint];
+  if (of.is_prescribed) {
+    Prescribed at = joint.course.target(of.law.function, t_);
+    at.value += of.law.zero;
+    return at;
+  }
+  Prescribed at = rate_held_at(
+      of.state.hold, [&](bool upper_one) { return limit(of, upper_one); },
+      [&] { return zeta(of); });
+  if (of.state.hold == Hold::kStill) at.value = of.held;
+  if (of.state.hold != Hold::kDrive) return at;
+  at.value = of.held + (of.law.is_distance
+                            ? at.value - joint.course.length(of.held_at).value
+                            : motor_travel(of.motor, of.held_at, t_ - of.held_at));
+  return at;
+}
+
+bool ContactEquations::is_moved_by_motors() const {
+  return std::any_of(joints.begin(), joints.end(),
+                     [](const BodyJoint& joint) { return joint.course.is_driven(); }) ||
+         std::any_of(coordinates.begin(), coordinates.end(),
+                     [](const Coordinate& of) { return of.motor.is_moving(); });
+}
+
+// of springs and dampers, and of what is at its bound
+double ContactEquations::free_force(const Coordinate& of, const Reading& now) const {
+  return of.law.soft.force(now.q, now.rate) + constant_force(of.law, of.state);
+}
+
+void ContactEquations::pull_coordinates(Stage* told, std::vector<Vector3d>* linear,
+                                        std::vector<Vector3d>* angular) const {
+  for (const Coordinate& of : coordinates) {
+    if (of.is_prescribed) continue;
+    const Reading now = read(of, nullptr);
+    const double force = free_force(of, now);
+    if (force == 0.0) continue;
+    Row row;
+    row.a = joints[of.joint].a;
+    row.b = joints[of.joint].b;
+    push(row, now.J, force, linear, angular);
+    told->joint[of.joint][of.law.function] += force;
   }
 }
 
@@ -228,7 +330,8 @@ bool ContactEquations::solve_rows(const VectorXd& right, VectorXd* lambda) {
 
 // ---- a System
 
-void ContactEquations::derivative(std::size_t stage, double /*t*/, const double* y, double* dydt) {
+void ContactEquations::derivative(std::size_t stage, double t, const double* y, double* dydt) {
+  t_ = t;
   place(y);
   std::vector<Vector3d>&linear = free_linear_, &angular = free_angular_;
   clear_motion(&linear, &angular);
@@ -240,18 +343,24 @@ void ContactEquations::derivative(std::size_t stage, double /*t*/, const double*
   }
   rows_.clear();
   add_joint_rows();
+  add_held_rows();
   add_contact_rows(true, true);
   Stage& told = stages_[stage];
   std::fill(told.contact.begin(), told.contact.end(), Vector3d::Zero());
   std::fill(told.normal.begin(), told.normal.end(), 0.0);
   std::fill(told.joint.begin(), told.joint.end(), RowVector::Zero());
+  std::fill(told.coordinate.begin(), told.coordinate.end(), 0.0);
   if (!rows_.empty()) factor_rows(stage == 0);
   std::vector<Vector3d>&push_linear = linear_, &push_angular = angular_;
   clear_motion(&push_linear, &push_angular);
+  if (!coordinates.empty()) pull_coordinates(&told, &push_linear, &push_angular);
   if (!rows_.empty()) {
     VectorXd right(index(rows_.size())), lambda;
-    for (std::size_t i = 0; i < rows_.size(); ++i)
-      right[index(i)] = -rows_[i].gamma - along(rows_[i], rows_[i].J, linear, angular);
+    for (std::size_t i = 0; i < rows_.size(); ++i) {
+      const Row& row = rows_[i];
+      right[index(i)] = -row.gamma - along(row, row.J, linear, angular);
+      if (!coordinates.empty()) right[index(i)] -= along(row, row.J, push_linear, push_angular);
+    }
     if (!solve_rows(right, &lambda)) lambda.setConstant(right.size(), std::nan(""));
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       const Row& row = rows_[i];
@@ -261,7 +370,9 @@ void ContactEquations::derivative(std::size_t stage, double /*t*/, const double*
         told.contact[c] += lambda[index(i)] * row.along;
         if (row.is_normal) told.normal[c] = lambda[index(i)];
       } else {
-        told.joint[static_cast<std::size_t>(row.joint)][row.function] = lambda[index(i)];
+        told.joint[static_cast<std::size_t>(row.joint)][row.function] += lambda[index(i)];
+        if (row.coordinate >= 0)
+          told.coordinate[static_cast<std::size_t>(row.coordinate)] = lambda[index(i)];
       }
     }
   }
@@ -296,7 +407,8 @@ bool ContactEquations::find_change(double Row::*by, std::vector<Vector3d>* linea
   return true;
 }
 
-bool ContactEquations::project(double /*t*/, double* y) {
+bool ContactEquations::project(double t, double* y) {
+  t_ = t;
   double before = std::numeric_limits<double>::infinity();
   for (int k = 0;; ++k) {
     for (std::size_t i = 0; i < movable; ++i)
@@ -304,6 +416,7 @@ bool ContactEquations::project(double /*t*/, double* y) {
     place(y);
     rows_.clear();
     add_joint_rows();
+    add_held_rows();
     add_contact_rows(false, false);
     double error = 0.0;
     for (const Row& row : rows_) error = std::max(error, std::abs(row.value));
@@ -326,6 +439,7 @@ bool ContactEquations::restart(double* y, double* dydt) {
   place(y);
   rows_.clear();
   add_joint_rows();
+  add_held_rows();
   add_contact_rows(false, true);
   if (!rows_.empty()) {
     std::vector<Vector3d> linear, angular;
@@ -338,7 +452,7 @@ bool ContactEquations::restart(double* y, double* dydt) {
             apply_inertia(bodies[i].mass.inertia, states_[i].orientation, angular[i]);
     }
   }
-  derivative(0, 0.0, y, dydt);
+  derivative(0, t_, y, dydt);
   return true;
 }
 
@@ -368,7 +482,7 @@ void ContactEquations::keep() {
   kept_contacts_.clear();
   kept_joints_.clear();
   for (const Contact& contact : contacts) kept_contacts_.push_back(contact.impulse);
-  for (const RigidJoint& joint : joints) kept_joints_.push_back(joint.impulse);
+  for (const BodyJoint& joint : joints) kept_joints_.push_back(joint.impulse);
 }
 
 void ContactEquations::restore() {

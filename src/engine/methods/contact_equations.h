@@ -12,15 +12,16 @@
 #include "constraint_sim/engine/joint.h"
 #include "engine/constraints/contact_feature.h"
 #include "engine/constraints/joint.h"
+#include "engine/constraints/one_sided_law.h"
 #include "engine/mass_properties.h"
 #include "engine/methods/embedded_pairs.h"
 #include "engine/methods/equations_of_motion.h"
 
 namespace constraint_sim::engine {
 
-/// A few bodies that touch each other, and the rigid joints on them, as a System of integrate.h
-/// with dense matrices. With the rows J of joints and of contacts that act, and F the forces for a
-/// unit of each multiplier:
+/// A few bodies that touch each other, and the joints on them, as a System of integrate.h with
+/// dense matrices. With the rows J of joints, of coordinates that are held and of contacts that
+/// act, and F the forces for a unit of each multiplier:
 ///   J M⁻¹ F λ = −γ − J a_free
 /// F = J but for a contact that slips, which has one row, along its normal, and F = n − μ û with û
 /// the direction of the slip. Where rows depend on each other λ is that of least norm, beside a
@@ -43,16 +44,33 @@ class ContactEquations {
     MassProperties mass;
     Eigen::Vector3d force = Eigen::Vector3d::Zero(), torque = Eigen::Vector3d::Zero();
   };
-  struct RigidJoint {
+  struct BodyJoint {
     int index;         ///< in the world
     std::size_t a, b;  ///< bodies here
     Joint joint;
+    bool has_rows = true;       ///< those of its kind; else its coordinates alone
+    PrescribedMotion course{};  ///< in this span
     RowVector impulse = RowVector::Zero();
+  };
+  /// A coordinate of a joint, or the length of a distance joint, on which something acts.
+  struct Coordinate {
+    std::size_t joint;           ///< here
+    OneSidedLaw law;             ///< its form, what acts one way, and the soft law beside
+    bool is_prescribed = false;  ///< a motor holds it with any force
+    bool is_one_sided = false;
+    OneSidedState state;
+    Motor motor{};            ///< in this span, of a law with a drive
+    double position = 0.0;    ///< where a substep starts [m or rad]
+    double held = 0.0;        ///< where friction or a drive began to hold it [m or rad],
+    double held_at = 0.0;     ///< and when [s]
+    double given_way = 0.0;   ///< by what a limit of a length has moved since the step began [m]
+    double reference = 0.0;   ///< a force that it can have [N or N m]
   };
 
   std::vector<Body> bodies;  ///< movable ones first
   std::size_t movable = 0;
-  std::vector<RigidJoint> joints;
+  std::vector<BodyJoint> joints;
+  std::vector<Coordinate> coordinates;
   std::vector<Contact> contacts;
   Eigen::Vector3d gravity = Eigen::Vector3d::Zero();
 
@@ -63,6 +81,11 @@ class ContactEquations {
   std::vector<double>& numbers() { return y_; }
   /// Moves to these numbers.
   void place(const double* y);
+  /// Moves to a time [s], at which bodies stay where they are.
+  void set_time(double t) { t_ = t; }
+  double time() const { return t_; }
+  /// Whether anything that acts depends on the time.
+  bool is_moved_by_motors() const;
 
   // ---- a System
   std::size_t size() const { return (kNumbers * movable + 1) / 2 * 2; }
@@ -102,6 +125,20 @@ class ContactEquations {
   double normal_force(std::size_t contact, std::size_t stage) const {
     return stages_[stage].normal[contact];
   }
+  /// The same of what holds a coordinate.
+  double held_force(std::size_t coordinate, std::size_t stage) const {
+    return stages_[stage].coordinate[coordinate];
+  }
+  /// A coordinate now; `J` of its gradient.
+  struct Reading {
+    double q = 0.0, rate = 0.0, acceleration = 0.0;
+    Jacobian J;
+  };
+  /// With accelerations of bodies, or none.
+  Reading read(const Coordinate& coordinate, const Accelerations* rates) const;
+  /// Where a limit of a coordinate is, and what its motor asks for, as `rate` and `acceleration`.
+  Prescribed limit(const Coordinate& coordinate, bool upper_one) const;
+  Prescribed zeta(const Coordinate& coordinate) const;
   double scale() const { return scale_; }
   /// What a substep that is taken again goes on from, beside the numbers: impulses and stage 0.
   void keep();
@@ -110,15 +147,18 @@ class ContactEquations {
   double kinetic_energy() const;
   double potential_energy() const;  ///< of gravity and of constant forces [J]
 
-  /// What unit impulses of contacts do while the joints hold, three columns a contact.
+  /// What unit impulses do while the joints hold: three columns a contact, one a coordinate.
   struct Responses {
-    std::vector<std::size_t> contacts;
-    std::vector<Eigen::Matrix3d> frames;  ///< of these: columns n, t1, t2
+    std::vector<std::size_t> contacts, coordinates;
+    std::vector<Eigen::Matrix3d> frames;  ///< of contacts: columns n, t1, t2
+    std::vector<char> is_free;            ///< coordinates that the joints leave free
     Eigen::MatrixXd velocity;             ///< change of (v, ω) of bodies by unit impulses
     Eigen::MatrixXd joints;               ///< impulses of joints' rows by unit impulses
-    Eigen::MatrixXd A;                    ///< change of w of these contacts, along the frames
+    std::vector<std::pair<std::size_t, int>> rows;  ///< joint and function of these
+    Eigen::MatrixXd A;  ///< change of the rates of these, along the frames
   };
-  Responses responses(const std::vector<std::size_t>& of);
+  Responses responses(const std::vector<std::size_t>& contacts,
+                      const std::vector<std::size_t>& coordinates);
   /// Adds impulses p to velocities, and to those of joints.
   void apply(const Responses& responses, const Eigen::VectorXd& p, double* y);
 
@@ -133,6 +173,7 @@ class ContactEquations {
     Jacobian J, F;
     double gamma = 0.0, value = 0.0, rate = 0.0, reference = 0.0;
     int joint = -1, function = 0;    // of a joint
+    int coordinate = -1;             // that one holds, beside
     int contact = -1;                // or a contact
     bool is_normal = false;          // of it
     Eigen::Vector3d along{0, 0, 0};  // force of one unit on A, of a contact
@@ -140,10 +181,13 @@ class ContactEquations {
   struct Stage {
     std::vector<Eigen::Vector3d> contact;  // forces on A
     std::vector<double> normal;            // the same along normals
+    std::vector<double> coordinate;        // what holds them
     std::vector<RowVector> joint;
   };
 
   void add_joint_rows();
+  void add_coordinate_row(std::size_t coordinate, const Prescribed& target);
+  void add_held_rows();
   void add_contact_rows(bool with_slip, bool with_tangents);
   double along(const Row& row, const Jacobian& J, const std::vector<Eigen::Vector3d>& linear,
                const std::vector<Eigen::Vector3d>& angular) const;
@@ -153,11 +197,16 @@ class ContactEquations {
   void factor_rows(bool asks_rank);
   bool find_change(double Row::*by, std::vector<Eigen::Vector3d>* linear,
                    std::vector<Eigen::Vector3d>* angular);
+  Prescribed target(const Coordinate& coordinate) const;
+  double free_force(const Coordinate& coordinate, const Reading& now) const;
+  void pull_coordinates(Stage* told, std::vector<Eigen::Vector3d>* linear,
+                        std::vector<Eigen::Vector3d>* angular) const;
   void clear_motion(std::vector<Eigen::Vector3d>* linear,
                     std::vector<Eigen::Vector3d>* angular) const;
   void add_impulses(double weight, std::size_t stage);
 
   std::vector<double> y_;
+  double t_ = 0.0;  // [s]
   std::vector<BodyState> states_;
   std::vector<Eigen::Matrix3d> inverse_inertia_;  // world
   std::vector<Row> rows_;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/methods/law_events.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -80,10 +82,67 @@ bool ContactEvents::has_touched(std::size_t contact) const {
 
 // ---- a span
 
+// What motors ask for in a span, where coordinates are and what has given way by now.
+void ContactEvents::begin_joints(const Span& span, const JointStep& step,
+                                 const std::vector<JointState>& states) {
+  equations_.set_time(span.all.t);
+  for (ContactEquations::BodyJoint& joint : equations_.joints) {
+    JointState state = states[static_cast<std::size_t>(joint.index)];
+    joint.course.begin(joint.joint, step, state);
+  }
+  for (ContactEquations::Coordinate& of : equations_.coordinates) {
+    const ContactEquations::BodyJoint& joint = equations_.joints[of.joint];
+    of.reference = 0.0;
+    of.state = {};
+    if (of.law.is_distance) {
+      if (joint.joint.distance.is_soft()) of.law.soft.R = joint.course.length(span.all.t).value;
+      continue;
+    }
+    const auto i = static_cast<std::size_t>(of.law.coordinate);
+    const CoordinateState& now = states[static_cast<std::size_t>(joint.index)].coordinates[i];
+    if (!has_begun_) of.position = now.position;
+    if (of.law.drive == 0.0) continue;
+    of.motor = *joint.joint.coordinates[i].motor;
+    if (of.motor.timeout > 0.0 && now.expires_at <= span.all.t) of.motor.bias = 0.0;
+  }
+  has_begun_ = true;
+}
+
+// whole turns are counted from one substep to the next
+void ContactEvents::note_positions() {
+  for (ContactEquations::Coordinate& of : equations_.coordinates)
+    of.position = equations_.read(of, nullptr).q;
+}
+
+// A limit of a length that gives way goes with it.
+void ContactEvents::give_way(std::size_t c) {
+  ContactEquations::Coordinate& of = equations_.coordinates[c];
+  if (of.state.yield == 0) return;
+  of.given_way +=
+      equations_.read(of, nullptr).q - equations_.limit(of, of.state.yield > 0).value;
+}
+
+void ContactEvents::write(std::size_t c, JointState* state) const {
+  const ContactEquations::Coordinate& of = equations_.coordinates[c];
+  const OneSidedLaw& law = of.law;
+  if (law.drive == 0.0 && !std::isfinite(law.limit_force)) return;
+  state->saturated = of.state.drive != 0 || of.state.yield != 0;
+  const double q = equations_.read(of, nullptr).q;
+  if (!law.is_distance)
+    state->coordinates[static_cast<std::size_t>(law.coordinate)].held = q;
+  else if (law.drive > 0.0)
+    state->travel = q - equations_.joints[of.joint].joint.distance.length.value_or(0.0);
+  else
+    state->travel += of.given_way;
+}
+
 IntegrationResult ContactEvents::advance(const SmoothSpan& all, const IntegratorOptions& accuracy,
+                                         const JointStep& joint_step,
+                                         const std::vector<JointState>& joint_states,
                                          std::vector<BodyState>* states) {
   Span span{all, accuracy, SubstepSpan(all.t, all.h), {}};
   equations_.gather_state(*states);
+  begin_joints(span, joint_step, joint_states);
   equations_.gravity = all.gravity;
   for (ContactEquations::Body& body : equations_.bodies) {
     body.force.setZero();
@@ -101,6 +160,8 @@ IntegrationResult ContactEvents::advance(const SmoothSpan& all, const Integrator
   watched_.is_muted.clear();
   bool is_done = settle(&span, {}, true);
   while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
+  note_positions();
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) give_way(c);
   equations_.scatter_state(states);
   span.progress.done = is_done;
   return span.progress;
@@ -165,7 +226,53 @@ void ContactEvents::watch_forces(std::size_t c, std::vector<Watched>* list) cons
   }
 }
 
-// In an order that depends on what contacts do alone.
+// the force that holds a coordinate, beside its bounds
+void ContactEvents::watch_held(std::size_t c, std::vector<Watched>* list) const {
+  const ContactEquations::Coordinate& of = equations_.coordinates[c];
+  const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
+  const auto zeta = [&] { return equations_.zeta(of); };
+  const double rate = rate_held_at(of.state.hold, limit, zeta).rate;
+  const ForceBounds bounds = force_bounds(of.law, of.state.hold, rate, zeta().rate);
+  Watched watched;
+  watched.kind = Watched::Kind::kHeld;
+  watched.coordinate = c;
+  watched.tolerance = kForceShare * equations_.largest_force();
+  const auto watch_side = [&](double bound, signed char side) {
+    if (!std::isfinite(bound)) return;
+    const auto margin = [&](std::size_t stage) {
+      return side * (bound - equations_.held_force(c, stage));
+    };
+    watched.side = side;
+    watched.value = margin(0);
+    watched.early = 0.0;
+    for (std::size_t i = 1; has_stages_ && watched.early == 0.0 && i < DormandPrince8::kStages; ++i)
+      if (margin(i) < -watched.tolerance) watched.early = DormandPrince8::kC[i];
+    list->push_back(watched);
+  };
+  watch_side(bounds.least, -1);
+  watch_side(bounds.most, 1);
+}
+
+void ContactEvents::watch_coordinate(std::size_t c, std::vector<Watched>* list) const {
+  const ContactEquations::Coordinate& of = equations_.coordinates[c];
+  const ContactEquations::Reading reading = equations_.read(of, &rates_);
+  const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
+  const auto zeta = [&] { return equations_.zeta(of); };
+  const auto add = [&](Watched::Kind kind, const WatchedValue& value) {
+    Watched watched;
+    static_cast<WatchedValue&>(watched) = value;
+    watched.kind = kind;
+    watched.coordinate = c;
+    list->push_back(watched);
+  };
+  watch_limits(of.law, of.state, reading, limit,
+               [&](const WatchedValue& value) { add(Watched::Kind::kLimit, value); });
+  if (of.state.hold != Hold::kNone) watch_held(c, list);
+  watch_rates(of.state, reading, limit, zeta,
+              [&](const WatchedValue& value) { add(Watched::Kind::kRate, value); });
+}
+
+// In an order that depends on what contacts and coordinates do alone.
 void ContactEvents::watch(std::vector<Watched>* list) {
   list->clear();
   equations_.find_accelerations(derivative(), &rates_);
@@ -204,6 +311,8 @@ void ContactEvents::watch(std::vector<Watched>* list) {
     watched.tolerance = 4.0 * kEpsilon * equations_.scale();
     list->push_back(watched);
   }
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c)
+    if (equations_.coordinates[c].is_one_sided) watch_coordinate(c, list);
 }
 
 // ---- from event to event
@@ -223,6 +332,7 @@ bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
   std::copy(kept_.begin(), kept_.begin() + static_cast<std::ptrdiff_t>(n), numbers_.begin());
   std::copy(kept_.begin() + static_cast<std::ptrdiff_t>(n), kept_.end(), derivative());
   equations_.restore();
+  equations_.set_time(t);
   equations_.place(numbers_.data());
   if (is_start) return true;
   SubstepSpan left(t, h);
@@ -235,7 +345,8 @@ bool ContactEvents::advance_to_event(Span* span) {
   if (is_set(span->all.stop)) return false;
   find_features(false);
   set_directions();
-  if (equations_.is_still(derivative())) {  // and stays so
+  note_positions();
+  if (!equations_.is_moved_by_motors() && equations_.is_still(derivative())) {  // and stays so
     equations_.accept_stillness(span->left.left);
     span->left.left = 0.0;
     return true;
@@ -261,11 +372,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   std::optional<Crossing> event = watched_.earliest(watched_.before, watched_.after, h, true);
   const auto go_to = [&](double share, bool is_start) {
     if (!repeat(span, start.t, share * h, is_start)) return false;
-    span->left = start;
-    if (!is_start) {
-      span->left.left = start.left - share * h;
-      span->left.t = start.end - span->left.left;
-    }
+    span->left = is_start ? start : gone_on(start, share * h);
     look();
     return true;
   };
@@ -288,6 +395,7 @@ bool ContactEvents::end_jam(Span* span) {
   span->left.failures = 0;
   span->progress.is_inconsistent = false;
   equations_.restore();
+  equations_.set_time(span->left.t);
   equations_.place(numbers_.data());
   return settle(span, {}, false, true);
 }
@@ -295,6 +403,7 @@ bool ContactEvents::end_jam(Span* span) {
 bool ContactEvents::finish_event(Span* span, const Watched& watched, std::size_t which) {
   if (++events_ > kMostEvents) return false;
   const std::vector<ContactEquations::Contact> before = equations_.contacts;
+  note_positions();
   const std::size_t watches = watched_.before.size();
   const std::uint32_t impacts = impacts_;
   if (!settle(span, watched, false)) return false;
@@ -302,6 +411,8 @@ bool ContactEvents::finish_event(Span* span, const Watched& watched, std::size_t
   for (std::size_t c = 0; c < before.size(); ++c)
     is_changed = is_changed || before[c].acts != equations_.contacts[c].acts ||
                  before[c].feature.id != equations_.contacts[c].feature.id;
+  for (std::size_t c = 0; c < states_before_.size(); ++c)
+    is_changed = is_changed || !(states_before_[c] == equations_.coordinates[c].state);
   if (is_changed) {
     watched_.is_muted.clear();
     return true;

@@ -7,20 +7,22 @@
 #include "constraint_sim/engine/event.h"
 #include "engine/linear/cone_problem.h"
 #include "engine/methods/contact_equations.h"
+#include "engine/constraints/joint.h"
 #include "engine/methods/event_watch.h"
 #include "engine/methods/integrate.h"
 #include "engine/methods/method.h"
 
 namespace constraint_sim::engine {
 
-/// A few bodies that may touch each other in a span, with the rigid joints on them, carried from
-/// event to event: flight with the gaps as what is watched, impacts, contacts at rest as rows that
-/// stick or slip. All follows from where the bodies are and how they move; nothing is kept from one
-/// span to the next but impulses, which add up.
+/// A few bodies that may touch each other in a span, with the joints on them, carried from event to
+/// event: flight with the gaps as what is watched, impacts, contacts at rest as rows that stick or
+/// slip; and the one-sided laws of the joints' coordinates, as EventDriven has them. All follows
+/// from where the bodies are and how they move, and from what the states of joints say of motors;
+/// nothing is kept from one span to the next but impulses, which add up.
 class ContactEvents {
  public:
   /// More than this are left to others.
-  static constexpr std::size_t kMostBodies = 8, kMostContacts = 32;
+  static constexpr std::size_t kMostBodies = 8, kMostContacts = 32, kMostLaws = 32;
   static constexpr std::uint32_t kMostEvents = 5000;  ///< in a step
   /// [m] an overlap of less is one of rounding, or of what another method has left, and closed.
   static constexpr double kMostOverlap = 1e-7;
@@ -42,23 +44,28 @@ class ContactEvents {
   /// kMostOverlap.
   bool begin(const std::vector<BodyState>& states);
   /// As method.h says. Not done: too many events, or no answer to one; the states are then those of
-  /// any time within the span.
+  /// any time within the span. `joint_step`, `joint_states`: of the span, of all joints.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                            const JointStep& joint_step,
+                            const std::vector<JointState>& joint_states,
                             std::vector<BodyState>* states);
 
   // ---- what was done since the beginning
   std::uint32_t events() const { return events_; }
   struct Told {
     EventKind kind;
-    double time;  ///< simulated [s]
-    std::size_t pair;
-    double impulse;  ///< of an impact [N s]
+    double time;         ///< simulated [s]
+    int pair;            ///< −1 of a joint
+    int coordinate;      ///< of equations(), of a joint
+    double impulse;      ///< of an impact [N s or N m s]
   };
   const std::vector<Told>& told() const { return told_; }
   const std::vector<Pair>& pairs() const { return pairs_; }
   const ContactEquations& equations() const { return equations_; }
   /// Whether a contact holds now, or had an impulse.
   bool has_touched(std::size_t contact) const;
+  /// Sets where motors with a force limit hold, and whether these have reached it.
+  void write(std::size_t coordinate, JointState* state) const;
 
  private:
   using Acts = ContactEquations::Acts;
@@ -70,9 +77,44 @@ class ContactEvents {
       kCone,    ///< of one that sticks
       kSlip,    ///< along where it went, of one that slips
       kMargin,  ///< of its feature
+      kLimit,   ///< of a coordinate that is not at it
+      kHeld,    ///< the force that holds one, to a bound
+      kRate,    ///< of one that slips, or whose motor or limit gives way
     };
     Kind kind = Kind::kNothing;
     std::size_t contact = 0;
+    std::size_t coordinate = 0;  ///< of the last three
+    signed char side = 0;        ///< of a force that holds: -1 of its lower bound, +1 of its upper one
+
+    bool is_of_contact() const { return kind != Kind::kNothing && kind < Kind::kLimit; }
+  };
+  /// A limit that takes part in an impact: +1 of a lower one, −1 of an upper one.
+  struct LimitHit {
+    std::size_t coordinate;
+    double direction;
+    double rate;  ///< of the gap
+    double restitution;
+  };
+  struct Hits {
+    std::vector<std::size_t> contacts;
+    std::vector<LimitHit> limits;
+
+    bool empty() const { return contacts.empty() && limits.empty(); }
+  };
+  /// Which bounce no more, or what impulses they had.
+  template <class Number>
+  struct Of {
+    std::vector<Number> contacts, coordinates;
+
+    Of(std::size_t contact_count, std::size_t coordinate_count)
+        : contacts(contact_count), coordinates(coordinate_count) {}
+  };
+  /// A coordinate that moves as something that holds it.
+  struct Candidate {
+    std::size_t coordinate;
+    Hold hold;
+    double rate, acceleration;
+    ForceBounds bounds;
   };
   struct Span {
     const SmoothSpan& all;
@@ -81,6 +123,9 @@ class ContactEvents {
     IntegrationResult progress;
   };
 
+  void begin_joints(const Span& span, const JointStep& step, const std::vector<JointState>& states);
+  void note_positions();
+  void give_way(std::size_t coordinate);
   void add_contacts();
   void find_features(bool all);
   double* derivative();
@@ -89,6 +134,8 @@ class ContactEvents {
   double longest_substep(double left) const;
   void set_directions();
   void watch_forces(std::size_t contact, std::vector<Watched>* list) const;
+  void watch_held(std::size_t coordinate, std::vector<Watched>* list) const;
+  void watch_coordinate(std::size_t coordinate, std::vector<Watched>* list) const;
   void watch(std::vector<Watched>* list);
   bool take(Span* span, SubstepSpan* left, double tolerance, double* step);
   bool repeat(Span* span, double t, double h, bool is_start);
@@ -98,21 +145,27 @@ class ContactEvents {
 
   // ---- at events (contact_states.cpp)
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
-  bool have_impacts(std::vector<double>* hit);
-  std::vector<std::size_t> find_hits(const std::vector<char>& rests) const;
-  bool have_impact(const std::vector<std::size_t>& hits, const std::vector<char>& rests,
-                   double faster, std::vector<double>* hit);
-  bool have_jam(std::vector<double>* hit);
-  bool let_rest(const std::vector<double>& hit, std::vector<char>* rests, bool* is_settled);
+  bool have_impacts(Of<double>* hit);
+  Hits find_hits(const Of<char>& rests) const;
+  void add_touching_limits(const Of<char>& rests, bool only_slow, std::vector<LimitHit>* hits) const;
+  std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations::Coordinate& of) const;
+  bool have_impact(const Hits& hits, const Of<char>& rests, double faster, Of<double>* hit);
+  bool have_jam(Of<double>* hit);
+  bool let_rest(const Of<double>& hit, Of<char>* rests, bool* is_settled);
   void note_cone(const Span& span, const Watched& event);
   bool decide(const Watched& event);
   bool decide(const Watched& event, double least_slip);
-  void choose_acts(const Watched& event, const std::vector<std::size_t>& candidates,
-                   const ContactEquations::Responses& responses, const ConeProblem& problem,
-                   const Eigen::VectorXd& force);
+  bool find_candidates(std::vector<Candidate>* candidates);
+  void choose_acts(const Watched& event, const ContactEquations::Responses& responses,
+                   const ConeProblem& problem, const Eigen::VectorXd& force);
+  void choose_holds(const Watched& event, const std::vector<Candidate>& candidates,
+                    const ContactEquations::Responses& responses, const ConeProblem& problem,
+                    const Eigen::VectorXd& force);
+  void take_forces(const std::vector<Candidate>& candidates,
+                   const ContactEquations::Responses& responses, const Eigen::VectorXd& force);
   bool is_within_bounds();
-  void tell(double t, const std::vector<Acts>& before, const std::vector<double>& hit,
-            bool is_begin);
+  void hold_coordinates(bool is_begin);
+  void tell(double t, const std::vector<Acts>& before, const Of<double>& hit, bool is_begin);
 
   ContactEquations equations_;
   std::vector<Pair> pairs_;
@@ -121,8 +174,11 @@ class ContactEvents {
   std::vector<double> kept_;          // state and derivative where the substep starts
   double step_ = 0.0;                 // what the next substep is tried with [s]
   bool has_stages_ = false;           // of the last substep
+  bool has_begun_ = false;            // the first span
   ContactEquations::Accelerations rates_;
   std::vector<Eigen::Vector3d> acceleration_;  // ẇ of contacts, as decide() found it
+  std::vector<double> coordinate_acceleration_;  // the same of coordinates
+  std::vector<OneSidedState> states_before_;     // of coordinates, where the event is
   WatchedSubstep<Watched> watched_;
   std::uint32_t events_ = 0, impacts_ = 0, jams_ = 0;
   int unchanged_ = 0;                 // events that changed nothing

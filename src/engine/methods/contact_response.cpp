@@ -15,6 +15,8 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
+constexpr double kHeld = 1e-12;  // of what a coordinate would do without the joints
+
 }  // namespace
 
 double ContactEquations::kinetic_energy() const {
@@ -32,6 +34,12 @@ double ContactEquations::potential_energy() const {
   double energy = 0.0;
   for (std::size_t i = 0; i < movable; ++i)
     energy -= states_[i].position.dot(gravity / bodies[i].mass.inverse_mass + bodies[i].force);
+  for (const Coordinate& of : coordinates) {
+    const SoftLaw& soft = of.law.soft;
+    if (of.is_prescribed || (soft.K == 0.0 && soft.F == 0.0)) continue;
+    const double q = read(of, nullptr).q;
+    energy += 0.5 * soft.K * (q - soft.R) * (q - soft.R) - soft.F * q;
+  }
   return energy;
 }
 
@@ -41,6 +49,9 @@ double ContactEquations::largest_force() const {
     largest =
         std::max(largest, gravity.norm() / bodies[i].mass.inverse_mass + bodies[i].force.norm());
   for (const Vector3d& force : stages_[0].contact) largest = std::max(largest, force.norm());
+  for (std::size_t c = 0; c < coordinates.size(); ++c)
+    if (!coordinates[c].law.form.is_angle)
+      largest = std::max(largest, std::abs(stages_[0].coordinate[c]));
   return largest;
 }
 
@@ -62,15 +73,19 @@ Vector3d ContactEquations::slip_acceleration(const ContactMotion& motion, const 
          rates.linear[contact.b] - rates.angular[contact.b].cross(motion.r_b) + motion.w_bias;
 }
 
-ContactEquations::Responses ContactEquations::responses(const std::vector<std::size_t>& of) {
+ContactEquations::Responses ContactEquations::responses(
+    const std::vector<std::size_t>& of, const std::vector<std::size_t>& of_coordinates) {
   Responses result;
   result.contacts = of;
-  const Index n = 3 * index(of.size());
+  result.coordinates = of_coordinates;
+  const Index n = 3 * index(of.size()) + index(of_coordinates.size());
   result.velocity.setZero(6 * index(movable), n);
   rows_.clear();
   add_joint_rows();
   const Index held = index(rows_.size());
   if (held > 0) factor_rows(true);
+  for (const Row& row : rows_)
+    result.rows.emplace_back(static_cast<std::size_t>(row.joint), row.function);
   result.joints.setZero(held, n);
   result.A.resize(n, n);
   std::vector<Row> directions;
@@ -88,11 +103,18 @@ ContactEquations::Responses ContactEquations::responses(const std::vector<std::s
       row.J = row.F = now.along(frame.col(k));
     }
   }
+  for (const std::size_t c : of_coordinates) {
+    Row& row = directions.emplace_back();
+    row.a = joints[coordinates[c].joint].a;
+    row.b = joints[coordinates[c].joint].b;
+    row.J = row.F = read(coordinates[c], nullptr).J;
+  }
   VectorXd right(held), lambda;
   for (Index j = 0; j < n; ++j) {
     std::vector<Vector3d> linear(movable, Vector3d::Zero()), angular = linear;
     const Row& row = directions[static_cast<std::size_t>(j)];
     push(row, row.F, 1.0, &linear, &angular);
+    const double free = along(row, row.J, linear, angular);
     if (held > 0) {
       for (Index i = 0; i < held; ++i) {
         Row& joint = rows_[static_cast<std::size_t>(i)];
@@ -113,6 +135,7 @@ ContactEquations::Responses ContactEquations::responses(const std::vector<std::s
       const Row& other = directions[static_cast<std::size_t>(i)];
       result.A(i, j) = along(other, other.J, linear, angular);
     }
+    if (j >= 3 * index(of.size())) result.is_free.push_back(result.A(j, j) > kHeld * free ? 1 : 0);
   }
   result.A = (0.5 * (result.A + result.A.transpose())).eval();
   return result;
@@ -128,10 +151,12 @@ void ContactEquations::apply(const Responses& responses, const VectorXd& p, doub
                                          change.segment<3>(6 * index(i) + 3));
   }
   const VectorXd held = responses.joints * p;
-  Index i = 0;
-  for (RigidJoint& joint : joints) {
-    const int count = info(joint.joint.kind).rows;
-    for (int k = 0; k < count; ++k) joint.impulse[k] += held[i++];
+  for (std::size_t i = 0; i < responses.rows.size(); ++i)
+    joints[responses.rows[i].first].impulse[responses.rows[i].second] += held[index(i)];
+  const Index first = 3 * index(responses.contacts.size());
+  for (std::size_t k = 0; k < responses.coordinates.size(); ++k) {
+    const Coordinate& of = coordinates[responses.coordinates[k]];
+    joints[of.joint].impulse[of.law.function] += p[first + index(k)];
   }
   for (std::size_t c = 0; c < responses.contacts.size(); ++c)
     contacts[responses.contacts[c]].impulse += responses.frames[c] * p.segment<3>(3 * index(c));

@@ -1,17 +1,19 @@
-// What ContactEvents does at an event: contacts that are hit have impacts, and then the cone
-// problem of the accelerations says what each contact does from there on.
+// What ContactEvents does at an event: contacts and limits that are hit have impacts, and then the
+// cone problem of the accelerations says what each contact and each coordinate does from there on.
 //
 // With w the rates of contacts along their normals and tangents, and A what impulses do to these
-// while the rigid joints hold:
+// while the joints hold:
 //   impacts    w⁺ = w + A p,  w_n⁺ + e w_n⁻ ≥ 0 and p_n ≥ 0, one of them 0, p in its cone
 //   afterwards ẇ = b + A f of contacts that touch and do not part, f in its cone; along the slip of
 //              those that slip
+// Coordinates with one-sided laws are rows of the same problems, as event_states.cpp has them.
 
 #include <algorithm>
 #include <cmath>
 
 #include "engine/linear/cone_problem.h"
 #include "engine/methods/contact_events.h"
+#include "engine/methods/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -43,9 +45,13 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   for (const ContactEquations::Contact& contact : equations_.contacts)
     before.push_back(contact.acts);
   note_cone(*span, event);
-  std::vector<double> hit(equations_.contacts.size(), 0.0);
+  states_before_.clear();
+  for (const ContactEquations::Coordinate& of : equations_.coordinates)
+    states_before_.push_back(of.state);
+  Of<double> hit(equations_.contacts.size(), equations_.coordinates.size());
   if ((jams && !have_jam(&hit)) || !have_impacts(&hit)) return false;
   if (!decide(event) && !(have_jam(&hit) && decide({}))) return false;
+  hold_coordinates(is_begin);
   const double kinetic = equations_.kinetic_energy(), potential = equations_.potential_energy();
   if (!equations_.project(span->left.t, y) || !equations_.restart(y, derivative())) return false;
   span->progress.projected += kinetic - equations_.kinetic_energy();
@@ -67,17 +73,18 @@ void ContactEvents::note_cone(const Span& span, const Watched& event) {
 
 // ---- impacts
 
-// Impacts one after the other until nothing is hit any more. Contacts that would bounce too low to
-// be seen have no restitution: then all is done again.
-bool ContactEvents::have_impacts(std::vector<double>* hit) {
+// Impacts one after the other until nothing is hit any more. What would bounce too low to be seen
+// has no restitution: then all is done again.
+bool ContactEvents::have_impacts(Of<double>* hit) {
   const std::vector<double> start(numbers_.begin(), numbers_.begin() + index(equations_.size()));
   const std::vector<ContactEquations::Contact> contacts = equations_.contacts;
-  const std::vector<ContactEquations::RigidJoint> joints = equations_.joints;
-  std::vector<char> rests(contacts.size(), 0);
+  const std::vector<ContactEquations::BodyJoint> joints = equations_.joints;
+  const std::vector<ContactEquations::Coordinate> coordinates = equations_.coordinates;
+  Of<char> rests(contacts.size(), coordinates.size());
   for (bool is_settled = false; !is_settled;) {
     int count = 0;
     for (; count < kMostImpacts; ++count) {
-      const std::vector<std::size_t> hits = find_hits(rests);
+      const Hits hits = find_hits(rests);
       if (hits.empty()) break;
       if (!have_impact(hits, rests, 0.0, hit)) return false;
     }
@@ -89,62 +96,122 @@ bool ContactEvents::have_impacts(std::vector<double>* hit) {
     std::copy(start.begin(), start.end(), numbers_.begin());
     equations_.contacts = contacts;
     equations_.joints = joints;
+    equations_.coordinates = coordinates;
     equations_.place(numbers_.data());
-    hit->assign(contacts.size(), 0.0);
+    *hit = Of<double>(contacts.size(), coordinates.size());
   }
   return true;
 }
 
-// The contacts that take part in the next impact: of those with a restitution the one that is hit
-// fastest with all others of the same pair, and all without. None where none is hit.
-std::vector<std::size_t> ContactEvents::find_hits(const std::vector<char>& rests) const {
-  std::vector<std::size_t> touching;
+std::pair<std::size_t, std::size_t> ContactEvents::bodies_of(
+    const ContactEquations::Coordinate& of) const {
+  const ContactEquations::BodyJoint& joint = equations_.joints[of.joint];
+  return std::minmax(joint.a, joint.b);
+}
+
+// Limits that are reached, and not left: those that are hit, and those without restitution.
+// `only_slow`: none that is hit.
+void ContactEvents::add_touching_limits(const Of<char>& rests, bool only_slow,
+                                        std::vector<LimitHit>* hits) const {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    const ContactEquations::Coordinate& of = equations_.coordinates[c];
+    if (!of.is_one_sided || std::isfinite(of.law.limit_force)) continue;
+    for (const bool upper_one : {false, true}) {
+      if (!std::isfinite(of.law.limit(upper_one))) continue;
+      const ContactEquations::Reading now = equations_.read(of, nullptr);
+      const Prescribed at_limit = equations_.limit(of, upper_one);
+      const double direction = upper_one ? -1.0 : 1.0;
+      if (direction * (now.q - at_limit.value) > kTouching) continue;
+      const double rate = direction * (now.rate - at_limit.rate);
+      const bool is_hit = rate < -kResting;
+      const double restitution = rests.coordinates[c] ? 0.0 : of.law.restitution;
+      if (only_slow ? rate > kResting : !is_hit && restitution > 0.0) continue;
+      hits->push_back({c, direction, rate, is_hit ? restitution : 0.0});
+    }
+  }
+}
+
+// What takes part in the next impact: of contacts and limits with a restitution the one that is hit
+// fastest with all others between the same two bodies, and all without. None where none is hit.
+ContactEvents::Hits ContactEvents::find_hits(const Of<char>& rests) const {
+  Hits hits;
   double fastest_rate = -kResting;
-  std::size_t fastest = pairs_.size();
-  bool any_hit = false;
+  std::pair<std::size_t, std::size_t> fastest;
+  bool any_hit = false, any_bounce = false;
+  const auto consider = [&](double rate, bool bounces, std::size_t a, std::size_t b) {
+    any_hit = any_hit || rate < -kResting;
+    if (!bounces || !(rate < fastest_rate)) return;
+    any_bounce = true;
+    fastest_rate = rate;
+    fastest = std::minmax(a, b);
+  };
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
     const ContactEquations::Contact& contact = equations_.contacts[c];
     const ContactMotion now = equations_.motion(contact);
     if (now.gap > kTouching) continue;
-    touching.push_back(c);
-    any_hit = any_hit || now.gap_rate() < -kResting;
-    const bool bounces = contact.restitution > 0.0 && !rests[c];
-    if (!bounces || !(now.gap_rate() < fastest_rate)) continue;
-    fastest_rate = now.gap_rate();
-    fastest = pair_of_[c];
+    hits.contacts.push_back(c);
+    consider(now.gap_rate(), contact.restitution > 0.0 && !rests.contacts[c], contact.a, contact.b);
+  }
+  add_touching_limits(rests, false, &hits.limits);
+  for (const LimitHit& hit : hits.limits) {
+    const auto [a, b] = bodies_of(equations_.coordinates[hit.coordinate]);
+    consider(hit.rate, hit.restitution > 0.0, a, b);
   }
   if (!any_hit) return {};
   const auto waits = [&](std::size_t c) {
-    return equations_.contacts[c].restitution > 0.0 && !rests[c] && pair_of_[c] != fastest;
+    const ContactEquations::Contact& contact = equations_.contacts[c];
+    return contact.restitution > 0.0 && !rests.contacts[c] &&
+           !(any_bounce && std::minmax(contact.a, contact.b) == std::minmax(fastest.first, fastest.second));
   };
-  touching.erase(std::remove_if(touching.begin(), touching.end(), waits), touching.end());
-  return touching;
+  hits.contacts.erase(std::remove_if(hits.contacts.begin(), hits.contacts.end(), waits),
+                      hits.contacts.end());
+  const auto limit_waits = [&](const LimitHit& hit) {
+    return hit.restitution > 0.0 && bodies_of(equations_.coordinates[hit.coordinate]) != fastest;
+  };
+  hits.limits.erase(std::remove_if(hits.limits.begin(), hits.limits.end(), limit_waits),
+                    hits.limits.end());
+  return hits;
 }
 
 // With less restitution where kinetic energy would rise, and where joints or friction leave no
-// answer with it. `faster` [m/s] than they are, those at rest approach. False where there is none.
-bool ContactEvents::have_impact(const std::vector<std::size_t>& hits,
-                                const std::vector<char>& rests, double faster,
-                                std::vector<double>* hit) {
-  const ContactEquations::Responses responses = equations_.responses(hits);
+// answer with it. `faster` [m/s] than they are, contacts at rest approach. False where there is
+// none.
+bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double faster,
+                                Of<double>* hit) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  std::vector<std::size_t> limits;
+  for (const LimitHit& of : hits.limits) limits.push_back(of.coordinate);
+  const ContactEquations::Responses responses = equations_.responses(hits.contacts, limits);
   ConeProblem problem;
   problem.A = responses.A;
-  VectorXd rate(3 * index(hits.size())), impulse;
-  for (std::size_t i = 0; i < hits.size(); ++i) {
-    const ContactEquations::Contact& contact = equations_.contacts[hits[i]];
+  const Index first = 3 * index(hits.contacts.size());
+  VectorXd rate(first + index(limits.size())), impulse;
+  for (std::size_t i = 0; i < hits.contacts.size(); ++i) {
+    const ContactEquations::Contact& contact = equations_.contacts[hits.contacts[i]];
     rate.segment<3>(3 * index(i)) = responses.frames[i].transpose() * equations_.motion(contact).w;
     problem.contacts.push_back({contact.friction, false, Eigen::Vector2d::Zero()});
   }
+  for (std::size_t k = 0; k < limits.size(); ++k) {
+    const LimitHit& of = hits.limits[k];
+    rate[first + index(k)] = of.direction * of.rate;
+    if (!responses.is_free[k] && of.rate < -kResting) return false;  // joints drive it in
+    problem.rows.push_back({of.direction > 0.0 ? 0.0 : -kInfinity,
+                            of.direction > 0.0 ? kInfinity : 0.0});
+    if (!responses.is_free[k]) problem.rows.back() = {};
+  }
   for (const double share : {1.0, 0.5, 0.25, 0.0}) {
     problem.b = rate;
-    for (std::size_t i = 0; i < hits.size(); ++i) {
+    for (std::size_t i = 0; i < hits.contacts.size(); ++i) {
       double& normal = problem.b[3 * index(i)];
-      const double e = rests[hits[i]] ? 0.0 : equations_.contacts[hits[i]].restitution;
+      const std::size_t c = hits.contacts[i];
+      const double e = rests.contacts[c] ? 0.0 : equations_.contacts[c].restitution;
       if (normal < -kResting)
         normal *= 1.0 + share * e;
       else
         normal = std::max(normal, 0.0) - faster;
     }
+    for (std::size_t k = 0; k < limits.size(); ++k)
+      problem.b[first + index(k)] *= 1.0 + share * hits.limits[k].restitution;
     if (!solve(problem, &impulse)) {
       if (share == 0.0) return false;
       continue;
@@ -153,41 +220,67 @@ bool ContactEvents::have_impact(const std::vector<std::size_t>& hits,
     if (impulse.dot(mean) <= kNoWork * impulse.cwiseAbs().dot(rate.cwiseAbs())) break;
   }
   equations_.apply(responses, impulse, numbers_.data());
-  for (std::size_t i = 0; i < hits.size(); ++i) (*hit)[hits[i]] += impulse[3 * index(i)];
+  for (std::size_t i = 0; i < hits.contacts.size(); ++i)
+    hit->contacts[hits.contacts[i]] += impulse[3 * index(i)];
+  for (std::size_t k = 0; k < limits.size(); ++k)
+    hit->coordinates[limits[k]] += impulse[first + index(k)];
   return true;
 }
 
 // Where friction drives a contact that slips into the other body (Painlevé), no force is large
 // enough, but an impulse without restitution, that ends the slip.
-bool ContactEvents::have_jam(std::vector<double>* hit) {
-  std::vector<std::size_t> touching;
+bool ContactEvents::have_jam(Of<double>* hit) {
+  Hits touching;
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
     const ContactMotion now = equations_.motion(equations_.contacts[c]);
-    if (now.gap <= kTouching && now.gap_rate() <= kResting) touching.push_back(c);
+    if (now.gap <= kTouching && now.gap_rate() <= kResting) touching.contacts.push_back(c);
   }
-  if (touching.empty()) return false;
+  if (touching.contacts.empty()) return false;
   ++impacts_;
-  return have_impact(touching, std::vector<char>(equations_.contacts.size(), 1), kJam, hit);
+  Of<char> rests(equations_.contacts.size(), equations_.coordinates.size());
+  std::fill(rests.contacts.begin(), rests.contacts.end(), 1);
+  std::fill(rests.coordinates.begin(), rests.coordinates.end(), 1);
+  add_touching_limits(rests, true, &touching.limits);
+  return have_impact(touching, rests, kJam, hit);
 }
 
 // Finds those that bounce too low to be seen.
-bool ContactEvents::let_rest(const std::vector<double>& hit, std::vector<char>* rests,
-                             bool* is_settled) {
+bool ContactEvents::let_rest(const Of<double>& hit, Of<char>* rests, bool* is_settled) {
   *is_settled = true;
+  const auto is_bounce = [&](std::size_t c) {
+    return hit.contacts[c] > 0.0 && equations_.contacts[c].restitution > 0.0 && !rests->contacts[c];
+  };
+  const auto is_limit_bounce = [&](std::size_t c) {
+    return hit.coordinates[c] != 0.0 && equations_.coordinates[c].law.restitution > 0.0 &&
+           !rests->coordinates[c];
+  };
   bool any = false;
-  for (std::size_t c = 0; c < hit.size(); ++c)
-    any = any || (hit[c] > 0.0 && equations_.contacts[c].restitution > 0.0 && !(*rests)[c]);
+  for (std::size_t c = 0; c < hit.contacts.size(); ++c) any = any || is_bounce(c);
+  for (std::size_t c = 0; c < hit.coordinates.size(); ++c) any = any || is_limit_bounce(c);
   if (!any) return true;
   if (!decide({})) return false;
-  for (std::size_t c = 0; c < hit.size(); ++c) {
-    const ContactEquations::Contact& contact = equations_.contacts[c];
-    if (!(hit[c] > 0.0) || contact.restitution == 0.0 || (*rests)[c]) continue;
-    const ContactMotion now = equations_.motion(contact);
-    const double speed = now.gap_rate();
+  const auto is_low = [](double gap, double speed, double fall) {
+    return gap <= kTouching && speed > 0.0 && fall > 0.0 && speed * speed <= 2.0 * fall * kBounce;
+  };
+  for (std::size_t c = 0; c < hit.contacts.size(); ++c) {
+    if (!is_bounce(c)) continue;
+    const ContactMotion now = equations_.motion(equations_.contacts[c]);
     const double fall = -(now.n.dot(acceleration_[c]) + now.n_dot.dot(now.w));
-    if (now.gap > kTouching || speed <= 0.0 || fall <= 0.0 || speed * speed > 2.0 * fall * kBounce)
+    if (!is_low(now.gap, now.gap_rate(), fall)) continue;
+    rests->contacts[c] = 1;
+    *is_settled = false;
+  }
+  for (std::size_t c = 0; c < hit.coordinates.size(); ++c) {
+    if (!is_limit_bounce(c)) continue;
+    const ContactEquations::Coordinate& of = equations_.coordinates[c];
+    const bool upper_one = hit.coordinates[c] < 0.0;
+    const double direction = upper_one ? -1.0 : 1.0;
+    const ContactEquations::Reading now = equations_.read(of, nullptr);
+    const Prescribed at_limit = equations_.limit(of, upper_one);
+    if (!is_low(direction * (now.q - at_limit.value), direction * (now.rate - at_limit.rate),
+                -direction * (coordinate_acceleration_[c] - at_limit.acceleration)))
       continue;
-    (*rests)[c] = 1;
+    rests->coordinates[c] = 1;
     *is_settled = false;
   }
   return true;
@@ -220,8 +313,10 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
     const ContactMotion now = equations_.motion(contact);
     if (now.gap <= kTouching && now.gap_rate() <= kResting) candidates.push_back(c);
   }
+  std::vector<Candidate> held;
+  if (!find_candidates(&held)) return false;
   std::vector<double> free(equations_.size());
-  equations_.derivative(0, 0.0, numbers_.data(), free.data());
+  equations_.derivative(0, equations_.time(), numbers_.data(), free.data());
   equations_.find_accelerations(free.data(), &rates_);
   const auto acceleration_of = [&](std::size_t c) {
     const ContactEquations::Contact& contact = equations_.contacts[c];
@@ -230,12 +325,18 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   acceleration_.clear();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
     acceleration_.push_back(acceleration_of(c));
-  if (candidates.empty()) return true;
+  coordinate_acceleration_.clear();
+  for (const ContactEquations::Coordinate& of : equations_.coordinates)
+    coordinate_acceleration_.push_back(equations_.read(of, &rates_).acceleration);
+  if (candidates.empty() && held.empty()) return true;
 
-  const ContactEquations::Responses responses = equations_.responses(candidates);
+  std::vector<std::size_t> coordinates;
+  for (const Candidate& row : held) coordinates.push_back(row.coordinate);
+  const ContactEquations::Responses responses = equations_.responses(candidates, coordinates);
   ConeProblem problem;
   problem.A = responses.A;
-  problem.b.resize(3 * index(candidates.size()));
+  const Index first = 3 * index(candidates.size());
+  problem.b.resize(first + index(held.size()));
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const ContactEquations::Contact& contact = equations_.contacts[candidates[i]];
     const ContactMotion now = equations_.motion(contact);
@@ -249,16 +350,51 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
     if (slips) direction = responses.frames[i].rightCols<2>().transpose() * slip / speed;
     problem.contacts.push_back({contact.friction, slips, direction});
   }
+  for (std::size_t k = 0; k < held.size(); ++k) {
+    problem.b[first + index(k)] =
+        coordinate_acceleration_[held[k].coordinate] - held[k].acceleration;
+    problem.rows.push_back({held[k].bounds.least, held[k].bounds.most});
+    if (!responses.is_free[k]) problem.rows.back() = {};
+  }
   VectorXd force;
   if (!solve(problem, &force)) return false;
-  choose_acts(event, candidates, responses, problem, force);
+  choose_acts(event, responses, problem, force);
+  choose_holds(event, held, responses, problem, force);
+  if (!is_within_bounds()) take_forces(held, responses, force);
+  return true;
+}
+
+// Coordinates that move as something that may hold them; of the others sets what acts. False where
+// one goes beyond a limit of any force.
+bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    ContactEquations::Coordinate& of = equations_.coordinates[c];
+    of.state = {};
+    of.reference = 0.0;
+    if (!of.is_one_sided) continue;
+    const ContactEquations::Reading now = equations_.read(of, nullptr);
+    const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
+    const auto zeta = [&] { return equations_.zeta(of); };
+    OneSidedState state;
+    const std::optional<Hold> hold =
+        find_hold(of.law, states_before_[c], now, limit, zeta, &state);
+    if (hold) {
+      const Prescribed at = rate_held_at(*hold, limit, zeta);
+      candidates->push_back(
+          {c, *hold, at.rate, at.acceleration, force_bounds(of.law, *hold, at.rate, zeta().rate)});
+      continue;
+    }
+    if (state.yield != 0 && !std::isfinite(of.law.limit_force)) return false;
+    of.state = state;
+  }
   return true;
 }
 
 // By the solution of the problem of the accelerations; also finds these for all that touch.
-void ContactEvents::choose_acts(const Watched& event, const std::vector<std::size_t>& candidates,
+void ContactEvents::choose_acts(const Watched& event,
                                 const ContactEquations::Responses& responses,
                                 const ConeProblem& problem, const VectorXd& force) {
+  const std::vector<std::size_t>& candidates = responses.contacts;
   const VectorXd a = problem.b + problem.A * force;
   const double scale = problem.b.lpNorm<Eigen::Infinity>();
   const double largest_force = equations_.largest_force();
@@ -268,7 +404,7 @@ void ContactEvents::choose_acts(const Watched& event, const std::vector<std::siz
     ContactEquations::Contact& contact = equations_.contacts[candidates[i]];
     const ContactMotion now = equations_.motion(contact);
     acceleration_[candidates[i]] = responses.frames[i] * a_i - now.n * now.n_dot.dot(now.w);
-    const bool gives_way = event.kind != Watched::Kind::kNothing && event.contact == candidates[i];
+    const bool gives_way = event.is_of_contact() && event.contact == candidates[i];
     if (f[0] == 0.0 && a_i[0] > kAtRest * scale) continue;
     if (gives_way && event.kind == Watched::Kind::kForce && f[0] <= kAtBound * largest_force)
       continue;
@@ -284,8 +420,49 @@ void ContactEvents::choose_acts(const Watched& event, const std::vector<std::siz
     else if (contact.friction > 0.0)
       contact.acts = Acts::kSticks;
   }
-  if (is_within_bounds()) return;
-  // the forces of least norm are not: those of the solution, and what is at its bound gives way
+}
+
+// The same of coordinates.
+void ContactEvents::choose_holds(const Watched& event, const std::vector<Candidate>& candidates,
+                                 const ContactEquations::Responses& responses,
+                                 const ConeProblem& problem, const VectorXd& force) {
+  if (candidates.empty()) return;
+  const VectorXd a = problem.b + problem.A * force;
+  const VectorXd roots = problem.A.diagonal().cwiseMax(0.0).cwiseSqrt();
+  double largest = 0.0;
+  for (Index i = 0; i < a.size(); ++i)
+    if (roots[i] > 0.0) largest = std::max(largest, std::abs(problem.b[i]) / roots[i]);
+  const double largest_force = equations_.largest_force();
+  for (std::size_t k = 0; k < candidates.size(); ++k) {
+    const Candidate& row = candidates[k];
+    const Index i = 3 * index(responses.contacts.size()) + index(k);
+    ContactEquations::Coordinate& of = equations_.coordinates[row.coordinate];
+    coordinate_acceleration_[row.coordinate] = a[i] + row.acceleration;
+    if (!responses.is_free[k]) continue;
+    signed char side = std::abs(a[i]) > kAtRest * largest * roots[i] ? sign_of(a[i]) : sign_of(0.0);
+    const double bound = event.side < 0 ? row.bounds.least : row.bounds.most;
+    const bool gives_way =
+        event.kind == Watched::Kind::kHeld && event.coordinate == row.coordinate;
+    if (side == 0 && gives_way &&
+        std::abs(force[i] - bound) <=
+            kAtBound * std::max({std::abs(bound), std::abs(force[i]), largest_force}))
+      side = static_cast<signed char>(-event.side);
+    if (side == 0)
+      of.state.hold = row.hold;
+    else
+      of.state = state_leaving(of.law, row.hold, row.rate, equations_.zeta(of).rate, side);
+  }
+}
+
+// The forces of least norm are not within their bounds: those of the solution, and what is at its
+// bound gives way.
+void ContactEvents::take_forces(const std::vector<Candidate>& held,
+                                const ContactEquations::Responses& responses,
+                                const VectorXd& force) {
+  const std::vector<std::size_t>& candidates = responses.contacts;
+  for (std::size_t k = 0; k < held.size(); ++k)
+    equations_.coordinates[held[k].coordinate].reference =
+        force[3 * index(candidates.size()) + index(k)];
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     ContactEquations::Contact& contact = equations_.contacts[candidates[i]];
     if (contact.acts == Acts::kOpen) continue;
@@ -304,18 +481,41 @@ void ContactEvents::choose_acts(const Watched& event, const std::vector<std::siz
 // whether the forces of all that acts now are, to rounding
 bool ContactEvents::is_within_bounds() {
   std::vector<double> unused(equations_.size());
-  equations_.derivative(0, 0.0, numbers_.data(), unused.data());
+  equations_.derivative(0, equations_.time(), numbers_.data(), unused.data());
   std::vector<Watched> forces;
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
     if (equations_.contacts[c].acts != Acts::kOpen) watch_forces(c, &forces);
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c)
+    if (equations_.coordinates[c].state.hold != Hold::kNone) watch_held(c, &forces);
   return std::all_of(forces.begin(), forces.end(),
                      [](const Watched& watched) { return watched.value >= -watched.tolerance; });
 }
 
+// Where coordinates are held from now on.
+void ContactEvents::hold_coordinates(bool is_begin) {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    ContactEquations::Coordinate& of = equations_.coordinates[c];
+    const OneSidedState& before = states_before_[c];
+    if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
+    of.held = equations_.read(of, nullptr).q;
+    of.held_at = equations_.time();
+    if (before.yield != 0) of.given_way += of.held - equations_.limit(of, before.yield > 0).value;
+  }
+}
+
 // ---- what is told
 
-void ContactEvents::tell(double t, const std::vector<Acts>& before, const std::vector<double>& hit,
+void ContactEvents::tell(double t, const std::vector<Acts>& before, const Of<double>& hit,
                          bool is_begin) {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    const ContactEquations::Coordinate& of = equations_.coordinates[c];
+    if (!of.is_one_sided) continue;
+    const OneSidedState& then = is_begin ? of.state : states_before_[c];
+    add_changes(of.law, then, of.state, hit.coordinates[c], is_begin,
+                [&](EventKind kind, double impulse) {
+                  told_.push_back({kind, t, -1, static_cast<int>(c), impulse});
+                });
+  }
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     const Pair& pair = pairs_[p];
     bool was = false, is = false, stuck = false, sticks = false;
@@ -326,14 +526,14 @@ void ContactEvents::tell(double t, const std::vector<Acts>& before, const std::v
       stuck = stuck || then == Acts::kSticks;
       is = is || now != Acts::kOpen;
       sticks = sticks || now == Acts::kSticks;
-      impulse += hit[c];
+      impulse += hit.contacts[c];
     }
     if (is_begin && impulse > 0.0) was = false;
-    if (!was && (is || impulse > 0.0)) told_.push_back({EventKind::kContactBegan, t, p, impulse});
-    if (was && impulse > 0.0) told_.push_back({EventKind::kHit, t, p, impulse});
-    if ((was || impulse > 0.0) && !is) told_.push_back({EventKind::kContactEnded, t, p, 0.0});
+    if (!was && (is || impulse > 0.0)) told_.push_back({EventKind::kContactBegan, t, static_cast<int>(p), -1, impulse});
+    if (was && impulse > 0.0) told_.push_back({EventKind::kHit, t, static_cast<int>(p), -1, impulse});
+    if ((was || impulse > 0.0) && !is) told_.push_back({EventKind::kContactEnded, t, static_cast<int>(p), -1, 0.0});
     if (was && is && stuck != sticks && pair.friction > 0.0)
-      told_.push_back({sticks ? EventKind::kSticks : EventKind::kSlips, t, p, 0.0});
+      told_.push_back({sticks ? EventKind::kSticks : EventKind::kSlips, t, static_cast<int>(p), -1, 0.0});
   }
 }
 

@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/methods/event_span.h"
+#include "engine/methods/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kForceShare = 1e-9;  // of the largest force: less is rounding
 constexpr std::size_t kStagesWatched = 12;
 
@@ -61,30 +60,17 @@ void EventDriven::watch(const Span& span, double t, std::vector<Watched>* list) 
     const OneSidedState& state = states_[c];
     if (is_broken_[law.joint]) continue;
     const Reading reading = read(span, law, t, equations, rates_);
-    Watched watched;
-    watched.law = static_cast<int>(c);
-    const auto watch_rate = [&](double direction, const Prescribed& of) {
-      watched.known = 1;
-      watched.value = direction * (reading.rate - of.rate);
-      watched.rate = direction * (reading.acceleration - of.acceleration);
-      watched.tolerance = kEpsilon * (std::abs(reading.rate) + std::abs(of.rate));
+    const auto limit_of = [&](bool upper_one) { return limit(c, upper_one, t); };
+    const auto zeta_of = [&] { return zeta(span, c, t); };
+    const auto add = [&](const WatchedValue& value) {
+      Watched watched;
+      static_cast<WatchedValue&>(watched) = value;
+      watched.law = static_cast<int>(c);
       list->push_back(watched);
     };
-    for (const bool upper_one : {false, true}) {
-      if (!std::isfinite(law.limit(upper_one)) || state.is_at(upper_one)) continue;
-      const Prescribed at_limit = limit(c, upper_one, t);
-      const double direction = upper_one ? -1.0 : 1.0;
-      watched.known = 2;
-      watched.value = direction * (reading.q - at_limit.value);
-      watched.rate = direction * (reading.rate - at_limit.rate);
-      watched.acceleration = direction * (reading.acceleration - at_limit.acceleration);
-      watched.tolerance = 4.0 * kEpsilon * (std::abs(reading.q) + std::abs(at_limit.value));
-      list->push_back(watched);
-    }
+    watch_limits(law, state, reading, limit_of, add);
     if (state.hold != Hold::kNone) watch_force(span, c, reading, t, list);
-    if (state.slip != 0) watch_rate(state.slip, {});
-    if (state.drive != 0) watch_rate(state.drive, zeta(span, c, t));
-    if (state.yield != 0) watch_rate(state.yield, limit(c, state.yield > 0, t));
+    watch_rates(state, reading, limit_of, zeta_of, add);
   }
   if (!breaking_.empty() && equations.redundant_rows() == 0) watch_breaking(span, t, list);
 }
@@ -128,11 +114,7 @@ bool EventDriven::locate(Span* span, const SubstepSpan& start, double h,
       motion.return_to_start();
     else if (!motion.repeat_substep(rest_of(*span), span->accuracy, start.t, share * h))
       return false;
-    span->left = start;
-    if (!is_start) {
-      span->left.left = start.left - share * h;
-      span->left.t = start.end - span->left.left;
-    }
+    span->left = is_start ? start : gone_on(start, share * h);
     motion.equations().scatter_state(motion.state(), span->states);
     watch(*span, span->left.t, &watched_.after);
     return true;

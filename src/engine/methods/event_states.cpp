@@ -12,6 +12,7 @@
 
 #include "engine/linear/box_lcp.h"
 #include "engine/methods/event_span.h"
+#include "engine/methods/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -29,8 +30,6 @@ constexpr int kMostImpacts = 2000;
 constexpr std::size_t kMostVariants = 16;
 
 Index index(std::size_t i) { return static_cast<Index>(i); }
-
-signed char sign(double x) { return static_cast<signed char>(x > 0.0 ? 1 : (x < 0.0 ? -1 : 0)); }
 
 }  // namespace
 
@@ -251,45 +250,20 @@ std::optional<EventDriven::Candidate> EventDriven::candidate(const Span& span, s
                                                              OneSidedState* state) const {
   const OneSidedLaw& law = laws_[c];
   const double t = span.left.t;
-  const Prescribed drive = zeta(span, c, t);
-  const auto held = [&](Hold hold, const Prescribed& at) {
-    return Candidate{c, hold, at.rate, at.acceleration,
-                     force_bounds(law, hold, at.rate, drive.rate)};
-  };
-  for (const bool upper_one : {false, true}) {
-    if (!std::isfinite(law.limit(upper_one))) continue;
-    const Prescribed at_limit = limit(c, upper_one, t);
-    const double direction = upper_one ? -1.0 : 1.0;
-    const bool gave_way = states_[c].yield == -direction;  // and is where the length is
-    if (!gave_way && direction * (reading.q - at_limit.value) > kTouching) continue;
-    const double rate = direction * (reading.rate - at_limit.rate);
-    if (std::abs(rate) <= kResting) return held(upper_one ? Hold::kUpper : Hold::kLower, at_limit);
-    if (rate < 0.0) state->yield = sign(-direction);
-  }
-  if (state->yield != 0) return std::nullopt;
-  if (law.friction > 0.0 && std::abs(reading.rate) <= kResting) return held(Hold::kStill, {});
-  if (law.drive > 0.0 && std::abs(reading.rate - drive.rate) <= kResting)
-    return held(Hold::kDrive, drive);
-  if (law.friction > 0.0) state->slip = sign(reading.rate);
-  if (law.drive > 0.0) state->drive = sign(reading.rate - drive.rate);
-  return std::nullopt;
+  const auto limit_of = [&](bool upper_one) { return limit(c, upper_one, t); };
+  const auto zeta_of = [&] { return zeta(span, c, t); };
+  const std::optional<Hold> hold = find_hold(law, states_[c], reading, limit_of, zeta_of, state);
+  if (!hold) return std::nullopt;
+  const Prescribed at = rate_held_at(*hold, limit_of, zeta_of);
+  return Candidate{c, *hold, at.rate, at.acceleration,
+                   force_bounds(law, *hold, at.rate, zeta_of().rate)};
 }
 
 // what a candidate does that leaves its rate to this side
 OneSidedState EventDriven::leaving(const Span& span, const Candidate& from,
                                    signed char side) const {
-  const OneSidedLaw& law = laws_[from.law];
-  const auto beside = [&](double rate) {
-    const double off = from.rate - rate;
-    return std::abs(off) <= kResting ? side : sign(off);
-  };
-  OneSidedState state;
-  if (law.friction > 0.0) state.slip = beside(0.0);
-  if (law.drive > 0.0) state.drive = beside(zeta(span, from.law, span.left.t).rate);
-  if (std::isfinite(law.limit_force) &&
-      ((from.hold == Hold::kUpper && side > 0) || (from.hold == Hold::kLower && side < 0)))
-    state.yield = side;
-  return state;
+  return state_leaving(laws_[from.law], from.hold, from.rate, zeta(span, from.law, span.left.t).rate,
+                       side);
 }
 
 // Also finds the accelerations of all coordinates with that.
@@ -336,7 +310,7 @@ bool EventDriven::decide(const Span& span, Rows* problem_at, const Release& rele
   std::vector<signed char> sides;
   for (Index i = 0; i < n; ++i) {
     const Candidate& row = candidates[static_cast<std::size_t>(i)];
-    signed char side = std::abs(a[i]) > kAtRest * largest * roots[i] ? sign(a[i]) : sign(0.0);
+    signed char side = std::abs(a[i]) > kAtRest * largest * roots[i] ? sign_of(a[i]) : sign_of(0.0);
     const double bound = release.side < 0 ? row.bounds.least : row.bounds.most;
     if (side == 0 && release.law == static_cast<int>(row.law) &&
         std::abs(lambda[i] - bound) <=
@@ -420,30 +394,14 @@ void EventDriven::hold_rows(const Span& span, const Rows& rows,
 
 // What of the change from the present states to the next ones is told.
 void EventDriven::tell(const Span& span, const Rows& rows, const std::vector<OneSidedState>& next) {
-  const auto add = [&](EventKind kind, const OneSidedLaw& law, double impulse) {
-    told_.push_back(
-        {kind, span.left.t, law.joint, law.is_distance ? -1 : law.coordinate, std::abs(impulse)});
-  };
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     const OneSidedLaw& law = laws_[c];
     if (is_broken_[law.joint]) continue;
-    const OneSidedState before = has_started_ ? states_[c] : next[c];  // what it begins with
-    const double hit = rows.hit[c];
-    for (const bool upper_one : {false, true}) {
-      const bool is_hit = upper_one ? hit < 0.0 : hit > 0.0;
-      const bool was = has_started_ ? before.is_at(upper_one) : next[c].is_at(upper_one) && !is_hit;
-      const bool is_rope = law.is_distance && upper_one;
-      if (!was && (is_hit || next[c].is_at(upper_one)))
-        add(is_rope ? EventKind::kRopeTaut : EventKind::kLimitReached, law, is_hit ? hit : 0.0);
-      if ((was || is_hit) && !next[c].is_at(upper_one))
-        add(is_rope ? EventKind::kRopeSlack : EventKind::kLimitLeft, law, 0.0);
-    }
-    const auto compare = [&](bool was, bool is, EventKind begins, EventKind ends) {
-      if (was != is) add(is ? begins : ends, law, 0.0);
-    };
-    compare(before.drive != 0 || before.yield != 0, next[c].drive != 0 || next[c].yield != 0,
-            EventKind::kSaturated, EventKind::kReleased);
-    compare(before.slip != 0, next[c].slip != 0, EventKind::kSlips, EventKind::kSticks);
+    add_changes(law, states_[c], next[c], rows.hit[c], !has_started_,
+                [&](EventKind kind, double impulse) {
+                  told_.push_back({kind, span.left.t, law.joint,
+                                   law.is_distance ? -1 : law.coordinate, impulse});
+                });
   }
 }
 

@@ -1,0 +1,155 @@
+#pragma once
+
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "constraint_sim/engine/event.h"
+#include "engine/constraints/course.h"
+#include "engine/constraints/one_sided_law.h"
+#include "engine/methods/event_watch.h"
+#include "engine/methods/integrate.h"
+
+namespace constraint_sim::engine {
+
+// What the methods that go from event to event share: of time, and of one-sided laws. At which rate
+// something may hold a coordinate, what acts once that gives way, what is watched meanwhile, and
+// which events a change is. `limit(upper_one)` returns where that limit is and how it moves, `zeta()` the rate and
+// the acceleration that the motor asks for. A reading is where a coordinate is, as `q`, and how it
+// moves, as `rate` and `acceleration`.
+
+inline signed char sign_of(double x) {
+  return static_cast<signed char>(x > 0.0 ? 1 : (x < 0.0 ? -1 : 0));
+}
+
+/// Where a substep is that began at `start` and has gone on by `done` [s]. What is left is nothing
+/// where the time cannot tell it, as where an event is at the end of a tick.
+inline SubstepSpan gone_on(const SubstepSpan& start, double done) {
+  SubstepSpan now = start;
+  now.left = start.left - done;
+  now.t = start.end - now.left;
+  if (now.t + now.left == now.t) now.left = 0.0;
+  return now;
+}
+
+/// What may hold a coordinate, by where it is and how it moves. None where nothing does: then sets
+/// what acts in `state`, which begins with nothing. `before`: what acted until now.
+template <class Reading, class Limit, class Zeta>
+std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& before,
+                              const Reading& reading, Limit limit, Zeta zeta,
+                              OneSidedState* state) {
+  for (const bool upper_one : {false, true}) {
+    if (!std::isfinite(law.limit(upper_one))) continue;
+    const Prescribed at_limit = limit(upper_one);
+    const double direction = upper_one ? -1.0 : 1.0;
+    const bool gave_way = before.yield == -direction;  // and is where the length is
+    if (!gave_way && direction * (reading.q - at_limit.value) > kTouching) continue;
+    const double rate = direction * (reading.rate - at_limit.rate);
+    if (std::abs(rate) <= kResting) return upper_one ? Hold::kUpper : Hold::kLower;
+    if (rate < 0.0) state->yield = sign_of(-direction);
+  }
+  if (state->yield != 0) return std::nullopt;
+  if (law.friction > 0.0 && std::abs(reading.rate) <= kResting) return Hold::kStill;
+  if (law.drive > 0.0) {
+    const double off = reading.rate - zeta().rate;
+    if (std::abs(off) <= kResting) return Hold::kDrive;
+    state->drive = sign_of(off);
+  }
+  if (law.friction > 0.0) state->slip = sign_of(reading.rate);
+  return std::nullopt;
+}
+
+/// The rate and the acceleration that it is held at.
+template <class Limit, class Zeta>
+Prescribed rate_held_at(Hold hold, Limit limit, Zeta zeta) {
+  switch (hold) {
+    case Hold::kUpper:
+    case Hold::kLower:
+      return limit(hold == Hold::kUpper);
+    case Hold::kDrive:
+      return zeta();
+    case Hold::kNone:
+    case Hold::kStill:
+      break;
+  }
+  return {};
+}
+
+/// What acts on a coordinate that was held at `rate` and leaves it to a side.
+inline OneSidedState state_leaving(const OneSidedLaw& law, Hold hold, double rate, double zeta_rate,
+                                   signed char side) {
+  const auto beside = [&](double at) {
+    const double off = rate - at;
+    return std::abs(off) <= kResting ? side : sign_of(off);
+  };
+  OneSidedState state;
+  if (law.friction > 0.0) state.slip = beside(0.0);
+  if (law.drive > 0.0) state.drive = beside(zeta_rate);
+  if (std::isfinite(law.limit_force) &&
+      ((hold == Hold::kUpper && side > 0) || (hold == Hold::kLower && side < 0)))
+    state.yield = side;
+  return state;
+}
+
+/// Adds the gaps of limits that are not reached: `add(WatchedValue)`.
+template <class Reading, class Limit, class Add>
+void watch_limits(const OneSidedLaw& law, const OneSidedState& state, const Reading& reading,
+                  Limit limit, Add add) {
+  for (const bool upper_one : {false, true}) {
+    if (!std::isfinite(law.limit(upper_one)) || state.is_at(upper_one)) continue;
+    const Prescribed at_limit = limit(upper_one);
+    const double direction = upper_one ? -1.0 : 1.0;
+    WatchedValue watched;
+    watched.known = 2;
+    watched.value = direction * (reading.q - at_limit.value);
+    watched.rate = direction * (reading.rate - at_limit.rate);
+    watched.acceleration = direction * (reading.acceleration - at_limit.acceleration);
+    watched.tolerance = 4.0 * std::numeric_limits<double>::epsilon() *
+                        (std::abs(reading.q) + std::abs(at_limit.value));
+    add(watched);
+  }
+}
+
+/// Adds the rates of what slips, of motors at their limits and of limits that give way.
+template <class Reading, class Limit, class Zeta, class Add>
+void watch_rates(const OneSidedState& state, const Reading& reading, Limit limit, Zeta zeta,
+                 Add add) {
+  const auto watch_rate = [&](double direction, const Prescribed& of) {
+    WatchedValue watched;
+    watched.known = 1;
+    watched.value = direction * (reading.rate - of.rate);
+    watched.rate = direction * (reading.acceleration - of.acceleration);
+    watched.tolerance =
+        std::numeric_limits<double>::epsilon() * (std::abs(reading.rate) + std::abs(of.rate));
+    add(watched);
+  };
+  if (state.slip != 0) watch_rate(state.slip, {});
+  if (state.drive != 0) watch_rate(state.drive, zeta());
+  if (state.yield != 0) watch_rate(state.yield, limit(state.yield > 0));
+}
+
+/// Adds the events that a change is: `add(kind, impulse)`. `hit`: the impulse that a limit had,
+/// > 0 of the lower one. `is_begin`: what acted before is not known.
+template <class Add>
+void add_changes(const OneSidedLaw& law, const OneSidedState& before, const OneSidedState& next,
+                 double hit, bool is_begin, Add add) {
+  for (const bool upper_one : {false, true}) {
+    const bool is_hit = upper_one ? hit < 0.0 : hit > 0.0;
+    const bool was = is_begin ? next.is_at(upper_one) && !is_hit : before.is_at(upper_one);
+    const bool is_rope = law.is_distance && upper_one;
+    if (!was && (is_hit || next.is_at(upper_one)))
+      add(is_rope ? EventKind::kRopeTaut : EventKind::kLimitReached,
+          is_hit ? std::abs(hit) : 0.0);
+    if ((was || is_hit) && !next.is_at(upper_one))
+      add(is_rope ? EventKind::kRopeSlack : EventKind::kLimitLeft, 0.0);
+  }
+  if (is_begin) return;
+  const auto compare = [&](bool was, bool is, EventKind begins, EventKind ends) {
+    if (was != is) add(is ? begins : ends, 0.0);
+  };
+  compare(before.drive != 0 || before.yield != 0, next.drive != 0 || next.yield != 0,
+          EventKind::kSaturated, EventKind::kReleased);
+  compare(before.slip != 0, next.slip != 0, EventKind::kSlips, EventKind::kSticks);
+}
+
+}  // namespace constraint_sim::engine

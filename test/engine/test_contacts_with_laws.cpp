@@ -1,0 +1,295 @@
+// Contacts together with ropes, limits, friction and motors with a force limit on joints, all in
+// one group that is carried from event to event. Oracles: closed forms. What is left of errors is
+// rounding, and for what turns the tolerance of 1e-10 m/s.
+
+#include "bouncing.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kPlace = 1e-12;  // [m] of what is in closed form within a tick, too
+constexpr double kTime = 1e-12;   // [s]
+
+WorldOptions by_events(double time_step, double gravity = kGravity) {
+  WorldOptions options = engine::options(time_step, gravity);
+  options.method = Method::kEventDriven;
+  options.tolerance = 1e-10;
+  return options;
+}
+
+Body with_surface(Body body, double friction, double restitution) {
+  body.friction = friction;
+  body.restitution = restitution;
+  return body;
+}
+
+/// A plane through a point, in which nothing is where `normal` does not point to.
+Body plane(const std::string& name, const Vector3d& point, const Vector3d& normal, double friction,
+           double restitution) {
+  Body body;
+  body.name = name;
+  body.type = BodyType::kStatic;
+  body.shape = Plane{};
+  body.state.position = point;
+  body.state.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), normal);
+  return with_surface(body, friction, restitution);
+}
+
+/// Steps on, with the events of so many seconds. All is to be carried by events.
+std::vector<Event> advance(World* world, double seconds) {
+  std::vector<Event> all;
+  const int steps = static_cast<int>(std::lround(seconds / world->options().time_step));
+  for (int i = 0; i < steps; ++i) {
+    world->step();
+    EXPECT_EQ(world->report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)], 0u)
+        << world->time();
+    EXPECT_LT(world->report().max_penetration, 1e-9) << world->time();
+    all.insert(all.end(), world->events().begin(), world->events().end());
+  }
+  return all;
+}
+
+/// Those of one kind.
+std::vector<Event> of_kind(const std::vector<Event>& events, EventKind kind) {
+  std::vector<Event> found;
+  for (const Event& event : events)
+    if (event.kind == kind) found.push_back(event);
+  return found;
+}
+
+/// A slider along x from the world to a body.
+Joint slider_along_x(BodyId body, const Vector3d& place) {
+  Joint joint;
+  joint.name = "slider";
+  joint.kind = JointKind::kSlider;
+  joint.anchor_a = place;
+  joint.frame_a = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitX());
+  joint.body_b = body;
+  return joint;
+}
+
+class ContactsWithLawsAt : public testing::TestWithParam<double> {};
+
+INSTANTIATE_TEST_SUITE_P(Ticks, ContactsWithLawsAt,
+                         testing::Values(1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000));
+
+// A bob on a taut rope swings from 60° against a wall below its pivot, as one on a rod would: the
+// first hit after a quarter of its period, with √(2 g L (1 − cos 60°)) and e of that after each.
+TEST_P(ContactsWithLawsAt, ABobOnARopeHitsAWall) {
+  constexpr double kRestitution = 0.8, kLength = 1.0, kRadius = 0.1;
+  World world(by_events(GetParam()));
+  world.add_body(plane("wall", {-kRadius, 0.0, 0.0}, Vector3d::UnitX(), 0.0, kRestitution));
+  const double angle = kPi / 3.0;
+  const BodyId bob = world.add_body(
+      make_body("bob", Sphere{kRadius}, 1.0,
+                {kLength * std::sin(angle), 0.0, -kLength * std::cos(angle)}));
+  const JointId id = world.add_joint(hang("rope", bob, rope(kLength)));
+  double a = 1.0, b = std::cos(0.5 * angle);  // K by the mean of Gauss
+  for (int i = 0; i < 8; ++i) {
+    const double mean = 0.5 * (a + b);
+    b = std::sqrt(a * b);
+    a = mean;
+  }
+  const double first = kPi / (2.0 * a) * std::sqrt(kLength / kGravity);
+  const std::vector<Event> events = advance(&world, 4.0);
+  const std::vector<Event> hits = of_kind(events, EventKind::kContactBegan);
+  ASSERT_GE(hits.size(), 3u);
+  EXPECT_NEAR(hits[0].time, first, 1e-9);  // tolerance 1e-10 m/s over the way, at 3 m/s
+  double speed = std::sqrt(2.0 * kGravity * kLength * (1.0 - std::cos(angle)));
+  for (const Event& event : hits) {
+    EXPECT_NEAR(event.impulse, (1.0 + kRestitution) * speed, 1e-8);
+    speed *= kRestitution;
+  }
+  EXPECT_NEAR(world.energy(), 0.5 * speed * speed - kGravity * kLength, 1e-8);
+  EXPECT_LT(std::abs(world.joint_state(id).error), 1e-12);
+  EXPECT_TRUE(of_kind(events, EventKind::kRopeSlack).empty());
+}
+
+// A ball between a wall, e = 0.5, and the end of its rope, which stops it. No gravity.
+TEST_P(ContactsWithLawsAt, ARopeStopsWhatAWallThrowsBack) {
+  World world(by_events(GetParam(), 0.0));
+  world.add_body(plane("wall", {0.6, 0.0, 0.0}, -Vector3d::UnitX(), 0.3, 0.5));
+  Body ball = make_body("ball", Sphere{0.1}, 2.0, Vector3d::Zero());
+  ball.state.linear_velocity.x() = 4.0;
+  const BodyId id = world.add_body(ball);
+  world.add_joint(make_joint("rope", kWorldBody, {0.2, 0.0, 0.0}, id, Vector3d::Zero(), rope(0.45)));
+  const std::vector<Event> events = advance(&world, 1.0);
+  // 0.5 m at 4 m/s, back by 0.75 m at 2 m/s
+  const std::vector<Event> hits = of_kind(events, EventKind::kContactBegan);
+  const std::vector<Event> taut = of_kind(events, EventKind::kRopeTaut);
+  ASSERT_EQ(hits.size(), 1u);
+  EXPECT_NEAR(hits[0].time, 0.125, kTime);
+  EXPECT_NEAR(hits[0].impulse, 2.0 * 6.0, kPlace);
+  ASSERT_EQ(taut.size(), 1u);
+  EXPECT_NEAR(taut[0].time, 0.5, kTime);
+  EXPECT_NEAR(taut[0].impulse, 2.0 * 2.0, kPlace);
+  EXPECT_NEAR(world.state(id).position.x(), -0.25, kPlace);
+  EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-14);
+}
+
+// A winch of 30 N pulls a box of 5 kg over a floor: with μ = 0.3 at (30 − μ m g)/m up to the 0.8 m/s
+// that it asks for, and then with μ m g; with μ = 0.7 not at all. By a rope that is wound, and by a
+// motor on the length.
+TEST_P(ContactsWithLawsAt, AWinchPullsABoxOverAFloor) {
+  constexpr double kForce = 30.0, kMass = 5.0, kSpeed = 0.8;
+  for (const bool by_rope : {true, false}) {
+    for (const double mu : {0.3, 0.7}) {
+      World world(by_events(GetParam()));
+      world.add_body(plane("floor", Vector3d::Zero(), Vector3d::UnitZ(), mu, 0.0));
+      const BodyId id = world.add_body(
+          with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, kMass, {5.0, 0.0, 0.2}), mu, 0.0));
+      Joint winch = make_joint("winch", kWorldBody, {0.0, 0.0, 0.2}, id, Vector3d::Zero(), rope(5.0));
+      if (by_rope) {
+        winch.motor.bias = -kSpeed;
+        winch.motor.max_force = kForce;
+      } else {
+        winch.kind = JointKind::kFreeDistance;
+        winch.distance = {};
+        winch.coordinates[0].motor.emplace();
+        winch.coordinates[0].motor->bias = -kSpeed;
+        winch.coordinates[0].motor->max_force = kForce;
+      }
+      const JointId joint = world.add_joint(winch);
+      const std::vector<Event> events = advance(&world, 1.0);
+      const double friction = mu * kMass * kGravity;
+      const double a = std::max(0.0, (kForce - friction) / kMass);
+      const double t = a > 0.0 ? kSpeed / a : 0.0;
+      const double way = a > 0.0 ? 0.5 * a * t * t + kSpeed * (world.time() - t) : 0.0;
+      EXPECT_LT((world.state(id).position - Vector3d(5.0 - way, 0.0, 0.2)).norm(), 10.0 * kPlace)
+          << by_rope << ' ' << mu;
+      EXPECT_NEAR(contact_force_on(world, id).z(), kMass * kGravity, 1e-9);
+      EXPECT_NEAR(contact_force_on(world, id).x(), a > 0.0 ? friction : kForce, 1e-9);
+      EXPECT_NEAR(std::abs(world.joint_state(joint).force), a > 0.0 ? friction : kForce, 1e-9);
+      EXPECT_EQ(world.joint_state(joint).saturated, a == 0.0);
+      if (a == 0.0) continue;
+      const std::vector<Event> released = of_kind(events, EventKind::kReleased);
+      ASSERT_EQ(released.size(), 1u);
+      EXPECT_NEAR(released[0].time, t, kTime);
+    }
+  }
+}
+
+// A ball bounces to its rest on an arm that its hinge's stop holds up: as on a floor.
+TEST_P(ContactsWithLawsAt, ABallBouncesOnAnArmAtItsStop) {
+  for (const double e : {0.0, 0.5, 0.9}) {
+    World world(by_events(GetParam()));
+    const Body arm = with_surface(make_body("arm", Box{{1.0, 0.4, 0.2}}, 3.0, {0.5, 0.0, -0.1}), 0.0, e);
+    const BodyId arm_id = world.add_body(arm);
+    Joint hinge;
+    hinge.name = "hinge";
+    hinge.kind = JointKind::kHinge;
+    hinge.anchor_a = {0.0, 0.0, -0.1};
+    hinge.frame_a = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitY());
+    hinge.body_b = arm_id;
+    hinge.anchor_b = {-0.5, 0.0, 0.0};
+    hinge.coordinates[0].upper = 0.0;  // turning about y lowers the arm
+    const JointId joint = world.add_joint(hinge);
+    const BodyId ball =
+        world.add_body(with_surface(make_body("ball", Sphere{0.1}, 2.0, {0.7, 0.0, 0.4}), 0.0, e));
+    double worst = 0.0;
+    while (world.time() < (e == 0.9 ? 5.5 : 2.0) - 1e-9) {
+      advance(&world, GetParam());
+      worst = std::max(
+          worst, std::abs(world.state(ball).position.z() - 0.1 - bouncing(0.3, e, world.time())));
+    }
+    EXPECT_LT(worst, e == 0.0 ? kPlace : 1e-10) << e;  // what is cut off bounces less than 1e-10 m
+    EXPECT_LT((world.state(arm_id).position - arm.state.position).norm(), kPlace);
+    // 2 kg at 0.7 m and 3 kg at 0.5 m
+    EXPECT_NEAR(world.joint_state(joint).coordinates[0].effort,
+                -kGravity * (2.0 * 0.7 + 3.0 * 0.5), 1e-8);
+  }
+}
+
+// A ball of m strikes a block of M on a slider with friction, e = 1: the block leaves with
+// 2 m v/(m + M) and stops after V²/(2 f/M), the ball keeps (m − M) v/(m + M).
+TEST_P(ContactsWithLawsAt, FrictionOfASliderStopsWhatABallStrikes) {
+  constexpr double kBall = 1.0, kBlock = 3.0, kFriction = 5.0, kSpeed = 4.0;
+  World world(by_events(GetParam(), 0.0));
+  const BodyId block = world.add_body(
+      with_surface(make_body("block", Box{{0.4, 0.4, 0.4}}, kBlock, {1.0, 0.0, 0.0}), 0.5, 1.0));
+  Joint joint = slider_along_x(block, {1.0, 0.0, 0.0});
+  joint.coordinates[0].friction = kFriction;
+  world.add_joint(joint);
+  Body ball = with_surface(make_body("ball", Sphere{0.1}, kBall, Vector3d::Zero()), 0.5, 1.0);
+  ball.state.linear_velocity.x() = kSpeed;
+  const BodyId ball_id = world.add_body(ball);
+  const std::vector<Event> events = advance(&world, 2.0);
+  const double hit = 0.7 / kSpeed, V = 2.0 * kBall * kSpeed / (kBall + kBlock);
+  const double decelerates = kFriction / kBlock;
+  EXPECT_NEAR(world.state(block).position.x(), 1.0 + 0.5 * V * V / decelerates, kPlace);
+  EXPECT_NEAR(world.state(ball_id).position.x(),
+              0.7 + (kBall - kBlock) / (kBall + kBlock) * kSpeed * (world.time() - hit), kPlace);
+  const std::vector<Event> sticks = of_kind(events, EventKind::kSticks);
+  ASSERT_EQ(sticks.size(), 1u);
+  EXPECT_NEAR(sticks[0].time, hit + V / decelerates, 1e-11);
+}
+
+// A motor of 12 N drives a ball of 2 kg on a slider against a wall, e = 0: there the wall bears all
+// of it, and the motor is at its limit.
+TEST_P(ContactsWithLawsAt, AMotorDrivesABallAgainstAWall) {
+  World world(by_events(GetParam(), 0.0));
+  world.add_body(plane("wall", {1.0, 0.0, 0.0}, -Vector3d::UnitX(), 0.0, 0.0));
+  const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 2.0, Vector3d::Zero()));
+  Joint joint = slider_along_x(ball, Vector3d::Zero());
+  joint.coordinates[0].motor.emplace();
+  joint.coordinates[0].motor->bias = 2.0;
+  joint.coordinates[0].motor->max_force = 12.0;
+  const JointId id = world.add_joint(joint);
+  const std::vector<Event> events = advance(&world, 1.0);
+  // at 6 m/s² to 2 m/s in 1/3 s and 1/3 m, then 0.9 − 1/3 m at that
+  const std::vector<Event> hits = of_kind(events, EventKind::kContactBegan);
+  ASSERT_EQ(hits.size(), 1u);
+  EXPECT_NEAR(hits[0].time, 1.0 / 3.0 + (0.9 - 1.0 / 3.0) / 2.0, kTime);
+  EXPECT_NEAR(hits[0].impulse, 4.0, 1e-11);
+  EXPECT_NEAR(world.state(ball).position.x(), 0.9, kPlace);
+  EXPECT_NEAR(contact_force_on(world, ball).x(), -12.0, 1e-9);
+  EXPECT_TRUE(world.joint_state(id).saturated);
+  EXPECT_NEAR(world.joint_state(id).coordinates[0].effort, 12.0, 1e-9);
+}
+
+// A slider's stop and a wall reached at once share one force that nothing else says how to share:
+// within its bounds, and in sum.
+TEST_P(ContactsWithLawsAt, AStopAndAWallShareAForce) {
+  World world(by_events(GetParam(), 0.0));
+  world.add_body(plane("wall", {1.0, 0.0, 0.0}, -Vector3d::UnitX(), 0.0, 0.0));
+  Body ball = make_body("ball", Sphere{0.1}, 2.0, Vector3d::Zero());
+  ball.state.linear_velocity.x() = 3.0;
+  const BodyId id = world.add_body(ball);
+  Joint joint = slider_along_x(id, Vector3d::Zero());
+  joint.coordinates[0].upper = 0.9;
+  const JointId slider = world.add_joint(joint);
+  Wrench push;
+  push.body = id;
+  push.force = {7.0, 0.0, 0.0};
+  world.add_wrench(push);
+  advance(&world, 1.0);
+  EXPECT_NEAR(world.state(id).position.x(), 0.9, kPlace);
+  const double stop = -world.joint_state(slider).coordinates[0].effort;
+  const double wall = -contact_force_on(world, id).x();
+  EXPECT_GE(stop, -1e-9);
+  EXPECT_GE(wall, -1e-9);
+  EXPECT_NEAR(stop + wall, 7.0, 1e-9);
+}
+
+// A slack rope changes nothing: the ball bounces as without.
+TEST_P(ContactsWithLawsAt, ASlackRopeChangesNothing) {
+  World with(by_events(GetParam())), without(by_events(GetParam()));
+  BodyId id;
+  for (World* of : {&with, &without}) {
+    of->add_body(plane("floor", Vector3d::Zero(), Vector3d::UnitZ(), 0.3, 0.8));
+    Body ball = with_surface(make_body("ball", Sphere{0.1}, 2.0, {0.0, 0.0, 0.5}), 0.3, 0.8);
+    ball.state.linear_velocity = {0.3, 0.0, 0.0};
+    id = of->add_body(ball);
+  }
+  with.add_joint(hang("rope", id, rope(5.0)));
+  advance(&with, 1.5);
+  advance(&without, 1.5);
+  EXPECT_LT((with.state(id).position - without.state(id).position).norm(), 1e-12);
+  EXPECT_LT((with.state(id).angular_velocity - without.state(id).angular_velocity).norm(), 1e-11);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -377,7 +377,22 @@ inline World flat_four_bar_with_spring(double speed = 0.0) {
   return world;
 }
 
-/// The same of slender bars on ball joints, at rest.
+/// One without a spring and without weight, that passes its flat pose slowly while a motor changes
+/// the length of a rod by some nanometres, which that pose does not allow.
+inline World flat_four_bar_with_motor() {
+  World world = flat_four_bar_with_spring(1e-4);
+  world.remove_joint(world.joint_ids().back());
+  WorldOptions options = world.options();
+  options.gravity.setZero();
+  world.set_options(options);
+  Motor motor;
+  motor.amplitude = 1e-7;
+  motor.frequency = 1.0;
+  world.set_motor(world.joint_ids().front(), motor);
+  return world;
+}
+
+/// The four-bar with a spring of slender bars on ball joints, at rest.
 inline World flat_bars_with_spring() {
   World world;
   const auto add_bar = [&](const std::string& name, double from) {

@@ -48,6 +48,20 @@ TEST(SpareRods, BetweenPointsKeepTheMotion) {
   }
 }
 
+// Twice all joints of a scene whose rows pass a pose where those kept depend on each other: they
+// were chosen again without end, and the tick never ended.
+TEST(SpareRods, AreChosenAgainAFiniteNumberOfTimes) {
+  const Verdict verdict = judge_seed(87, "variants");
+  for (const Finding& finding : verdict.findings) ADD_FAILURE() << line_of(verdict, finding);
+}
+
+// Rows came back in a substep that was rejected, and velocities were scaled to the energy of its
+// end: 8e-5 of 35 J in the first step, at any tolerance.
+TEST(SpareRods, ComeBackWithTheEnergyThereWas) {
+  const Verdict verdict = judge_seed(207, "runge_kutta_5");
+  for (const Finding& finding : verdict.findings) ADD_FAILURE() << line_of(verdict, finding);
+}
+
 // ---- the judge itself
 
 /// A pendulum of 1 m from the horizontal, as a scene.

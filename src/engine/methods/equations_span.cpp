@@ -150,6 +150,7 @@ bool EquationsOfMotion::start(double t, double* y, double* dydt) {
   scale_ = std::max(fixed_scale_, largest_coordinate(y));
   is_inconsistent_ = false;
   time_ = t;
+  substep_ = 0.0;  // nothing has moved since the substep before
   came_back_ = is_passing();
   if (came_back_ && !knows_energy_) note_energy(t, y);
   if (has_chosen_) return meet(t, y) && restart(y, dydt);

@@ -182,8 +182,8 @@ IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsO
   const double h = span.h / parts;
   for (int k = 0; k < parts; ++k) {
     const double energy = kinetic_energy(velocity_) + spring_energy_;
-    std::swap(start_, end_);
-    std::swap(at_start_, at_end_);
+    start_ = end_;  // and end_ stays: the scale goes by where the bodies are
+    at_start_ = at_end_;
     ask(span.t + (k + 1) * h, equations, &end_);
     step(h, energy, &progress);
     ++progress.substeps;

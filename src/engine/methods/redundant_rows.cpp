@@ -47,6 +47,11 @@ constexpr double kRounding = 1e-13;  // of the scene, where kept rows are indepe
 // Rows are chosen again when the smallest pivot of the rows kept falls by this factor. Early, since
 // a pivot that passes through zero takes the projection to another solution.
 constexpr double kChooseAgain = 0.1;
+// Below rounding no pivot is smaller than another: to choose again would find the same rows again,
+// without end.
+bool has_fallen(double pivot, double at_choice) {
+  return std::max(pivot, kRoundOffPivot) < kChooseAgain * std::max(at_choice, kRoundOffPivot);
+}
 constexpr double kRatesKnown = 1e-6;    // smallest pivot at which rates decide
 constexpr double kRatesAgree = 1e-6;    // of the largest speed
 constexpr double kOpenRates = 3.0;      // of the largest speed, times the angle joints are open by
@@ -143,7 +148,7 @@ int EquationsOfMotion::choose_rows(double t, const double* y) {
     find_matrix();
     ldlt_.factor(kRoundOffPivot);
   }
-  pivot_at_choice_ = ldlt_.smallest_pivot();
+  pivot_at_choice_ = std::max(ldlt_.smallest_pivot(), 0.0);
   return momentary;
 }
 
@@ -355,7 +360,7 @@ bool EquationsOfMotion::restore_redundant_if_off() {
   for (std::size_t i = 0; i < rows_.size(); ++i)
     if (redundant[i] && std::abs(value_[i]) / row_length(i) > redundant_limit(i)) redundant[i] = 0;
   if (redundant == is_redundant_) return false;
-  const bool is_far = ldlt_.smallest_pivot() < kChooseAgain * pivot_at_choice_;
+  const bool is_far = has_fallen(ldlt_.smallest_pivot(), pivot_at_choice_);
   if (is_far && ++too_far_ <= kMostTooFar) return true;
   make_rows_again(redundant);
   came_back_ = true;
@@ -392,7 +397,7 @@ bool EquationsOfMotion::redundant_rates_are_met() {
 // Whether the rows kept have come near to depending on each other.
 bool EquationsOfMotion::is_choice_due() const {
   return redundant_rows() > 0 && !is_closing() &&
-         ldlt_.smallest_pivot() < kChooseAgain * pivot_at_choice_;
+         has_fallen(ldlt_.smallest_pivot(), pivot_at_choice_);
 }
 
 // Chooses the rows again where those kept have come near to depending on each other; true where it

@@ -60,9 +60,8 @@ void add_coordinates(ContactEquations* equations) {
   const JointKindInfo& kind = info(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i) {
     const CoordinateLaw& from = joint.coordinates[at(i)];
-    const auto found = std::find_if(laws.begin(), laws.end(), [&](const OneSidedLaw& law) {
-      return law.coordinate == i;
-    });
+    const auto found = std::find_if(laws.begin(), laws.end(),
+                                    [&](const OneSidedLaw& law) { return law.coordinate == i; });
     OneSidedLaw law;
     if (found != laws.end()) {
       law = *found;
@@ -186,14 +185,16 @@ bool World::Impl::can_be_in_group(std::size_t i) const {
   const IslandParts& parts = island_parts[i];
   const bool is_by_events =
       method_for(parts.nature, options) == Method::kEventDriven && parts.members.joints.size() > 0;
-  if (!(parts.nature == MethodReason::kSmooth || is_by_events) || parts.is_stiff || step_count < parts.refused_until ||
-      step_count < parts.contacts_refused_until || step_count < parts.inconsistent_until)
+  if (!(parts.nature == MethodReason::kSmooth || is_by_events) || parts.is_stiff ||
+      step_count < parts.refused_until || step_count < parts.contacts_refused_until ||
+      step_count < parts.inconsistent_until)
     return false;
   const JointStep now = span_from(time(), options.time_step);
   return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
     const std::size_t j = at(index);
     JointState state = joint_states[j];
-    return can_be_beside_contacts(joints[j]) && !state.closing && !is_moving_by_itself(joint_ends[j].first) &&
+    return can_be_beside_contacts(joints[j]) && !state.closing &&
+           !is_moving_by_itself(joint_ends[j].first) &&
            !is_moving_by_itself(joint_ends[j].second) &&
            fits(joints[j], state_a(j), state_b(j), now, state);
   });
@@ -253,9 +254,9 @@ bool World::Impl::compile_group(ContactGroup* group) {
 void World::Impl::advance_contact_groups(const SmoothSpan& span) {
   for (ContactGroup& group : contact_groups) {
     if (group.has_failed) continue;
-    const IntegrationResult progress = group.events->advance(
-        span, accuracy_within(std::numeric_limits<double>::infinity()),
-        span_from(span.t, span.h), joint_states, &states);
+    const IntegrationResult progress =
+        group.events->advance(span, accuracy_within(std::numeric_limits<double>::infinity()),
+                              span_from(span.t, span.h), joint_states, &states);
     group.has_failed = !note(at(group.islands.front()), progress);
     if (group.islands.size() > 1)  // they exchange energy
       for (const int i : group.islands) island_parts[at(i)].energy.has_changed = true;

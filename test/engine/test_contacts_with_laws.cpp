@@ -83,9 +83,8 @@ TEST_P(ContactsWithLawsAt, ABobOnARopeHitsAWall) {
   World world(by_events(GetParam()));
   world.add_body(plane("wall", {-kRadius, 0.0, 0.0}, Vector3d::UnitX(), 0.0, kRestitution));
   const double angle = kPi / 3.0;
-  const BodyId bob = world.add_body(
-      make_body("bob", Sphere{kRadius}, 1.0,
-                {kLength * std::sin(angle), 0.0, -kLength * std::cos(angle)}));
+  const BodyId bob = world.add_body(make_body(
+      "bob", Sphere{kRadius}, 1.0, {kLength * std::sin(angle), 0.0, -kLength * std::cos(angle)}));
   const JointId id = world.add_joint(hang("rope", bob, rope(kLength)));
   double a = 1.0, b = std::cos(0.5 * angle);  // K by the mean of Gauss
   for (int i = 0; i < 8; ++i) {
@@ -115,7 +114,8 @@ TEST_P(ContactsWithLawsAt, ARopeStopsWhatAWallThrowsBack) {
   Body ball = make_body("ball", Sphere{0.1}, 2.0, Vector3d::Zero());
   ball.state.linear_velocity.x() = 4.0;
   const BodyId id = world.add_body(ball);
-  world.add_joint(make_joint("rope", kWorldBody, {0.2, 0.0, 0.0}, id, Vector3d::Zero(), rope(0.45)));
+  world.add_joint(
+      make_joint("rope", kWorldBody, {0.2, 0.0, 0.0}, id, Vector3d::Zero(), rope(0.45)));
   const std::vector<Event> events = advance(&world, 1.0);
   // 0.5 m at 4 m/s, back by 0.75 m at 2 m/s
   const std::vector<Event> hits = of_kind(events, EventKind::kContactBegan);
@@ -130,9 +130,9 @@ TEST_P(ContactsWithLawsAt, ARopeStopsWhatAWallThrowsBack) {
   EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-14);
 }
 
-// A winch of 30 N pulls a box of 5 kg over a floor: with μ = 0.3 at (30 − μ m g)/m up to the 0.8 m/s
-// that it asks for, and then with μ m g; with μ = 0.7 not at all. By a rope that is wound, and by a
-// motor on the length.
+// A winch of 30 N pulls a box of 5 kg over a floor: with μ = 0.3 at (30 − μ m g)/m up to the 0.8
+// m/s that it asks for, and then with μ m g; with μ = 0.7 not at all. By a rope that is wound, and
+// by a motor on the length.
 TEST_P(ContactsWithLawsAt, AWinchPullsABoxOverAFloor) {
   constexpr double kForce = 30.0, kMass = 5.0, kSpeed = 0.8;
   for (const bool by_rope : {true, false}) {
@@ -141,7 +141,8 @@ TEST_P(ContactsWithLawsAt, AWinchPullsABoxOverAFloor) {
       world.add_body(plane("floor", Vector3d::Zero(), Vector3d::UnitZ(), mu, 0.0));
       const BodyId id = world.add_body(
           with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, kMass, {5.0, 0.0, 0.2}), mu, 0.0));
-      Joint winch = make_joint("winch", kWorldBody, {0.0, 0.0, 0.2}, id, Vector3d::Zero(), rope(5.0));
+      Joint winch =
+          make_joint("winch", kWorldBody, {0.0, 0.0, 0.2}, id, Vector3d::Zero(), rope(5.0));
       if (by_rope) {
         winch.motor.bias = -kSpeed;
         winch.motor.max_force = kForce;
@@ -176,7 +177,8 @@ TEST_P(ContactsWithLawsAt, AWinchPullsABoxOverAFloor) {
 TEST_P(ContactsWithLawsAt, ABallBouncesOnAnArmAtItsStop) {
   for (const double e : {0.0, 0.5, 0.9}) {
     World world(by_events(GetParam()));
-    const Body arm = with_surface(make_body("arm", Box{{1.0, 0.4, 0.2}}, 3.0, {0.5, 0.0, -0.1}), 0.0, e);
+    const Body arm =
+        with_surface(make_body("arm", Box{{1.0, 0.4, 0.2}}, 3.0, {0.5, 0.0, -0.1}), 0.0, e);
     const BodyId arm_id = world.add_body(arm);
     Joint hinge;
     hinge.name = "hinge";
@@ -198,8 +200,8 @@ TEST_P(ContactsWithLawsAt, ABallBouncesOnAnArmAtItsStop) {
     EXPECT_LT(worst, e == 0.0 ? kPlace : 1e-10) << e;  // what is cut off bounces less than 1e-10 m
     EXPECT_LT((world.state(arm_id).position - arm.state.position).norm(), kPlace);
     // 2 kg at 0.7 m and 3 kg at 0.5 m
-    EXPECT_NEAR(world.joint_state(joint).coordinates[0].effort,
-                -kGravity * (2.0 * 0.7 + 3.0 * 0.5), 1e-8);
+    EXPECT_NEAR(world.joint_state(joint).coordinates[0].effort, -kGravity * (2.0 * 0.7 + 3.0 * 0.5),
+                1e-8);
   }
 }
 
@@ -289,6 +291,31 @@ TEST_P(ContactsWithLawsAt, ASlackRopeChangesNothing) {
   advance(&without, 1.5);
   EXPECT_LT((with.state(id).position - without.state(id).position).norm(), 1e-12);
   EXPECT_LT((with.state(id).angular_velocity - without.state(id).angular_velocity).norm(), 1e-11);
+}
+
+// What an event takes beside the substep of a tick in which nothing happens, at a tick that needs
+// only one: at most five substeps, those that are taken again to find it among them.
+TEST(ContactsWithLaws, AnEventCostsAtMostFiveSubsteps) {
+  for (const bool on_rope : {false, true}) {
+    World world(by_events(1.0 / 240));
+    if (on_rope) {
+      world.add_body(plane("wall", {-0.1, 0.0, 0.0}, Vector3d::UnitX(), 0.0, 1.0));
+      const BodyId bob =
+          world.add_body(make_body("bob", Sphere{0.1}, 1.0, {std::sin(0.5), 0.0, -std::cos(0.5)}));
+      world.add_joint(hang("rope", bob, rope(1.0)));
+    } else {
+      world.add_body(plane("floor", Vector3d::Zero(), Vector3d::UnitZ(), 0.3, 1.0));
+      world.add_body(with_surface(make_body("ball", Sphere{0.1}, 2.0, {0.0, 0.0, 0.3}), 0.3, 1.0));
+    }
+    int substeps = 0, events = 0, ticks = 0;
+    for (; ticks < 2400; ++ticks) {
+      const StepReport& report = world.step();
+      substeps += static_cast<int>(report.substeps + report.rejected);
+      events += static_cast<int>(report.events);
+    }
+    ASSERT_GT(events, 5) << on_rope;
+    EXPECT_LE(substeps - ticks, 5 * events) << on_rope;
+  }
 }
 
 }  // namespace

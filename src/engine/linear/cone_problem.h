@@ -32,9 +32,10 @@ struct ConeProblem {
 
 /// Solves it by Newton's method on which contacts are open, stick and slip (Alart and Curnier,
 /// Comput. Methods Appl. Mech. Eng. 92 (1991) 353), begun from sweeps over the contacts, each
-/// solved exactly (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235), and over the rows. Where A is singular p is
-/// about the one of least norm, rates of each contact scaled to a trace of 3 of its A. False where
-/// it does not get there: it has no solution, or friction and many contacts make it take too long.
+/// solved exactly (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235), and over the rows. Where
+/// A is singular p is about the one of least norm, rates of each contact scaled to a trace of 3 of
+/// its A. False where it does not get there: it has no solution, or friction and many contacts make
+/// it take too long.
 bool solve(const ConeProblem& problem, Eigen::VectorXd* p);
 
 /// The impulse of one contact on its own: A of 3×3, b of 3. False where no impulse along the normal

@@ -152,7 +152,8 @@ void ContactEquations::add_held_rows() {
 
 // ---- coordinates
 
-ContactEquations::Reading ContactEquations::read(const Coordinate& of, const Accelerations* rates) const {
+ContactEquations::Reading ContactEquations::read(const Coordinate& of,
+                                                 const Accelerations* rates) const {
   const BodyJoint& joint = joints[of.joint];
   const BodyState &a = states_[joint.a], &b = states_[joint.b];
   const JointVectors vectors(joint.joint, a, b);
@@ -173,8 +174,8 @@ Prescribed ContactEquations::limit(const Coordinate& of, bool upper_one) const {
   if (!of.law.is_distance) return {of.law.limit(upper_one), 0.0, 0.0};
   const BodyJoint& joint = joints[of.joint];
   Prescribed at_limit = joint.course.length(t_);
-  at_limit.value += of.law.limit(upper_one) - joint.joint.distance.length.value_or(0.0) +
-                    of.given_way;
+  at_limit.value +=
+      of.law.limit(upper_one) - joint.joint.distance.length.value_or(0.0) + of.given_way;
   return at_limit;
 }
 
@@ -195,9 +196,8 @@ Prescribed ContactEquations::target(const Coordinate& of) const {
       [&] { return zeta(of); });
   if (of.state.hold == Hold::kStill) at.value = of.held;
   if (of.state.hold != Hold::kDrive) return at;
-  at.value = of.held + (of.law.is_distance
-                            ? at.value - joint.course.length(of.held_at).value
-                            : motor_travel(of.motor, of.held_at, t_ - of.held_at));
+  at.value = of.held + (of.law.is_distance ? at.value - joint.course.length(of.held_at).value
+                                           : motor_travel(of.motor, of.held_at, t_ - of.held_at));
   return at;
 }
 

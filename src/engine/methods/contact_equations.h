@@ -59,12 +59,12 @@ class ContactEquations {
     bool is_prescribed = false;  ///< a motor holds it with any force
     bool is_one_sided = false;
     OneSidedState state;
-    Motor motor{};            ///< in this span, of a law with a drive
-    double position = 0.0;    ///< where a substep starts [m or rad]
-    double held = 0.0;        ///< where friction or a drive began to hold it [m or rad],
-    double held_at = 0.0;     ///< and when [s]
-    double given_way = 0.0;   ///< by what a limit of a length has moved since the step began [m]
-    double reference = 0.0;   ///< a force that it can have [N or N m]
+    Motor motor{};           ///< in this span, of a law with a drive
+    double position = 0.0;   ///< where a substep starts [m or rad]
+    double held = 0.0;       ///< where friction or a drive began to hold it [m or rad],
+    double held_at = 0.0;    ///< and when [s]
+    double given_way = 0.0;  ///< by what a limit of a length has moved since the step began [m]
+    double reference = 0.0;  ///< a force that it can have [N or N m]
   };
 
   std::vector<Body> bodies;  ///< movable ones first

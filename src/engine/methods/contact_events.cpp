@@ -118,8 +118,7 @@ void ContactEvents::note_positions() {
 void ContactEvents::give_way(std::size_t c) {
   ContactEquations::Coordinate& of = equations_.coordinates[c];
   if (of.state.yield == 0) return;
-  of.given_way +=
-      equations_.read(of, nullptr).q - equations_.limit(of, of.state.yield > 0).value;
+  of.given_way += equations_.read(of, nullptr).q - equations_.limit(of, of.state.yield > 0).value;
 }
 
 void ContactEvents::write(std::size_t c, JointState* state) const {

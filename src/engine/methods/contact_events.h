@@ -5,9 +5,9 @@
 #include <vector>
 
 #include "constraint_sim/engine/event.h"
+#include "engine/constraints/joint.h"
 #include "engine/linear/cone_problem.h"
 #include "engine/methods/contact_equations.h"
-#include "engine/constraints/joint.h"
 #include "engine/methods/event_watch.h"
 #include "engine/methods/integrate.h"
 #include "engine/methods/method.h"
@@ -54,10 +54,10 @@ class ContactEvents {
   std::uint32_t events() const { return events_; }
   struct Told {
     EventKind kind;
-    double time;         ///< simulated [s]
-    int pair;            ///< −1 of a joint
-    int coordinate;      ///< of equations(), of a joint
-    double impulse;      ///< of an impact [N s or N m s]
+    double time;     ///< simulated [s]
+    int pair;        ///< −1 of a joint
+    int coordinate;  ///< of equations(), of a joint
+    double impulse;  ///< of an impact [N s or N m s]
   };
   const std::vector<Told>& told() const { return told_; }
   const std::vector<Pair>& pairs() const { return pairs_; }
@@ -84,7 +84,7 @@ class ContactEvents {
     Kind kind = Kind::kNothing;
     std::size_t contact = 0;
     std::size_t coordinate = 0;  ///< of the last three
-    signed char side = 0;        ///< of a force that holds: -1 of its lower bound, +1 of its upper one
+    signed char side = 0;  ///< of a force that holds: -1 of its lower bound, +1 of its upper one
 
     bool is_of_contact() const { return kind != Kind::kNothing && kind < Kind::kLimit; }
   };
@@ -147,7 +147,8 @@ class ContactEvents {
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
   bool have_impacts(Of<double>* hit);
   Hits find_hits(const Of<char>& rests) const;
-  void add_touching_limits(const Of<char>& rests, bool only_slow, std::vector<LimitHit>* hits) const;
+  void add_touching_limits(const Of<char>& rests, bool only_slow,
+                           std::vector<LimitHit>* hits) const;
   std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations::Coordinate& of) const;
   bool have_impact(const Hits& hits, const Of<char>& rests, double faster, Of<double>* hit);
   bool have_jam(Of<double>* hit);
@@ -176,7 +177,7 @@ class ContactEvents {
   bool has_stages_ = false;           // of the last substep
   bool has_begun_ = false;            // the first span
   ContactEquations::Accelerations rates_;
-  std::vector<Eigen::Vector3d> acceleration_;  // ẇ of contacts, as decide() found it
+  std::vector<Eigen::Vector3d> acceleration_;    // ẇ of contacts, as decide() found it
   std::vector<double> coordinate_acceleration_;  // the same of coordinates
   std::vector<OneSidedState> states_before_;     // of coordinates, where the event is
   WatchedSubstep<Watched> watched_;

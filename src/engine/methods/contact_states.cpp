@@ -161,7 +161,8 @@ ContactEvents::Hits ContactEvents::find_hits(const Of<char>& rests) const {
   const auto waits = [&](std::size_t c) {
     const ContactEquations::Contact& contact = equations_.contacts[c];
     return contact.restitution > 0.0 && !rests.contacts[c] &&
-           !(any_bounce && std::minmax(contact.a, contact.b) == std::minmax(fastest.first, fastest.second));
+           !(any_bounce &&
+             std::minmax(contact.a, contact.b) == std::minmax(fastest.first, fastest.second));
   };
   hits.contacts.erase(std::remove_if(hits.contacts.begin(), hits.contacts.end(), waits),
                       hits.contacts.end());
@@ -195,8 +196,8 @@ bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double 
     const LimitHit& of = hits.limits[k];
     rate[first + index(k)] = of.direction * of.rate;
     if (!responses.is_free[k] && of.rate < -kResting) return false;  // joints drive it in
-    problem.rows.push_back({of.direction > 0.0 ? 0.0 : -kInfinity,
-                            of.direction > 0.0 ? kInfinity : 0.0});
+    problem.rows.push_back(
+        {of.direction > 0.0 ? 0.0 : -kInfinity, of.direction > 0.0 ? kInfinity : 0.0});
     if (!responses.is_free[k]) problem.rows.back() = {};
   }
   for (const double share : {1.0, 0.5, 0.25, 0.0}) {
@@ -376,8 +377,7 @@ bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
     const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
     const auto zeta = [&] { return equations_.zeta(of); };
     OneSidedState state;
-    const std::optional<Hold> hold =
-        find_hold(of.law, states_before_[c], now, limit, zeta, &state);
+    const std::optional<Hold> hold = find_hold(of.law, states_before_[c], now, limit, zeta, &state);
     if (hold) {
       const Prescribed at = rate_held_at(*hold, limit, zeta);
       candidates->push_back(
@@ -391,8 +391,7 @@ bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
 }
 
 // By the solution of the problem of the accelerations; also finds these for all that touch.
-void ContactEvents::choose_acts(const Watched& event,
-                                const ContactEquations::Responses& responses,
+void ContactEvents::choose_acts(const Watched& event, const ContactEquations::Responses& responses,
                                 const ConeProblem& problem, const VectorXd& force) {
   const std::vector<std::size_t>& candidates = responses.contacts;
   const VectorXd a = problem.b + problem.A * force;
@@ -441,8 +440,7 @@ void ContactEvents::choose_holds(const Watched& event, const std::vector<Candida
     if (!responses.is_free[k]) continue;
     signed char side = std::abs(a[i]) > kAtRest * largest * roots[i] ? sign_of(a[i]) : sign_of(0.0);
     const double bound = event.side < 0 ? row.bounds.least : row.bounds.most;
-    const bool gives_way =
-        event.kind == Watched::Kind::kHeld && event.coordinate == row.coordinate;
+    const bool gives_way = event.kind == Watched::Kind::kHeld && event.coordinate == row.coordinate;
     if (side == 0 && gives_way &&
         std::abs(force[i] - bound) <=
             kAtBound * std::max({std::abs(bound), std::abs(force[i]), largest_force}))
@@ -529,11 +527,15 @@ void ContactEvents::tell(double t, const std::vector<Acts>& before, const Of<dou
       impulse += hit.contacts[c];
     }
     if (is_begin && impulse > 0.0) was = false;
-    if (!was && (is || impulse > 0.0)) told_.push_back({EventKind::kContactBegan, t, static_cast<int>(p), -1, impulse});
-    if (was && impulse > 0.0) told_.push_back({EventKind::kHit, t, static_cast<int>(p), -1, impulse});
-    if ((was || impulse > 0.0) && !is) told_.push_back({EventKind::kContactEnded, t, static_cast<int>(p), -1, 0.0});
+    if (!was && (is || impulse > 0.0))
+      told_.push_back({EventKind::kContactBegan, t, static_cast<int>(p), -1, impulse});
+    if (was && impulse > 0.0)
+      told_.push_back({EventKind::kHit, t, static_cast<int>(p), -1, impulse});
+    if ((was || impulse > 0.0) && !is)
+      told_.push_back({EventKind::kContactEnded, t, static_cast<int>(p), -1, 0.0});
     if (was && is && stuck != sticks && pair.friction > 0.0)
-      told_.push_back({sticks ? EventKind::kSticks : EventKind::kSlips, t, static_cast<int>(p), -1, 0.0});
+      told_.push_back(
+          {sticks ? EventKind::kSticks : EventKind::kSlips, t, static_cast<int>(p), -1, 0.0});
   }
 }
 

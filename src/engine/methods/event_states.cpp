@@ -262,8 +262,8 @@ std::optional<EventDriven::Candidate> EventDriven::candidate(const Span& span, s
 // what a candidate does that leaves its rate to this side
 OneSidedState EventDriven::leaving(const Span& span, const Candidate& from,
                                    signed char side) const {
-  return state_leaving(laws_[from.law], from.hold, from.rate, zeta(span, from.law, span.left.t).rate,
-                       side);
+  return state_leaving(laws_[from.law], from.hold, from.rate,
+                       zeta(span, from.law, span.left.t).rate, side);
 }
 
 // Also finds the accelerations of all coordinates with that.
@@ -397,11 +397,11 @@ void EventDriven::tell(const Span& span, const Rows& rows, const std::vector<One
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     const OneSidedLaw& law = laws_[c];
     if (is_broken_[law.joint]) continue;
-    add_changes(law, states_[c], next[c], rows.hit[c], !has_started_,
-                [&](EventKind kind, double impulse) {
-                  told_.push_back({kind, span.left.t, law.joint,
-                                   law.is_distance ? -1 : law.coordinate, impulse});
-                });
+    add_changes(
+        law, states_[c], next[c], rows.hit[c], !has_started_, [&](EventKind kind, double impulse) {
+          told_.push_back(
+              {kind, span.left.t, law.joint, law.is_distance ? -1 : law.coordinate, impulse});
+        });
   }
 }
 

@@ -14,9 +14,9 @@ namespace constraint_sim::engine {
 
 // What the methods that go from event to event share: of time, and of one-sided laws. At which rate
 // something may hold a coordinate, what acts once that gives way, what is watched meanwhile, and
-// which events a change is. `limit(upper_one)` returns where that limit is and how it moves, `zeta()` the rate and
-// the acceleration that the motor asks for. A reading is where a coordinate is, as `q`, and how it
-// moves, as `rate` and `acceleration`.
+// which events a change is. `limit(upper_one)` returns where that limit is and how it moves,
+// `zeta()` the rate and the acceleration that the motor asks for. A reading is where a coordinate
+// is, as `q`, and how it moves, as `rate` and `acceleration`.
 
 inline signed char sign_of(double x) {
   return static_cast<signed char>(x > 0.0 ? 1 : (x < 0.0 ? -1 : 0));
@@ -138,8 +138,7 @@ void add_changes(const OneSidedLaw& law, const OneSidedState& before, const OneS
     const bool was = is_begin ? next.is_at(upper_one) && !is_hit : before.is_at(upper_one);
     const bool is_rope = law.is_distance && upper_one;
     if (!was && (is_hit || next.is_at(upper_one)))
-      add(is_rope ? EventKind::kRopeTaut : EventKind::kLimitReached,
-          is_hit ? std::abs(hit) : 0.0);
+      add(is_rope ? EventKind::kRopeTaut : EventKind::kLimitReached, is_hit ? std::abs(hit) : 0.0);
     if ((was || is_hit) && !next.is_at(upper_one))
       add(is_rope ? EventKind::kRopeSlack : EventKind::kLimitLeft, 0.0);
   }

@@ -21,7 +21,7 @@ constexpr double kLineSpacing = 1.4;
 // heights of a letter
 constexpr double kBeside = 1.5;          // from a line to the text beside it
 constexpr double kHalfLetter = 0.3;      // width of half a letter
-constexpr double kMostOfBody = 4.0;      // that a text keeps off the body that a joint holds
+constexpr double kMostOfBody = 1.0;      // that a text keeps off the body that a joint holds
 const Vector3d kRight(-0.9, 0.44, 0.0);  // in the shipped view
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
@@ -38,9 +38,12 @@ std::string signed_value(double value) { return shown(value == 0.0 ? "%.3g" : "%
 
 Vector3d middle_of(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
-  if (engine::couples_joints(joint.kind))
-    return 0.5 *
-           (world.anchors(joint.coupling.first).p_b + world.anchors(joint.coupling.second).p_b);
+  if (engine::couples_joints(joint.kind)) {
+    const auto& first = world.anchors(joint.coupling.first);
+    const auto& second = world.anchors(joint.coupling.second);
+    const bool is_pulley = joint.kind == engine::JointKind::kPulley;  // drawn between upper ends
+    return is_pulley ? 0.5 * (first.p_a + second.p_a) : 0.5 * (first.p_b + second.p_b);
+  }
   return 0.5 * (world.anchors(id).p_a + world.anchors(id).p_b);
 }
 

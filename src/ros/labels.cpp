@@ -21,7 +21,7 @@ constexpr double kLineSpacing = 1.4;
 // heights of a letter
 constexpr double kBeside = 1.5;          // from a line to the text beside it
 constexpr double kHalfLetter = 0.3;      // width of half a letter
-constexpr double kMostOfBody = 1.0;      // that a text keeps off the body that a joint holds
+constexpr double kMostOfBody = 4.0;      // that a text keeps off the body that a joint holds
 const Vector3d kRight(-0.9, 0.44, 0.0);  // in the shipped view
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }

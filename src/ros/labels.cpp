@@ -38,9 +38,12 @@ std::string signed_value(double value) { return shown(value == 0.0 ? "%.3g" : "%
 
 Vector3d middle_of(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
-  if (engine::couples_joints(joint.kind))
-    return 0.5 *
-           (world.anchors(joint.coupling.first).p_b + world.anchors(joint.coupling.second).p_b);
+  if (engine::couples_joints(joint.kind)) {
+    const auto& first = world.anchors(joint.coupling.first);
+    const auto& second = world.anchors(joint.coupling.second);
+    const bool is_pulley = joint.kind == engine::JointKind::kPulley;  // drawn between upper ends
+    return is_pulley ? 0.5 * (first.p_a + second.p_a) : 0.5 * (first.p_b + second.p_b);
+  }
   return 0.5 * (world.anchors(id).p_a + world.anchors(id).p_b);
 }
 

@@ -412,11 +412,14 @@ void Markers::add_motor(const engine::World& world, const Seen& seen) {
     marker.scale.x = 0.5 * std::min(extent_.width, kWidthOfLength * axis);
     marker.pose.position = point_at(motor->is_angle ? p_a : p_b);
     marker.pose.orientation = quaternion_of(orientation_of(world, seen.joint));
-    if (marker.is_drawn_for({motor->is_angle ? 1.0 : 2.0, sign, axis})) return;
+    // out of the body that moves, which would hide it
+    const double start = motor->is_angle ? 0.0 : radius_of(world.body(seen.joint.body_b).shape);
+    if (marker.is_drawn_for({motor->is_angle ? 1.0 : 2.0, sign * axis, start})) return;
     if (motor->is_angle)
       add_turning_arrow(0.5 * axis, positive, &marker.points);
     else
-      add_arrow(Vector3d::Zero(), sign * Vector3d::UnitZ(), axis, 0.3 * axis, &marker.points);
+      add_arrow(sign * start * Vector3d::UnitZ(), sign * Vector3d::UnitZ(), axis, 0.3 * axis,
+                &marker.points);
     return;
   }
   const double distance = (p_b - p_a).norm();

@@ -58,6 +58,16 @@ target_include_directories(constraint_sim_ros SYSTEM PUBLIC
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
 target_link_libraries(constraint_sim_ros PUBLIC constraint_sim_stepper constraint_sim_urdf ${catkin_LIBRARIES})
 
+# Only its messages: without them the node has no parameters of dynamic_reconfigure.
+find_package(dynamic_reconfigure QUIET)
+if(dynamic_reconfigure_FOUND)
+  target_sources(constraint_sim_ros PRIVATE src/ros/reconfigure.cpp)
+  target_compile_definitions(constraint_sim_ros PUBLIC CONSTRAINT_SIM_DYNAMIC_RECONFIGURE)
+  target_include_directories(constraint_sim_ros SYSTEM PUBLIC ${dynamic_reconfigure_INCLUDE_DIRS})
+else()
+  message(STATUS "dynamic_reconfigure is not there: options are set by set_options alone")
+endif()
+
 add_executable(constraint_sim_node src/ros/node_main.cpp)
 constraint_sim_own_code(constraint_sim_node)
 target_link_libraries(constraint_sim_node PRIVATE constraint_sim_ros)

@@ -88,6 +88,22 @@ void Commands::before_step(World* world) {
   drive(world, "wrench", &wrenches_, push);
 }
 
+void Commands::end(const std::string& by) {
+  const auto tell_of = [&](const char* topic, const std::vector<std::string>& names) {
+    std::string list;
+    for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
+    if (!list.empty()) ROS_WARN("%s: ended by %s: %s", topic, by.c_str(), list.c_str());
+  };
+  const auto names_of = [](Drives* drives) {
+    std::vector<std::string> names;
+    for (const auto& [name, drive] : std::exchange(*drives, {})) names.push_back(name);
+    return names;
+  };
+  tell_of("joint_trajectory", trajectories_.end());
+  tell_of("cmd_vel", names_of(&twists_));
+  tell_of("wrench", names_of(&wrenches_));
+}
+
 // Of bodies that are no longer what they were for, as after load_scene, it ends.
 void Commands::drive(World* world, const char* topic, Drives* drives,
                      void (*act)(engine::BodyId, const Eigen::Vector3d&, const Eigen::Vector3d&,
@@ -113,7 +129,7 @@ void Commands::command(World& world, const std::string& constraint, double value
   const engine::JointId id = find_joint(world, "command", constraint);
   const engine::Joint& joint = world.joint(id);
   trajectories_.drop(id);
-  const JointBounds bounds = robots_.bounds(constraint);
+  const JointBounds bounds = robots_.bounds(world, id);
   if (engine::coordinates(joint.kind) == 0) {
     engine::Motor motor = joint.motor;
     motor.bias = bounded(value, bounds.velocity);

@@ -28,6 +28,8 @@ class Commands {
 
   /// Before each tick, on the stepping thread.
   void before_step(World* world);
+  /// Ends all that drives, in the name of `by`, and tells what did; on the stepping thread.
+  void end(const std::string& by);
 
  private:
   /// What a body is driven by until the next message, in its own axes or the world's.

@@ -15,6 +15,15 @@ EditLog::EditLog(ros::NodeHandle& private_handle)
           "edit_log", kQueue,
           [this](const ros::SingleSubscriberPublisher&) { newcomer_ = true; })) {}
 
+void EditLog::drive(World* world, const std::function<void()>& drive) {
+  if (!is_wanted() || newcomer_) return drive();
+  const std::uint64_t before = world->state_hash();
+  drive();
+  if (world->state_hash() == before) return;
+  publish("", {}, *world, before);
+  record_world(*world);
+}
+
 void EditLog::edited(const Stepper& stepper, const World& world) {
   if (!is_accounted_for(stepper)) record_world(world);
   accounted_for_ = stepper.edits();
@@ -40,14 +49,18 @@ void EditLog::record_world(const World& world) {
 }
 
 void EditLog::publish(const char* service, std::vector<std::uint8_t> request, const World& world) {
-  if (!is_wanted()) return;
+  if (is_wanted()) publish(service, std::move(request), world, world.state_hash());
+}
+
+void EditLog::publish(const char* service, std::vector<std::uint8_t> request, const World& world,
+                      std::uint64_t hash) {
   EditRecord record;
   record.header.stamp = time_from_seconds(world.time());
   record.number = ++number_;
   record.step = world.step_count();
   record.service = service;
   record.request = std::move(request);
-  record.state_hash = world.state_hash();
+  record.state_hash = hash;
   topic_.publish(record);
 }
 

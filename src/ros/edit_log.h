@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -51,6 +52,10 @@ class EditLog {
     accounted_for_ = stepper.edits() + 1;
   }
 
+  /// Does what drives bodies and joints before a step. Where that changes the world it is recorded
+  /// as the hash before it and the world that it led to.
+  void drive(World* world, const std::function<void()>& drive);
+
   void edited(const Stepper& stepper, const World& world);
   void stepped(const World& world);
   void passed(const World& world);
@@ -62,6 +67,8 @@ class EditLog {
   }
   void record_world(const World& world);
   void publish(const char* service, std::vector<std::uint8_t> request, const World& world);
+  void publish(const char* service, std::vector<std::uint8_t> request, const World& world,
+               std::uint64_t hash);
 
   ros::Publisher topic_;
   std::atomic<bool> newcomer_{false};  // somebody has just subscribed

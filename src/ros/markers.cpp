@@ -126,7 +126,7 @@ const MarkerMessage& Markers::update(const engine::World& world, const ForceScal
     else if (look.is_drawn)
       add_constraint(world, look, stamp);
   add_contacts(world);
-  robots_.add_markers(world, body_ids_, is_edited_, &visuals_);
+  robots_.add_markers(world, is_edited_, &visuals_);
   add_bodies(world, true);
   forces_ = nullptr;
   return set_.finish();

@@ -44,6 +44,7 @@ class Publishers {
   /// did.
   double passed(const World& world, const Stepper& stepper);
   void set_real_time_factor(double factor) { stamps_.set_real_time_factor(factor); }
+  double publish_rate() const { return parameters_.publish_rate; }
   void set_publish_rate(double rate) {
     parameters_.publish_rate = rate;
     next_publication_ = 0.0;

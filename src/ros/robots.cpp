@@ -1,7 +1,7 @@
 #include "ros/robots.h"
 
-#include <algorithm>
-#include <iterator>
+#include <ros/console.h>
+
 #include <utility>
 
 #include "ros/conversions.h"
@@ -63,11 +63,13 @@ void set_colour(const RobotVisual& visual, Marker* marker) {
 
 }  // namespace
 
-void Robots::add(const Robot& robot) {
+void Robots::add(const Robot& robot, const engine::World& world) {
   const std::lock_guard<std::mutex> lock(mutex_);
   for (const RobotLink& link : robot.links) {
     const bool is_root = &link == &robot.links.front();
-    bodies_[link.body.value].links.push_back({link.name, link.in_body, is_root});
+    BodyLinks& links = bodies_[link.body.value];
+    links.body = world.body(link.body).name;
+    links.links.push_back({link.name, link.in_body, is_root});
   }
   for (const RobotVisual& of : robot.visuals) {
     Visual& visual = bodies_[of.body.value].visuals.emplace_back();
@@ -77,14 +79,33 @@ void Robots::add(const Robot& robot) {
     set_shape(*of.geometry, &visual.marker);
     set_colour(of, &visual.marker);
   }
-  for (const auto& [joint, bounds] : robot.bounds) bounds_[joint] = bounds;
+  for (const auto& [joint, bounds] : robot.bounds)
+    if (world.has_joint(joint)) bounds_[world.find_joint(joint).value] = {joint, bounds};
+}
+
+const Robots::BodyLinks* Robots::find(const engine::World& world, engine::BodyId body) const {
+  const auto found = bodies_.find(body.value);
+  if (found == bodies_.end() || !world.has_body(found->second.body)) return nullptr;
+  return world.find_body(found->second.body) == body ? &found->second : nullptr;
+}
+
+void Robots::tell_of_gone(const engine::World& world, const std::string& by) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  std::string names;
+  for (auto& [number, links] : bodies_) {
+    const bool is_gone = find(world, engine::BodyId{number}) == nullptr;
+    if (std::exchange(links.is_gone, is_gone) || !is_gone) continue;
+    for (const Link& link : links.links) names += (names.empty() ? "" : ", ") + link.frame;
+  }
+  if (!names.empty())
+    ROS_WARN("%s: no frames and visuals of these links any more: %s", by.c_str(), names.c_str());
 }
 
 bool Robots::add_frames(const engine::World& world, engine::BodyId body, const ros::Time& stamp,
                         tf2_msgs::TFMessage* message) const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  const auto found = bodies_.find(body.value);
-  if (found == bodies_.end()) return false;
+  const BodyLinks* known = find(world, body);
+  if (known == nullptr) return false;
   const Eigen::Isometry3d in_world = pose_of(world.state(body));
   const auto add = [&](const std::string& parent, const std::string& child,
                        const Eigen::Isometry3d& pose) {
@@ -94,7 +115,7 @@ bool Robots::add_frames(const engine::World& world, engine::BodyId body, const r
     transform.child_frame_id = child;
     transform.transform = to_transform(state_at(pose));
   };
-  for (const Link& link : found->second.links) {
+  for (const Link& link : known->links) {
     const std::string frame = parameters_.frame_prefix + link.frame;
     const bool is_shown =
         parameters_.publish_links == "all" || (parameters_.publish_links == "root" && link.is_root);
@@ -102,30 +123,24 @@ bool Robots::add_frames(const engine::World& world, engine::BodyId body, const r
       add(parameters_.world_frame, frame, in_world * link.in_body);
   }
   if (parameters_.publish_com) {
-    const Link& first = found->second.links.front();
+    const Link& first = known->links.front();
     add(parameters_.frame_prefix + first.frame, parameters_.frame_prefix + world.body(body).name,
         first.in_body.inverse());
   }
   return true;
 }
 
-bool Robots::have(engine::BodyId body) const {
+bool Robots::have(const engine::World& world, engine::BodyId body) const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  return bodies_.count(body.value) > 0;
+  return find(world, body) != nullptr;
 }
 
-void Robots::add_markers(const engine::World& world, const std::vector<engine::BodyId>& bodies,
-                         bool is_edited, MarkerSet::Namespace* markers) {
+void Robots::add_markers(const engine::World& world, bool is_edited,
+                         MarkerSet::Namespace* markers) const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  for (auto next = bodies_.begin(); next != bodies_.end();) {
-    const auto& [number, links] = *next;
+  for (const auto& [number, links] : bodies_) {
     const engine::BodyId body{number};
-    if (!std::binary_search(bodies.begin(), bodies.end(), body)) {
-      const bool is_gone = !bodies.empty() && body < bodies.back();  // ids are never reused
-      next = is_gone ? bodies_.erase(next) : std::next(next);
-      continue;
-    }
-    ++next;
+    if (find(world, body) == nullptr) continue;
     const engine::BodyState& at = world.state(body);
     for (const Visual& visual : links.visuals) {
       const ShownMarker* shown = markers->shown(visual.id);
@@ -152,18 +167,19 @@ std::optional<RobotLink> Robots::find_link(const engine::World& world,
                                            const std::string& name) const {
   const std::lock_guard<std::mutex> lock(mutex_);
   for (const engine::BodyId body : world.body_ids()) {
-    const auto found = bodies_.find(body.value);
-    if (found == bodies_.end()) continue;
-    for (const Link& link : found->second.links)
+    const BodyLinks* known = find(world, body);
+    if (known == nullptr) continue;
+    for (const Link& link : known->links)
       if (link.frame == name) return RobotLink{name, body, link.in_body};
   }
   return std::nullopt;
 }
 
-JointBounds Robots::bounds(const std::string& joint) const {
+JointBounds Robots::bounds(const engine::World& world, engine::JointId joint) const {
   const std::lock_guard<std::mutex> lock(mutex_);
-  const auto found = bounds_.find(joint);
-  return found != bounds_.end() ? found->second : JointBounds{};
+  const auto found = bounds_.find(joint.value);
+  const bool is_it = found != bounds_.end() && world.joint(joint).name == found->second.name;
+  return is_it ? found->second.bounds : JointBounds{};
 }
 
 }  // namespace constraint_sim

@@ -15,27 +15,30 @@
 namespace constraint_sim {
 
 /// The robots that were added from URDFs: the frames of their links, what they look like, and what
-/// bounds their joints. A body that is gone is shown no longer. On any thread.
+/// bounds their joints. Bodies and joints are known by id and name, since those of a snapshot of
+/// another process may have the ids of others here; what is gone is shown no longer, until a
+/// snapshot brings it back. On any thread.
 class Robots {
  public:
   explicit Robots(const Parameters& parameters) : parameters_(parameters) {}
 
-  void add(const Robot& robot);
+  /// One that has just been added to this world.
+  void add(const Robot& robot, const engine::World& world);
   /// Whether the body belongs to one.
-  bool have(engine::BodyId body) const;
+  bool have(const engine::World& world, engine::BodyId body) const;
+  /// Names in the log the links that are shown no longer since `by` replaced the world.
+  void tell_of_gone(const engine::World& world, const std::string& by);
 
   /// Of a body that belongs to a robot the frames of its links, as `publish_links` and
   /// `publish_com` say. Of another body nothing, and false.
   bool add_frames(const engine::World& world, engine::BodyId body, const ros::Time& stamp,
                   tf2_msgs::TFMessage* message) const;
-  /// What the robots look like of a world with these bodies: all where `is_edited`, else what has
-  /// moved. A robot may have come since that world was copied; what has gone is shown no longer.
-  void add_markers(const engine::World& world, const std::vector<engine::BodyId>& bodies,
-                   bool is_edited, MarkerSet::Namespace* markers);
+  /// What the robots of a world look like: all where `is_edited`, else what has moved.
+  void add_markers(const engine::World& world, bool is_edited, MarkerSet::Namespace* markers) const;
   /// The link with this name of a robot that is there.
   std::optional<RobotLink> find_link(const engine::World& world, const std::string& name) const;
-  /// Of a joint with this name; none of one that no URDF bounds.
-  JointBounds bounds(const std::string& joint) const;
+  /// Of a joint; none of one that no URDF bounds.
+  JointBounds bounds(const engine::World& world, engine::JointId joint) const;
 
  private:
   struct Link {
@@ -50,14 +53,22 @@ class Robots {
     visualization_msgs::Marker marker;  ///< what it looks like
   };
   struct BodyLinks {
+    std::string body;  ///< its name
     std::vector<Link> links;
     std::vector<Visual> visuals;
+    bool is_gone = false;  ///< as was told last
   };
+  struct BoundedJoint {
+    std::string name;
+    JointBounds bounds;
+  };
+
+  const BodyLinks* find(const engine::World& world, engine::BodyId body) const;
 
   Parameters parameters_;
   mutable std::mutex mutex_;
   std::map<std::uint32_t, BodyLinks> bodies_;  // by their ids
-  std::map<std::string, JointBounds> bounds_;
+  std::map<std::uint32_t, BoundedJoint> bounds_;
   std::int32_t last_marker_ = 0;
 };
 

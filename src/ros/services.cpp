@@ -79,6 +79,12 @@ bool Services::edit(const char* service, const Request& request, Response& respo
   });
 }
 
+SetOptionsResponse Services::set_options(SetOptionsRequest& request) {
+  SetOptionsResponse response;
+  edit("set_options", request, response);
+  return response;
+}
+
 void Services::follow(const SetOptionsRequest& request) {
   const Pacing asked = pacing(request);
   if (asked.real_time_factor) {

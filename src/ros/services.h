@@ -38,6 +38,9 @@ class Services {
   Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
            const Parameters& parameters, ServiceHandles handles);
 
+  /// What the service does; waits for the stepping thread.
+  SetOptionsResponse set_options(SetOptionsRequest& request);
+
  private:
   /// Handles one of visit_edits().
   template <class Request, class Response>

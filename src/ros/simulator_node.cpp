@@ -47,6 +47,10 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
       diagnostics_(parameters_, handle_, private_handle_.getNamespace()),
       stepper_(first_world(), stepper_options(parameters_), clock(), events()),
       services_(stepper_, edit_log_, publishers_, parameters_, service_handles()),
+#ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
+      reconfigure_(edits_.serving(private_handle_), first_options_, pacing(),
+                   [this](SetOptionsRequest& request) { return services_.set_options(request); }),
+#endif
       urdf_loader_(stepper_, parameters_, robots_, edits_.serving(private_handle_)),
       commands_(stepper_, parameters_, robots_, edits_.serving(private_handle_)),
       follower_(parameters_, handle_),
@@ -74,6 +78,7 @@ World SimulatorNode::first_world() {
     add_first_robot(handle_, parameters_, &robots_, &world);
     log_.edited(world);
     first_summary_ = summary(world);
+    first_options_ = world.options();
     return world;
   } catch (const ParameterError&) {
     throw;
@@ -105,6 +110,10 @@ Stepper::Clock SimulatorNode::clock() const {
   return [] { return ros::SteadyTime::now().toSec(); };
 }
 
+Pacing SimulatorNode::pacing() const {
+  return {stepper_.real_time_factor(), publishers_.publish_rate()};
+}
+
 // Simulated time begins with the clock that is followed, and goes back with it.
 void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
   const double clock = message.clock.toSec();
@@ -128,8 +137,14 @@ void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
 StepperEvents SimulatorNode::events() {
   StepperEvents events;
   events.stepping = [this](World& world) {
-    commands_.before_step(&world);
-    follower_.before_step(&world, stepper_.real_time_factor());
+    edit_log_.drive(&world, [&] {
+      commands_.before_step(&world);
+      follower_.before_step(&world, stepper_.real_time_factor());
+    });
+  };
+  events.interrupted = [this](const World& world, const std::string& by) {
+    commands_.end(by);
+    robots_.tell_of_gone(world, by);
   };
   events.stepped = [this](const World& world, double seconds) {
     publishers_.stepped(world, seconds);
@@ -140,6 +155,9 @@ StepperEvents SimulatorNode::events() {
     plugins_.stepped(world);
   };
   events.edited = [this](const World& world) {
+#ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
+    reconfigure_.edited(world.options(), pacing());
+#endif
     publishers_.edited(world);
     event_topic_.edited(world);
     hands_.edited(world);

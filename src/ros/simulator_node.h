@@ -11,6 +11,7 @@
 #include "ros/commands.h"
 #include "ros/diagnostics.h"
 #include "ros/edit_log.h"
+#include "ros/edits.h"
 #include "ros/event_log.h"
 #include "ros/events.h"
 #include "ros/frame_follower.h"
@@ -20,6 +21,9 @@
 #include "ros/publishers.h"
 #include "ros/robots.h"
 #include "ros/service_queue.h"
+#ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
+#include "ros/reconfigure.h"
+#endif
 #include "ros/services.h"
 #include "ros/urdf_loader.h"
 #include "sim/stepper.h"
@@ -44,6 +48,7 @@ class SimulatorNode {
   ServiceHandles service_handles();
   StepperEvents events();
   Stepper::Clock clock() const;
+  Pacing pacing() const;
   void on_clock(const rosgraph_msgs::Clock& message);
   void tell_of_start(const std::string& world);
 
@@ -54,6 +59,7 @@ class SimulatorNode {
   Plugins plugins_;  // before the first world, which may need them
   EventLog log_;
   std::string first_summary_;
+  engine::WorldOptions first_options_;
   EditLog edit_log_;
   Hands hands_;
   Robots robots_;
@@ -62,6 +68,9 @@ class SimulatorNode {
   Diagnostics diagnostics_;
   Stepper stepper_;
   Services services_;
+#ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
+  Reconfigure reconfigure_;
+#endif
   UrdfLoader urdf_loader_;
   Commands commands_;
   FrameFollower follower_;

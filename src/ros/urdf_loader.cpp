@@ -60,7 +60,7 @@ Robot add(const Description& description, RobotOptions options, Robots* robots, 
   options.extra = description.extra;
   options.mesh_exists = mesh_exists;
   Robot robot = add_robot(description.urdf, options, world);
-  robots->add(robot);
+  robots->add(robot, *world);
   return robot;
 }
 

@@ -260,6 +260,7 @@ Boundary Stepper::interrupt(const std::string& by, std::function<void(World&)> c
       [this, &by, &change] {
         for (StepRequest& request : step_requests_) show(request);  // what they came to
         apply(change);
+        if (events_.interrupted) events_.interrupted(world_, by);
         end_requests("cancelled by " + by);
       },
       Delay::kAbandonTick);

@@ -59,6 +59,8 @@ struct StepperEvents {
   std::function<double(const World&)> passed;
   /// Before a step: drives what moves.
   std::function<void(World&)> stepping = nullptr;
+  /// An interrupt() took effect, as another scene: what drives bodies and joints has to end.
+  std::function<void(const World&, const std::string& by)> interrupted = nullptr;
 };
 
 /// Owns a World and advances it, on a thread of its own: what is due by the clock, what

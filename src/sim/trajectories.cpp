@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <stdexcept>
 #include <utility>
 
@@ -133,34 +134,47 @@ void Trajectories::begin(const engine::World& world, const JointTrajectory& traj
     if (!world.has_joint(name))
       refuse("joint_names", "there is no constraint named '" + name + "'");
     const engine::JointId id = world.find_joint(name);
-    const OnItsWay way{spline_of(world, id, trajectory, k), world.time() + trajectory.delay};
+    const OnItsWay way{name, spline_of(world, id, trajectory, k), world.time() + trajectory.delay};
     if (!next.emplace(id.value, way).second) refuse("joint_names", "'" + name + "' is there twice");
   }
   for (auto& [id, way] : next) on_their_way_.insert_or_assign(id, std::move(way));
 }
 
+std::vector<std::string> Trajectories::end() {
+  std::vector<std::string> names;
+  for (const auto& [id, way] : on_their_way_) names.push_back(way.joint);
+  on_their_way_.clear();
+  return names;
+}
+
 void Trajectories::before_step(engine::World* world) {
-  if (on_their_way_.empty()) return;
-  const double h = world->options().time_step;
-  for (const engine::JointId id : world->joint_ids()) {
-    const auto found = on_their_way_.find(id.value);
-    if (found == on_their_way_.end() || !world->joint(id).coordinates[0].motor) continue;
-    const double since = world->time() - found->second.start;
-    if (since + h <= 0.0) continue;
-    const Spline& spline = found->second.spline;
-    const bool is_over = since >= spline.duration();
-    const double target = spline.at(since + h);
-    engine::CoordinateMotor motor = *world->joint(id).coordinates[0].motor;
-    motor.timeout = motor.amplitude = 0.0;
-    if (motor.is_servo()) {
-      motor.position = target;
-    } else {
-      motor.position.reset();
-      motor.bias = is_over ? 0.0 : (target - world->joint_state(id).coordinates[0].held) / h;
-    }
-    world->set_motor(id, 0, motor);
-    if (is_over) on_their_way_.erase(found);
+  for (auto next = on_their_way_.begin(); next != on_their_way_.end();) {
+    const bool goes_on = advance(engine::JointId{next->first}, next->second, world);
+    next = goes_on ? std::next(next) : on_their_way_.erase(next);
   }
+}
+
+// False where its way is at its end.
+bool Trajectories::advance(engine::JointId id, const OnItsWay& way, engine::World* world) {
+  // another joint may have the number where the world was replaced
+  if (!world->has_joint(way.joint) || world->find_joint(way.joint) != id ||
+      !world->joint(id).coordinates[0].motor)
+    return false;
+  const double h = world->options().time_step;
+  const double since = world->time() - way.start;
+  if (since + h <= 0.0) return true;
+  const bool is_over = since >= way.spline.duration();
+  const double target = way.spline.at(since + h);
+  engine::CoordinateMotor motor = *world->joint(id).coordinates[0].motor;
+  motor.timeout = motor.amplitude = 0.0;
+  if (motor.is_servo()) {
+    motor.position = target;
+  } else {
+    motor.position.reset();
+    motor.bias = is_over ? 0.0 : (target - world->joint_state(id).coordinates[0].held) / h;
+  }
+  world->set_motor(id, 0, motor);
+  return !is_over;
 }
 
 }  // namespace constraint_sim

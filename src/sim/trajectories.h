@@ -51,15 +51,20 @@ class Trajectories {
   void begin(const engine::World& world, const JointTrajectory& trajectory);
   /// Ends what a joint is on.
   void drop(engine::JointId joint) { on_their_way_.erase(joint.value); }
-  /// Before each tick.
+  /// Ends all; the names of the joints that were on one, in the order of their ids.
+  std::vector<std::string> end();
+  /// Before each tick. What a joint was on that is gone, or has no motor any more, ends.
   void before_step(engine::World* world);
   bool empty() const { return on_their_way_.empty(); }
 
  private:
   struct OnItsWay {
+    std::string joint;
     Spline spline;
     double start;  // simulated [s]
   };
+  static bool advance(engine::JointId id, const OnItsWay& way, engine::World* world);
+
   std::map<std::uint32_t, OnItsWay> on_their_way_;  // by ids of joints
 };
 

@@ -1,19 +1,26 @@
 // Runs again what a bag of edit_log has recorded, and holds each step and edit against its hash:
-//   rosrun constraint_sim replay FILE.bag [TOPIC]
+//   rosrun constraint_sim replay FILE.bag [TOPIC] [--plugins "PACKAGE/CLASS ..."]
+// With plugins it is a ROS node, for these may have topics: a master has to be there.
 
 #include <constraint_sim/EditRecord.h>
+#include <ros/init.h>
+#include <ros/node_handle.h>
 #include <rosbag/bag.h>
 #include <rosbag/view.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <optional>
 #include <set>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "constraint_sim/engine/snapshot.h"
 #include "ros/edits.h"
+#include "ros/parameters.h"
+#include "ros/plugins.h"
 
 namespace constraint_sim {
 namespace {
@@ -102,14 +109,32 @@ int replay(const std::string& path, std::string topic) {
 }  // namespace constraint_sim
 
 int main(int argc, char** argv) {
-  if (argc < 2 || argc > 3) {
-    std::fprintf(stderr, "usage: rosrun constraint_sim replay FILE.bag [TOPIC]\n");
+  std::vector<std::string> words(argv + 1, argv + argc);
+  constraint_sim::Parameters parameters;
+  const auto option = std::find(words.begin(), words.end(), "--plugins");
+  const bool has_plugins = option != words.end() && option + 1 != words.end();
+  if (has_plugins) {
+    parameters.plugins = *(option + 1);
+    words.erase(option, option + 2);
+  }
+  const bool is_option = std::any_of(words.begin(), words.end(), [](const std::string& word) {
+    return word.compare(0, 1, "-") == 0;
+  });
+  if (words.empty() || words.size() > 2 || is_option) {
+    std::fprintf(stderr,
+                 "usage: rosrun constraint_sim replay FILE.bag [TOPIC] [--plugins \"PACKAGE/CLASS "
+                 "...\"]\n");
     return constraint_sim::kBadInput;
   }
   try {
-    return constraint_sim::replay(argv[1], argc > 2 ? argv[2] : "");
+    std::optional<constraint_sim::Plugins> plugins;
+    if (has_plugins) {
+      ros::init(argc, argv, "replay", ros::init_options::AnonymousName);
+      plugins.emplace(parameters, ros::NodeHandle("~"));
+    }
+    return constraint_sim::replay(words[0], words.size() > 1 ? words[1] : "");
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "replay: %s: %s\n", argv[1], error.what());
+    std::fprintf(stderr, "replay: %s: %s\n", words[0].c_str(), error.what());
     return constraint_sim::kBadInput;
   }
 }

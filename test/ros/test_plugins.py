@@ -7,10 +7,11 @@ import subprocess
 import tempfile
 import unittest
 
+import rosbag
 import rospkg
 import rospy
 import rostest
-from constraint_sim.msg import Constraint
+from constraint_sim.msg import Constraint, EditRecord
 from std_msgs.msg import Float64
 
 from support import NODE, TIMEOUT, call, node_command, properties, running, wait_until
@@ -101,6 +102,33 @@ class Plugins(unittest.TestCase):
             self.assertEqual(call("step", steps=50).state_hash, after)
             self.assertTrue(call("load_scene", text=text).success)
             self.assertEqual(call("save_scene").text.count("custom: weather"), 3)
+
+    def test_a_recorded_run_is_replayed_with_them_and_refused_without(self):
+        log = []
+        rospy.Subscriber(NODE + "/edit_log", EditRecord, log.append, queue_size=1000)
+        with self.node():
+            properties()
+            wait_until(lambda: log, "the world that the log begins with")
+            call("step", steps=150)
+            last = call("set_options", keys=["iterations"], values=["11"])
+            self.assertTrue(last.success, last.status_message)
+            wait_until(lambda: log[-1].service == "set_options", "the last record")
+        file = os.path.join(self.folder.name, "run.bag")
+        with rosbag.Bag(file, "w") as bag:
+            for i, record in enumerate(log):
+                bag.write(NODE + "/edit_log", record, rospy.Time(1 + i))
+        said = []
+        for options in ([], ["--plugins", PLUGIN], ["--plugins", "none/such"]):
+            done = subprocess.run(["rosrun", "constraint_sim", "replay", file, *options],
+                                  env=self.environment, stdout=subprocess.PIPE, timeout=60,
+                                  stderr=subprocess.STDOUT, universal_newlines=True)
+            said.append((done.returncode, done.stdout))
+        self.assertEqual(said[0][0], 2)
+        self.assertIn("no plugin has a force of type 'weather/wind'", said[0][1])
+        self.assertEqual(said[1][0], 0, said[1][1])
+        self.assertIn("150 steps: the same hash at each record", said[1][1])
+        self.assertEqual(said[2][0], 2)
+        self.assertIn("none/such", said[2][1])
 
     def test_what_fails_is_told_by_its_name(self):
         with self.node():

@@ -3,14 +3,16 @@
 import contextlib
 import os
 import subprocess
+import tempfile
 
 import numpy
 import rospkg
 import rospy
 import rostest
 from constraint_sim.msg import Body, Shape
-from geometry_msgs.msg import Pose, Twist, WrenchStamped
+from geometry_msgs.msg import Pose, Twist, Vector3, Wrench, WrenchStamped
 from nav_msgs.msg import Odometry
+from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64
 from tf2_msgs.msg import TFMessage
@@ -215,6 +217,86 @@ class Robots(support.ServiceCase):
             self.expect(states, "shoulder_pan", 0.5)
             self.expect(states, "elbow", 0.2)
             self.expect(states, "shoulder_lift", -0.4)
+
+    def test_what_drives_ends_with_the_world_that_it_was_for(self):
+        """A restored world, also one of another process whose joints have the same numbers."""
+        other = """
+bodies:
+  - {name: a, mass: 1, shape: {box: {size: [1, 0.1, 0.1]}}}
+  - {name: b, mass: 1, shape: {box: {size: [1, 0.1, 0.1]}}, position: [0, 5, 0]}
+world: {gravity: [0, 0, 0]}
+constraints:
+%s
+""" % "\n".join("  - {name: hinge_%d, type: hinge, body_b: %s, anchor_a: [0, %d, %d], motor: {bias: 0}}"
+                % (i, "ab"[i], 5 * i, 0) for i in range(2))
+        with tempfile.TemporaryDirectory() as folder:
+            file = os.path.join(folder, "other.snapshot")
+            with simulator(scene_folder=folder):
+                self.good("load_scene", text=other)
+                self.good("save_snapshot", path="other.snapshot")
+            with simulator(cmd_vel="cart", wrench="ball"):
+                self.good("load_urdf", path="arm", fixed=True, extra=POSE + MOTORS)
+                cart = Body(name="cart", type=Body.KINEMATIC,
+                            shape=Shape(type=Shape.BOX, dimensions=[1, 1, 1]))
+                cart.pose.position.y = 9
+                self.good("add_body", body=cart)
+                self.good("add_body", body=support.sphere("ball", y=-9.0))
+                self.good("save_snapshot", name="before")
+                topics = [rospy.Publisher(support.NODE + name, kind, queue_size=1)
+                          for name, kind in (("/joint_trajectory", JointTrajectory),
+                                             ("/cmd_vel/cart", Twist),
+                                             ("/wrench/ball", WrenchStamped))]
+                log = Listener("/rosout", Log)
+                for topic in topics:
+                    wait_until(topic.get_num_connections, topic.name)
+
+                def drive():
+                    end = JointTrajectoryPoint(positions=[0.5, 0.2],
+                                               time_from_start=rospy.Duration(100))
+                    topics[0].publish(JointTrajectory(joint_names=["shoulder_pan", "elbow"],
+                                                      points=[end]))
+                    topics[1].publish(Twist(linear=Vector3(0.5, 0, 0)))
+                    topics[2].publish(WrenchStamped(wrench=Wrench(force=Vector3(2, 0, 0))))
+                    rospy.sleep(0.3)  # no answer says that a message has come
+                    moving = self.good("step", steps=10)
+                    self.assertNotEqual({b.name: b for b in moving.bodies}["cart"].pose.position.x,
+                                        0.0)
+
+                def ended(by):
+                    for topic, names in (("joint_trajectory", ["shoulder_pan", "elbow"]),
+                                         ("cmd_vel", ["cart"]), ("wrench", ["ball"])):
+                        wait_until(lambda: any(
+                            m.msg.startswith("%s: ended by %s: " % (topic, by)) and
+                            all(name in m.msg for name in names) for m in log.messages), by)
+                    log.messages.clear()
+
+                drive()
+                self.good("restore_snapshot", name="before")
+                ended("restore_snapshot")
+                alone = self.good("step", steps=50).state_hash
+                self.good("restore_snapshot", name="before")
+                self.assertEqual(self.good("step", steps=50).state_hash, alone)
+                self.assertEqual(call("get_body_state", name="cart").state.pose.position.x, 0.0)
+
+                drive()
+                restored = self.good("restore_snapshot", path=file)
+                ended("restore_snapshot")
+                frames = Listener("/tf", TFMessage)
+                self.good("step", steps=50)
+                at_rest = [call("get_body_state", name=name).state.twist.angular for name in "ab"]
+                self.assertEqual([(w.x, w.y, w.z) for w in at_rest], [(0, 0, 0)] * 2)
+                self.assertEqual(restored.step, 0)
+                message = frames.wait()  # of these bodies, and not of links with their numbers
+                self.assertEqual({t.child_frame_id for t in message.transforms}, {"a", "b"})
+
+                # the robot comes back with its world, and so do its frames
+                self.good("restore_snapshot", name="before")
+                self.good("step", steps=1)
+                frames.wait(lambda m: set(LINKS) - {"base_link"} <=
+                            {t.child_frame_id for t in m.transforms})
+                drive()
+                self.good("load_scene", text="bodies: []")
+                ended("load_scene")
 
     def test_commands_by_what_motor_there_is(self):
         motors = """

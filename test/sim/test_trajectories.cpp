@@ -172,5 +172,41 @@ TEST(Trajectories, WhatCannotBeIsNamed) {
   expect(world, wrong, "finite");
 }
 
+// Numbers of joints begin anew in another process: what a joint was on ends with its world, and
+// never drives another joint of the same number.
+TEST(Trajectories, EndWithTheJointTheyAreFor) {
+  World world = two_bars("motor: {bias: 0}");
+  Trajectories trajectories;
+  trajectories.begin(world, to(0.8, -0.6));
+  World other = engine::load_scene(R"(
+bodies:
+  - {name: a, mass: 1, shape: {box: {size: [1, 0.1, 0.1]}}}
+  - {name: b, mass: 1, shape: {box: {size: [1, 0.1, 0.1]}}, position: [5, 0, 0]}
+constraints:
+  - {name: elbow, type: hinge, body_b: a, motor: {bias: 0}}
+  - {name: shoulder, type: hinge, body_b: b, anchor_a: [5, 0, 0], motor: {bias: 0}}
+)");
+  ASSERT_EQ(other.find_joint("elbow"), world.find_joint("shoulder"));
+  const auto hash = other.state_hash();
+  trajectories.before_step(&other);
+  EXPECT_EQ(other.state_hash(), hash);
+  EXPECT_TRUE(trajectories.empty());
+
+  trajectories.begin(world, to(0.8, -0.6));
+  EXPECT_EQ(trajectories.end(), (std::vector<std::string>{"shoulder", "elbow"}));
+  EXPECT_TRUE(trajectories.empty());
+  world.step();
+  EXPECT_EQ(position(world, "shoulder"), 0.0);
+
+  trajectories.begin(world, to(0.8, -0.6));
+  world.remove_joint(world.find_joint("elbow"));
+  for (int i = 0; i < 200; ++i) {
+    trajectories.before_step(&world);
+    world.step();
+  }
+  EXPECT_TRUE(trajectories.empty());
+  EXPECT_NEAR(position(world, "shoulder"), 0.8, 1e-12);
+}
+
 }  // namespace
 }  // namespace constraint_sim

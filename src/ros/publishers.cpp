@@ -306,7 +306,8 @@ void Publishers::publish_static_transforms(const Snapshot& snapshot) {
   if (!parameters_.publish_tf) return;
   tf2_msgs::TFMessage message;
   for (const engine::BodyId id : snapshot.world.body_ids())
-    if (snapshot.world.body(id).type == engine::BodyType::kStatic && !robots_.have(snapshot.world, id))
+    if (snapshot.world.body(id).type == engine::BodyType::kStatic &&
+        !robots_.have(snapshot.world, id))
       message.transforms.push_back(transform_of(snapshot, id));
   const auto is_same = [](const auto& a, const auto& b) {
     return a.child_frame_id == b.child_frame_id && a.transform == b.transform;

@@ -16,9 +16,18 @@ import support
 from support import NODE, Listener, call, properties, sphere, wait_until
 
 
+def number_of(value):
+    """PyYAML takes 1e-08, which has no point, for a text."""
+    try:
+        return float(value) if isinstance(value, str) else value
+    except ValueError:
+        return value
+
+
 def options():
     """The world's options, as they would be saved."""
-    return yaml.safe_load(call("save_scene").text)["world"]
+    saved = yaml.safe_load(call("save_scene").text)["world"]
+    return {name: number_of(value) for name, value in saved.items()}
 
 
 class Parameters(support.ServiceCase):

@@ -13,7 +13,7 @@ namespace {
 using Eigen::Vector3d;
 
 Vector3d normal(const BodyState& plane) { return plane.orientation * Vector3d::UnitZ(); }
-double offset(const BodyState& plane) { return normal(plane).dot(plane.position); }
+double offset(const Vector3d& N, const BodyState& plane) { return N.dot(plane.position); }
 
 /// Brings two shapes into the order of the functions above.
 struct Collide {
@@ -25,10 +25,12 @@ struct Collide {
     return collide_sphere_sphere(a.position, sphere_a.radius, b.position, sphere_b.radius, margin);
   }
   Manifold operator()(const Sphere& sphere, const Plane&) const {
-    return collide_sphere_plane(a.position, sphere.radius, normal(b), offset(b), margin);
+    const Vector3d N = normal(b);
+    return collide_sphere_plane(a.position, sphere.radius, N, offset(N, b), margin);
   }
   Manifold operator()(const Box& box, const Plane&) const {
-    return collide_box_plane(box.size, a, normal(b), offset(b), margin);
+    const Vector3d N = normal(b);
+    return collide_box_plane(box.size, a, N, offset(N, b), margin);
   }
   Manifold operator()(const Box& box, const Sphere& sphere) const {
     return collide_box_sphere(box.size, a, b.position, sphere.radius, margin);
@@ -37,7 +39,8 @@ struct Collide {
     return collide_box_box(box_a.size, a, box_b.size, b, margin);
   }
   Manifold operator()(const Cylinder& cylinder, const Plane&) const {
-    return collide_cylinder_plane(cylinder, a, normal(b), offset(b), margin);
+    const Vector3d N = normal(b);
+    return collide_cylinder_plane(cylinder, a, N, offset(N, b), margin);
   }
   Manifold operator()(const Cylinder& cylinder, const Sphere& sphere) const {
     return collide_cylinder_sphere(cylinder, a, b.position, sphere.radius, margin);
@@ -123,11 +126,12 @@ Separation separation(const Shape& shape_a, const BodyState& a, const Shape& sha
     if (box_b != nullptr)
       return reversed(separation_of_box_and_cylinder(box_b->size, b, *cylinder_a, a));
     if (std::holds_alternative<Plane>(shape_b))
-      return separation_of_cylinder_and_plane(*cylinder_a, a, normal(b), offset(b));
+      return separation_of_cylinder_and_plane(*cylinder_a, a, normal(b), offset(normal(b), b));
   } else if (const auto* cylinder_b = std::get_if<Cylinder>(&shape_b)) {
     if (box_a != nullptr) return separation_of_box_and_cylinder(box_a->size, a, *cylinder_b, b);
     if (std::holds_alternative<Plane>(shape_a))
-      return reversed(separation_of_cylinder_and_plane(*cylinder_b, b, normal(a), offset(a)));
+      return reversed(
+          separation_of_cylinder_and_plane(*cylinder_b, b, normal(a), offset(normal(a), a)));
   }
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const Manifold all = collide(shape_a, a, shape_b, b, kInfinity);

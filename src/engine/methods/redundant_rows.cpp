@@ -26,7 +26,6 @@ using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-constexpr double kLeastPivot = 1e-8;       // of rows kept, with the diagonal scaled to one
 constexpr double kRoundOffPivot = 1e-13;   // in the order of little fill, which is another one
 constexpr double kSelfStress = 1e-6;       // imbalance of forces, as a share of the largest force
 constexpr double kExactSelfStress = 1e-9;  // the same, of rows that follow to rounding

@@ -100,7 +100,7 @@ TEST(SnapshotBytes, OfSingularAndContradictoryJointsGoOnWithTheSameReports) {
     }
   }
   EXPECT_GT(singular, 200 / kSanitizedShare);
-  EXPECT_GT(contradictory, 200 / kSanitizedShare);
+  EXPECT_GT(contradictory, 60 / kSanitizedShare);
 }
 
 TEST(SnapshotBytes, OfRandomScenesGoOnWithTheSameBits) {

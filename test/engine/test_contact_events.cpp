@@ -5,6 +5,7 @@
 #include <array>
 
 #include "bouncing.h"
+#include "by_events.h"
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
 #include "support.h"
@@ -13,22 +14,6 @@ namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr double kPlace = 1e-12;  // [m] of what is in closed form within a tick, too
-constexpr double kTime = 1e-12;   // [s]
-
-WorldOptions by_events(double time_step, double gravity = kGravity) {
-  WorldOptions options = engine::options(time_step, gravity);
-  options.method = Method::kEventDriven;
-  options.tolerance = 1e-10;
-  return options;
-}
-
-Body with_surface(Body body, double friction, double restitution) {
-  body.friction = friction;
-  body.restitution = restitution;
-  return body;
-}
 
 BodyId add_floor(World* world, double friction = 0.0, double restitution = 0.0) {
   Body floor;

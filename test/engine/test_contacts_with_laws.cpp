@@ -3,28 +3,13 @@
 // rounding, and for what turns the tolerance of 1e-10 m/s.
 
 #include "bouncing.h"
+#include "by_events.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr double kPlace = 1e-12;  // [m] of what is in closed form within a tick, too
-constexpr double kTime = 1e-12;   // [s]
-
-WorldOptions by_events(double time_step, double gravity = kGravity) {
-  WorldOptions options = engine::options(time_step, gravity);
-  options.method = Method::kEventDriven;
-  options.tolerance = 1e-10;
-  return options;
-}
-
-Body with_surface(Body body, double friction, double restitution) {
-  body.friction = friction;
-  body.restitution = restitution;
-  return body;
-}
 
 /// A plane through a point, in which nothing is where `normal` does not point to.
 Body plane(const std::string& name, const Vector3d& point, const Vector3d& normal, double friction,

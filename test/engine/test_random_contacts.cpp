@@ -7,6 +7,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "draw.h"
+#include "parts.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -17,12 +18,9 @@ using Eigen::Vector3d;
 
 constexpr unsigned kScenes = 300 / kSanitizedShare;
 
-struct Parts {
+struct TouchingParts : Parts {
   double time_step = 0.0;
-  double largest = 0.0;  // energy that is exchanged [J]
-  std::vector<Body> bodies;
-  std::vector<Joint> joints;              // whose bodies are those of `ends`
-  std::vector<std::pair<int, int>> ends;  // into bodies; -1 of the world
+  double largest = 0.0;  ///< energy that is exchanged [J]
 };
 
 // a joint between an earlier body, or the world, and this one, met where the two are
@@ -106,9 +104,9 @@ Body random_body(Draw& draw, int i) {
 
 enum class Laws { kNone, kPassive, kMotors };
 
-Parts random_parts(unsigned seed, Laws laws = Laws::kNone) {
+TouchingParts random_parts(unsigned seed, Laws laws = Laws::kNone) {
   Draw draw(seed);
-  Parts parts;
+  TouchingParts parts;
   parts.time_step = std::pow(10.0, -1.0 - 2.0 * draw.share());
   const double friction = draw.below(3) == 0 ? 0.0 : 1.2 * draw.share();
   const double restitution = draw.below(2) == 0 ? 0.0 : draw.share();
@@ -139,42 +137,10 @@ Parts random_parts(unsigned seed, Laws laws = Laws::kNone) {
   return parts;
 }
 
-/// Of the whole scene.
-struct Placing {
-  Vector3d shift = Vector3d::Zero();
-  Quaterniond turn = Quaterniond::Identity();
-  bool is_reversed = false;  ///< bodies added from the last to the first
-};
-
-World world_of(const Parts& parts, const Placing& placing = {}) {
+World world_of(const TouchingParts& parts, const Placing& placing = {}) {
   WorldOptions options = engine::options(parts.time_step);
   options.method = Method::kEventDriven;
-  options.gravity = placing.turn * options.gravity;
-  World world(options);
-  const int count = static_cast<int>(parts.bodies.size());
-  std::vector<BodyId> ids(parts.bodies.size());
-  for (int k = 0; k < count; ++k) {
-    const auto i = static_cast<std::size_t>(placing.is_reversed ? count - 1 - k : k);
-    Body body = parts.bodies[i];
-    body.state.position = placing.shift + placing.turn * body.state.position;
-    body.state.orientation = placing.turn * body.state.orientation;
-    body.state.linear_velocity = placing.turn * body.state.linear_velocity;
-    body.state.angular_velocity = placing.turn * body.state.angular_velocity;
-    ids[i] = world.add_body(body);
-  }
-  for (std::size_t j = 0; j < parts.joints.size(); ++j) {
-    Joint joint = parts.joints[j];
-    const auto [a, b] = parts.ends[j];
-    if (a < 0) {
-      joint.anchor_a = placing.shift + placing.turn * joint.anchor_a;
-      joint.frame_a = placing.turn * joint.frame_a;
-    } else {
-      joint.body_a = ids[static_cast<std::size_t>(a)];
-    }
-    joint.body_b = ids[static_cast<std::size_t>(b)];
-    world.add_joint(joint);
-  }
-  return world;
+  return assemble(parts, options, placing);
 }
 
 bool is_by_impulses(const World& world) {
@@ -202,7 +168,7 @@ struct Found {
 // One scene for 2 s, or until it is left to impulses. Energy rises by no more than the tolerance of
 // 1e-8 m/s explains, and gaps and joints hold to rounding.
 void hold_scene(unsigned seed, Laws laws, Found* found) {
-  const Parts parts = random_parts(seed, laws);
+  const TouchingParts parts = random_parts(seed, laws);
   World world = world_of(parts);
   if (is_closing(world)) return;
   ++found->scenes;
@@ -255,7 +221,7 @@ TEST(RandomContacts, HoldWithMotorsAtTheirLimits) {
 // The same bits of a copy and of a snapshot taken in the middle, and with any number of threads.
 TEST(RandomContacts, AreTheSameCopiedAndWithThreads) {
   for (unsigned seed = 0; seed < kScenes / 6; ++seed) {
-    const Parts parts = random_parts(seed, seed % 2 == 0 ? Laws::kNone : Laws::kMotors);
+    const TouchingParts parts = random_parts(seed, seed % 2 == 0 ? Laws::kNone : Laws::kMotors);
     World world = world_of(parts), threaded = world_of(parts);
     WorldOptions options = threaded.options();
     options.threads = 3;
@@ -280,7 +246,7 @@ TEST(RandomContacts, DoNotDependOnPlaceAndOrder) {
   Draw draw(7);
   unsigned hit = 0;
   for (unsigned seed = 0; seed < kScenes / 6; ++seed) {
-    const Parts parts = random_parts(seed, seed % 2 == 0 ? Laws::kNone : Laws::kMotors);
+    const TouchingParts parts = random_parts(seed, seed % 2 == 0 ? Laws::kNone : Laws::kMotors);
     const Placing placing{3.0 * draw.vector(), draw.turn(), true};
     World here = world_of(parts), there = world_of(parts, placing);
     unsigned events = 0;

@@ -6,6 +6,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "draw.h"
+#include "parts.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -15,12 +16,6 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 constexpr unsigned kScenes = 200 / kSanitizedShare;
-
-struct Parts {
-  std::vector<Body> bodies;
-  std::vector<Joint> joints;              // whose bodies are those of `ends`
-  std::vector<std::pair<int, int>> ends;  // into bodies; -1 of the world
-};
 
 CoordinateLaw random_law(Draw& draw, bool is_angle, bool with_motors) {
   CoordinateLaw law;
@@ -111,42 +106,10 @@ Parts random_parts(unsigned seed, bool with_motors) {
   return parts;
 }
 
-/// Of the whole scene.
-struct Placing {
-  Vector3d shift = Vector3d::Zero();
-  Quaterniond turn = Quaterniond::Identity();
-  bool is_reversed = false;  ///< bodies added from the last to the first
-};
-
 World world_of(const Parts& parts, double time_step, const Placing& placing = {}) {
   WorldOptions options = engine::options(time_step);
   options.method = Method::kAuto;
-  options.gravity = placing.turn * options.gravity;
-  World world(options);
-  const int count = static_cast<int>(parts.bodies.size());
-  std::vector<BodyId> ids(parts.bodies.size());
-  for (int k = 0; k < count; ++k) {
-    const auto i = static_cast<std::size_t>(placing.is_reversed ? count - 1 - k : k);
-    Body body = parts.bodies[i];
-    body.state.position = placing.shift + placing.turn * body.state.position;
-    body.state.orientation = placing.turn * body.state.orientation;
-    body.state.linear_velocity = placing.turn * body.state.linear_velocity;
-    body.state.angular_velocity = placing.turn * body.state.angular_velocity;
-    ids[i] = world.add_body(body);
-  }
-  for (std::size_t j = 0; j < parts.joints.size(); ++j) {
-    Joint joint = parts.joints[j];
-    const auto [a, b] = parts.ends[j];
-    if (a < 0) {
-      joint.anchor_a = placing.shift + placing.turn * joint.anchor_a;
-      joint.frame_a = placing.turn * joint.frame_a;
-    } else {
-      joint.body_a = ids[static_cast<std::size_t>(a)];
-    }
-    joint.body_b = ids[static_cast<std::size_t>(b)];
-    world.add_joint(joint);
-  }
-  return world;
+  return assemble(parts, options, placing);
 }
 
 bool is_closing(const World& world) {

@@ -36,8 +36,8 @@ std::string lines_of(const std::string& key, const std::string& scene) {
 
 }  // namespace
 
-// Only the text of constraints with a motor is parsed: all of a world of thousands of bodies would
-// take seconds, in which rviz stands.
+// Only the text of constraints with a motor is parsed, for rviz stands meanwhile: what that takes
+// of thousands is printed by constraint_sim_panel_costs.
 std::vector<Motor> motors_in(const std::string& scene, std::size_t most) {
   std::vector<Motor> motors;
   const std::string text = lines_of("constraints", scene);

@@ -9,8 +9,8 @@ int main(int argc, char** argv) {
   namespace mechanisms = constraint_sim::engine::mechanisms;
   const std::string part = argc > 1 ? argv[1] : "";
   bool has_failed = false;
-  std::printf("%-24s %6s %6s %9s %9s %9s %9s %7s %7s %8s\n", "scene", "tick", "steps", "energy",
-              "momentum", "angular", "joints/m", "size/m", "Newton", "halvings");
+  std::printf("%-24s %6s %6s %9s %9s %9s %9s %7s %7s %8s %7s\n", "scene", "tick", "steps", "energy",
+              "momentum", "angular", "joints/m", "size/m", "Newton", "halvings", "changes");
   for (const mechanisms::Conserved& scene : mechanisms::conserved()) {
     if (scene.mechanism.name.find(part) == std::string::npos) continue;
     const mechanisms::Kept kept = run(scene);
@@ -20,8 +20,8 @@ int main(int argc, char** argv) {
       std::printf("%9.1e %9.1e", kept.momentum, kept.angular_momentum);
     else
       std::printf("%9s %9s", "-", "-");
-    std::printf(" %9.1e %7.1f %7.2f %8u%s\n", kept.joints, kept.size, kept.iterations,
-                kept.halvings, kept.has_failed ? "  FAILED" : "");
+    std::printf(" %9.1e %7.1f %7.2f %8u %7u%s\n", kept.joints, kept.size, kept.iterations,
+                kept.halvings, kept.changes, kept.has_failed ? "  FAILED" : "");
     std::fflush(stdout);
     has_failed = has_failed || kept.has_failed;
   }

@@ -339,8 +339,8 @@ TEST(SaddleLu, LetsNewtonConvergeInLoopsThroughTheWorld) {
         iterations += island.iterations;
         substeps += island.substeps;
       }
-      // squares: from 1e-1 to 1e-16 in 5, and fewer the shorter the step
-      EXPECT_LE(iterations / substeps, 6.5) << sides << " sides, " << time_step;
+      // squares: from 1e-1 to below 1e-18 in 6, and fewer the shorter the step
+      EXPECT_LE(iterations / substeps, 7.0) << sides << " sides, " << time_step;
     }
   }
 }

@@ -13,12 +13,13 @@ constexpr int kMostNewtonSteps = 25;
 // Newton's steps end when a change moves nothing by more than this share of the scene, or by less
 // than the second and no longer half of the change before: then it is rounding. Or when the next
 // change, of those that go down as squares, is to be below the third, and what rows are off by then
-// below the fourth; that is believed of changes below the second as a share of the mechanism,
-// wherever it lies.
+// below the fourth, a hundredth of rounding: what such steps leave has the same sign from step to
+// step, and changes the energy by as much as rounding of ten thousand times as many steps. That is
+// believed of changes below the second as a share of the mechanism, wherever it lies.
 constexpr double kSolved = 1e-14;
 constexpr double kRounding = 1e-7;
-constexpr double kSquared = 1e-16;
-constexpr double kRowSquared = 3e-16;
+constexpr double kSquared = 1e-18;
+constexpr double kRowSquared = 3e-18;
 // They are given up where the changes are larger than this, and grow.
 constexpr double kDiverged = 10.0;
 // What a row may be off then, as a share of the scene.

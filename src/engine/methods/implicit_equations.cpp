@@ -185,10 +185,15 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
     for (std::size_t f = 0; f < 2; ++f) {
       const End& column = link.ends[f];
       if (row.dofs == 0 || column.dofs == 0) continue;
-      Eigen::Matrix<double, 6, 6> K;
-      K.topLeftCorner(row.dofs, column.dofs).noalias() =
-          (-s_ * share_ * row.sign * column.sign) * H[e].topRows(row.dofs) *
-          (P * motion.E[f].leftCols(column.dofs)).eval();
+      Eigen::Matrix<double, 6, 6> K = Eigen::Matrix<double, 6, 6>::Zero();
+      if (link.kind != Kind::kBall) {  // whose force does not hang on where its ends are
+        Eigen::Matrix<double, 3, 6> PE = Eigen::Matrix<double, 3, 6>::Zero();
+        PE.leftCols<3>() = P;
+        if (column.dofs == 6) PE.rightCols<3>() = P * motion.E[f].rightCols<3>();
+        const double weight = -s_ * share_ * row.sign * column.sign;
+        K.topRows<3>() = weight * PE;
+        if (row.dofs == 6) K.bottomRows<3>().noalias() = weight * H[e].bottomRows<3>() * PE;
+      }
       if (e == f && row.dofs == 6) {
         const Turning& turn = J_angular_[row.point];
         K.bottomRightCorner<3, 3>() += (s_ * share_ * row.sign) * turn.C *

@@ -7,8 +7,10 @@ namespace {
 
 // What h ω one substep is stable up to, with some room.
 constexpr double kStable8 = 5.0, kStable5 = 0.9;
-// A jerk is over after a tick or two; what goes on for longer makes an island stiff.
+// A jerk is over after a tick or two; what goes on for longer makes an island stiff. A tick that
+// costs as many times a tick by gradients counts twice, and so on.
 constexpr int kStiffFor = 4;  // [spans]
+constexpr double kOneMore = 6.0;
 // An island is no longer stiff when h ω stays below this share of the limit for so long.
 constexpr double kCalmShare = 0.5;
 constexpr std::uint64_t kCalmFor = 50;  // [steps]
@@ -146,12 +148,14 @@ double most_frequency(double gradient_cost, const IslandMemory& memory,
 
 bool learn_from_substeps(double gradient_cost, std::uint64_t step, const WorldOptions& options,
                          IntegrationResult* progress, IslandMemory* memory) {
+  int ticks = 1;
   if (progress->is_stiff && progress->done && options.tolerance > 0.0) {
     const double cost = stages(options) * (progress->substeps + progress->rejected);
     memory->substep_cost = cost / (options.time_step * progress->frequency);
     progress->is_stiff = cost > gradient_cost;
+    ticks += static_cast<int>(std::min<double>(cost / (kOneMore * gradient_cost), kStiffFor));
   }
-  memory->stiff_ticks = progress->is_stiff ? memory->stiff_ticks + 1 : 0;
+  memory->stiff_ticks = progress->is_stiff ? memory->stiff_ticks + ticks : 0;
   if (progress->done && memory->stiff_ticks < kStiffFor) return false;
   if (progress->done || progress->is_stiff) {
     memory->is_stiff = true;

@@ -14,11 +14,11 @@ namespace constraint_sim::engine {
 
 /// What decides which method an island has, beside its bodies and joints. An edit clears it.
 struct IslandMemory {
-  std::uint64_t quiet_for = 0;               ///< steps in a row that moved nothing to speak of
-  bool is_stiff = false;                     ///< as measured when it was last carried
-  int stiff_ticks = 0;                       ///< how often in a row substeps found it so
-  std::uint64_t stiff_until = 0;             ///< step before which it is not asked again
-  std::uint64_t refused_until = 0;           ///< step
+  std::uint64_t quiet_for = 0;      ///< steps in a row that moved nothing to speak of
+  bool is_stiff = false;            ///< as measured when it was last carried
+  int stiff_ticks = 0;              ///< in a row that substeps found so, dear ones more than once
+  std::uint64_t stiff_until = 0;    ///< step before which it is not asked again
+  std::uint64_t refused_until = 0;  ///< step
   std::uint64_t contacts_refused_until = 0;  ///< step before which its contacts are not by events
   std::uint64_t touched_until = 0;           ///< step until which its last contact counts as near
   std::uint64_t inconsistent_until = 0;      ///< step

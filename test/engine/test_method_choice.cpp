@@ -121,14 +121,22 @@ TEST(MethodChoice, AJerkDoesNotMakeAnIslandStiffButWhatGoesOnDoes) {
   IslandMemory memory;
   IntegrationResult progress;
   progress.is_stiff = true;
-  progress.substeps = 1000;
+  progress.substeps = 100;
   const double cost = gradient_cost(false, memory);
-  for (int span = 1; span <= 4; ++span)
+  for (int span = 1; span <= 4; ++span) {  // at 4 times the cost, each
+    progress.is_stiff = true;
     EXPECT_EQ(learn_from_substeps(cost, kNow, options, &progress, &memory), span == 4) << span;
+  }
   EXPECT_TRUE(memory.is_stiff);
   EXPECT_GT(memory.stiff_until, kNow);
 
+  IslandMemory dear;
+  progress.substeps = 1000;  // at 40 times the cost
+  EXPECT_TRUE(learn_from_substeps(cost, kNow, options, &progress, &dear));
+  EXPECT_TRUE(dear.is_stiff);
+
   IslandMemory jerked;
+  progress.substeps = 100;
   learn_from_substeps(cost, kNow, options, &progress, &jerked);
   IntegrationResult calm;
   learn_from_substeps(cost, kNow, options, &calm, &jerked);

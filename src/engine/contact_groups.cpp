@@ -117,7 +117,8 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pa
       const ContactEquations::Contact& contact = equations.contacts[c];
       if (!by_events.has_touched(c) || acts != (contact.acts != ContactEquations::Acts::kOpen))
         continue;
-      const ContactFeature& feature = acts ? contact.feature : contact.touched;
+      const bool has_moved_on = !acts && of.is_of_boxes();  // to other features
+      const ContactFeature& feature = has_moved_on ? contact.touched : contact.feature;
       const ContactMotion now =
           motion_of(feature, equations.state(contact.a), equations.state(contact.b));
       const Vector3d position = is_swapped ? now.p : Vector3d(now.p - now.gap * now.n);
@@ -128,9 +129,8 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pa
       }
       ++pair.manifold.count;
       pair.manifold.normal = sign * now.n;
-      // one that has moved on is no measure
-      const bool is_there = acts || !of.is_of_boxes();
-      pair.manifold.points[k] = {position, is_there ? std::max(-now.gap, 0.0) : 0.0, feature.id};
+      pair.manifold.points[k] = {position, has_moved_on ? 0.0 : std::max(-now.gap, 0.0),
+                                 feature.id};
       pair.impulses[k] = sign * contact.impulse;
       pair.contact_states[k] = state_of(contact);
     }

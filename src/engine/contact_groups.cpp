@@ -87,6 +87,22 @@ ContactState state_of(const ContactEquations::Contact& contact) {
                                                         : ContactState::kSticking;
 }
 
+/// Where an impulse goes to of those told: to the same point, or where there are as many as there
+/// can be, to the nearest one; else to one of its own.
+std::size_t place_of(const Vector3d& position, const TouchingPair& pair) {
+  constexpr double kSame = 1e-9;  // [m]
+  const auto count = at(pair.manifold.count);
+  std::size_t nearest = count;
+  double distance = count < pair.manifold.points.size() ? kSame : HUGE_VAL;
+  for (std::size_t k = 0; k < count; ++k) {
+    const double away = (pair.manifold.points[k].position - position).norm();
+    if (!(away < distance)) continue;
+    distance = away;
+    nearest = k;
+  }
+  return nearest;
+}
+
 /// Contacts of a pair that hold, or had an impulse within the step, in the order of bodies.
 TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pair& of) {
   const ContactEquations& equations = by_events.equations();
@@ -95,17 +111,29 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pa
   TouchingPair pair;
   pair.a = std::min(a, b);
   pair.b = std::max(a, b);
-  for (std::size_t c = of.first; c < of.first + of.count; ++c) {
-    if (!by_events.has_touched(c)) continue;
-    const ContactEquations::Contact& contact = equations.contacts[c];
-    const ContactMotion now = equations.motion(contact);
-    const double sign = is_swapped ? -1.0 : 1.0;
-    const auto k = at(pair.manifold.count++);
-    pair.manifold.normal = sign * now.n;
-    pair.manifold.points[k] = {is_swapped ? now.p : Vector3d(now.p - now.gap * now.n),
-                               std::max(-now.gap, 0.0), contact.feature.id};
-    pair.impulses[k] = sign * contact.impulse;
-    pair.contact_states[k] = state_of(contact);
+  const double sign = is_swapped ? -1.0 : 1.0;
+  for (const bool acts : {true, false}) {  // those that act now first
+    for (std::size_t c = of.first; c < of.first + of.count; ++c) {
+      const ContactEquations::Contact& contact = equations.contacts[c];
+      if (!by_events.has_touched(c) || acts != (contact.acts != ContactEquations::Acts::kOpen))
+        continue;
+      const bool has_moved_on = !acts && of.is_of_boxes();  // to other features
+      const ContactFeature& feature = has_moved_on ? contact.touched : contact.feature;
+      const ContactMotion now =
+          motion_of(feature, equations.state(contact.a), equations.state(contact.b));
+      const Vector3d position = is_swapped ? now.p : Vector3d(now.p - now.gap * now.n);
+      const std::size_t k = of.is_of_boxes() ? place_of(position, pair) : at(pair.manifold.count);
+      if (k < at(pair.manifold.count)) {
+        pair.impulses[k] += sign * contact.impulse;
+        continue;
+      }
+      ++pair.manifold.count;
+      pair.manifold.normal = sign * now.n;
+      pair.manifold.points[k] = {position, has_moved_on ? 0.0 : std::max(-now.gap, 0.0),
+                                 feature.id};
+      pair.impulses[k] = sign * contact.impulse;
+      pair.contact_states[k] = state_of(contact);
+    }
   }
   return pair;
 }

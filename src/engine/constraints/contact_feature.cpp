@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/constraints/box_features.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -66,7 +68,38 @@ ContactFeature sphere_on_box(double radius, const BodyState& a, const Box& box,
 
 }  // namespace
 
+void set_velocities(const Vector3d& p_dot, const BodyState& a, const BodyState& b,
+                    ContactMotion* motion) {
+  motion->w = velocity_of(a, motion->r_a) - velocity_of(b, motion->r_b);
+  motion->w_bias = a.angular_velocity.cross(p_dot - a.linear_velocity) -
+                   b.angular_velocity.cross(p_dot - b.linear_velocity);
+}
+
+namespace {
+
+// a corner of B, against a plane of A
+ContactMotion motion_on_a(const ContactFeature& feature, const BodyState& a, const BodyState& b) {
+  ContactMotion motion;
+  motion.n = -(a.orientation * feature.axis_a);
+  motion.n_dot = a.angular_velocity.cross(motion.n);
+  motion.r_b = b.orientation * feature.on_b;
+  motion.p = point_of(b, motion.r_b);
+  motion.r_a = motion.p - a.position;
+  motion.gap = motion.n.dot(a.orientation * feature.on_a - motion.r_a);
+  set_velocities(velocity_of(b, motion.r_b), a, b, &motion);
+  return motion;
+}
+
+}  // namespace
+
 ContactMotion motion_of(const ContactFeature& feature, const BodyState& a, const BodyState& b) {
+  if (feature.kind == ContactFeature::Kind::kNothing) {
+    ContactMotion nothing;
+    nothing.gap = std::numeric_limits<double>::infinity();
+    return nothing;
+  }
+  if (feature.kind == ContactFeature::Kind::kPlaneOfA) return motion_on_a(feature, a, b);
+  if (feature.kind == ContactFeature::Kind::kEdges) return motion_of_edges(feature, a, b);
   const Vector3d to_c = a.orientation * feature.on_a, to_o = b.orientation * feature.on_b;
   const Vector3d c = point_of(a, to_c), c_dot = velocity_of(a, to_c);
   const Vector3d axis = b.orientation * feature.axis;
@@ -94,9 +127,7 @@ ContactMotion motion_of(const ContactFeature& feature, const BodyState& a, const
   const Vector3d p_dot = c_dot - feature.radius_a * motion.n_dot;
   motion.r_a = motion.p - a.position;
   motion.r_b = motion.p - b.position;
-  motion.w = velocity_of(a, motion.r_a) - velocity_of(b, motion.r_b);
-  motion.w_bias = a.angular_velocity.cross(p_dot - a.linear_velocity) -
-                  b.angular_velocity.cross(p_dot - b.linear_velocity);
+  set_velocities(p_dot, a, b, &motion);
   return motion;
 }
 
@@ -104,13 +135,19 @@ bool has_features(const Shape& a, const Shape& b) {
   if (std::holds_alternative<Sphere>(a))
     return std::holds_alternative<Sphere>(b) || std::holds_alternative<Box>(b) ||
            std::holds_alternative<Plane>(b);
-  return std::holds_alternative<Box>(a) && std::holds_alternative<Plane>(b);
+  return std::holds_alternative<Box>(a) &&
+         (std::holds_alternative<Box>(b) || std::holds_alternative<Plane>(b));
 }
 
 void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
                   const BodyState& b, std::vector<ContactFeature>* features) {
   ContactFeature feature;
-  if (const auto* box = std::get_if<Box>(&shape_a)) {  // its corners on a plane
+  if (const auto* box = std::get_if<Box>(&shape_a)) {
+    if (const auto* other = std::get_if<Box>(&shape_b)) {
+      add_box_features(*box, a, *other, b, features);
+      return;
+    }
+    // its corners on a plane
     for (std::uint32_t corner = 0; corner < 8; ++corner) {
       feature.on_a = 0.5 * box->size;
       for (int i = 0; i < 3; ++i)
@@ -133,11 +170,13 @@ void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b
   features->push_back(feature);
 }
 
-FeatureMargin margin_of(const ContactFeature& feature, const Shape& shape_b, const BodyState& a,
-                        const BodyState& b) {
+FeatureMargin margin_of(const ContactFeature& feature, const Shape& shape_a, const BodyState& a,
+                        const Shape& shape_b, const BodyState& b) {
   FeatureMargin least{std::numeric_limits<double>::infinity(), 0.0};
   const auto* box = std::get_if<Box>(&shape_b);
   if (box == nullptr) return least;
+  if (const auto* box_a = std::get_if<Box>(&shape_a))
+    return margin_of_boxes(feature, *box_a, a, *box, b);
   const Eigen::Quaterniond to_b = b.orientation.conjugate();
   const Vector3d arm = a.position - b.position;
   const Vector3d point = to_b * arm;

@@ -47,6 +47,10 @@ void ContactEquations::gather_state(const std::vector<BodyState>& states) {
   }
   for (const Contact& contact : contacts)
     scale_ = std::max({scale_, contact.feature.on_a.norm(), contact.feature.radius_a});
+  for (const Contact& contact : contacts)
+    if (contact.feature.kind == ContactFeature::Kind::kPlaneOfA ||
+        contact.feature.kind == ContactFeature::Kind::kEdges)
+      scale_ = std::max(scale_, contact.feature.on_b.norm());
   for (Stage& stage : stages_) {
     stage.contact.assign(contacts.size(), Vector3d::Zero());
     stage.normal.assign(contacts.size(), 0.0);
@@ -471,8 +475,11 @@ bool ContactEquations::is_still(const double* dydt) const {
 }
 
 void ContactEquations::add_impulses(double weight, std::size_t stage) {
-  for (std::size_t c = 0; c < contacts.size(); ++c)
+  for (std::size_t c = 0; c < contacts.size(); ++c) {
+    if (contacts[c].acts == Acts::kOpen) continue;
     contacts[c].impulse += weight * stages_[stage].contact[c];
+    contacts[c].touched = contacts[c].feature;
+  }
   for (std::size_t j = 0; j < joints.size(); ++j)
     joints[j].impulse += weight * stages_[stage].joint[j];
 }

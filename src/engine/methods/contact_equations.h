@@ -38,6 +38,7 @@ class ContactEquations {
     Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< û where a substep starts; 0: none
     Eigen::Vector3d reference = Eigen::Vector3d::Zero();  ///< a force that it can have, world [N]
     Eigen::Vector3d impulse = Eigen::Vector3d::Zero();    ///< since begin_step(), on A [N s]
+    ContactFeature touched;                               ///< that the last impulse had
   };
   struct Body {
     int index;  ///< in the world

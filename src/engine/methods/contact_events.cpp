@@ -4,7 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/constraints/box_features.h"
 #include "engine/methods/law_events.h"
+#include "engine/narrowphase.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -12,12 +14,15 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr std::uint32_t kTaken = std::numeric_limits<std::uint32_t>::max();
 constexpr double kForceShare = 1e-9;    // of the largest force: less is rounding
 constexpr double kSlipping = 1e-9;      // [m/s] a slip below has no direction of its own
 constexpr double kFastShare = 0.25;     // of a thickness, that a substep may move by
 constexpr double kMostTurn = 1.0;       // [rad] of a box in a substep
 constexpr std::uint32_t kMostJams = 4;  // in a step
 constexpr int kMostUnchanged = 100;     // events in a step, that changed nothing
+constexpr double kOverlap = 1e-9;       // [m] of boxes: more has been missed
+constexpr int kMostMissed = 200;        // substeps in a step that are taken again for that
 
 }  // namespace
 
@@ -26,18 +31,76 @@ ContactEvents::ContactEvents(ContactEquations equations, std::vector<Pair> pairs
 
 // ---- where things are
 
-// What of each pair can meet. Contacts that hold go on with their features, unless `all`.
-void ContactEvents::find_features(bool all) {
+// What of each pair can meet. Contacts that hold go on with their features, unless `all`. Those of
+// two boxes stay what they are within a substep.
+void ContactEvents::find_features(bool all, bool is_within) {
   std::vector<ContactFeature> found;
   for (const Pair& pair : pairs_) {
+    if (is_within && pair.is_of_boxes()) continue;
     found.clear();
     add_features(pair.shape_a, equations_.state(pair.a), pair.shape_b, equations_.state(pair.b),
                  &found);
+    if (pair.is_of_boxes()) keep_places(pair, all, &found);
     for (std::size_t k = 0; k < pair.count; ++k) {
       ContactEquations::Contact& contact = equations_.contacts[pair.first + k];
       if (all || contact.acts == Acts::kOpen) contact.feature = found[k];
     }
   }
+}
+
+// Edges that were there before are where they were.
+void ContactEvents::keep_places(const Pair& pair, bool all,
+                                std::vector<ContactFeature>* found) const {
+  std::vector<ContactFeature> edges(found->begin() + kBoxCorners, found->end());
+  std::vector<char> is_free(edges.size(), 1);
+  for (std::size_t k = 0; k < edges.size(); ++k) {
+    const ContactEquations::Contact& contact = equations_.contacts[pair.first + kBoxCorners + k];
+    if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
+    const auto same = std::find_if(edges.begin(), edges.end(), [&](const ContactFeature& edge) {
+      return edge.id == contact.feature.id;
+    });
+    if (same == edges.end() && (all || contact.acts == Acts::kOpen)) continue;
+    is_free[k] = 0;
+    (*found)[kBoxCorners + k] = contact.feature;
+    if (same == edges.end()) continue;
+    (*found)[kBoxCorners + k] = *same;
+    same->id = kTaken;
+  }
+  auto next = edges.begin();
+  for (std::size_t k = 0; k < edges.size(); ++k) {
+    if (!is_free[k]) continue;
+    while (next != edges.end() && next->id == kTaken) ++next;
+    ContactFeature& place = (*found)[kBoxCorners + k];
+    place = {};
+    place.kind = ContactFeature::Kind::kNothing;
+    if (next != edges.end()) place = *next++;
+  }
+}
+
+// Whether two boxes have met with something else than what was watched.
+bool ContactEvents::has_missed() {
+  bool any = false;
+  std::vector<double> depth = depth_;
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    const Pair& pair = pairs_[p];
+    if (!pair.is_of_boxes()) continue;
+    // with corners of one alone it is apart by a face
+    const auto is_nothing = [&](std::size_t k) {
+      return equations_.contacts[pair.first + k].feature.kind == ContactFeature::Kind::kNothing;
+    };
+    depth[p] = 0.0;
+    if (is_nothing(0) != is_nothing(8)) continue;
+    depth[p] = -gap_of_boxes(pair);
+    any = any || depth[p] > std::max(kOverlap, depth_[p]);
+  }
+  if (!any) depth_ = depth;
+  return any;
+}
+
+double ContactEvents::gap_of_boxes(const Pair& pair) const {
+  return separation_of_boxes(std::get<Box>(pair.shape_a).size, equations_.state(pair.a),
+                             std::get<Box>(pair.shape_b).size, equations_.state(pair.b))
+      .gap;
 }
 
 // The contacts of all pairs, open.
@@ -67,8 +130,15 @@ void ContactEvents::add_contacts() {
 bool ContactEvents::begin(const std::vector<BodyState>& states) {
   equations_.gather_state(states);
   add_contacts();
-  if (equations_.contacts.size() > kMostContacts) return false;
+  std::size_t points = 0;
+  for (const Pair& pair : pairs_) points += std::min<std::size_t>(pair.count, 8);
+  if (points > kMostContacts) return false;
   equations_.gather_state(states);  // with what contacts have of stages
+  depth_.assign(pairs_.size(), 0.0);
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    if (pairs_[p].is_of_boxes()) depth_[p] = -gap_of_boxes(pairs_[p]);
+    if (depth_[p] > kMostOverlap) return false;
+  }
   return std::all_of(equations_.contacts.begin(), equations_.contacts.end(),
                      [&](const ContactEquations::Contact& contact) {
                        return equations_.motion(contact).gap >= -kMostOverlap;
@@ -177,9 +247,13 @@ double ContactEvents::longest_substep(double left) const {
   const double fall = left * equations_.gravity.norm();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
     const ContactEquations::Contact& contact = equations_.contacts[c];
-    if (contact.acts != Acts::kOpen) continue;
+    const bool is_of_boxes = pairs_[pair_of_[c]].is_of_boxes();
+    if (contact.acts != Acts::kOpen || contact.feature.kind == ContactFeature::Kind::kNothing)
+      continue;
     if (!contact.feature.on_a.isZero(0.0))
       longest = std::min(longest, kMostTurn / equations_.state(contact.a).angular_velocity.norm());
+    if (is_of_boxes)
+      longest = std::min(longest, kMostTurn / equations_.state(contact.b).angular_velocity.norm());
     const double thickness = pairs_[pair_of_[c]].thickness;
     if (!std::isfinite(thickness)) continue;
     const ContactMotion now = equations_.motion(contact);
@@ -278,6 +352,7 @@ void ContactEvents::watch(std::vector<Watched>* list) {
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
     const ContactEquations::Contact& contact = equations_.contacts[c];
     const Pair& pair = pairs_[pair_of_[c]];
+    if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
     const ContactMotion now = equations_.motion(contact);
     const Vector3d w_dot = ContactEquations::slip_acceleration(now, contact, rates_);
     Watched watched;
@@ -301,8 +376,8 @@ void ContactEvents::watch(std::vector<Watched>* list) {
       watched.tolerance = kEpsilon * equations_.state(contact.a).linear_velocity.norm();
       list->push_back(watched);
     }
-    const FeatureMargin margin = margin_of(
-        contact.feature, pair.shape_b, equations_.state(contact.a), equations_.state(contact.b));
+    const FeatureMargin margin = margin_of(contact.feature, pair.shape_a, equations_.state(pair.a),
+                                           pair.shape_b, equations_.state(pair.b));
     if (!std::isfinite(margin.value)) continue;
     watched.kind = Watched::Kind::kMargin;
     watched.value = margin.value;
@@ -363,7 +438,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   const double h = start.left - span->left.left;
   step_ = step;
   const auto look = [&] {
-    find_features(false);
+    find_features(false, true);
     has_stages_ = span->accuracy.order == 8;
     watch(&watched_.after);
   };
@@ -376,6 +451,11 @@ bool ContactEvents::advance_to_event(Span* span) {
     return true;
   };
   if (event && !watched_.locate(start.t, h, go_to, &event)) return false;
+  if (has_missed()) {
+    step_ = 0.5 * (start.left - span->left.left);
+    if (!go_to(0.0, true)) return false;
+    return ++missed_ <= kMostMissed;
+  }
   if (event) return finish_event(span, watched_.after[event->which], event->which);
   if (watched_.is_muted.empty()) return true;
   // what was muted and has passed all the same has its event now

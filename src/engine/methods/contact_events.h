@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <utility>
 #include <vector>
@@ -35,6 +36,10 @@ class ContactEvents {
     double friction, restitution;
     std::size_t first = 0, count = 0;  ///< of its contacts
     double thickness = 0.0;            ///< [m] of the thinner shape
+
+    bool is_of_boxes() const {
+      return std::holds_alternative<Box>(shape_a) && std::holds_alternative<Box>(shape_b);
+    }
   };
 
   /// Of bodies and joints as `equations` has them, without contacts.
@@ -116,6 +121,15 @@ class ContactEvents {
     double rate, acceleration;
     ForceBounds bounds;
   };
+  /// Contacts whose force has reached a bound just now.
+  struct AtBound {
+    std::vector<std::size_t> contacts;
+    double since = 0.0;  ///< [s]
+
+    bool has(std::size_t contact) const {
+      return std::find(contacts.begin(), contacts.end(), contact) != contacts.end();
+    }
+  };
   struct Span {
     const SmoothSpan& all;
     const IntegratorOptions& accuracy;
@@ -127,7 +141,10 @@ class ContactEvents {
   void note_positions();
   void give_way(std::size_t coordinate);
   void add_contacts();
-  void find_features(bool all);
+  void find_features(bool all, bool is_within = false);
+  void keep_places(const Pair& pair, bool all, std::vector<ContactFeature>* found) const;
+  bool has_missed();
+  double gap_of_boxes(const Pair& pair) const;
   double* derivative();
 
   // ---- between events
@@ -153,12 +170,12 @@ class ContactEvents {
   bool have_impact(const Hits& hits, const Of<char>& rests, double faster, Of<double>* hit);
   bool have_jam(Of<double>* hit);
   bool let_rest(const Of<double>& hit, Of<char>* rests, bool* is_settled);
-  void note_cone(const Span& span, const Watched& event);
+  void note_bounds(const Span& span, const Watched& event);
   bool decide(const Watched& event);
   bool decide(const Watched& event, double least_slip);
   bool find_candidates(std::vector<Candidate>* candidates);
-  void choose_acts(const Watched& event, const ContactEquations::Responses& responses,
-                   const ConeProblem& problem, const Eigen::VectorXd& force);
+  void choose_acts(const ContactEquations::Responses& responses, const ConeProblem& problem,
+                   const Eigen::VectorXd& force);
   void choose_holds(const Watched& event, const std::vector<Candidate>& candidates,
                     const ContactEquations::Responses& responses, const ConeProblem& problem,
                     const Eigen::VectorXd& force);
@@ -183,8 +200,9 @@ class ContactEvents {
   WatchedSubstep<Watched> watched_;
   std::uint32_t events_ = 0, impacts_ = 0, jams_ = 0;
   int unchanged_ = 0;                 // events that changed nothing
-  std::vector<std::size_t> at_cone_;  // contacts whose friction has reached its bound just now
-  double at_cone_since_ = 0.0;        // [s]
+  int missed_ = 0;                    // substeps that ended with boxes in each other
+  std::vector<double> depth_;         // [m] of pairs of boxes, where the substep starts
+  AtBound at_cone_, at_zero_;         // of friction, and of the force along the normal
   std::vector<Told> told_;
 };
 

@@ -158,8 +158,11 @@ void ContactEquations::apply(const Responses& responses, const VectorXd& p, doub
     const Coordinate& of = coordinates[responses.coordinates[k]];
     joints[of.joint].impulse[of.law.function] += p[first + index(k)];
   }
-  for (std::size_t c = 0; c < responses.contacts.size(); ++c)
-    contacts[responses.contacts[c]].impulse += responses.frames[c] * p.segment<3>(3 * index(c));
+  for (std::size_t c = 0; c < responses.contacts.size(); ++c) {
+    Contact& contact = contacts[responses.contacts[c]];
+    contact.impulse += responses.frames[c] * p.segment<3>(3 * index(c));
+    contact.touched = contact.feature;
+  }
   place(y);
 }
 

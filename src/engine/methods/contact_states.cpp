@@ -44,7 +44,7 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   std::vector<Acts> before;
   for (const ContactEquations::Contact& contact : equations_.contacts)
     before.push_back(contact.acts);
-  note_cone(*span, event);
+  note_bounds(*span, event);
   states_before_.clear();
   for (const ContactEquations::Coordinate& of : equations_.coordinates)
     states_before_.push_back(of.state);
@@ -62,13 +62,16 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
 
 // Contacts that share a force have their bounds at the same time: one after the other gives way,
 // and none that has takes it up again.
-void ContactEvents::note_cone(const Span& span, const Watched& event) {
+void ContactEvents::note_bounds(const Span& span, const Watched& event) {
   const double t = span.left.t;
-  if (event.kind != Watched::Kind::kCone || t - at_cone_since_ > kSameTime * span.all.h)
-    at_cone_.clear();
-  if (event.kind != Watched::Kind::kCone) return;
-  if (at_cone_.empty()) at_cone_since_ = t;
-  at_cone_.push_back(event.contact);
+  const auto note = [&](Watched::Kind kind, bool is_over, AtBound* at) {
+    if (is_over || t - at->since > kSameTime * span.all.h) at->contacts.clear();
+    if (event.kind != kind) return;
+    if (at->contacts.empty()) at->since = t;
+    at->contacts.push_back(event.contact);
+  };
+  note(Watched::Kind::kCone, event.kind != Watched::Kind::kCone, &at_cone_);
+  note(Watched::Kind::kForce, false, &at_zero_);
 }
 
 // ---- impacts
@@ -359,7 +362,7 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   }
   VectorXd force;
   if (!solve(problem, &force)) return false;
-  choose_acts(event, responses, problem, force);
+  choose_acts(responses, problem, force);
   choose_holds(event, held, responses, problem, force);
   if (!is_within_bounds()) take_forces(held, responses, force);
   return true;
@@ -391,11 +394,12 @@ bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
 }
 
 // By the solution of the problem of the accelerations; also finds these for all that touch.
-void ContactEvents::choose_acts(const Watched& event, const ContactEquations::Responses& responses,
+void ContactEvents::choose_acts(const ContactEquations::Responses& responses,
                                 const ConeProblem& problem, const VectorXd& force) {
   const std::vector<std::size_t>& candidates = responses.contacts;
   const VectorXd a = problem.b + problem.A * force;
   const double scale = problem.b.lpNorm<Eigen::Infinity>();
+  const double largest = force.size() > 0 ? force.lpNorm<Eigen::Infinity>() : 0.0;
   const double largest_force = equations_.largest_force();
   for (std::size_t i = 0; i < candidates.size(); ++i) {
     const Vector3d f = force.segment<3>(3 * index(i));
@@ -403,10 +407,8 @@ void ContactEvents::choose_acts(const Watched& event, const ContactEquations::Re
     ContactEquations::Contact& contact = equations_.contacts[candidates[i]];
     const ContactMotion now = equations_.motion(contact);
     acceleration_[candidates[i]] = responses.frames[i] * a_i - now.n * now.n_dot.dot(now.w);
-    const bool gives_way = event.is_of_contact() && event.contact == candidates[i];
-    if (f[0] == 0.0 && a_i[0] > kAtRest * scale) continue;
-    if (gives_way && event.kind == Watched::Kind::kForce && f[0] <= kAtBound * largest_force)
-      continue;
+    if (f[0] <= kAtRest * largest && a_i[0] > kAtRest * scale) continue;
+    if (at_zero_.has(candidates[i]) && f[0] <= kAtBound * largest_force) continue;
     contact.acts = Acts::kSlips;
     contact.reference.setZero();
     contact.direction.setZero();
@@ -467,8 +469,7 @@ void ContactEvents::take_forces(const std::vector<Candidate>& held,
     const Vector3d f = force.segment<3>(3 * index(i));
     contact.reference = responses.frames[i] * f;
     const Eigen::Vector2d f_t = f.tail<2>();
-    if (std::find(at_cone_.begin(), at_cone_.end(), candidates[i]) == at_cone_.end() ||
-        contact.acts != Acts::kSticks ||
+    if (!at_cone_.has(candidates[i]) || contact.acts != Acts::kSticks ||
         !(f_t.norm() >= (1.0 - kAtBound) * contact.friction * f[0]))
       continue;
     contact.acts = Acts::kSlips;

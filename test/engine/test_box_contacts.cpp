@@ -1,0 +1,388 @@
+// Boxes against boxes from event to event: `method: event_driven`. Oracles: closed forms, impulses
+// by hand, and what is conserved.
+
+#include <array>
+
+#include "bouncing.h"
+#include "by_events.h"
+#include "draw.h"
+#include "engine/narrowphase.h"
+#include "parts.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::AngleAxisd;
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+/// With its top at z = 0.
+BodyId add_table(World* world, const Vector3d& size, double friction, double restitution) {
+  Body table = make_body("table", Box{size}, 1.0, {0.0, 0.0, -0.5 * size.z()});
+  table.type = BodyType::kStatic;
+  return world->add_body(with_surface(table, friction, restitution));
+}
+
+bool is_by_impulses(const World& world) {
+  return world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)] > 0;
+}
+
+/// Steps on, with the events of so many seconds. All is to be carried by events.
+std::vector<Event> advance(World* world, double seconds) {
+  std::vector<Event> all;
+  const int steps = static_cast<int>(std::lround(seconds / world->options().time_step));
+  for (int i = 0; i < steps; ++i) {
+    world->step();
+    EXPECT_FALSE(is_by_impulses(*world)) << world->time();
+    all.insert(all.end(), world->events().begin(), world->events().end());
+  }
+  return all;
+}
+
+double gap_of(const World& world, BodyId a, BodyId b) {
+  return separation(world.body(a).shape, world.state(a), world.body(b).shape, world.state(b)).gap;
+}
+
+class BoxContactsAt : public testing::TestWithParam<double> {};
+
+INSTANTIATE_TEST_SUITE_P(Ticks, BoxContactsAt,
+                         testing::Values(1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000));
+
+// ---- on a box that does not move
+
+TEST_P(BoxContactsAt, ABoxDropsFlatOnABoxAndBouncesToItsRest) {
+  for (const double yaw : {0.0, 0.5}) {  // without edges that cross, and with
+    for (const double e : {0.0, 0.5, 1.0}) {
+      World world(by_events(GetParam()));
+      add_table(&world, {0.6, 0.5, 1.0}, 0.3, e);
+      Body box = make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.65});
+      box.state.orientation = Quaterniond(AngleAxisd(yaw, Vector3d::UnitZ()));
+      const BodyId id = world.add_body(with_surface(box, 0.3, e));
+      const std::vector<Event> events = advance(&world, 1.5);
+      EXPECT_NEAR(world.state(id).position.z() - 0.2, bouncing(0.45, e, world.time()), 1e-10) << e;
+      EXPECT_LT(world.state(id).angular_velocity.norm(), 1e-12) << e;
+      ASSERT_FALSE(events.empty());
+      const double fall = std::sqrt(0.9 / kGravity);
+      EXPECT_NEAR(events[0].time, fall, kTime);
+      EXPECT_NEAR(events[0].impulse, (1.0 + e) * 2.0 * kGravity * fall, 1e-11);
+      if (e == 1.0) continue;
+      EXPECT_EQ(world.contacts().size(), yaw == 0.0 ? 4u : 8u);
+      EXPECT_NEAR(contact_force_on(world, id).z(), 2.0 * kGravity, 1e-8);
+    }
+  }
+}
+
+TEST_P(BoxContactsAt, ABoxSlidesToRestOnABox) {
+  constexpr double kMu = 0.3;
+  World world(by_events(GetParam()));
+  add_table(&world, {8.0, 8.0, 1.0}, kMu, 0.0);
+  Body box = with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.2}), kMu, 0.0);
+  box.state.linear_velocity = {2.0, 0.5, 0.0};
+  const BodyId id = world.add_body(box);
+  const std::vector<Event> events = advance(&world, 1.0);
+  const double speed = box.state.linear_velocity.norm();
+  const Vector3d place = Vector3d(0.0, 0.0, 0.2) +
+                         box.state.linear_velocity / speed * (speed * speed / (2 * kMu * kGravity));
+  EXPECT_LT((world.state(id).position - place).norm(), kPlace);
+  EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-15);
+  EXPECT_LT(world.state(id).angular_velocity.norm(), 1e-15);
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].kind, EventKind::kSticks);
+  EXPECT_NEAR(events[0].time, speed / (kMu * kGravity), kTime);
+}
+
+// Housner, on a box that is as deep as the block, or narrower: then edges cross
+TEST_P(BoxContactsAt, ABlockRocksOnABoxAsHousnerSays) {
+  constexpr double kWidth = 0.4, kHeight = 1.2, kMass = 10.0;
+  for (const double depth : {2.0, 1.0, 0.6}) {
+    World world(by_events(GetParam()));
+    add_table(&world, {2.0, depth, 1.0}, 2.0, 0.0);
+    const double alpha = std::atan(kWidth / kHeight), radius = 0.5 * std::hypot(kWidth, kHeight);
+    const double tilt = 0.5 * alpha;
+    Body block = make_body("block", Box{{kWidth, 1.0, kHeight}}, kMass, Vector3d::Zero());
+    block.state.orientation = Quaterniond(AngleAxisd(tilt, Vector3d::UnitY()));
+    block.state.position = block.state.orientation * Vector3d(-0.5 * kWidth, 0.0, 0.5 * kHeight);
+    const BodyId id = world.add_body(with_surface(block, 2.0, 0.0));
+    const double rest = kMass * kGravity * 0.5 * kHeight;
+    const double before = kMass * kGravity * radius * std::cos(alpha - tilt) - rest;
+    advance(&world, 1.2);
+    const double kept = std::pow(1.0 - 1.5 * std::pow(std::sin(alpha), 2), 2);
+    const double share = (world.energy() - rest) / before;
+    const double changes = std::round(std::log(share) / std::log(kept));
+    EXPECT_GE(changes, 1.0);
+    EXPECT_NEAR(share, std::pow(kept, changes), 1e-9) << depth;
+    EXPECT_GT(world.state(id).angular_velocity.norm(), 0.0);
+  }
+}
+
+// Without friction a box that slides over the edge of a table begins to tip where its centre passes
+// that, and not before. Then its energy is that of its start.
+TEST_P(BoxContactsAt, ABoxSlidesOverAnEdgeAndTips) {
+  constexpr double kSpeed = 0.7, kStart = -0.31;
+  for (const double width : {0.5, 2.0}) {  // of the table, which is narrower than the box, or wider
+    for (const double yaw : {0.0, 0.4}) {
+      World world(by_events(GetParam()));
+      add_table(&world, {4.0, width, 1.0}, 0.0, 0.0);
+      Body box = make_body("box", Box{{0.8, 0.9, 0.3}}, 2.0, {2.0 + kStart, 0.0, 0.15});
+      box.state.orientation = Quaterniond(AngleAxisd(yaw, Vector3d::UnitZ()));
+      box.state.linear_velocity.x() = kSpeed;
+      const BodyId id = world.add_body(with_surface(box, 0.0, 0.0));
+      const double tips = -kStart / kSpeed, energy = world.energy();
+      while (world.time() + GetParam() < tips) advance(&world, GetParam());
+      EXPECT_LT(world.state(id).angular_velocity.norm(), 1e-12) << width << ' ' << yaw;
+      EXPECT_NEAR(world.state(id).position.z(), 0.15, kPlace);
+      EXPECT_NEAR(world.state(id).position.x(), 2.0 + kStart + kSpeed * world.time(), kPlace);
+      while (world.time() < tips + 0.2) advance(&world, GetParam());
+      EXPECT_GT(world.state(id).angular_velocity.y(), 0.1);
+      EXPECT_NEAR(world.energy(), energy, 1e-8);
+    }
+  }
+}
+
+// Over an edge that it sticks to a box falls as a pendulum: ½ I ω² = m g (fall of its centre), and
+// the edge stays where it is on it.
+TEST_P(BoxContactsAt, ABoxTipsOverAnEdgeThatHoldsIt) {
+  World world(by_events(GetParam()));
+  add_table(&world, {4.0, 2.0, 1.0}, 2.0, 0.0);
+  const Vector3d size(0.8, 0.9, 0.3);
+  constexpr double kMass = 2.0, kBeyond = 0.05;
+  const BodyId id = world.add_body(
+      with_surface(make_body("box", Box{size}, kMass, {2.0 + kBeyond, 0.0, 0.15}), 2.0, 0.0));
+  const Vector3d arm(-kBeyond, 0.0, -0.15), edge(2.0, 0.0, 0.0);
+  while (world.time() < 0.6 && std::abs(world.state(id).position.z()) < 0.2) {
+    advance(&world, GetParam());
+    const BodyState& now = world.state(id);
+    if (now.angular_velocity.y() > 1.5) break;  // before it may slip
+    EXPECT_LT((now.position + now.orientation * arm - edge).norm(), 1e-8);
+    const double inertia = kMass * ((size.x() * size.x() + size.z() * size.z()) / 12.0 +
+                                    kBeyond * kBeyond + 0.15 * 0.15);
+    EXPECT_NEAR(0.5 * inertia * now.angular_velocity.squaredNorm(),
+                kMass * kGravity * (0.15 - now.position.z()), 1e-8);
+  }
+  EXPECT_GT(world.state(id).angular_velocity.y(), 0.5);
+}
+
+// ---- boxes on boxes
+
+TEST_P(BoxContactsAt, AStackStaysAtRest) {
+  World world(by_events(GetParam()));
+  Body floor;
+  floor.name = "floor";
+  floor.type = BodyType::kStatic;
+  floor.shape = Plane{};
+  world.add_body(with_surface(floor, 0.5, 0.0));
+  const std::array<double, 3> yaws{0.0, 0.6, 0.0}, masses{1.0, 3.0, 0.5};
+  std::array<BodyId, 3> ids;
+  for (std::size_t i = 0; i < ids.size(); ++i) {
+    Body box = make_body("box" + std::to_string(i), Box{{0.5, 0.4, 0.3}}, masses[i],
+                         {0.02 * static_cast<double>(i), 0.0, 0.15 + 0.3 * static_cast<double>(i)});
+    box.state.orientation = Quaterniond(AngleAxisd(yaws[i], Vector3d::UnitZ()));
+    ids[i] = world.add_body(with_surface(box, 0.5, 0.0));
+  }
+  const World start = world;
+  advance(&world, 2.0);
+  for (const BodyId id : ids) {
+    EXPECT_LT((world.state(id).position - start.state(id).position).norm(), 1e-12);
+    EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-12);
+    EXPECT_LT(world.state(id).angular_velocity.norm(), 1e-12);
+  }
+  // what each carries: its own weight from below, and that of those above
+  for (std::size_t i = 0; i < ids.size(); ++i)
+    EXPECT_LT((contact_force_on(world, ids[i]) - Vector3d(0.0, 0.0, masses[i] * kGravity)).norm(),
+              1e-8);
+  EXPECT_FALSE(is_by_impulses(world));
+}
+
+// ---- hits
+
+/// The impulse that parts two bodies without friction, by hand.
+double impulse_by_hand(const World& world, BodyId a, BodyId b, const Vector3d& p, const Vector3d& n,
+                       double e) {
+  double response = 0.0, rate = 0.0;
+  for (const auto& [id, sign] : {std::pair(a, 1.0), std::pair(b, -1.0)}) {
+    const Body& body = world.body(id);
+    const BodyState& state = world.state(id);
+    const Vector3d size = std::get<Box>(body.shape).size, arm = p - state.position;
+    const Vector3d squares = size.cwiseAbs2();
+    const Vector3d inertia =
+        body.mass / 12.0 * (Vector3d::Constant(squares.sum()) - squares);
+    const Matrix3d R = state.orientation.toRotationMatrix();
+    const Vector3d turn = R.transpose() * arm.cross(n);
+    response += 1.0 / body.mass + turn.dot(turn.cwiseQuotient(inertia));
+    rate += sign * n.dot(state.linear_velocity + state.angular_velocity.cross(arm));
+  }
+  return -(1.0 + e) * rate / response;
+}
+
+// A corner of a box that flies hits the face of another one beside its middle, which is at rest.
+TEST_P(BoxContactsAt, ACornerHitsAFace) {
+  for (const bool is_first : {false, true}) {
+    for (const double e : {0.0, 0.5, 1.0}) {
+      World world(by_events(GetParam(), 0.0));
+      const Vector3d size(0.5, 0.4, 0.3), place(0.1, 0.07, 0.5);
+      Body lower = make_body("lower", Box{{1.0, 0.8, 1.0}}, 3.0, {0.0, 0.0, 0.0});
+      Body upper = make_body("upper", Box{size}, 1.3, Vector3d::Zero());
+      upper.state.orientation =
+          Quaterniond(AngleAxisd(0.6, Vector3d(1.0, -0.8, 0.3).normalized()));
+      Vector3d corner = 0.5 * size;
+      for (int k = 0; k < 8; ++k) {
+        Vector3d other = 0.5 * size;
+        for (int i = 0; i < 3; ++i)
+          if ((k >> i & 1) == 0) other[i] = -other[i];
+        if ((upper.state.orientation * other).z() < (upper.state.orientation * corner).z())
+          corner = other;
+      }
+      const double hits = 0.317;
+      const Vector3d v(0.2, -0.1, -1.5);
+      upper.state.position = place - upper.state.orientation * corner - hits * v;
+      upper.state.linear_velocity = v;
+      BodyId a, b;
+      if (is_first) a = world.add_body(with_surface(upper, 0.0, e));
+      b = world.add_body(with_surface(lower, 0.0, e));
+      if (!is_first) a = world.add_body(with_surface(upper, 0.0, e));
+      const double before = world.energy();
+      World at_hit = world;
+      BodyState moved = world.state(a);
+      moved.position += hits * v;
+      at_hit.set_state(a, moved);
+      const double impulse = impulse_by_hand(at_hit, a, b, place, Vector3d::UnitZ(), e);
+      const std::vector<Event> events = advance(&world, 0.4);
+      ASSERT_GE(events.size(), 1u);
+      EXPECT_NEAR(events[0].time, hits, kTime);
+      EXPECT_NEAR(events[0].impulse, impulse, kPlace);
+      EXPECT_LT((1.3 * world.state(a).linear_velocity + 3.0 * world.state(b).linear_velocity -
+                 1.3 * v)
+                    .norm(),
+                1e-13);
+      EXPECT_LT((world.state(b).linear_velocity - Vector3d(0.0, 0.0, -impulse / 3.0)).norm(),
+                e == 0.0 ? HUGE_VAL : kPlace);
+      if (e == 1.0) {
+        EXPECT_NEAR(world.energy(), before, kPlace);
+      }
+      EXPECT_GT(gap_of(world, a, b), -1e-9);
+    }
+  }
+}
+
+// Two boxes whose edges cross at a right angle, beside their middles
+TEST_P(BoxContactsAt, AnEdgeHitsAnEdge) {
+  for (const double e : {0.0, 0.5, 1.0}) {
+    World world(by_events(GetParam(), 0.0));
+    constexpr double kSide = 0.4, kLong = 1.0;
+    const double reach = kSide * std::sqrt(0.5);  // from the axis of a bar to an edge
+    Body lower = make_body("lower", Box{{kLong, kSide, kSide}}, 3.0, {0.2, 0.0, 0.0});
+    lower.state.orientation = Quaterniond(AngleAxisd(kPi / 4.0, Vector3d::UnitX()));
+    Body upper = make_body("upper", Box{{kSide, kLong, kSide}}, 1.3, {0.0, 0.1, 0.0});
+    upper.state.orientation = Quaterniond(AngleAxisd(kPi / 4.0, Vector3d::UnitY()));
+    const double hits = 0.317;
+    const Vector3d v(0.0, 0.0, -1.5);
+    upper.state.position.z() = 2.0 * reach - hits * v.z();
+    upper.state.linear_velocity = v;
+    const BodyId a = world.add_body(with_surface(upper, 0.0, e));
+    const BodyId b = world.add_body(with_surface(lower, 0.0, e));
+    const double before = world.energy();
+    World at_hit = world;
+    BodyState moved = world.state(a);
+    moved.position.z() = 2.0 * reach;
+    at_hit.set_state(a, moved);
+    const double impulse =
+        impulse_by_hand(at_hit, a, b, {0.0, 0.0, reach}, Vector3d::UnitZ(), e);
+    const std::vector<Event> events = advance(&world, 0.4);
+    ASSERT_GE(events.size(), 1u);
+    EXPECT_NEAR(events[0].time, hits, kTime);
+    EXPECT_NEAR(events[0].impulse, impulse, kPlace);
+    EXPECT_LT((1.3 * world.state(a).linear_velocity + 3.0 * world.state(b).linear_velocity -
+               1.3 * v)
+                  .norm(),
+              1e-13);
+    if (e == 1.0) {
+      EXPECT_NEAR(world.energy(), before, kPlace);
+    }
+    EXPECT_GT(gap_of(world, a, b), -1e-9);
+  }
+}
+
+// ---- pairs at random
+
+struct Pair {
+  World world;
+  BodyId a, b;
+};
+
+Pair random_pair(unsigned seed, double friction, double restitution, const Placing& placing = {}) {
+  Draw draw(seed);
+  const double tick = std::pow(10.0, -1.0 - 2.0 * draw.share());
+  Parts parts;
+  for (const bool is_one : {true, false}) {
+    const Vector3d size = 0.2 * Vector3d::Ones() + 0.8 * draw.vector().cwiseAbs();
+    Body body = make_body(is_one ? "one" : "other", Box{size}, std::pow(10.0, draw()),
+                          Vector3d(is_one ? -1.2 : 1.2, 0.2 * draw(), 0.2 * draw()));
+    body.state.orientation = draw.turn();
+    body.state.linear_velocity = Vector3d(is_one ? 1.5 : -1.5, 0.0, 0.0) + 0.3 * draw.vector();
+    body.state.angular_velocity = 3.0 * draw.vector();
+    parts.bodies.push_back(with_surface(body, friction, restitution));
+  }
+  World world = assemble(parts, by_events(tick, 0.0), placing);
+  return {world, world.find_body("one"), world.find_body("other")};
+}
+
+constexpr unsigned kPairs = 300 / kSanitizedShare;
+
+TEST(BoxContacts, PairsKeepTheirMomentumAndGainNoEnergy) {
+  unsigned hit = 0, given_up = 0;
+  Draw draw(3);
+  for (unsigned seed = 0; seed < kPairs; ++seed) {
+    const double e = draw.below(3) == 0 ? 0.0 : draw.below(2) == 0 ? 1.0 : draw.share();
+    const double mu = draw.below(2) == 0 ? 0.0 : draw.share();
+    auto [world, a, b] = random_pair(seed, mu, e);
+    const auto momentum = [&, w = &world, a = a, b = b] {
+      return Vector3d(w->body(a).mass * w->state(a).linear_velocity +
+                      w->body(b).mass * w->state(b).linear_velocity);
+    };
+    const Vector3d start = momentum();
+    const double begin = world.energy();
+    double least = begin;
+    bool has_hit = false;
+    while (world.time() < 2.0) {
+      world.step();
+      if (is_by_impulses(world)) break;
+      has_hit = has_hit || world.report().events > 0;
+      ASSERT_LT((momentum() - start).norm(), 1e-11) << seed;
+      ASSERT_LT(world.energy(), least + 1e-7 * begin) << seed;
+      least = std::min(least, world.energy());
+      ASSERT_GT(gap_of(world, a, b), -1e-9) << seed << " at " << world.time();
+      if (e == 1.0 && mu == 0.0) {
+        ASSERT_NEAR(world.energy(), begin, 1e-7 * begin) << seed;
+      }
+    }
+    given_up += is_by_impulses(world);
+    hit += has_hit;
+  }
+  EXPECT_LE(given_up, 1 + kPairs / 100);
+  EXPECT_GT(hit, kPairs / 3);
+}
+
+TEST(BoxContacts, PairsDoNotDependOnPlaceAndOrder) {
+  Draw draw(7);
+  unsigned hit = 0;
+  for (unsigned seed = 0; seed < kPairs / 3; ++seed) {
+    Pair here = random_pair(seed, 0.3, 0.5);
+    const Placing placing{3.0 * draw.vector(), draw.turn(), true};
+    Pair there = random_pair(seed, 0.3, 0.5, placing);
+    unsigned events = 0;
+    while (events < 2 && here.world.time() < 1.5) {
+      events += here.world.step().events;
+      there.world.step();
+    }
+    hit += events > 0;
+    for (const auto& [id, other] : {std::pair(here.a, there.a), std::pair(here.b, there.b)}) {
+      const Vector3d expected = placing.shift + placing.turn * here.world.state(id).position;
+      EXPECT_LT((there.world.state(other).position - expected).norm(), 1e-6) << seed;
+    }
+  }
+  EXPECT_GT(hit, kPairs / 10);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

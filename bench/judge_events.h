@@ -61,7 +61,7 @@ inline void follow(const Scene& scene, Verdict* verdict) {
   verdict->was_followed = !is_closing(world);
   if (!verdict->was_followed) return;
   // 1e-8 m/s of tolerance over what is exchanged, and rounding
-  const double allowed = touches(scene.kind) ? 1e-7 * scene.largest : 1e-6;
+  const double allowed = 1e-7 * scene.largest;
   const double power = driven_power(scene);
   double least = world.energy(), latest = 0.0;
   while (world.time() < 2.0 && verdict->findings.empty()) {

@@ -38,7 +38,7 @@ struct Scene {
   unsigned seed;
   Parts parts;
   WorldOptions options;
-  double largest = 0.0;  ///< energy that is exchanged [J], of what touches
+  double largest = 0.0;  ///< energy that is exchanged [J]: weight times a metre
 };
 
 // ---- mechanisms
@@ -233,7 +233,6 @@ inline Scene touching(unsigned seed, Kind kind) {
   for (Body& body : parts.bodies) {
     body.friction = friction;
     body.restitution = restitution;
-    if (body.type == BodyType::kDynamic) scene.largest += body.mass * kGravity;
   }
   for (int i = 1; i <= count; ++i) {
     if (draw.below(2) == 0) continue;
@@ -251,9 +250,15 @@ inline Scene touching(unsigned seed, Kind kind) {
 }
 
 inline Scene scene_of(Kind kind, unsigned seed) {
-  if (touches(kind)) return touching(seed, kind);
-  Scene scene{kind, seed, mechanism(seed, has_motors(kind)), options(1.0 / 60)};
-  scene.options.method = Method::kAuto;
+  Scene scene{kind, seed, {}, options(1.0 / 60)};
+  if (touches(kind)) {
+    scene = touching(seed, kind);
+  } else {
+    scene.parts = mechanism(seed, has_motors(kind));
+    scene.options.method = Method::kAuto;
+  }
+  for (const Body& body : scene.parts.bodies)
+    if (body.type == BodyType::kDynamic) scene.largest += body.mass * kGravity;
   return scene;
 }
 

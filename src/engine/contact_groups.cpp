@@ -196,7 +196,7 @@ bool World::Impl::can_be_in_group(std::size_t i) const {
     return can_be_beside_contacts(joints[j]) && !state.closing &&
            !is_moving_by_itself(joint_ends[j].first) &&
            !is_moving_by_itself(joint_ends[j].second) &&
-           fits(joints[j], state_a(j), state_b(j), now, state);
+           (!is_rigid(joints[j]) || fits(joints[j], state_a(j), state_b(j), now, state));
   });
 }
 

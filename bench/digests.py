@@ -17,7 +17,7 @@ import tempfile
 
 SCENES = pathlib.Path(__file__).resolve().parent.parent / 'config/scenes'
 TICKS = 300
-METHODS = ('auto', 'energy_momentum', 'sequential_impulses')
+METHODS = ('auto', 'energy_momentum', 'event_driven', 'sequential_impulses')
 
 
 def digest(program, scene, method, folder):

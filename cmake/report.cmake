@@ -8,6 +8,7 @@ find_package(PkgConfig QUIET)
 file(GLOB problem_sources CONFIGURE_DEPENDS bench/report/problems/*.cpp)
 add_library(constraint_sim_report_common OBJECT
   bench/report/measures.cpp
+  bench/report/phases.cpp
   bench/report/problem.cpp
   bench/report/references.cpp
   bench/report/scene_problem.cpp

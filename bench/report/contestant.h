@@ -19,6 +19,11 @@ struct Unsupported : std::runtime_error {
 inline void check_without_couplings(const Problem& problem) {
   if (!problem.couplings.empty()) throw Unsupported("gears, racks, screws and pulleys");
 }
+/// For adapters whose joints act both ways, with any force.
+inline void check_without_laws(const Problem& problem) {
+  for (const Joint& joint : problem.joints)
+    if (joint.has_law()) throw Unsupported("limits, ropes, friction, breaking and limited motors");
+}
 /// For adapters that build no joints with axes, nor what couples these.
 inline void check_without_axes(const Problem& problem) {
   check_without_couplings(problem);

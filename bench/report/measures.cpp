@@ -118,8 +118,11 @@ double constraint_error(const Problem& problem, const States& states, double tim
   bool any_axes = false;
   for (const Joint& joint : problem.joints) {
     any_axes = any_axes || has_axes(joint.kind);
+    const bool is_slack = joint.is_rope() && distance(joint, states) < joint.upper;
+    if (joint.is_rope() && joint.max_force == 0.0 && !is_slack)
+      raise(&largest, distance(joint, states) - joint.upper);
     if (joint.kind != JointKind::kSpring && joint.kind != JointKind::kFreeLength &&
-        !has_axes(joint.kind))
+        joint.break_force == 0.0 && !has_axes(joint.kind))
       raise(&largest,
             std::abs(distance(joint, states) - rest_length(problem, joint) - joint.rate * time));
   }

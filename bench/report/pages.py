@@ -267,7 +267,7 @@ def write_markdown(output, facts, texts, lines, stability, header, counted, many
                    factor, conditions):
     parts = ['# Error against run time\n',
              'Written by `./scripts/report' +
-             (f' --{facts["kind"]}' if facts['kind'] in ('quick', 'mechanisms') else '') + '`; '
+             (f' --{facts["kind"]}' if facts['kind'] in ('quick', 'mechanisms', 'events') else '') + '`; '
              'open [index.html](index.html) in a browser for the diagrams.\n',
              '\n'.join(f'- {text}' for text in texts) + '\n',
              '![ratios](ratios.svg)\n',

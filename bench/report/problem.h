@@ -4,7 +4,9 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <cmath>
 #include <functional>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -35,7 +37,7 @@ struct Body {
 };
 
 /// Those from kHinge on keep axes, and have the names that scenes have for them. A free length is
-/// nothing but the distance of two points, for a pulley.
+/// nothing but the distance of two points, for a pulley; with an upper limit it is a rope.
 enum class JointKind {
   kRod,
   kBall,
@@ -70,6 +72,22 @@ struct Joint {
   double stiffness = 0.0;  ///< of a spring [N/m]
   double rate = 0.0;       ///< a rod's motor: its length grows so fast [m/s]
   double max_force = 0.0;  ///< of the motor [N]; 0: no limit
+  /// Of a rod, so much pull or push breaks it [N]; 0: none.
+  double break_force = 0.0;
+  /// Limits of what a slider [m], hinge [rad] or free length [m] has free, the first two 0 at the
+  /// start, and the share of the speed it is thrown back with. A motor there has a force limit and
+  /// holds the coordinate at `rate`; of a rope it is a winch, which moves the limit.
+  double lower = -std::numeric_limits<double>::infinity();
+  double upper = std::numeric_limits<double>::infinity();
+  double restitution = 0.0;
+  double friction = 0.0;  ///< Coulomb's, along that [N or N m]
+
+  bool is_limited() const { return std::isfinite(lower) || std::isfinite(upper); }
+  bool is_rope() const { return kind == JointKind::kFreeLength && std::isfinite(upper); }
+  /// Whether anything of it acts one way, or up to a limit only.
+  bool has_law() const {
+    return is_limited() || friction > 0.0 || max_force > 0.0 || break_force > 0.0;
+  }
 };
 
 /// q₁ + ratio q₂ stays what it is at the start: of a gear or a rack the coordinates of a hinge or
@@ -87,7 +105,7 @@ struct Coupling {
 
 struct Problem {
   std::string name;
-  /// What it shows: smooth, stiff, contact, mechanism; or a row of the stability grid.
+  /// What it shows: smooth, stiff, contact, mechanism, event; or a row of the stability grid.
   std::string group;
   bool is_graded = true;  ///< in work-precision diagrams; else in the stability grid only
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< [m/s²]

@@ -3,15 +3,13 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "phases.h"
 #include "problems.h"
 
 namespace constraint_sim::report {
 namespace {
 
 using engine::problems::integrate;
-using Real = long double;
-using Reals = std::vector<Real>;
-
 /// Integrates y' = f(y) from sample to sample, in steps no longer than `step`.
 template <class Derivative>
 Trajectory integrated(int samples, double interval, double step, const Derivative& f, Reals y,
@@ -141,6 +139,13 @@ std::function<Trajectory(int)> chain_motion(const Problem& problem, const Planar
     return integrated(samples, interval, step / refinement, ChainRates(chain), start_of(chain),
                       [&](const Reals& y, int) { return chain_states(chain, y); });
   };
+}
+
+Phase swing(const PlanarChain& chain) {
+  Phase phase;
+  phase.rates = ChainRates(chain);
+  phase.states = [chain](const Reals& y) { return chain_states(chain, y); };
+  return phase;
 }
 
 std::function<Trajectory(int)> rigid_motion(const Problem& problem, bool is_free,

@@ -45,9 +45,14 @@ TINY = {'problems': ('pendulum', 'oscillator'),
         'leave_out': re.compile('^(?!constraint_sim (auto|runge|sequential_impulses_10))'),
         'grid_ticks': (0.1, 1 / 30), 'grid_stride': 1, 'many': ('pendula_1000',), 'counts': (10, 30),
         'budget': 0.02, 'grid_budget': 0.02, 'many_budget': 0.02, 'sizes_budget': 5.0, 'most': 100}
-# joints with axes, in a report of their own
-MECHANISMS = {**FULL, 'grid_ticks': (), 'many': (), 'counts': ()}
-MECHANISM = 'mechanism'  # their group
+# groups of problems in a report of their own, by its option; contacts are in the large report, too
+DIAGRAMS = {**FULL, 'grid_ticks': (), 'many': (), 'counts': ()}
+REPORTS = {'mechanisms': ('mechanism',), 'events': ('event', 'contact')}
+APART = ('mechanism', 'event')
+# of contacts what is no heap that has no reference
+EVENTS_OF_CONTACT = ('bouncing', 'cradle', 'sliding_ball', 'block_sticks', 'block_slides', 'rolling',
+                     'balls_666_elastic')
+BY_EVENTS = 'constraint_sim event_driven'  # as `auto` where there are no contacts
 TINY_GRID = ('pendulum_doubled', 'spring_1e+12', 'mass_nan', 'chain_load_1e+03')
 
 
@@ -61,6 +66,8 @@ def arguments():
     size.add_argument('--quick', action='store_true', help='a few minutes')
     size.add_argument('--tiny', action='store_true', help='seconds; for tests')
     size.add_argument('--mechanisms', action='store_true', help='joints with axes, and nothing else')
+    size.add_argument('--events', action='store_true',
+                      help='ropes, stops, friction, motors at their limit and contacts, and nothing else')
     parser.add_argument('--rounds', type=int, help='interleaved runs of each setting')
     parser.add_argument('--budget', type=float,
                         help='longest run in the diagrams [s]; all other budgets change in proportion')
@@ -74,6 +81,17 @@ def arguments():
                              'stopped; 0: no limit')
     parser.add_argument('--commit', default='unknown')
     return parser.parse_args()
+
+
+def kind_of(options):
+    return next((name for name in ('quick', 'tiny', *REPORTS) if getattr(options, name)), 'full')
+
+
+def is_in_report(problem, kind):
+    """Of a graded problem; `kind` of the report."""
+    if kind == 'events' and problem.group == 'contact':
+        return problem.name in EVENTS_OF_CONTACT
+    return problem.group in REPORTS[kind] if kind in REPORTS else problem.group not in APART
 
 
 def machine():
@@ -115,8 +133,9 @@ class Measurements:
         self.ours = self.variants[0].program
         self.problems = cells.problems(self.ours)
         versions = {variant.engine: variant.version for variant in all_variants}
-        run = {'commit': options.commit, 'size': [options.quick, options.tiny, options.mechanisms,
-                                                  options.rounds, options.budget, options.perturb]}
+        self.kind = kind_of(options)
+        run = {'commit': options.commit, 'size': [self.kind, options.rounds, options.budget,
+                                                  options.perturb]}
         self.state_path = work / 'state.json'
         is_fresh = options.fresh or not is_continued(self.state_path, run, versions)
         state = {'run': run, 'versions': {}, 'taken': 0.0}
@@ -133,8 +152,12 @@ class Measurements:
 
     def graded(self):
         return [p.name for p in self.problems.values()
-                if p.graded and (p.group == MECHANISM) == self.options.mechanisms and
+                if p.graded and is_in_report(p, self.kind) and
                 (self.size['problems'] is None or p.name in self.size['problems'])]
+
+    def asks_for(self, variant):
+        """Contacts from event to event are compared in their own report."""
+        return self.kind == 'events' or cells.label(variant) != BY_EVENTS
 
     def in_grid(self):
         return [p.name for p in self.problems.values()
@@ -149,12 +172,13 @@ class Measurements:
         size = self.size
         found = {
             'diagrams': [cells.Batch(1, name, variant, values_of(variant, size['most']), False)
-                         for name in self.graded() for variant in self.variants],
+                         for name in self.graded() for variant in self.variants
+                         if self.asks_for(variant)],
             'grid': [cells.Batch(1, name, variant, [tick * self.problems[name].tick_scale
                                                     for tick in size['grid_ticks']], True)
-                     for name in self.in_grid() for variant in self.variants],
+                     for name in self.in_grid() for variant in self.variants if self.asks_for(variant)],
             'many': [cells.Batch(1, name, variant, STUDIES['many'].time_steps, True)
-                     for name in size['many'] for variant in self.variants],
+                     for name in size['many'] for variant in self.variants if self.asks_for(variant)],
             'sizes': [cells.Batch(1, f'{kind}_{count}', variant,
                                   STUDIES['sizes'].time_steps, True)
                       for count in size['counts'] for kind in STUDIES['sizes'].scenes
@@ -262,8 +286,7 @@ def instructions(program, variant, problem):
 
 def main():
     options = arguments()
-    size = dict(QUICK if options.quick else TINY if options.tiny else
-                MECHANISMS if options.mechanisms else FULL)
+    size = dict({'quick': QUICK, 'tiny': TINY, 'full': FULL}.get(kind_of(options), DIAGRAMS))
     if options.budget:
         share = options.budget / size['budget']
         size.update((name, share * size[name]) for name in size if name.endswith('budget'))
@@ -273,7 +296,7 @@ def main():
     measurements = Measurements(options, size, work)
     taken = measurements.measure()
     micro = work / 'micro.csv'
-    if not options.tiny and not options.mechanisms and not micro.exists():
+    if kind_of(options) in ('quick', 'full') and not micro.exists():
         micro.write_text(cells.output_of(
             pathlib.Path(options.programs) / 'constraint_sim_micro', '--benchmark_format=csv',
             '--benchmark_min_time=0.02', '--benchmark_repetitions=5',
@@ -288,8 +311,7 @@ def main():
     facts = {**machine(), 'commit': options.commit, 'rounds': measurements.rounds('diagrams'),
              'budget': size['budget'], 'grid_budget': size['grid_budget'],
              'many_budget': size['many_budget'], 'sizes_budget': size['sizes_budget'],
-             'kind': next((name for name in ('quick', 'tiny', 'mechanisms') if getattr(options, name)),
-                          'full'),
+             'kind': measurements.kind,
              'absent': sorted(known - present), 'measured in': f'{taken / 60.0:.1f} min'}
     counted = json.loads(path.read_text()) if (path := work / 'instructions.json').exists() else {}
     rows = {part: measurements.rows(part) for part in PARTS}

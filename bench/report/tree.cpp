@@ -23,8 +23,14 @@ Link hang(const Problem& problem, const Joint& joint, bool is_turned) {
   if (has_axes(joint.kind)) {
     if (is_turned) throw Unsupported("a joint with axes whose A hangs on B");
     const State& start = body_of(problem, child).start;
-    if (!start.velocity.isZero(0.0) || !start.angular_velocity.isZero(0.0))
+    const bool has_one = joint.kind == JointKind::kSlider || joint.kind == JointKind::kHinge;
+    if (has_one && parent == kWorld) {
+      const Vector3d axis = joint.frame_a * Vector3d::UnitZ();
+      link.rate =
+          axis.dot(joint.kind == JointKind::kSlider ? start.velocity : start.angular_velocity);
+    } else if (!start.velocity.isZero(0.0) || !start.angular_velocity.isZero(0.0)) {
       throw Unsupported("joints with axes whose bodies move at the start");
+    }
     link.joint = &joint;
     return link;
   }
@@ -43,14 +49,19 @@ Link hang(const Problem& problem, const Joint& joint, bool is_turned) {
 
 }  // namespace
 
-std::vector<Link> tree_of(const Problem& problem, std::vector<Joint>* loops) {
-  for (const Joint& joint : problem.joints)
-    if (joint.kind == JointKind::kSpring || joint.rate != 0.0 || joint.max_force != 0.0)
-      throw Unsupported("springs and motors in joint coordinates");
+std::vector<Link> tree_of(const Problem& problem, std::vector<Joint>* loops,
+                          bool leaves_out_springs) {
+  for (const Joint& joint : problem.joints) {
+    const bool has_coordinate = has_axes(joint.kind) || joint.kind == JointKind::kFreeLength;
+    if ((joint.kind == JointKind::kSpring && !leaves_out_springs) || joint.break_force != 0.0 ||
+        (!has_coordinate && (joint.rate != 0.0 || joint.max_force != 0.0)))
+      throw Unsupported("springs, motors of rods and breaking in joint coordinates");
+  }
   std::vector<Link> tree;
   std::vector<bool> is_placed(problem.bodies.size(), false), is_used(problem.joints.size(), false);
   for (std::size_t k = 0; k < problem.joints.size(); ++k)  // holds nothing
-    is_used[k] = problem.joints[k].kind == JointKind::kFreeLength;
+    is_used[k] = problem.joints[k].kind == JointKind::kFreeLength ||
+                 problem.joints[k].kind == JointKind::kSpring;
   const auto placed = [&](int i) { return i == kWorld || is_placed[static_cast<std::size_t>(i)]; };
   const auto place = [&](const Link& link) {
     tree.push_back(link);

@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <map>
 #include <numeric>
 
 #include "engine/constraints/contact.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/fast_bodies.h"
 #include "engine/methods/contact_events.h"
+#include "engine/methods/elastic_spheres.h"
 #include "engine/narrowphase.h"
 #include "engine/world_impl.h"
 
@@ -200,7 +202,9 @@ void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near)
   }
   for (ContactGroup& group : contact_groups)
     if (!compile_group(&group)) group.events.reset();
-  const auto is_left = [](const ContactGroup& group) { return group.events == nullptr; };
+  const auto is_left = [](const ContactGroup& group) {
+    return group.events == nullptr && group.spheres == nullptr;
+  };
   contact_groups.erase(std::remove_if(contact_groups.begin(), contact_groups.end(), is_left),
                        contact_groups.end());
   group_of.assign(islands.size(), -1);
@@ -224,13 +228,15 @@ bool World::Impl::can_be_in_group(std::size_t i) const {
     return can_be_beside_contacts(joints[j]) && !state.closing &&
            !is_moving_by_itself(joint_ends[j].first) &&
            !is_moving_by_itself(joint_ends[j].second) &&
-           fits(joints[j], state_a(j), state_b(j), now, state);
+           (!is_rigid(joints[j]) || fits(joints[j], state_a(j), state_b(j), now, state));
   });
 }
 
 // The group with its equations; false where it is left to others.
 bool World::Impl::compile_group(ContactGroup* group) {
-  if (group->pairs.size() > ContactEvents::kMostContacts) return false;
+  if (group->pairs.size() > ContactEvents::kMostContacts ||
+      group->islands.size() > ContactEvents::kMostBodies)
+    return compile_spheres(group);
   ContactEquations equations;
   std::vector<int> place(bodies.size(), -1);
   const auto add = [&](int body) {
@@ -279,12 +285,55 @@ bool World::Impl::compile_group(ContactGroup* group) {
   return group->events->begin(states);
 }
 
+// The same of any number of spheres that keep all energy, on planes.
+bool World::Impl::compile_spheres(ContactGroup* group) {
+  const auto is_elastic = [&](int body) {
+    const Body& of = bodies[at(body)];
+    return of.friction == 0.0 && of.restitution == 1.0 && !of.shape_pose;
+  };
+  std::vector<ElasticSpheres::Sphere> spheres;
+  for (const int i : group->islands) {
+    const IslandMembers& members = island_parts[at(i)].members;
+    if (!can_be_in_group(at(i)) || members.bodies.size() != 1 || !members.joints.empty())
+      return false;
+    const int body = members.bodies.front();
+    const auto* sphere = std::get_if<Sphere>(&bodies[at(body)].shape);
+    const Vector3d& inertia = masses[at(body)].inertia;
+    if (sphere == nullptr || !is_elastic(body) || inertia.x() != inertia.y() ||
+        inertia.y() != inertia.z())
+      return false;
+    const auto is_on_it = [&](const Wrench& wrench) { return wrench.body == body_ids[at(body)]; };
+    if (std::any_of(wrenches.begin(), wrenches.end(), is_on_it)) return false;
+    spheres.push_back({body, 1.0 / masses[at(body)].inverse_mass, sphere->radius});
+  }
+  std::vector<ElasticSpheres::Plane> planes;
+  std::vector<int> others;
+  for (const auto& [a, b] : group->pairs)
+    for (const int body : {a, b})
+      if (!is_movable(at(body))) others.push_back(body);
+  std::sort(others.begin(), others.end());
+  others.erase(std::unique(others.begin(), others.end()), others.end());
+  for (const int body : others) {
+    if (is_moving_by_itself(at(body)) || !is_elastic(body) ||
+        !std::holds_alternative<Plane>(bodies[at(body)].shape))
+      return false;
+    const BodyState& state = states[at(body)];
+    planes.push_back({body, state.orientation * Vector3d::UnitZ(), state.position});
+  }
+  group->spheres = std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes));
+  if (group->spheres->begin(states, ContactEvents::kMostOverlap)) return true;
+  group->spheres.reset();
+  return false;
+}
+
 void World::Impl::advance_contact_groups(const SmoothSpan& span) {
   for (ContactGroup& group : contact_groups) {
     if (group.has_failed) continue;
     const IntegrationResult progress =
-        group.events->advance(span, accuracy_within(std::numeric_limits<double>::infinity()),
-                              span_from(span.t, span.h), joint_states, &states);
+        group.spheres != nullptr
+            ? group.spheres->advance(span, group_reach / options.time_step, &states)
+            : group.events->advance(span, accuracy_within(std::numeric_limits<double>::infinity()),
+                                    span_from(span.t, span.h), joint_states, &states);
     group.has_failed = !note(at(group.islands.front()), progress);
     if (group.islands.size() > 1)  // they exchange energy
       for (const int i : group.islands) island_parts[at(i)].energy.has_changed = true;
@@ -306,6 +355,10 @@ void World::Impl::take_out_group_contacts() {
 void World::Impl::tell_contact_groups(const JointStep& step) {
   for (const ContactGroup& group : contact_groups) {
     if (group.has_failed) continue;
+    if (group.spheres != nullptr) {
+      tell_spheres(*group.spheres);
+      continue;
+    }
     const ContactEvents& by_events = *group.events;
     const ContactEquations& equations = by_events.equations();
     const auto joint_of = [&](std::size_t coordinate) {
@@ -336,21 +389,60 @@ void World::Impl::tell_contact_groups(const JointStep& step) {
 
 void World::Impl::add_group_contacts(const ContactEvents& by_events) {
   for (const ContactEvents::Pair& of : by_events.pairs()) {
-    TouchingPair pair = contacts_of(by_events, of);
-    if (pair.manifold.count == 0) continue;
-    pair.id_a = body_ids[at(pair.a)];
-    pair.id_b = body_ids[at(pair.b)];
-    report.contacts += static_cast<std::uint32_t>(pair.manifold.count);
-    for (std::size_t k = 0; k < at(pair.manifold.count); ++k)
-      report.max_penetration = std::max(report.max_penetration, pair.manifold.points[k].depth);
-    touching.push_back(pair);
+    const TouchingPair pair = contacts_of(by_events, of);
+    if (pair.manifold.count > 0) add_group_contact(pair);
+  }
+}
+
+void World::Impl::add_group_contact(TouchingPair pair) {
+  pair.id_a = body_ids[at(pair.a)];
+  pair.id_b = body_ids[at(pair.b)];
+  report.contacts += static_cast<std::uint32_t>(pair.manifold.count);
+  for (std::size_t k = 0; k < at(pair.manifold.count); ++k)
+    report.max_penetration = std::max(report.max_penetration, pair.manifold.points[k].depth);
+  touching.push_back(pair);
+}
+
+// each pair that has hit once, with all its impulses
+void World::Impl::tell_spheres(const ElasticSpheres& spheres) {
+  std::map<std::pair<int, int>, Vector3d> impulses;  // on the first
+  for (const ElasticSpheres::Hit& hit : spheres.hits()) {
+    const int a = std::min(hit.a, hit.b), b = std::max(hit.a, hit.b);
+    Vector3d& sum = impulses.emplace(std::pair(a, b), Vector3d::Zero()).first->second;
+    sum += hit.a == a ? hit.impulse : Vector3d(-hit.impulse);
+    const double size = hit.impulse.norm();
+    events.push_back({EventKind::kContactBegan, hit.time, body_ids[at(a)], body_ids[at(b)],
+                      std::nullopt, -1, size});
+    events.push_back({EventKind::kContactEnded, hit.time, body_ids[at(a)], body_ids[at(b)],
+                      std::nullopt, -1, 0.0});
+  }
+  for (const auto& [ends, impulse] : impulses) {
+    TouchingPair pair;
+    pair.a = ends.first;
+    pair.b = ends.second;
+    const PlacedShape a(bodies[at(pair.a)], states[at(pair.a)]),
+        b(bodies[at(pair.b)], states[at(pair.b)]);
+    const Separation now = separation(a.shape(), a.state(), b.shape(), b.state());
+    const auto* of_a = std::get_if<Sphere>(&bodies[at(pair.a)].shape);
+    const auto* of_b = std::get_if<Sphere>(&bodies[at(pair.b)].shape);
+    pair.manifold.count = 1;
+    pair.manifold.normal = now.normal;
+    pair.manifold.points[0] = {
+        of_b != nullptr ? Vector3d(b.state().position + of_b->radius * now.normal)
+                        : Vector3d(a.state().position - (of_a->radius + now.gap) * now.normal),
+        std::max(-now.gap, 0.0), 0};
+    pair.impulses[0] = impulse;
+    pair.contact_states[0] = ContactState::kClosed;
+    add_group_contact(pair);
   }
 }
 
 // the first one tells those of all
 std::uint32_t World::Impl::events_of_group(std::size_t island) const {
   const ContactGroup& group = contact_groups[at(group_of[island])];
-  return group.islands.front() == static_cast<int>(island) ? group.events->events() : 0;
+  if (group.islands.front() != static_cast<int>(island)) return 0;
+  return group.spheres != nullptr ? static_cast<std::uint32_t>(group.spheres->hits().size())
+                                  : group.events->events();
 }
 
 }  // namespace constraint_sim::engine

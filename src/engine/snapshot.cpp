@@ -324,7 +324,7 @@ void check_rest(const Impl& impl) {
   for (std::size_t i = 0; i < impl.islands.size(); ++i) {
     const auto& parts = impl.island_parts[i];
     const bool is_smooth = impl.islands[i].method != Method::kSequentialImpulses;
-    if (!parts.is_fresh && (is_smooth || parts.motion >= 0))
+    if (!parts.is_fresh && is_smooth)
       check_indices(parts.members.joints, impl.courses.size());
   }
   std::vector<int> loaded;
@@ -422,7 +422,8 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   }
 }
 
-// what follows from islands and what they remember
+// what follows from islands and what they remember; of those that impulses carry nothing does, which
+// have no courses where they have always done so
 void World::Impl::continue_from_snapshot() {
   fresh_islands.clear();
   for (std::size_t i = 0; i < islands.size(); ++i)
@@ -430,7 +431,8 @@ void World::Impl::continue_from_snapshot() {
   in_contact.assign(islands.size(), false);
   list_by_method();
   for (std::size_t i = 0; i < islands.size(); ++i)
-    if (!island_parts[i].is_fresh && island_parts[i].motion >= 0)
+    if (!island_parts[i].is_fresh && island_parts[i].motion >= 0 &&
+        islands[i].method != Method::kSequentialImpulses)
       motions[static_cast<std::size_t>(island_parts[i].motion)].continue_from(
           time(), states, options.gravity, loads, courses);
 }

@@ -53,6 +53,7 @@ struct IslandParts : IslandMemory {
 };
 
 class ContactEvents;
+class ElasticSpheres;
 
 /// Islands and what is compiled for them.
 struct IslandLists {
@@ -82,8 +83,9 @@ struct FastGroup {
 struct ContactGroup {
   std::vector<int> islands;
   std::vector<Broadphase::Pair> pairs;
-  std::shared_ptr<ContactEvents> events;  ///< of this step alone
-  bool has_failed = false;                ///< in this step: others carry them
+  std::shared_ptr<ContactEvents> events;    ///< of this step alone
+  std::shared_ptr<ElasticSpheres> spheres;  ///< or these
+  bool has_failed = false;                  ///< in this step: others carry them
 };
 
 /// What each method carries in a step; made anew when that changes.
@@ -340,10 +342,13 @@ struct World::Impl : Model, State, IslandLists {
   void find_contact_groups(const std::vector<Broadphase::Pair>& near);
   bool can_be_in_group(std::size_t i) const;
   bool compile_group(ContactGroup* group);
+  bool compile_spheres(ContactGroup* group);
   void advance_contact_groups(const SmoothSpan& span);
   void take_out_group_contacts();
   void tell_contact_groups(const JointStep& step);
   void add_group_contacts(const ContactEvents& by_events);
+  void add_group_contact(TouchingPair pair);
+  void tell_spheres(const ElasticSpheres& spheres);
   std::uint32_t events_of_group(std::size_t island) const;
 
   // ---- bodies that pass through shapes in a step (fast_bodies.cpp)

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
-#include "joint_type.h"
+#include "make_scene.h"
 #include "sanitized.h"
 
 namespace constraint_sim::engine {
@@ -24,7 +24,6 @@ inline constexpr double kPi = 3.14159265358979323846;
 inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 inline constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-inline constexpr double kGravity = 9.81;
 
 /// Uniform in [-1, 1), the same with every standard library.
 class Random {
@@ -64,27 +63,6 @@ inline std::string refusal(const std::function<void()>& attempt) {
 
 // ---- worlds
 
-/// The tutorial's method by name: errors left by edits are closed by Baumgarte.
-inline WorldOptions options(double time_step, double gravity = kGravity) {
-  WorldOptions options;
-  options.method = Method::kSequentialImpulses;
-  options.time_step = time_step;
-  options.gravity = {0.0, 0.0, -gravity};
-  return options;
-}
-
-inline WorldOptions weightless(double time_step) { return options(time_step, 0.0); }
-
-inline Body make_body(const std::string& name, const Shape& shape, double mass,
-                      const Eigen::Vector3d& position) {
-  Body body;
-  body.name = name;
-  body.shape = shape;
-  body.mass = mass;
-  body.state.position = position;
-  return body;
-}
-
 /// Number i of boxes that tumble onto a floor and each other.
 inline Body make_tumbling_box(int i, Random* random) {
   Body body = make_body("box_" + std::to_string(i), Box{{0.4, 0.3, 0.5}}, 1.0 + 0.1 * i,
@@ -93,56 +71,6 @@ inline Body make_tumbling_box(int i, Random* random) {
   body.state.angular_velocity = random->vector();
   body.friction = 0.5;
   return body;
-}
-
-/// A plane through the origin, turned about y by `slope` [rad]: its downhill direction is
-/// (cos slope, 0, −sin slope).
-inline Body make_floor(double friction, double slope = 0.0) {
-  Body floor = make_body("floor", Plane{}, 0.0, Eigen::Vector3d::Zero());
-  floor.type = BodyType::kStatic;
-  floor.friction = friction;
-  floor.state.orientation = Eigen::AngleAxisd(slope, Eigen::Vector3d::UnitY());
-  return floor;
-}
-
-inline Joint make_joint(const std::string& name, BodyId a, const Eigen::Vector3d& anchor_a,
-                        BodyId b, const Eigen::Vector3d& anchor_b,
-                        const JointType& type = DistanceJoint{}) {
-  Joint joint;
-  joint.name = name;
-  joint.body_a = a;
-  joint.anchor_a = anchor_a;
-  joint.body_b = b;
-  joint.anchor_b = anchor_b;
-  type.write(&joint);
-  return joint;
-}
-
-/// From the world's origin to the centre of a body.
-inline Joint hang(const std::string& name, BodyId body, const JointType& type = DistanceJoint{}) {
-  return make_joint(name, kWorldBody, Eigen::Vector3d::Zero(), body, Eigen::Vector3d::Zero(), type);
-}
-
-inline DistanceJoint rod(double length) {
-  DistanceJoint joint;
-  joint.length = length;
-  return joint;
-}
-
-inline DistanceJoint between(double min_length, double max_length) {
-  DistanceJoint joint;
-  joint.min_length = min_length;
-  joint.max_length = max_length;
-  return joint;
-}
-
-inline DistanceJoint rope(double max_length) { return between(0.0, max_length); }
-
-inline DistanceJoint spring(double length, double stiffness, double damping) {
-  DistanceJoint joint = rod(length);
-  joint.stiffness = stiffness;
-  joint.damping = damping;
-  return joint;
 }
 
 inline double distance(const World& world, JointId id) {

@@ -158,6 +158,29 @@ TEST_P(ContactsWithLawsAt, AWinchPullsABoxOverAFloor) {
   }
 }
 
+// A box on a spring slides over a floor: about ±μ m g/k in turn, until it sticks.
+TEST_P(ContactsWithLawsAt, ABoxOnASpringSlidesOverAFloor) {
+  constexpr double kMass = 2.0, kMu = 0.1, kStiffness = 40.0, kStart = 0.3;
+  World world(by_events(GetParam()));
+  world.add_body(plane("floor", Vector3d::Zero(), Vector3d::UnitZ(), kMu, 0.0));
+  const BodyId id = world.add_body(with_surface(
+      make_body("box", Box{{0.6, 0.5, 0.4}}, kMass, {kStart, 0.0, 0.2}), kMu, 0.0));
+  world.add_joint(make_joint("spring", kWorldBody, {-1.0, 0.0, 0.2}, id, Vector3d::Zero(),
+                             spring(1.0, kStiffness, 0.0)));
+  const double omega = std::sqrt(kStiffness / kMass), shift = kMu * kMass * kGravity / kStiffness;
+  const double half = kPi / omega;
+  while (world.time() < 3.0 - 1e-9) {
+    advance(&world, GetParam());
+    double x = kStart, t = world.time();
+    for (; t > half && std::abs(x) > shift; t -= half) x = (x > 0.0 ? 2.0 : -2.0) * shift - x;
+    const double about = x > 0.0 ? shift : -shift;
+    if (std::abs(x) > shift) x = about + (x - about) * std::cos(omega * t);
+    // the tolerance of 1e-10 m/s over three seconds
+    ASSERT_LT((world.state(id).position - Vector3d(x, 0.0, 0.2)).norm(), 3e-10) << world.time();
+  }
+  EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-12);
+}
+
 // A ball bounces to its rest on an arm that its hinge's stop holds up: as on a floor.
 TEST_P(ContactsWithLawsAt, ABallBouncesOnAnArmAtItsStop) {
   for (const double e : {0.0, 0.5, 0.9}) {

@@ -399,6 +399,39 @@ std::vector<std::string> split(const std::string& line) {
   return parts;
 }
 
+/// References that know no engine against the engine, with 1e-10 m/s of tolerance over a few
+/// seconds: neither they nor the scenes that the adapter builds can be wrong alone.
+TEST(Pipeline, ProblemsOfEventsAreMetByEvents) {
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / "event_references";
+  int met = 0;
+  for (const Problem& problem : problems()) {
+    if (problem.group != "event") continue;
+    const std::string program = std::string("'") + CONSTRAINT_SIM_REPORT + "' ";
+    const std::string table = (folder / "table.csv").string();
+    ASSERT_EQ(std::system((program + "references " + folder.string() + " --problem " +
+                           problem.name + " >/dev/null")
+                              .c_str()),
+              0);
+    ASSERT_EQ(std::system((program + "run " + folder.string() + " --problem " + problem.name +
+                           " --variant event_driven --values 1e-10 --repeats 1 >" + table)
+                              .c_str()),
+              0);
+    std::ifstream file(table);
+    std::string line;
+    std::getline(file, line);  // announces the value
+    ASSERT_TRUE(std::getline(file, line)) << problem.name;
+    const std::vector<std::string> row = split(line);
+    ASSERT_EQ(row[4], "ok") << line;
+    EXPECT_LT(std::stod(row[8]), 1e-9) << line;
+    if (row[9] != "nan") {
+      EXPECT_LT(std::stod(row[9]), 1e-9) << line;
+    }
+    ++met;
+  }
+  EXPECT_GE(met, 30);
+}
+
 /// Two problems, every method of ours within a budget that sanitizers keep, once as it is and once
 /// with gravity wrong by 1e-3.
 TEST(Pipeline, WritesAllPagesAndShowsAPerturbedMethodAsWorse) {

@@ -1,7 +1,9 @@
 // needs: pkg-config bullet-float64
 //
 // Bullet in double precision: sequential impulses and Dantzig's solver in Cartesian coordinates,
-// and Featherstone's articulated bodies with RK4 in joint coordinates, contacts by impulses.
+// and Featherstone's articulated bodies with RK4 in joint coordinates, contacts by impulses. Hinges
+// and sliders with stops and motors are Bullet's own; friction of a joint is a motor of rate 0.
+// Rods, ropes and winches are a row of our own, written as Bullet's are.
 
 #include <BulletDynamics/Featherstone/btMultiBody.h>
 #include <BulletDynamics/Featherstone/btMultiBodyConstraintSolver.h>
@@ -28,15 +30,19 @@ btQuaternion to_bullet(const Quaterniond& q) { return {q.x(), q.y(), q.z(), q.w(
 Vector3d from_bullet(const btVector3& v) { return {v.x(), v.y(), v.z()}; }
 Quaterniond from_bullet(const btQuaternion& q) { return {q.w(), q.x(), q.y(), q.z()}; }
 
-/// Bullet has no rod between rigid bodies: one row along the line between the anchors.
+/// Bullet has no rod between rigid bodies: one row along the line between the anchors. Of a rope it
+/// only pulls, and lets the length grow to its limit; of a winch it pulls with so much at most.
 class Rod : public btTypedConstraint {
  public:
-  Rod(btRigidBody& a, btRigidBody& b, const Vector3d& anchor_a, const Vector3d& anchor_b,
-      double length)
+  Rod(btRigidBody& a, btRigidBody& b, const Joint& joint, double length)
       : btTypedConstraint(MAX_CONSTRAINT_TYPE, a, b),
-        anchor_a_(to_bullet(anchor_a)),
-        anchor_b_(to_bullet(anchor_b)),
-        length_(length) {}
+        anchor_a_(to_bullet(joint.anchor_a)),
+        anchor_b_(to_bullet(joint.anchor_b)),
+        length_(length),
+        is_rope_(joint.is_rope()),
+        restitution_(joint.restitution),
+        rate_(joint.rate),
+        most_(joint.max_force) {}
 
   void set_length(double length) { length_ = length; }
 
@@ -58,9 +64,21 @@ class Rod : public btTypedConstraint {
       info->m_J2linearAxis[i] = n[i];
       info->m_J2angularAxis[i] = turn_b[i];
     }
-    info->m_constraintError[0] = -info->erp * info->fps * (distance - length_);
+    const btScalar over = distance - length_;
+    btScalar& rate = info->m_constraintError[0];
+    rate = -info->erp * info->fps * over;
     info->m_lowerLimit[0] = -SIMD_INFINITY;
-    info->m_upperLimit[0] = SIMD_INFINITY;
+    info->m_upperLimit[0] = is_rope_ ? 0.0 : SIMD_INFINITY;
+    if (most_ > 0.0) {
+      rate = rate_;
+      info->m_lowerLimit[0] = -most_ / info->fps;
+    } else if (is_rope_) {
+      const btScalar grows =
+          n.dot(m_rbB.getVelocityInLocalPoint(r_b)) - n.dot(m_rbA.getVelocityInLocalPoint(r_a));
+      if (over < 0.0) rate = -info->fps * over;
+      if (restitution_ > 0.0 && over + grows / info->fps > 0.0)
+        rate = btMin(rate, -restitution_ * grows);
+    }
   }
 
   void setParam(int, btScalar, int) override {}
@@ -69,6 +87,8 @@ class Rod : public btTypedConstraint {
  private:
   btVector3 anchor_a_, anchor_b_;
   btScalar length_;
+  bool is_rope_;
+  btScalar restitution_, rate_, most_;
 };
 
 struct Collisions {
@@ -82,9 +102,10 @@ btTransform start_of(const Body& body) {
 }
 
 void set_surface(const Body& body, btCollisionObject* object) {
-  object->setFriction(
-      std::sqrt(body.friction));             // Bullet multiplies; a pair has the geometric mean
-  object->setRestitution(body.restitution);  // the same on all bodies of a scene that has one
+  // Bullet multiplies; of friction a pair has the geometric mean, and restitution is the same on
+  // all bodies of a scene that has one
+  object->setFriction(std::sqrt(body.friction));
+  object->setRestitution(std::sqrt(body.restitution));
 }
 
 class Shapes {
@@ -115,7 +136,7 @@ class BulletSimulation : public Simulation {
  public:
   BulletSimulation(const Problem& problem, const std::string& variant, double tick)
       : problem_(problem), tick_(tick) {
-    check_without_axes(problem);
+    check_without_couplings(problem);
     const std::string impulses = "sequential_impulses_";
     if (variant == "dantzig")
       solver_ = std::make_unique<btMLCPSolver>(&dantzig_);
@@ -158,6 +179,8 @@ class BulletSimulation : public Simulation {
   }
 
  private:
+  static constexpr double kFar = 3.0;  // [m or rad] beyond what problems reach; an angle is below π
+
   struct Motor {
     Rod* rod;
     double length, rate;
@@ -194,21 +217,71 @@ class BulletSimulation : public Simulation {
   }
 
   void add(const Joint& joint) {
-    if (joint.kind == JointKind::kSpring || joint.max_force != 0.0)
-      throw Unsupported("springs and motors with a force limit");
+    if (joint.kind == JointKind::kSpring) throw Unsupported("springs");
+    if (joint.kind == JointKind::kRod && joint.max_force != 0.0)
+      throw Unsupported("rods with a force limit");
+    if (joint.kind == JointKind::kFreeLength && !joint.is_rope()) return;
     if (joint.kind == JointKind::kBall) {
       joints_.push_back(std::make_unique<btPoint2PointConstraint>(
           body(joint.a), body(joint.b), to_bullet(joint.anchor_a), to_bullet(joint.anchor_b)));
+    } else if (has_axes(joint.kind)) {
+      add_on_axes(joint);
     } else {
       const double start =
           (in_world(joint.b, joint.anchor_b) - in_world(joint.a, joint.anchor_a)).norm();
-      const double length = joint.length >= 0.0 ? joint.length : start;
-      auto rod = std::make_unique<Rod>(body(joint.a), body(joint.b), joint.anchor_a, joint.anchor_b,
-                                       length);
-      if (joint.rate != 0.0) motors_.push_back({rod.get(), length, joint.rate});
+      const double length = joint.is_rope()       ? joint.upper
+                            : joint.length >= 0.0 ? joint.length
+                                                  : start;
+      auto rod = std::make_unique<Rod>(body(joint.a), body(joint.b), joint, length);
+      if (joint.kind == JointKind::kRod && joint.rate != 0.0)
+        motors_.push_back({rod.get(), length, joint.rate});
+      if (joint.break_force > 0.0) rod->setBreakingImpulseThreshold(joint.break_force * tick_);
       joints_.push_back(std::move(rod));
     }
     world_->addConstraint(joints_.back().get());
+  }
+
+  void add_on_axes(const Joint& joint) {
+    if (joint.friction > 0.0 && joint.max_force > 0.0) throw Unsupported("a motor with friction");
+    // whichever body is the first, nothing came back from a stop with Bullet's settings for that
+    if (joint.restitution > 0.0) throw Unsupported("stops that bounce");
+    if (joint.kind == JointKind::kSlider)
+      add_slider(joint);
+    else if (joint.kind == JointKind::kHinge)
+      add_hinge(joint);
+    else
+      throw Unsupported(name(joint.kind));
+  }
+
+  /// Along x of its frames.
+  void add_slider(const Joint& joint) {
+    const Quaterniond x_to_z = Quaterniond::FromTwoVectors(Vector3d::UnitX(), Vector3d::UnitZ());
+    auto made = std::make_unique<btSliderConstraint>(
+        body(joint.a), body(joint.b),
+        btTransform(to_bullet(joint.frame_a * x_to_z), to_bullet(joint.anchor_a)),
+        btTransform(to_bullet(joint.frame_b * x_to_z), to_bullet(joint.anchor_b)), true);
+    if (joint.is_limited()) {
+      made->setLowerLinLimit(std::max(joint.lower, -kFar));
+      made->setUpperLinLimit(std::min(joint.upper, kFar));
+    }
+    if (const double force = joint.friction + joint.max_force; force > 0.0) {
+      made->setPoweredLinMotor(true);
+      made->setTargetLinMotorVelocity(joint.rate);
+      made->setMaxLinMotorForce(force);
+    }
+    joints_.push_back(std::move(made));
+  }
+
+  /// About z of its frames.
+  void add_hinge(const Joint& joint) {
+    if (joint.friction + joint.max_force > 0.0) throw Unsupported("motors of hinges");
+    auto made = std::make_unique<btHingeConstraint>(
+        body(joint.a), body(joint.b),
+        btTransform(to_bullet(joint.frame_a), to_bullet(joint.anchor_a)),
+        btTransform(to_bullet(joint.frame_b), to_bullet(joint.anchor_b)), true);
+    if (joint.is_limited())  // what it calls relaxation is a restitution
+      made->setLimit(std::max(joint.lower, -kFar), std::min(joint.upper, kFar), 0.9, 0.3, 0.0);
+    joints_.push_back(std::move(made));
   }
 
   const Problem& problem_;
@@ -229,6 +302,7 @@ class FeatherstoneSimulation : public Simulation {
  public:
   FeatherstoneSimulation(const Problem& problem, double tick) : problem_(problem), tick_(tick) {
     check_without_axes(problem);
+    check_without_laws(problem);
     world_.setGravity(to_bullet(problem.gravity));
     world_.getSolverInfo().m_numIterations = kSweeps;
     place_.resize(problem.bodies.size());

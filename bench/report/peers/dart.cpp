@@ -21,6 +21,7 @@ class DartSimulation : public Simulation {
   DartSimulation(const Problem& problem, double tick)
       : problem_(problem), world_(dart::simulation::World::create()) {
     check_without_axes(problem);
+    check_without_laws(problem);
     world_->setGravity(problem.gravity);
     world_->setTimeStep(tick);
     if (problem.has_shapes())
@@ -163,7 +164,7 @@ class DartSimulation : public Simulation {
                 shape);
     node->setRelativeTranslation(offset);
     node->getDynamicsAspect()->setFrictionCoeff(body.friction);
-    node->getDynamicsAspect()->setRestitutionCoeff(body.restitution);
+    node->getDynamicsAspect()->setRestitutionCoeff(std::sqrt(body.restitution));
   }
 
   const Problem& problem_;

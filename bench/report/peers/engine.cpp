@@ -69,6 +69,8 @@ engine::JointId add(const Joint& joint, const Coupling* screw, const std::vector
     if (screw != nullptr) added.pitch = screw->pitch();
     added.frame_a = joint.frame_a;
     added.frame_b = joint.frame_b;
+  } else if (joint.is_rope() && joint.restitution == 0.0 && joint.friction == 0.0) {
+    added.distance.max_length = joint.upper;
   } else if (joint.kind == JointKind::kFreeLength) {
     added.kind = engine::JointKind::kFreeDistance;
   } else {
@@ -77,8 +79,22 @@ engine::JointId add(const Joint& joint, const Coupling* screw, const std::vector
     if (joint.kind == JointKind::kSpring) distance.stiffness = joint.stiffness;
     added.distance = distance;
   }
-  added.motor.bias = joint.rate;
-  added.motor.max_force = joint.max_force;
+  if (added.kind == engine::JointKind::kDistance) {
+    added.motor.bias = joint.rate;
+    added.motor.max_force = joint.max_force;
+    added.break_force = joint.break_force;
+  } else if (joint.has_law()) {
+    engine::CoordinateLaw& law = added.coordinates[0];
+    law.lower = joint.lower;
+    law.upper = joint.upper;
+    law.limit_restitution = joint.restitution;
+    law.friction = joint.friction;
+    if (joint.max_force > 0.0) {
+      law.motor.emplace();
+      law.motor->bias = joint.rate;
+      law.motor->max_force = joint.max_force;
+    }
+  }
   return world->add_joint(added);
 }
 
@@ -142,7 +158,7 @@ std::vector<Variant> Contestant::variants() {
     const auto method = static_cast<Method>(i);
     const std::string name = engine::name(method);
     Variant variant{name};
-    if (method == Method::kAuto) {
+    if (method == Method::kAuto || method == Method::kEventDriven) {
       variant.knob = Knob::kTolerance;
       for (double tolerance = 1e-1; tolerance > 3e-14; tolerance *= 0.1)
         variant.values.push_back(tolerance);

@@ -2,9 +2,12 @@
 //
 // MuJoCo: joint coordinates, and Cartesian ones with tendons for rods, each with its semi-implicit
 // Euler and RK4. Coordinates are coupled by equality constraints, lengths on a pulley by a tendon.
+// Ropes are tendons with a range; a motor with a force limit is a velocity servo that reaches its
+// rate in one step.
 
 #include <mujoco/mujoco.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <sstream>
@@ -45,6 +48,7 @@ std::string name_of(const char* kind, std::size_t i) { return kind + std::to_str
 /// Bodies in one file of the model: its parser goes a hundred elements deep, across files it does
 /// not count.
 constexpr int kDeepest = 50;
+constexpr double kFar = 1e3;    // [m or rad] where no limit is
 constexpr int kMostPairs = 40;  // of bodies for which every pair is listed with its own friction
 
 class Writer {
@@ -87,15 +91,22 @@ class Writer {
   /// Rods, springs and what they hang on; of what couples nothing but pulleys.
   void check_cartesian() const {
     Problem without = problem_;
-    if (!has_axes(problem_.joints.front().kind)) without.couplings.clear();
+    if (!problem_.joints.empty() && !has_axes(problem_.joints.front().kind))
+      without.couplings.clear();
     check_without_axes(without);
   }
 
   /// MuJoCo takes memory for so many times all velocities.
   std::size_t most_rows() const {
-    const std::size_t joints =
-        is_jointed_ ? 0 : 3 * problem_.joints.size();  // and of couplings one
+    // and of couplings one
+    const std::size_t joints = is_jointed_ ? count_laws() : 3 * problem_.joints.size();
     return 10 + joints + (problem_.has_shapes() ? 6 * problem_.bodies.size() + 300 : 0);
+  }
+
+  std::size_t count_laws() const {
+    std::size_t count = 0;
+    for (const Joint& joint : problem_.joints) count += joint.has_law() ? 3 : 0;
+    return count;
   }
 
   void write_slides(bool is_planar) {
@@ -162,12 +173,12 @@ class Writer {
     write_sites(kWorld);
   }
 
-  /// Of the joints of a body whose frame is at its centre, or of the world.
-  void write_sites(int body) {
+  /// Of the joints of a body whose centre is there in its frame, or of the world.
+  void write_sites(int body, const Vector3d& centre = Vector3d::Zero()) {
     for (std::size_t k = 0; k < problem_.joints.size(); ++k) {
       const Joint& joint = problem_.joints[k];
-      if (joint.a == body) write_site(name_of("a", k), joint.anchor_a);
-      if (joint.b == body) write_site(name_of("b", k), joint.anchor_b);
+      if (joint.a == body) write_site(name_of("a", k), joint.anchor_a + centre);
+      if (joint.b == body) write_site(name_of("b", k), joint.anchor_b + centre);
     }
   }
 
@@ -175,17 +186,62 @@ class Writer {
     xml_ << "<site name='" << name << "' pos='" << text(position) << "'/>";
   }
 
-  /// As stiff as MuJoCo recommends at most.
-  std::string solver() const {
-    return " solref='" + text(2.0 * tick_) + " 1' solimp='0.9999 0.9999 0.001 0.5 2'/>";
+  /// As stiff as MuJoCo recommends at most, of what is of this kind: `limit`, `friction` or none.
+  std::string stiff(const std::string& kind = "") const {
+    return " solref" + kind + "='" + text(2.0 * tick_) + " 1' solimp" + kind +
+           "='0.9999 0.9999 0.001 0.5 2'";
   }
+  std::string solver() const { return stiff() + "/>"; }
 
   void write_equations() {
     std::ostringstream equality;
     xml_ << "<tendon>";
+    for (std::size_t k = 0; k < problem_.joints.size(); ++k) write_length(k);
     if (!is_jointed_) write_joints(&equality);
     for (const Coupling& coupling : problem_.couplings) write_coupling(coupling, &equality);
-    xml_ << "</tendon><equality>" << equality.str() << "</equality>";
+    xml_ << "</tendon><equality>" << equality.str() << "</equality><actuator>";
+    for (std::size_t k = 0; k < problem_.joints.size(); ++k) write_motor(k);
+    xml_ << "</actuator>";
+  }
+
+  /// Springs and ropes.
+  void write_length(std::size_t k) {
+    const Joint& joint = problem_.joints[k];
+    const bool is_spring = joint.kind == JointKind::kSpring;
+    if (!is_spring && !joint.is_rope()) return;
+    if (joint.restitution != 0.0) throw Unsupported("restitution");
+    xml_ << "<spatial name='" << name_of("rod", k) << "'";
+    if (is_spring)
+      xml_ << " stiffness='" << text(joint.stiffness) << "' springlength='"
+           << text(length_of(joint)) << "'";
+    else if (joint.max_force == 0.0)
+      xml_ << " limited='true' range='0 " << text(joint.upper) << "'" << stiff("limit");
+    write_ends(k);
+  }
+
+  void write_ends(std::size_t k) {
+    xml_ << "><site site='" << name_of("a", k) << "'/><site site='" << name_of("b", k)
+         << "'/></spatial>";
+  }
+
+  double start_length(const Joint& joint) const {
+    return (in_world(joint.b, joint.anchor_b) - in_world(joint.a, joint.anchor_a)).norm();
+  }
+  double length_of(const Joint& joint) const {
+    return joint.length >= 0.0 ? joint.length : start_length(joint);
+  }
+
+  /// Of what one body on the world moves along or about.
+  void write_motor(std::size_t k) {
+    const Joint& joint = problem_.joints[k];
+    if (joint.max_force == 0.0) return;
+    const Body& body = problem_.bodies[static_cast<std::size_t>(joint.b)];
+    if (joint.a != kWorld || joint.kind == JointKind::kHinge) throw Unsupported("motors of these");
+    const bool is_rope = joint.is_rope();
+    xml_ << "<velocity "
+         << (is_rope ? "tendon='" + name_of("rod", k) : "joint='" + coordinate(k, 0)) << "' kv='"
+         << text(body.mass / tick_) << "' forcelimited='true' forcerange='"
+         << text(-joint.max_force) << ' ' << text(is_rope ? 0.0 : joint.max_force) << "'/>";
   }
 
   /// Coordinates that are zero at the start: q₁ = −ratio q₂.
@@ -212,7 +268,7 @@ class Writer {
   void write_joints(std::ostringstream* equality) {
     for (std::size_t k = 0; k < problem_.joints.size(); ++k) {
       const Joint& joint = problem_.joints[k];
-      if (joint.rate != 0.0) throw Unsupported("motors");
+      if (joint.kind == JointKind::kRod && joint.rate != 0.0) throw Unsupported("motors of rods");
       if (joint.kind == JointKind::kBall) {
         *equality << "<connect body1='" << name_of("body", static_cast<std::size_t>(joint.b))
                   << "' anchor='" << text(joint.anchor_b) << "'";
@@ -221,19 +277,12 @@ class Writer {
         *equality << solver();
         continue;
       }
-      if (joint.kind == JointKind::kFreeLength) continue;
+      if (joint.kind != JointKind::kRod) continue;
       xml_ << "<spatial name='" << name_of("rod", k) << "'";
-      const double start =
-          (in_world(joint.b, joint.anchor_b) - in_world(joint.a, joint.anchor_a)).norm();
-      const double length = joint.length >= 0.0 ? joint.length : start;
-      if (joint.kind == JointKind::kSpring)
-        xml_ << " stiffness='" << text(joint.stiffness) << "' springlength='" << text(length)
-             << "'";
-      else
-        *equality << "<tendon tendon1='" << name_of("rod", k) << "' polycoef='"
-                  << text(length - start) << " 0 0 0 0'" << solver();
-      xml_ << "><site site='" << name_of("a", k) << "'/><site site='" << name_of("b", k)
-           << "'/></spatial>";
+      *equality << "<tendon name='" << name_of("rod", k) << "' tendon1='" << name_of("rod", k)
+                << "' polycoef='" << text(length_of(joint) - start_length(joint)) << " 0 0 0 0'"
+                << solver();
+      write_ends(k);
     }
   }
 
@@ -244,23 +293,21 @@ class Writer {
   }
 
   void write_tree() {
-    const std::vector<Link> tree = tree_of(problem_);
+    const std::vector<Link> tree = tree_of(problem_, nullptr, true);
     std::vector<std::vector<const Link*>> children(problem_.bodies.size());
     for (const Link& link : tree)
       if (link.parent != kWorld) children[static_cast<std::size_t>(link.parent)].push_back(&link);
     for (const Link& link : tree)
       if (link.parent == kWorld)
         write_link(link, Vector3d::Zero(), Quaterniond::Identity(), children);
-    if (has_pulleys()) write_sites(kWorld);
+    if (has_lengths()) write_sites(kWorld);
   }
 
-  /// Their bodies are free.
-  bool has_pulleys() const {
-    for (const Coupling& coupling : problem_.couplings) {
-      const auto first = static_cast<std::size_t>(coupling.first);
-      if (problem_.joints[first].kind == JointKind::kFreeLength) return true;
-    }
-    return false;
+  /// Of pulleys, ropes and springs.
+  bool has_lengths() const {
+    return std::any_of(problem_.joints.begin(), problem_.joints.end(), [](const Joint& joint) {
+      return joint.kind == JointKind::kFreeLength || joint.kind == JointKind::kSpring;
+    });
   }
 
   void write_link(const Link& link, const Vector3d& parent_centre, const Quaterniond& parent_turn,
@@ -285,7 +332,7 @@ class Writer {
       write_inertia(body, link.centre);
     }
     write_shape(body, i);
-    if (has_pulleys()) write_sites(link.body);
+    if (has_lengths()) write_sites(link.body, link.centre);
     const bool is_deep = ++depth_ % kDeepest == 0 && !children[i].empty();
     std::ostringstream outer;
     if (is_deep) {
@@ -304,6 +351,16 @@ class Writer {
     xml_ << "</body>";
   }
 
+  void write_law(const Joint& joint) {
+    if (joint.restitution != 0.0) throw Unsupported("restitution");
+    const auto finite = [](double limit) { return std::clamp(limit, -kFar, kFar); };
+    if (joint.is_limited())
+      xml_ << " limited='true' range='" << text(finite(joint.lower)) << ' '
+           << text(finite(joint.upper)) << "'" << stiff("limit");
+    if (joint.friction > 0.0)
+      xml_ << " frictionloss='" << text(joint.friction) << "'" << stiff("friction");
+  }
+
   /// What is free of a joint with axes: slides and turns, the one nearer to A first.
   void write_axes(const Joint& joint) {
     const auto in_world_of = [&](int i) {
@@ -318,7 +375,9 @@ class Writer {
     int count = 0;
     const auto add = [&](const char* type, const Vector3d& axis) {
       xml_ << "<joint name='" << coordinate(k, count++) << "' type='" << type << "' axis='"
-           << text(axis) << "'/>";
+           << text(axis) << "'";
+      write_law(joint);
+      xml_ << "/>";
     };
     const JointKind kind = joint.kind;
     if (kind == JointKind::kPlanar || kind == JointKind::kPointOnPlane) {
@@ -376,6 +435,14 @@ class MujocoSimulation : public Simulation {
         set_velocity(i, problem.bodies[i].start.velocity, problem.bodies[i].start.angular_velocity);
     for (std::size_t i = 0; i < ids_.size(); ++i)
       for (int k = 0; k < 3; ++k) data_->xfrc_applied[6 * ids_[i] + k] = problem.bodies[i].force[k];
+    int motors = 0;
+    for (std::size_t k = 0; k < problem.joints.size(); ++k) {
+      const Joint& joint = problem.joints[k];
+      if (joint.max_force > 0.0) data_->ctrl[motors++] = joint.rate;
+      if (joint.break_force > 0.0)
+        breaking_.emplace_back(mj_name2id(model_, mjOBJ_EQUALITY, name_of("rod", k).c_str()),
+                               joint.break_force);
+    }
     mj_forward(model_, data_);
   }
 
@@ -386,7 +453,10 @@ class MujocoSimulation : public Simulation {
   }
 
   void advance(long ticks, double) override {
-    for (long i = 0; i < ticks; ++i) mj_step(model_, data_);
+    for (long i = 0; i < ticks; ++i) {
+      mj_step(model_, data_);
+      if (!breaking_.empty()) break_rods();
+    }
     // MuJoCo starts again from the beginning when something is not finite
     if (data_->warning[mjWARN_BADQACC].number + data_->warning[mjWARN_BADQPOS].number +
             data_->warning[mjWARN_BADQVEL].number >
@@ -416,6 +486,14 @@ class MujocoSimulation : public Simulation {
   }
 
  private:
+  void break_rods() {
+    for (int row = 0; row < data_->nefc; ++row)
+      for (const auto& [id, force] : breaking_)
+        if (data_->efc_type[row] == mjCNSTR_EQUALITY && data_->efc_id[row] == id &&
+            std::abs(data_->efc_force[row]) > force)
+          model_->eq_active[id] = 0;
+  }
+
   /// Of a body that is not hung: slides, or a free joint with its spin in body axes.
   void set_velocity(std::size_t i, const Vector3d& velocity, const Vector3d& spin) {
     const int id = ids_[i];
@@ -434,12 +512,15 @@ class MujocoSimulation : public Simulation {
 
   void set_joint_velocities() {
     std::vector<Vector3d> spins(ids_.size(), Vector3d::Zero());
-    for (const Link& link : tree_of(problem_)) {
+    for (const Link& link : tree_of(problem_, nullptr, true)) {
       const auto i = static_cast<std::size_t>(link.body);
       const Body& body = problem_.bodies[i];
       spins[i] = start_spin(problem_, link);
       if (body.is_static) continue;
-      if (link.joint != nullptr) continue;  // at rest
+      if (link.joint != nullptr) {
+        if (link.rate != 0.0) data_->qvel[model_->body_dofadr[ids_[i]]] = link.rate;
+        continue;
+      }
       if (!link.is_hung) {
         set_velocity(i, body.start.velocity, body.start.angular_velocity);
         continue;
@@ -461,6 +542,7 @@ class MujocoSimulation : public Simulation {
   mjData* data_ = nullptr;
   mjData* copy_ = nullptr;
   std::vector<int> ids_;
+  std::vector<std::pair<int, double>> breaking_;  // equality, and the force that it bears [N]
   bool is_lost_ = false;
 };
 

@@ -1,7 +1,9 @@
 // needs: pkg-config ode
 //
 // ODE: Cartesian coordinates, rods as distance balls; the direct solver with and without its
-// default constraint force mixing, and quickstep.
+// default constraint force mixing, and quickstep. Stops bounce and motors have a largest force, as
+// the manual has them, and friction of a joint is a motor of rate 0. A rope is a contact that pulls
+// where it is taut, a winch a linear motor along the rope.
 
 #include <ode/ode.h>
 
@@ -37,14 +39,14 @@ class OdeSimulation : public Simulation {
     }
     for (const Body& body : problem.bodies) bodies_.push_back(add(body));
     for (const Joint& joint : problem.joints) add(joint);
+    contacts_ = dJointGroupCreate(0);
     if (!problem.has_shapes()) return;
     space_ = dHashSpaceCreate(nullptr);
-    contacts_ = dJointGroupCreate(0);
     for (std::size_t i = 0; i < problem.bodies.size(); ++i) add_shape(i);
   }
 
   ~OdeSimulation() override {
-    if (contacts_ != nullptr) dJointGroupDestroy(contacts_);
+    dJointGroupDestroy(contacts_);
     if (space_ != nullptr) dSpaceDestroy(space_);
     dWorldDestroy(world_);
   }
@@ -59,11 +61,16 @@ class OdeSimulation : public Simulation {
         if (!f.isZero(0.0)) dBodyAddForce(bodies_[k], f.x(), f.y(), f.z());
       }
       if (space_ != nullptr) dSpaceCollide(space_, this, &collide);
+      for (Breaking& rod : breaking_)
+        if (rod.joint != nullptr) dJointSetFeedback(rod.joint, &rod.feedback);
+      for (const Joint* rope : ropes_) pull(*rope);
+      for (const Winch& winch : winches_) set_axis(winch);
       if (is_quick_)
         dWorldQuickStep(world_, tick_);
       else
         dWorldStep(world_, tick_);
-      if (contacts_ != nullptr) dJointGroupEmpty(contacts_);
+      dJointGroupEmpty(contacts_);
+      for (Breaking& rod : breaking_) break_beyond(&rod);
     }
   }
 
@@ -88,6 +95,15 @@ class OdeSimulation : public Simulation {
   struct Motor {
     dJointID joint;
     double length, rate;
+  };
+  struct Winch {
+    dJointID motor;
+    const Joint* rope;
+  };
+  struct Breaking {
+    dJointID joint;
+    double force;
+    dJointFeedback feedback{};
   };
 
   static Vector3d vector(const dReal* x) { return {x[0], x[1], x[2]}; }
@@ -119,7 +135,8 @@ class OdeSimulation : public Simulation {
   }
 
   void add(const Joint& joint) {
-    if (joint.max_force != 0.0) throw Unsupported("motors with a force limit");
+    if (joint.kind == JointKind::kRod && joint.max_force != 0.0)
+      throw Unsupported("rods with a force limit");
     const dBodyID b = bodies_[static_cast<std::size_t>(joint.b)];
     const dBodyID a = joint.a == kWorld ? nullptr : bodies_[static_cast<std::size_t>(joint.a)];
     const Vector3d p_b = in_world(joint.b, joint.anchor_b);
@@ -131,6 +148,7 @@ class OdeSimulation : public Simulation {
       return;
     }
     if (has_axes(joint.kind)) return add_on_axes(joint, a, b, p_b);
+    if (joint.kind == JointKind::kFreeLength) return add_rope(joint, b);
     const dJointID rod = dJointCreateDBall(world_, nullptr);
     dJointAttach(rod, b, a);
     dJointSetDBallAnchor1(rod, p_b.x(), p_b.y(), p_b.z());
@@ -138,10 +156,69 @@ class OdeSimulation : public Simulation {
     const double length = joint.length >= 0.0 ? joint.length : (p_b - p_a).norm();
     dJointSetDBallDistance(rod, length);
     if (joint.rate != 0.0) motors_.push_back({rod, length, joint.rate});
+    if (joint.break_force > 0.0) breaking_.push_back({rod, joint.break_force});
     if (joint.kind == JointKind::kSpring) {  // ODE manual: ERP = hk / (hk + c), CFM = 1 / (hk + c)
       dJointSetDBallParam(rod, dParamERP, 1.0);
       dJointSetDBallParam(rod, dParamCFM, 1.0 / (tick_ * joint.stiffness));
     }
+  }
+
+  void add_rope(const Joint& joint, dBodyID b) {
+    if (joint.a != kWorld || !joint.anchor_b.isZero(0.0) || !joint.is_rope())
+      throw Unsupported("ropes but from the world to the centre of a body");
+    if (joint.max_force == 0.0) {
+      ropes_.push_back(&joint);
+      return;
+    }
+    if (joint.rate == 0.0) throw Unsupported("ropes that give way");
+    const dJointID motor = dJointCreateLMotor(world_, nullptr);
+    dJointAttach(motor, b, nullptr);
+    dJointSetLMotorNumAxes(motor, 1);
+    dJointSetLMotorParam(motor, dParamVel, joint.rate);
+    dJointSetLMotorParam(motor, dParamFMax, joint.max_force);
+    winches_.push_back({motor, &joint});
+  }
+
+  /// From the anchor to the body.
+  Vector3d along(const Joint& rope) const {
+    return vector(dBodyGetPosition(bodies_[static_cast<std::size_t>(rope.b)])) - rope.anchor_a;
+  }
+
+  void set_axis(const Winch& winch) {
+    const Vector3d d = along(*winch.rope).normalized();
+    dJointSetLMotorAxis(winch.motor, 0, 0, d.x(), d.y(), d.z());
+  }
+
+  void pull(const Joint& rope) {
+    const Vector3d d = along(rope), x = rope.anchor_a + d, n = -d.normalized();
+    if (d.norm() < rope.upper) return;
+    dContact contact{};
+    contact.surface.mode = dContactBounce;
+    contact.surface.bounce = rope.restitution;
+    contact.geom.depth = d.norm() - rope.upper;
+    for (int k = 0; k < 3; ++k) {
+      contact.geom.pos[k] = x[k];
+      contact.geom.normal[k] = n[k];
+    }
+    dJointAttach(dJointCreateContact(world_, contacts_, &contact),
+                 bodies_[static_cast<std::size_t>(rope.b)], nullptr);
+  }
+
+  void break_beyond(Breaking* rod) const {
+    if (rod->joint == nullptr || !(vector(rod->feedback.f1).norm() > rod->force)) return;
+    dJointDestroy(rod->joint);
+    rod->joint = nullptr;
+  }
+
+  /// Limits, friction and motor of a hinge or slider; a motor has one rate and one force.
+  template <class Set>
+  static void add_law(const Joint& joint, const Set& set) {
+    if (joint.friction > 0.0 && joint.max_force > 0.0) throw Unsupported("a motor with friction");
+    if (std::isfinite(joint.lower)) set(dParamLoStop, joint.lower);
+    if (std::isfinite(joint.upper)) set(dParamHiStop, joint.upper);
+    set(dParamBounce, joint.restitution);
+    set(dParamVel, joint.rate);
+    set(dParamFMax, joint.friction + joint.max_force);
   }
 
   /// ODE's first body is B, as with all joints here.
@@ -160,8 +237,11 @@ class OdeSimulation : public Simulation {
       const dJointID hinge = attached(dJointCreateHinge(world_, nullptr));
       dJointSetHingeAnchor(hinge, p.x(), p.y(), p.z());
       dJointSetHingeAxis(hinge, z_a.x(), z_a.y(), z_a.z());
+      add_law(joint, [&](int name, double value) { dJointSetHingeParam(hinge, name, value); });
     } else if (joint.kind == JointKind::kSlider) {
-      dJointSetSliderAxis(attached(dJointCreateSlider(world_, nullptr)), z_a.x(), z_a.y(), z_a.z());
+      const dJointID slider = attached(dJointCreateSlider(world_, nullptr));
+      dJointSetSliderAxis(slider, z_a.x(), z_a.y(), z_a.z());
+      add_law(joint, [&](int name, double value) { dJointSetSliderParam(slider, name, value); });
     } else if (joint.kind == JointKind::kCylindrical) {
       const dJointID piston = attached(dJointCreatePiston(world_, nullptr));
       dJointSetPistonAnchor(piston, p.x(), p.y(), p.z());
@@ -231,6 +311,9 @@ class OdeSimulation : public Simulation {
   dJointGroupID contacts_ = nullptr;
   std::vector<dBodyID> bodies_;
   std::vector<Motor> motors_;
+  std::vector<const Joint*> ropes_;
+  std::vector<Winch> winches_;
+  std::vector<Breaking> breaking_;
 };
 
 }  // namespace

@@ -38,6 +38,7 @@ class SimbodySimulation : public Simulation {
  public:
   SimbodySimulation(const Problem& problem, const Variant& variant, double tick, double accuracy)
       : problem_(problem), tick_(tick), matter_(system_), forces_(system_), integrator_(system_) {
+    check_without_laws(problem);
     if (problem.has_shapes()) {
       check_shapes();
       contacts_ = std::make_unique<Contacts>(&system_);
@@ -327,7 +328,10 @@ class SimbodySimulation : public Simulation {
       const auto i = static_cast<std::size_t>(link.body);
       const State& start = problem_.bodies[i].start;
       spins[i] = start_spin(problem_, link);
-      if (link.joint != nullptr) continue;  // at rest
+      if (link.joint != nullptr) {
+        if (link.rate != 0.0) bodies_[i].setOneU(*state, 0, link.rate);
+        continue;
+      }
       if (!link.is_hung) {
         set_velocity(i, state);
         continue;

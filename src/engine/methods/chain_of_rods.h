@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstddef>
 
+#include "engine/linear/larger.h"
 #include "engine/methods/kernel_view.h"
 
 namespace constraint_sim::engine {
@@ -174,8 +175,7 @@ class ChainOfRods {
       const Vector3d d = direction_[l] = x.step(l + 1 == rods_);
       const double length = lengths_[l].value;
       solution_[l] = 0.5 * (length * length - d.squaredNorm());
-      const double error = std::abs(solution_[l] / length);
-      if (!(error <= worst)) worst = error;  // a NaN stays
+      worst = larger(worst, std::abs(solution_[l] / length));
     }
     return worst;
   }

@@ -6,6 +6,7 @@
 
 #include "engine/constraints/contact.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/linear/larger.h"
 #include "engine/methods/law_events.h"
 #include "engine/methods/quaternion_state.h"
 
@@ -423,7 +424,7 @@ bool ContactEquations::project(double t, double* y) {
     add_held_rows();
     add_contact_rows(false, false);
     double error = 0.0;
-    for (const Row& row : rows_) error = std::max(error, std::abs(row.value));
+    for (const Row& row : rows_) error = larger(error, std::abs(row.value));
     if (error <= kEpsilon * scale_) return true;
     if (!(error <= 0.5 * before) || k == kMostNewton) return error <= kProjected * scale_;
     before = error;
@@ -501,9 +502,7 @@ void ContactEquations::restore() {
 // as EquationsOfMotion has it
 double ContactEquations::squared_size_of(const double* dy, double h) const {
   double largest = 0.0;
-  const auto consider = [&](double square) {
-    if (!(square <= largest)) largest = square;  // a NaN stays
-  };
+  const auto consider = [&](double square) { largest = larger(largest, square); };
   for (std::size_t i = 0; i < movable; ++i) {
     const double* const body = dy + kNumbers * i;
     consider(ConstVector(body).squaredNorm());

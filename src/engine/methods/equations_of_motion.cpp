@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/linear/larger.h"
 #include "engine/methods/embedded_pairs.h"
 #include "engine/methods/quaternion_state.h"
 
@@ -343,9 +344,7 @@ double EquationsOfMotion::rounding() const { return 4.0 * kEpsilon * scale_; }
 double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
   const std::size_t bodies = bodies_.size();
   double largest = 0.0;
-  const auto consider = [&](double square) {
-    if (!(square <= largest)) largest = square;  // a NaN stays
-  };
+  const auto consider = [&](double square) { largest = larger(largest, square); };
   for (std::size_t i = 0; i < bodies; ++i) {
     consider(ConstVector(dy + 3 * i).squaredNorm());
     consider(h * h * ConstVector(dy + v_at_ + 3 * i).squaredNorm());

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "engine/methods/equations_of_motion.h"
+#include "engine/linear/larger.h"
 #include "engine/methods/quaternion_state.h"
 
 namespace constraint_sim::engine {
@@ -30,8 +31,8 @@ double EquationsOfMotion::find_values() {
   const auto consider = [&](std::size_t row, double error) {
     if (is_redundant_[row])
       worst_redundant_ = std::max(worst_redundant_, error / redundant_off_[row]);
-    else if (!(error <= worst))
-      worst = error;  // a NaN stays
+    else
+      worst = larger(worst, error);
   };
   for (std::size_t l = 0; l < first_ball_; ++l) {
     const double length = length_[l].value;

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "engine/methods/cross_matrix.h"
+#include "engine/linear/larger.h"
 #include "engine/methods/implicit_step.h"
 
 namespace constraint_sim::engine {
@@ -441,8 +442,7 @@ void ImplicitStep::evaluate_coupled(CoupledRow* coupled, const Unknowns& unknown
     write_coupled(term, there, scale, &slot);
   }
   double& worst = coupled->is_left_out ? worst_momentary_row_ : worst_row_;
-  if (!(coupled->metres * std::abs(off) <= worst) && !coupled->is_redundant)
-    worst = coupled->metres * std::abs(off);  // a NaN stays
+  if (!coupled->is_redundant) worst = larger(worst, coupled->metres * std::abs(off));
   lu_.values()[slots_[slot]] += coupled->is_left_out ? 1.0 : 0.0;
   residual_[at(coupled->unknown)] = coupled->is_left_out ? 0.0 : off;
 }

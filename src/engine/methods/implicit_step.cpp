@@ -5,6 +5,7 @@
 #include <queue>
 #include <utility>
 
+#include "engine/linear/larger.h"
 #include "engine/methods/cross_matrix.h"
 
 namespace constraint_sim::engine {
@@ -281,9 +282,7 @@ std::pair<double, double> ImplicitStep::largest_spin(double most_frequency) cons
 
 double ImplicitStep::add(const double* change, Unknowns* unknowns) const {
   double largest = 0.0;
-  const auto consider = [&](double square) {
-    if (!(square <= largest)) largest = square;  // a NaN stays
-  };
+  const auto consider = [&](double square) { largest = larger(largest, square); };
   for (std::size_t u = 0; u < unknowns->size(); ++u) (*unknowns)[u] += right_[u] * change[u];
   for (std::size_t i = 0; i < bodies_; ++i) {
     const auto first = at(first_unknown_[i]);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/body.h"
+#include "engine/linear/larger.h"
 #include "engine/linear/saddle_lu.h"
 #include "engine/methods/endpoint_estimate.h"
 #include "engine/methods/equations_of_motion.h"
@@ -306,7 +307,7 @@ class ImplicitStep {
                      std::size_t* slot);
   void note_row(const Shape& shape, std::size_t k, double error) {
     double& worst = shape.is_left_out[k] ? worst_momentary_row_ : worst_row_;
-    if (!(error <= worst) && !shape.is_redundant[k]) worst = error;  // a NaN stays
+    if (!shape.is_redundant[k]) worst = larger(worst, error);
   }
 
   std::size_t bodies_ = 0, rotating_ = 0;

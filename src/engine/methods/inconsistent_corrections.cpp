@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "engine/mass_properties.h"
+#include "engine/linear/larger.h"
 #include "engine/methods/inconsistent_motion.h"
 
 namespace constraint_sim::engine {
@@ -38,8 +39,7 @@ void clear(BodyVectors* u) {
 
 double InconsistentMotion::largest(const Numbers& list) {
   double most = 0.0;
-  for (const double x : list)
-    if (!(std::abs(x) <= most)) most = std::abs(x);  // a NaN stays
+  for (const double x : list) most = larger(most, std::abs(x));
   return most;
 }
 

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/linear/larger.h"
 #include "engine/mass_properties.h"
 #include "engine/methods/cross_matrix.h"
 
@@ -346,9 +347,7 @@ bool InconsistentMotion::midpoint(double h, IntegrationResult* progress) {
 // b_: what the rows at end_ miss of met_, and springs of their law; returns the most [m]
 double InconsistentMotion::find_missing(double h) {
   double worst = 0.0;
-  const auto consider = [&](double error) {
-    if (!(std::abs(error) <= worst)) worst = std::abs(error);  // a NaN stays
-  };
+  const auto consider = [&](double error) { worst = larger(worst, std::abs(error)); };
   for (std::size_t i = 0; i < bodies_; ++i) change_.linear[i] = met_.position[i] - end_.position[i];
   for (std::size_t i = 0; i < rotating_; ++i) {
     const Quaterniond turned = met_.orientation[i] * end_.orientation[i].conjugate();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/linear/larger.h"
 #include "engine/methods/quaternion_state.h"
 
 namespace constraint_sim::engine {
@@ -408,9 +409,7 @@ double TreeOfBodies::find_values(double t, double* y) {
     Eigen::Map<Eigen::Vector4d>(y + view_.q_at + 4 * i).normalize();
   place(t, y);
   double worst = 0.0;
-  const auto consider = [&](double error) {
-    if (!(error <= worst)) worst = error;  // a NaN stays
-  };
+  const auto consider = [&](double error) { worst = larger(worst, error); };
   for (std::size_t l = 0; l < first_general_; ++l)
     consider(view_.separation[l].cwiseAbs().maxCoeff());
   for (const auto& row : equations_.general_rows())

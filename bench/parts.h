@@ -3,7 +3,7 @@
 #include <utility>
 #include <vector>
 
-#include "support.h"
+#include "constraint_sim/engine/world.h"
 
 namespace constraint_sim::engine {
 

@@ -1,0 +1,159 @@
+#pragma once
+
+// What is off in a random scene that goes from event to event, by the oracles of random_events.h.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "constraint_sim/engine/scene.h"
+#include "constraint_sim/engine/snapshot.h"
+#include "random_events.h"
+
+namespace constraint_sim::engine::random_events {
+
+struct Verdict {
+  std::vector<std::string> findings;  ///< each with its figures
+  unsigned events = 0;
+  bool was_followed = false;  ///< else joints are closed at first, which moves bodies
+  bool is_given_up = false;   ///< told so, and left to impulses for a time
+  bool is_left = false;       ///< has what events do not carry
+
+  void find(const char* what, double time, double figure) {
+    char text[100];
+    std::snprintf(text, sizeof text, "%s at %.9g s: %.3g", what, time, figure);
+    findings.push_back(text);
+  }
+};
+
+inline bool is_by_impulses(const World& world) {
+  return world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)] > 0;
+}
+
+inline bool has_given_up(const World& world) {
+  return std::any_of(world.islands().begin(), world.islands().end(), [](const Island& island) {
+    return island.why == MethodReason::kContactsGivenUp || island.why == MethodReason::kRefused;
+  });
+}
+
+inline bool is_closing(const World& world) {
+  for (const JointId id : world.joint_ids())
+    if (world.joint_state(id).closing) return true;
+  return false;
+}
+
+/// The most work that motors can do in a second [W]: with all their force at the rate asked for.
+/// What goes another way they brake.
+inline double driven_power(const Scene& scene) {
+  double power = 0.0;
+  for (const Joint& joint : scene.parts.joints)
+    for (const CoordinateLaw& law : joint.coordinates)
+      if (law.motor)
+        power +=
+            law.motor->max_force * (std::abs(law.motor->bias) + std::abs(law.motor->amplitude));
+  return power;
+}
+
+/// Energy beyond what tolerance and motors explain, joints and gaps beyond rounding, events out of
+/// order: over 2 s, or until the scene is left to impulses.
+inline void follow(const Scene& scene, Verdict* verdict) {
+  World world = world_of(scene);
+  verdict->was_followed = !is_closing(world);
+  if (!verdict->was_followed) return;
+  // 1e-8 m/s of tolerance over what is exchanged, and rounding
+  const double allowed = 1e-7 * scene.largest;
+  const double power = driven_power(scene);
+  double least = world.energy(), latest = 0.0;
+  while (world.time() < 2.0 && verdict->findings.empty()) {
+    const double before = world.time();
+    const StepReport& report = world.step();
+    const double now = world.time();
+    if (report.failed) verdict->find("failed", now, report.max_constraint_error);
+    if (is_by_impulses(world)) {
+      (has_given_up(world) ? verdict->is_given_up : verdict->is_left) = true;
+      return;
+    }
+    verdict->events += report.events;
+    for (const Event& event : world.events()) {
+      if (event.time < latest || event.time < before - 1e-12 || event.time > now + 1e-12)
+        verdict->find("an event out of order", now, event.time);
+      latest = event.time;
+    }
+    // written so that what is not a number is found
+    if (!(report.max_constraint_error < 1e-9))
+      verdict->find("joints are off", now, report.max_constraint_error);
+    if (!(report.max_penetration < 1e-9))
+      verdict->find("bodies overlap", now, report.max_penetration);
+    least += power * (now - before);
+    if (!(world.energy() < least + allowed))
+      verdict->find("energy has risen", now, world.energy() - least);
+    if (power == 0.0 && report.energy_rise != 0.0)
+      verdict->find("energy_rise", now, report.energy_rise);
+    least = std::min(least, world.energy());
+  }
+}
+
+/// Whether a copy and a snapshot taken after a while, and threads, go on with the same bits.
+inline void repeat(const Scene& scene, Verdict* verdict) {
+  World world = world_of(scene), threaded = world_of(scene);
+  WorldOptions options = threaded.options();
+  options.threads = 3;
+  threaded.set_options(options);
+  const int steps = std::min(100, static_cast<int>(0.7 / scene.options.time_step));
+  for (int i = 0; i < steps; ++i)
+    for (World* each : {&world, &threaded}) each->step();
+  World copy = world, again = read_snapshot(write_snapshot(world));
+  for (int i = 0; i < 20; ++i) {
+    for (World* each : {&world, &threaded, &copy, &again}) each->step();
+    const double now = world.time();
+    if (copy.state_hash() != world.state_hash()) return verdict->find("a copy differs", now, i);
+    if (again.state_hash() != world.state_hash())
+      return verdict->find("a snapshot differs", now, i);
+    if (threaded.state_hash() != world.state_hash()) return verdict->find("threads differ", now, i);
+  }
+}
+
+/// Moved, turned and in another order: the same motion up to shortly after the first hits, to what
+/// these leave of the tolerance. Later ones are hit in another order, to rounding. Impulses go by
+/// the order of bodies. Returns whether there were events to compare.
+inline bool place_elsewhere(const Scene& scene, Verdict* verdict) {
+  Draw draw(scene.seed + 7);
+  Placing placing;
+  placing.shift = 3.0 * draw.vector();
+  placing.turn = draw.turn();
+  placing.is_reversed = true;
+  World here = world_of(scene), there = world_of(scene, placing);
+  if (is_closing(here)) return false;
+  const unsigned most = touches(scene.kind) ? 2 : 1000000;
+  const double until = touches(scene.kind) ? 1.0 : 0.5;
+  unsigned events = 0;
+  while (events < most && here.time() < until) {
+    events += here.step().events;
+    there.step();
+    if (is_by_impulses(here) || is_by_impulses(there)) return false;
+  }
+  for (const BodyId id : here.body_ids()) {
+    const BodyState& other = there.state(there.find_body(here.body(id).name));
+    const Eigen::Vector3d expected = placing.shift + placing.turn * here.state(id).position;
+    const double off = (other.position - expected).norm();
+    if (!(off < 1e-6)) verdict->find("elsewhere it moves otherwise", here.time(), off);
+  }
+  return events > 0;
+}
+
+/// All of it; a scene that cannot be made, or throws, is a finding.
+inline Verdict judge(Kind kind, unsigned seed) {
+  Verdict verdict;
+  try {
+    const Scene scene = scene_of(kind, seed);
+    follow(scene, &verdict);
+    if (!verdict.was_followed) return verdict;
+    repeat(scene, &verdict);
+    place_elsewhere(scene, &verdict);
+  } catch (const std::exception& error) {
+    verdict.findings.push_back(std::string("throws: ") + error.what());
+  }
+  return verdict;
+}
+
+}  // namespace constraint_sim::engine::random_events

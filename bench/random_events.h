@@ -1,0 +1,269 @@
+#pragma once
+
+// Random scenes of few bodies that go from event to event, and a judge of them. Mechanisms have
+// ropes, struts, limits with and without restitution, friction, motors with a force limit and
+// springs; what touches are spheres and boxes on a floor and each other with friction and
+// restitution, in joints, and with the same laws. A scene is made from its kind and seed alone.
+// Oracles: energy, which nothing but a motor can raise; joints, limits and gaps, which hold to
+// rounding; events in the order of time; the same bits of a copy, of a snapshot and with threads;
+// and the same motion of the scene moved, turned and added in another order.
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "draw.h"
+#include "make_scene.h"
+#include "parts.h"
+
+namespace constraint_sim::engine::random_events {
+
+enum class Kind {
+  kMechanism,
+  kMechanismWithMotors,
+  kTouching,
+  kTouchingWithLaws,
+  kTouchingWithMotors
+};
+inline constexpr std::array<const char*, 5> kKindNames{"mechanism", "mechanism, motors", "touching",
+                                                       "touching, laws", "touching, motors"};
+
+inline bool has_motors(Kind kind) {
+  return kind == Kind::kMechanismWithMotors || kind == Kind::kTouchingWithMotors;
+}
+inline bool touches(Kind kind) { return kind >= Kind::kTouching; }
+
+struct Scene {
+  Kind kind;
+  unsigned seed;
+  Parts parts;
+  WorldOptions options;
+  double largest = 0.0;  ///< energy that is exchanged [J]: weight times a metre
+};
+
+// ---- mechanisms
+
+inline CoordinateLaw law_of_mechanism(Draw& draw, bool is_angle, bool with_motors) {
+  CoordinateLaw law;
+  if (draw.below(2) == 0) {
+    law.lower = -(0.2 + draw.share());
+    law.upper = 0.2 + draw.share();
+    if (draw.below(2) == 0) law.limit_restitution = 0.5 * draw.below(3);
+  }
+  if (draw.below(3) == 0) law.friction = (is_angle ? 0.5 : 3.0) * draw.share();
+  if (draw.below(4) == 0) {
+    law.stiffness = 5.0 * draw.share();
+    law.damping = draw.share();
+  }
+  if (!with_motors || draw.below(3) != 0) return law;
+  law.motor.emplace();
+  law.motor->bias = draw();
+  law.motor->max_force = 0.1 + 4.0 * draw.share();
+  if (draw.below(2) == 0) {
+    law.motor->amplitude = draw.share();
+    law.motor->frequency = 2.0 * draw.share();
+  }
+  return law;
+}
+
+/// Between an earlier body, or the world, and this one, met where the two are.
+inline Joint joint_of_mechanism(Draw& draw, const std::string& name, const BodyState& a,
+                                const BodyState& b, bool with_motors) {
+  constexpr JointKind kKinds[] = {
+      JointKind::kHinge, JointKind::kSlider,    JointKind::kCylindrical, JointKind::kPlanar,
+      JointKind::kBall,  JointKind::kUniversal, JointKind::kFreeDistance};
+  Joint joint;
+  joint.name = name;
+  joint.kind = kKinds[draw.below(7)];
+  const Eigen::Vector3d place = b.position + 0.5 * draw.vector();
+  joint.anchor_a = a.orientation.conjugate() * (place - a.position);
+  joint.anchor_b = b.orientation.conjugate() * (place - b.position);
+  joint.frame_a = draw.turn();
+  const bool is_length = joint.kind == JointKind::kFreeDistance;
+  if (is_length) joint.anchor_b.setZero();
+  if (has_two_axes(joint.kind))
+    joint.axis_b =
+        b.orientation.conjugate() * (a.orientation * (joint.frame_a * Eigen::Vector3d::UnitX()));
+  for (int i = 0; i < coordinates(joint.kind); ++i) {
+    CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
+    law = law_of_mechanism(draw, is_angle(joint.kind, i), with_motors);
+    if (is_length) law.lower = 0.05 + 0.1 * draw.share();
+    if (is_length) law.upper = 3.0 + draw.share();
+  }
+  return joint;
+}
+
+inline Parts mechanism(unsigned seed, bool with_motors) {
+  Draw draw(seed);
+  Parts parts;
+  const int count = 1 + draw.below(4);
+  for (int i = 0; i < count; ++i) {
+    const Shape shape =
+        draw.below(2) == 0
+            ? Shape(Sphere{0.2})
+            : Shape(Box{0.2 * Eigen::Vector3d::Ones() + 0.5 * draw.vector().cwiseAbs()});
+    const double mass = 0.5 + 2.0 * draw.share();
+    Body body = make_body("body_" + std::to_string(i), shape, mass, 1.5 * draw.vector());
+    body.no_collision = true;
+    body.state.orientation = draw.turn();
+    body.state.linear_velocity = draw.vector();
+    body.state.angular_velocity = draw.vector();
+    parts.bodies.push_back(body);
+  }
+  const auto state_of = [&](int i) {
+    return i < 0 ? BodyState{} : parts.bodies[static_cast<std::size_t>(i)].state;
+  };
+  for (int i = 0; i < count; ++i) {
+    int other = draw.below(i + 1) - 1;
+    if (draw.below(5) > 0) {
+      parts.joints.push_back(joint_of_mechanism(draw, "joint_" + std::to_string(i), state_of(other),
+                                                state_of(i), with_motors));
+      parts.ends.emplace_back(other, i);
+    }
+    if (draw.below(2) == 0) continue;
+    other = draw.below(i + 1) - 1;
+    const double apart = (state_of(other).position - state_of(i).position).norm();
+    const bool is_rope = draw.below(3) > 0;
+    const double least = is_rope ? 0.0 : 0.01 + 0.2 * draw.share() * apart;
+    const Eigen::Vector3d anchor_a = 0.1 * draw.vector(), anchor_b = 0.1 * draw.vector();
+    parts.joints.push_back(make_joint("rope_" + std::to_string(i), kWorldBody, anchor_a, kWorldBody,
+                                      anchor_b, between(least, apart + 0.5 + draw.share())));
+    parts.ends.emplace_back(other, i);
+  }
+  return parts;
+}
+
+// ---- what touches
+
+/// Met where the two are.
+inline void meet(Draw& draw, const BodyState& a, const BodyState& b, Joint* joint) {
+  const Eigen::Vector3d place = b.position + 0.2 * draw.vector();
+  joint->anchor_a = a.orientation.conjugate() * (place - a.position);
+  joint->anchor_b = b.orientation.conjugate() * (place - b.position);
+  joint->frame_a = draw.turn();
+}
+
+inline Joint joint_without_laws(Draw& draw, const std::string& name, const BodyState& a,
+                                const BodyState& b) {
+  constexpr JointKind kKinds[] = {JointKind::kHinge, JointKind::kBall, JointKind::kDistance,
+                                  JointKind::kDistance};
+  Joint joint;
+  joint.name = name;
+  joint.kind = kKinds[draw.below(4)];
+  meet(draw, a, b, &joint);
+  if (joint.kind != JointKind::kDistance) return joint;
+  const Eigen::Vector3d anchor_a = 0.1 * draw.vector(), anchor_b = 0.1 * draw.vector();
+  return make_joint(name, kWorldBody, anchor_a, kWorldBody, anchor_b);  // as long as they are apart
+}
+
+inline CoordinateLaw law_of_touching(Draw& draw, bool is_angle, bool with_motors) {
+  CoordinateLaw law;
+  if (draw.below(2) == 0) {
+    law.lower = -(0.1 + 0.5 * draw.share());
+    law.upper = 0.1 + 0.5 * draw.share();
+    if (draw.below(2) == 0) law.limit_restitution = draw.share();
+  }
+  if (draw.below(3) == 0) law.friction = (is_angle ? 0.5 : 5.0) * draw.share();
+  if (draw.below(4) == 0) {
+    law.stiffness = 5.0 * draw.share();
+    law.damping = draw.share();
+  }
+  if (!with_motors || draw.below(2) == 0) return law;
+  law.motor.emplace();
+  law.motor->bias = draw();
+  law.motor->max_force = 0.1 + 4.0 * draw.share();
+  return law;
+}
+
+/// With what acts one way: ropes, and laws of coordinates.
+inline Joint joint_with_laws(Draw& draw, const std::string& name, const BodyState& a,
+                             const BodyState& b, bool with_motors) {
+  constexpr JointKind kKinds[] = {JointKind::kHinge, JointKind::kSlider, JointKind::kCylindrical,
+                                  JointKind::kFreeDistance};
+  const double apart = (a.position - b.position).norm();
+  if (draw.below(3) == 0) {
+    const Eigen::Vector3d anchor_a = 0.05 * draw.vector(), anchor_b = 0.05 * draw.vector();
+    const double least = draw.below(2) == 0 ? 0.0 : 0.05 * apart;
+    return make_joint(name, kWorldBody, anchor_a, kWorldBody, anchor_b,
+                      between(least, apart + 0.1 + 0.3 * draw.share()));
+  }
+  Joint joint;
+  joint.name = name;
+  joint.kind = kKinds[draw.below(4)];
+  meet(draw, a, b, &joint);
+  if (joint.kind == JointKind::kFreeDistance) {
+    joint.anchor_a = 0.05 * draw.vector();
+    joint.anchor_b = 0.05 * draw.vector();
+    joint.frame_a = Eigen::Quaterniond::Identity();
+  }
+  for (int i = 0; i < coordinates(joint.kind); ++i) {
+    CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
+    law = law_of_touching(draw, is_angle(joint.kind, i), with_motors);
+    if (joint.kind != JointKind::kFreeDistance || !law.is_limited()) continue;
+    law.lower = 0.3 * apart;
+    law.upper = apart + 0.2 + 0.3 * draw.share();
+  }
+  return joint;
+}
+
+inline Body touching_body(Draw& draw, int i) {
+  const bool is_box = draw.below(2) == 0;
+  const Shape shape =
+      is_box ? Shape(Box{0.2 * Eigen::Vector3d::Ones() + 0.3 * draw.vector().cwiseAbs()})
+             : Shape(Sphere{0.1 + 0.15 * draw.share()});
+  const double mass = std::pow(10.0, 3.0 * draw()), y = 0.2 * draw();
+  Body body = make_body("body_" + std::to_string(i), shape, mass,
+                        Eigen::Vector3d(0.9 * i, y, 0.7 + 0.3 * draw()));
+  body.state.orientation = draw.turn();
+  body.state.linear_velocity = draw.vector();
+  body.state.angular_velocity = 3.0 * draw.vector();
+  return body;
+}
+
+inline Scene touching(unsigned seed, Kind kind) {
+  Draw draw(seed);
+  Scene scene{kind, seed, {}, options(std::pow(10.0, -1.0 - 2.0 * draw.share()))};
+  scene.options.method = Method::kEventDriven;
+  const double friction = draw.below(3) == 0 ? 0.0 : 1.2 * draw.share();
+  const double restitution = draw.below(2) == 0 ? 0.0 : draw.share();
+  Parts& parts = scene.parts;
+  parts.bodies.push_back(make_floor(0.0, draw.below(2) == 0 ? 0.0 : 0.4 * draw()));
+  const int count = 1 + draw.below(3);
+  for (int i = 0; i < count; ++i) parts.bodies.push_back(touching_body(draw, i));
+  for (Body& body : parts.bodies) {
+    body.friction = friction;
+    body.restitution = restitution;
+  }
+  for (int i = 1; i <= count; ++i) {
+    if (draw.below(2) == 0) continue;
+    const int other = draw.below(2) == 0 ? -1 : draw.below(i);
+    const int a = other == 0 ? -1 : other;
+    const BodyState state_a = a < 0 ? BodyState{} : parts.bodies[static_cast<std::size_t>(a)].state;
+    const BodyState& state_b = parts.bodies[static_cast<std::size_t>(i)].state;
+    const std::string name = "joint_" + std::to_string(i);
+    parts.joints.push_back(kind == Kind::kTouching
+                               ? joint_without_laws(draw, name, state_a, state_b)
+                               : joint_with_laws(draw, name, state_a, state_b, has_motors(kind)));
+    parts.ends.emplace_back(a, i);
+  }
+  return scene;
+}
+
+inline Scene scene_of(Kind kind, unsigned seed) {
+  Scene scene{kind, seed, {}, options(1.0 / 60)};
+  if (touches(kind)) {
+    scene = touching(seed, kind);
+  } else {
+    scene.parts = mechanism(seed, has_motors(kind));
+    scene.options.method = Method::kAuto;
+  }
+  for (const Body& body : scene.parts.bodies)
+    if (body.type == BodyType::kDynamic) scene.largest += body.mass * kGravity;
+  return scene;
+}
+
+inline World world_of(const Scene& scene, const Placing& placing = {}) {
+  return assemble(scene.parts, scene.options, placing);
+}
+
+}  // namespace constraint_sim::engine::random_events

@@ -1,0 +1,87 @@
+#pragma once
+
+// What the problems of events share.
+
+#include <algorithm>
+
+#include "../phases.h"
+#include "common.h"
+
+namespace constraint_sim::report {
+
+/// Whose motion is known in closed form or by phases, and which loses energy.
+inline Problem event(const std::string& name, double duration, double length = 1.0) {
+  Problem made = problem(name, "event", duration, length);
+  made.is_conservative = false;
+  made.is_planar = true;
+  made.source = "closed form";
+  return made;
+}
+
+inline Problem in_phases(Problem made, const Phase& first, const Reals& start, double step) {
+  made.reference = motion_in_phases(made, first, start, step);
+  made.source = "phases in long double, by extrapolation, events by bisection";
+  return made;
+}
+
+/// Place and speed along a line.
+struct OnLine {
+  Real x = 0, v = 0;
+};
+
+/// With a constant acceleration for so long.
+inline OnLine moved(OnLine from, Real a, Real time) {
+  return {from.x + time * (from.v + a * time / 2), from.v + a * time};
+}
+
+/// What falls from `height` with g and bounces at 0 with restitution e < 1 until it rests, or with
+/// 1 for ever.
+inline OnLine bouncing_from(Real height, Real e, Real g, Real t) {
+  const Real fall = std::sqrt(2 * height / g);
+  if (t < fall) return moved({height, 0}, -g, t);
+  t -= fall;
+  for (Real v = e * g * fall; v > 1e-15L; v *= e) {
+    const Real flight = 2 * v / g;
+    if (t < flight) return moved({0, v}, -g, t);
+    t -= flight;
+  }
+  return {};
+}
+
+/// One body, the last, moves along a line from where it starts; all others stay.
+inline Problem along_line(Problem made, const Eigen::Vector3d& direction,
+                          const std::function<OnLine(Real)>& course) {
+  States start;
+  for (const Body& body : made.bodies) start.push_back(body.start);
+  made.reference = closed_form(made, [=](long double t) {
+    const OnLine now = course(t);
+    States states = start;
+    states.back().position += static_cast<double>(now.x) * direction;
+    states.back().velocity = static_cast<double>(now.v) * direction;
+    return states;
+  });
+  return made;
+}
+
+/// From the world to the centre of a body, along an axis.
+inline Joint slider_to(const Problem& made, int body, const Eigen::Vector3d& axis) {
+  const State& start = made.bodies[static_cast<std::size_t>(body)].start;
+  Joint joint;
+  joint.kind = JointKind::kSlider;
+  joint.b = body;
+  joint.anchor_a = start.position;
+  joint.frame_a = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), axis);
+  joint.frame_b = start.orientation.conjugate() * joint.frame_a;
+  return joint;
+}
+
+inline Joint rope_to(int body, const Eigen::Vector3d& anchor, double length) {
+  Joint joint;
+  joint.kind = JointKind::kFreeLength;
+  joint.b = body;
+  joint.anchor_a = anchor;
+  joint.upper = length;
+  return joint;
+}
+
+}  // namespace constraint_sim::report

@@ -31,6 +31,7 @@ add_library(constraint_sim_ros STATIC
   src/ros/frame_follower.cpp
   src/ros/hands.cpp
   src/ros/labels.cpp
+  src/ros/joint_signs.cpp
   src/ros/laws.cpp
   src/ros/marker_lines.cpp
   src/ros/marker_set.cpp

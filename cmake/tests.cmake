@@ -57,7 +57,7 @@ if(TARGET constraint_sim_urdf)
   file(GLOB urdf_tests CONFIGURE_DEPENDS test/urdf/*.cpp)
   constraint_sim_add_gtest(urdf_tests ${urdf_tests})
   target_include_directories(urdf_tests PRIVATE bench test/engine)  # support.h
-  target_link_libraries(urdf_tests constraint_sim_urdf)
+  target_link_libraries(urdf_tests constraint_sim_urdf constraint_sim_stepper)
   target_compile_definitions(urdf_tests PRIVATE
     CONSTRAINT_SIM_ROBOT_DIR="${CMAKE_CURRENT_SOURCE_DIR}/config/robots")
 endif()

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "ros/conversions.h"
+#include "ros/joint_signs.h"
 #include "sim/grip.h"
 
 namespace constraint_sim {
@@ -19,10 +20,10 @@ constexpr double kHeightOfSign = 0.3;  // letters beside arrows
 constexpr double kTellsError = 1e-4;   // [m]
 constexpr double kLineSpacing = 1.4;
 // heights of a letter
-constexpr double kBeside = 1.5;          // from a line to the text beside it
-constexpr double kHalfLetter = 0.3;      // width of half a letter
-constexpr double kMostOfBody = 4.0;      // that a text keeps off the body that a joint holds
-const Vector3d kRight(-0.9, 0.44, 0.0);  // in the shipped view
+constexpr double kAbove = 0.9;  // from a part to the middle of the text above it
+// widths of a space, which rviz draws as wide as an A
+constexpr double kLetter = 0.8;
+constexpr double kBeside = 2.8;  // from a line to the text beside it
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
 std::int32_t number(engine::JointId id) { return static_cast<std::int32_t>(id.value); }
@@ -35,6 +36,14 @@ std::string shown(const char* format, double value) {
 
 // Without a sign where there is nothing to tell it of.
 std::string signed_value(double value) { return shown(value == 0.0 ? "%.3g" : "%+.3g", value); }
+
+// rviz centres texts about their place: as many spaces before it as it is wide put it beside a
+// line, on the right in every view.
+std::string beside(const std::string& text) {
+  const auto spaces = static_cast<double>(std::count(text.begin(), text.end(), ' '));
+  const double width = kLetter * (static_cast<double>(text.size()) - spaces) + spaces;
+  return std::string(static_cast<std::size_t>(std::lround(width + 2.0 * kBeside)), ' ') + text;
+}
 
 Vector3d middle_of(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
@@ -66,6 +75,7 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
     place.z() += height_;
     add_text("body_names", number(id), place, colour(0.9, 0.9, 0.9), world.body(id).name);
   }
+  find_all_wheels(world);
   const std::vector<engine::JointId>& joints = world.joint_ids();
   for (std::size_t i = 0; i < std::min(joints.size(), kMost); ++i)
     if (!world.joint_state(joints[i]).broken && world.joint(joints[i]).enabled &&
@@ -75,40 +85,80 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
   return set_.finish();
 }
 
-// One below the other, so that each namespace can be left out, and all begin beside the line or the
-// body.
+// With its wheel, where a gear couples it.
+JointSize Labels::size_in_gear(const engine::World& world, engine::JointId id) const {
+  const auto found = wheels_.find(id.value);
+  return found != wheels_.end() ? found->second : size_of(world, world.joint(id));
+}
+
+void Labels::find_all_wheels(const engine::World& world) {
+  wheels_.clear();
+  for (const engine::JointId id : world.joint_ids()) {
+    const engine::Joint& joint = world.joint(id);
+    if (joint.kind != engine::JointKind::kGear) continue;
+    const auto size = [&](engine::JointId of) -> JointSize& {
+      return wheels_.try_emplace(of.value, size_of(world, world.joint(of))).first->second;
+    };
+    JointSize& first = size(joint.coupling.first);
+    find_wheels(world, joint, &first, &size(joint.coupling.second));
+  }
+}
+
+// Beside the middle of what has a length, one below the other so that each namespace can be left
+// out; above the axis of a joint, or at the tip of its motor's arrow, one above the other.
 void Labels::add_labels_of(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
   const engine::JointState& state = world.joint_state(id);
   const Look look = look_of(joint);
-  double beside = kBeside * height_;
+  const auto motor = shown_motor(joint, state);
+  // in line with its arrow
+  const bool is_at_tip = look == Look::kJoint && motor && !motor->is_angle;
+  const bool is_above = !is_at_tip && (look == Look::kJoint || look == Look::kCoupling);
+  Vector3d place = middle_of(world, id);
   if (look == Look::kJoint)
-    beside += std::min(radius_of(world.body(joint.body_b).shape), kMostOfBody * height_);
-  const Vector3d middle = middle_of(world, id) + beside * kRight;
-  const auto add = [&](const char* ns, int row, const std_msgs::ColorRGBA& of,
-                       const std::string& text) {
-    const double half = kHalfLetter * height_ * static_cast<double>(text.size());
-    add_text(ns, number(id),
-             middle + half * kRight - row * kLineSpacing * height_ * Vector3d::UnitZ(), of, text);
+    place = end_of_sign(world, joint, size_in_gear(world, id), motor, world.anchors(id).p_a,
+                        world.anchors(id).p_b, Vector3d::UnitZ());
+  if (joint.kind == engine::JointKind::kGear)  // below both, whose own labels are above them
+    for (const engine::JointId of : {joint.coupling.first, joint.coupling.second}) {
+      const Vector3d low =
+          end_of_sign(world, world.joint(of), size_in_gear(world, of), std::nullopt,
+                      world.anchors(of).p_a, world.anchors(of).p_b, -Vector3d::UnitZ());
+      place.z() = std::min(place.z(), low.z() - 2.0 * kAbove * height_);
+    }
+  place.z() += is_above ? kAbove * height_ : kLineSpacing * height_;
+  const auto add = [&](const char* ns, const std_msgs::ColorRGBA& of, const std::string& text) {
+    add_text(ns, number(id), place, of, is_above ? text : beside(text));
+    place.z() += (is_above ? 1.0 : -1.0) * kLineSpacing * height_;
   };
-  add("constraint_names", -1, colour(0.8, 0.9, 0.8), joint.name);
-  if (is_slack(joint, state))
-    add("forces", 0, colour(0.75, 0.68, 0.55), "slack");
-  else if (const auto force = axial_force(joint, state); force && *force == 0.0)
-    add("forces", 0, constraint_colour(0.0, 0.0), "0 N");
-  else if (force)
-    add("forces", 0, constraint_colour(*force < 0.0 ? -1.0 : 1.0, 0.0),
-        shown("%.3g N", std::abs(*force)) + (*force < 0.0 ? " tension" : " compression"));
-  if (const auto motor = shown_motor(joint, state)) {
+  const auto add_motor = [&] {
+    if (!motor) return;
     std::string text = motor->force != 0.0
                            ? signed_value(motor->force) + (motor->is_angle ? " N m" : " N")
                            : signed_value(motor->rate) + (motor->is_angle ? " rad/s" : " m/s");
     if (state.saturated) text += ", at its limit";
-    add("motor_rates", 1, motor_colour(state.saturated), text);
+    add("motor_rates", motor_colour(state.saturated), text);
+  };
+  const auto add_error = [&] {
+    if (const double error = shown_error(look, state); error > kTellsError)
+      add("errors", constraint_colour(0.0, kRedError),
+          shown("off by %.2g m", error) + (state.closing ? ", closing" : ""));
+  };
+  const auto add_name = [&] { add("constraint_names", colour(0.8, 0.9, 0.8), joint.name); };
+  if (is_above) {
+    add_motor();
+    add_error();
+    return add_name();
   }
-  if (const double error = shown_error(look, state); error > kTellsError)
-    add("errors", 2, constraint_colour(0.0, kRedError),
-        shown("off by %.2g m", error) + (state.closing ? ", closing" : ""));
+  add_name();
+  if (is_slack(joint, state))
+    add("forces", colour(0.75, 0.68, 0.55), "slack");
+  else if (const auto force = axial_force(joint, state); force && *force == 0.0)
+    add("forces", constraint_colour(0.0, 0.0), "0 N");
+  else if (force)
+    add("forces", constraint_colour(*force < 0.0 ? -1.0 : 1.0, 0.0),
+        shown("%.3g N", std::abs(*force)) + (*force < 0.0 ? " tension" : " compression"));
+  add_motor();
+  add_error();
 }
 
 void Labels::add_text(const char* ns, std::int32_t id, const Vector3d& place,
@@ -132,19 +182,25 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
   for (const engine::JointId id : world.joint_ids())
     has_motors = has_motors || shown_motor(world.joint(id), world.joint_state(id)).has_value();
   const bool has_forces = forces.reference() > 0.0;
-  const bool has_friction = std::any_of(
-      world.contacts().begin(), world.contacts().end(),
-      [](const auto& contact) { return contact.state != engine::ContactState::kClosed; });
+  const auto has = [&](engine::ContactState state) {
+    return std::any_of(world.contacts().begin(), world.contacts().end(),
+                       [&](const auto& contact) { return contact.state == state; });
+  };
+  const auto most = [&](bool sticks) { return shown("%.3g N", forces.friction(sticks)); };
   const bool is_long = world.body_ids().size() > kMost || world.joint_ids().size() > kMost;
   const Line lines[] = {
       {!world.joint_ids().empty(), constraint_colour(0.0, kRedError), "red: off by 10 mm or more"},
+      {has_forces, constraint_colour(0.0, 0.0), "green: no force"},
       {has_forces, constraint_colour(1.0, 0.0), "yellow: compression"},
       {has_forces, constraint_colour(-1.0, 0.0),
        "cyan: tension, thickest at " + shown("%.3g N", forces.reference())},
       {has_motors, motor_colour(false), "pink: a motor drives this way"},
       {forces.contact_reference() > 0.0, colour(1.0, 1.0, 1.0),
        "white: contact, longest at " + shown("%.3g N", forces.contact_reference())},
-      {has_friction, friction_colour(), "orange: its friction"},
+      {has(engine::ContactState::kSlipping), friction_colour(false),
+       "orange: friction where it slides, at most " + most(false)},
+      {has(engine::ContactState::kSticking), friction_colour(true),
+       "violet: friction where it sticks, at most " + most(true)},
       {is_long, colour(0.9, 0.9, 0.9),
        "labels of the first " + std::to_string(kMost) + " bodies and constraints only"}};
   Vector3d place = 0.5 * (extent.low + extent.high);

@@ -3,9 +3,11 @@
 #include <ros/time.h>
 
 #include <cstdint>
+#include <map>
 #include <string>
 
 #include "constraint_sim/engine/world.h"
+#include "ros/joint_signs.h"
 #include "ros/marker_set.h"
 #include "ros/marker_style.h"
 
@@ -28,10 +30,13 @@ class Labels {
  private:
   void add_text(const char* ns, std::int32_t id, const Eigen::Vector3d& place,
                 const std_msgs::ColorRGBA& colour, const std::string& text);
+  JointSize size_in_gear(const engine::World& world, engine::JointId id) const;
+  void find_all_wheels(const engine::World& world);
   void add_labels_of(const engine::World& world, engine::JointId id);
   void add_legend(const engine::World& world, const ForceScale& forces);
 
   MarkerSet set_;
+  std::map<decltype(engine::JointId::value), JointSize> wheels_;
   double height_ = 0.0;  // of letters [m]
 };
 

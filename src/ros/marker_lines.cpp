@@ -1,11 +1,13 @@
 #include "ros/marker_lines.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace constraint_sim {
 namespace {
 
+using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr double kPi = 3.14159265358979323846;
@@ -14,6 +16,22 @@ constexpr int kPartsOfTurn = 10;
 constexpr double kStraightEnd = 0.1;  // share of a spring's length
 constexpr int kArcParts = 18;
 constexpr double kArc = 1.5 * kPi;  // [rad]
+constexpr double kHeadOfArc = 0.7;  // [rad]
+constexpr int kThreadTurns = 10;
+constexpr int kCircleParts = 16;
+constexpr int kMostTeethOfRack = 60;
+
+const std::array<Vector2d, kCircleParts>& unit_circle() {
+  static const std::array<Vector2d, kCircleParts> points = [] {
+    std::array<Vector2d, kCircleParts> made;
+    for (int i = 0; i < kCircleParts; ++i) {
+      const double angle = 2.0 * kPi * i / kCircleParts;
+      made[static_cast<std::size_t>(i)] = {std::cos(angle), std::sin(angle)};
+    }
+    return made;
+  }();
+  return points;
+}
 
 }  // namespace
 
@@ -56,17 +74,76 @@ void add_arrow(const Vector3d& from, const Vector3d& along, double length, doubl
   }
 }
 
-void add_turning_arrow(double radius, bool positive, Lines* lines) {
+void add_turning_arrow(double radius, double z, bool positive, Lines* lines) {
   const double sign = positive ? 1.0 : -1.0;
-  const auto at = [&](double angle) -> Vector3d {
-    return radius * Vector3d(std::cos(angle), sign * std::sin(angle), 0.0);
+  const auto at = [&](double angle, double of_radius) -> Vector3d {
+    return {of_radius * radius * std::cos(angle), sign * of_radius * radius * std::sin(angle), z};
   };
+  const double begin = kArc - kHeadOfArc;  // of the head, which is flat and as an arrow's feathers
   for (int i = 0; i < kArcParts; ++i)
-    add_line(at(kArc * i / kArcParts), at(kArc * (i + 1) / kArcParts), lines);
-  const Vector3d out = at(kArc) / radius;
-  const Vector3d before = at(kArc - 0.5);
-  add_line(at(kArc), before + 0.25 * radius * out, lines);
-  add_line(at(kArc), before - 0.25 * radius * out, lines);
+    add_line(at(kArc * i / kArcParts, 1.0), at(kArc * (i + 1) / kArcParts, 1.0), lines);
+  const Vector3d tip = at(kArc, 1.0), up(0.0, 0.0, 0.3 * radius);
+  for (const Vector3d& end : {at(begin, 1.35), at(begin, 0.65), Vector3d(at(begin, 1.0) + up),
+                              Vector3d(at(begin, 1.0) - up)})
+    add_line(tip, end, lines);
+  add_line(at(begin, 1.35), at(begin, 0.65), lines);
+}
+
+void add_circle(const Vector3d& middle, const Vector3d& u, const Vector3d& v, Lines* lines) {
+  const std::array<Vector2d, kCircleParts>& unit = unit_circle();
+  const auto at = [&](int i) -> Vector3d {
+    const Vector2d& of = unit[static_cast<std::size_t>(i % kCircleParts)];
+    return middle + of.x() * u + of.y() * v;
+  };
+  for (int i = 0; i < kCircleParts; ++i) add_line(at(i), at(i + 1), lines);
+}
+
+void add_toothed_wheel(double radius, double depth, int teeth, double z, Lines* lines) {
+  const auto at = [&](double tooth, double r) -> Vector3d {
+    const double angle = 2.0 * kPi * tooth / teeth;
+    return {r * std::cos(angle), r * std::sin(angle), z};
+  };
+  const double top = radius + 0.5 * depth, root = radius - 0.5 * depth;
+  for (int i = 0; i < teeth; ++i) {
+    add_line(at(i, root), at(i + 0.25, top), lines);
+    add_line(at(i + 0.25, top), at(i + 0.5, top), lines);
+    add_line(at(i + 0.5, top), at(i + 0.75, root), lines);
+    add_line(at(i + 0.75, root), at(i + 1.0, root), lines);
+  }
+}
+
+void add_teeth(const Vector3d& from, const Vector3d& to, const Vector3d& depth, double width,
+               Lines* lines) {
+  const double length = (to - from).norm();
+  const int teeth = std::clamp(static_cast<int>(length / width), 1, kMostTeethOfRack);
+  const Vector3d part = (to - from) / teeth;
+  for (int i = 0; i < teeth; ++i) {
+    const Vector3d begin = from + i * part;
+    add_line(begin, begin + 0.25 * part + depth, lines);
+    add_line(begin + 0.25 * part + depth, begin + 0.5 * part + depth, lines);
+    add_line(begin + 0.5 * part + depth, begin + 0.75 * part, lines);
+    add_line(begin + 0.75 * part, begin + part, lines);
+  }
+}
+
+void add_cross(double half, Lines* lines) {
+  for (const Vector3d& corner :
+       {Vector3d(1, 1, 1), Vector3d(1, 1, -1), Vector3d(1, -1, 1), Vector3d(-1, 1, 1)})
+    add_line(-half * corner, half * corner, lines);
+}
+
+void add_sheet(double half, bool has_arrows, Lines* lines) {
+  const Vector3d x = half * Vector3d::UnitX(), y = half * Vector3d::UnitY();
+  add_line(x + y, x - y, lines);
+  add_line(x - y, -x - y, lines);
+  add_line(-x - y, y - x, lines);
+  add_line(y - x, x + y, lines);
+  for (const Vector3d& way : {x, y, Vector3d(-x), Vector3d(-y)}) {
+    if (has_arrows)
+      add_arrow(Vector3d::Zero(), way / half, 0.9 * half, 0.2 * half, lines);
+    else
+      add_line(Vector3d::Zero(), way, lines);
+  }
 }
 
 // A parabola whose length is the rope's to some percent.
@@ -106,18 +183,44 @@ void add_coil(double length, double radius, Lines* lines) {
   add_line(end, {0.0, 0.0, length}, lines);
 }
 
-void add_strut(double length, double radius, Lines* lines) {
-  const double head = 0.5 * length, mouth = 0.35 * length;
-  const auto at = [](const Vector3d& side, double z) -> Vector3d {
-    return side + z * Vector3d::UnitZ();
+void add_thread(double length, double radius, bool is_right, Lines* lines) {
+  constexpr int kParts = kThreadTurns * kPartsOfTurn;
+  const double sign = is_right ? 1.0 : -1.0;
+  const auto at = [&](int i) -> Vector3d {
+    const double angle = 2.0 * kPi * i / kPartsOfTurn;
+    return {radius * std::cos(angle), sign * radius * std::sin(angle), length * i / kParts};
   };
-  add_line(Vector3d::Zero(), {0.0, 0.0, head}, lines);
-  for (const Vector3d axis : {Vector3d::UnitX(), Vector3d::UnitY()}) {
-    const Vector3d side = radius * axis;
-    add_line(at(-side, head), at(side, head), lines);
-    add_line(at(-side, length), at(side, length), lines);
-    add_line(at(-side, mouth), at(-side, length), lines);
-    add_line(at(side, mouth), at(side, length), lines);
+  add_line(Vector3d::Zero(), {0.0, 0.0, length}, lines);
+  for (int i = 0; i < kParts; ++i) add_line(at(i), at(i + 1), lines);
+}
+
+void add_strut(Lines* triangles) {
+  const std::array<Vector2d, kCircleParts>& unit = unit_circle();
+  // surfaces between two circles about z, one after the other, from (radius, z) to (radius, z)
+  struct Profile {
+    double radius, z, to_radius, to_z;
+  };
+  for (const Profile& part : {Profile{0.0, 0.0, 1.2, 0.0},     // the disc at the piston's end
+                              Profile{0.45, 0.0, 0.45, 0.5},   // the piston
+                              Profile{0.45, 0.42, 1.0, 0.42},  // the mouth of the sleeve
+                              Profile{1.0, 0.42, 1.0, 1.0},    // the sleeve
+                              Profile{0.0, 1.0, 1.2, 1.0}}) {
+    for (int i = 0; i < kCircleParts; i += 2) {
+      const Vector2d& one = unit[static_cast<std::size_t>(i)];
+      const Vector2d& other = unit[static_cast<std::size_t>((i + 2) % kCircleParts)];
+      const auto at = [](const Vector2d& of, double radius, double z) {
+        return point_at({radius * of.x(), radius * of.y(), z});
+      };
+      for (const geometry_msgs::Point& corner :
+           {at(one, part.radius, part.z), at(one, part.to_radius, part.to_z),
+            at(other, part.to_radius, part.to_z)})
+        triangles->push_back(corner);
+      if (part.radius == 0.0) continue;
+      for (const geometry_msgs::Point& corner :
+           {at(one, part.radius, part.z), at(other, part.to_radius, part.to_z),
+            at(other, part.radius, part.z)})
+        triangles->push_back(corner);
+    }
   }
 }
 

@@ -40,9 +40,21 @@ void add_line(const Eigen::Vector3d& from, const Eigen::Vector3d& to, Lines* lin
 /// from all sides.
 void add_arrow(const Eigen::Vector3d& from, const Eigen::Vector3d& along, double length,
                double head, Lines* lines);
-/// Three quarters of a circle about z, with a head where it ends; clockwise seen against z where
-/// not `positive`.
-void add_turning_arrow(double radius, bool positive, Lines* lines);
+/// Three quarters of a circle about z, at this height, with a head where it ends; clockwise seen
+/// against z where not `positive`.
+void add_turning_arrow(double radius, double z, bool positive, Lines* lines);
+/// A whole circle about a point, from u towards v, which are as long as its radius.
+void add_circle(const Eigen::Vector3d& middle, const Eigen::Vector3d& u, const Eigen::Vector3d& v,
+                Lines* lines);
+/// A wheel about z at this height: its teeth reach half of their depth out of the radius.
+void add_toothed_wheel(double radius, double depth, int teeth, double z, Lines* lines);
+/// A row of teeth, each of this width, that reach out by `depth`.
+void add_teeth(const Eigen::Vector3d& from, const Eigen::Vector3d& to, const Eigen::Vector3d& depth,
+               double width, Lines* lines);
+/// The diagonals of a cube with this half edge.
+void add_cross(double half, Lines* lines);
+/// A square of the x-y plane with a cross in it, and arrows at the ends of that where `has_arrows`.
+void add_sheet(double half, bool has_arrows, Lines* lines);
 /// A rope of this length from the origin to a point, which hangs through along `down` (unit) where
 /// it is longer than their distance: kRopeParts lines, in place of what was there.
 inline constexpr int kRopeParts = 16;
@@ -53,8 +65,11 @@ void set_rope(const Eigen::Vector3d& to, double length, const Eigen::Vector3d& d
 void add_straight(double length, Lines* lines);
 /// A spring as a coil of this radius [m] with straight ends.
 void add_coil(double length, double radius, Lines* lines);
-/// A piston in a sleeve of this radius [m], whose bottom is at the end.
-void add_strut(double length, double radius, Lines* lines);
+/// A shaft with a thread of this radius [m], right-handed or left-handed.
+void add_thread(double length, double radius, bool is_right, Lines* lines);
+/// A piston in a sleeve between two discs, whose bottom is at the end, of length and radius 1: the
+/// points of a TRIANGLE_LIST.
+void add_strut(Lines* triangles);
 void stretch(double factor, Lines* lines);
 
 }  // namespace constraint_sim

@@ -143,7 +143,13 @@ std_msgs::ColorRGBA motor_colour(bool saturated) {
   return saturated ? colour(0.75, 0.2, 0.55) : colour(1.0, 0.4, 0.85);
 }
 
-std_msgs::ColorRGBA friction_colour() { return colour(1.0, 0.6, 0.2); }
+std_msgs::ColorRGBA friction_colour(bool sticks) {
+  return sticks ? colour(0.75, 0.6, 1.0) : colour(1.0, 0.6, 0.2);
+}
+
+Eigen::Vector3d friction_of(const engine::Contact& contact) {
+  return contact.force - contact.normal_force * contact.normal;
+}
 
 void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
   const double passed = std::max((stamp - stamp_).toSec(), 0.0);
@@ -155,12 +161,18 @@ void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
   const double kept = std::exp(-passed / kForgets);
   reference_ *= kept;
   contact_ *= kept;
+  for (double& largest : friction_) largest *= kept;
   for (const engine::JointId id : world.joint_ids())
     if (const auto force = axial_force(world.joint(id), world.joint_state(id));
         force && !is_grip(world.joint(id)))
       if (std::isfinite(*force)) reference_ = std::max(reference_, std::abs(*force));
-  for (const engine::Contact& contact : world.contacts())
-    if (std::isfinite(contact.normal_force)) contact_ = std::max(contact_, contact.normal_force);
+  for (const engine::Contact& contact : world.contacts()) {
+    if (!std::isfinite(contact.normal_force)) continue;
+    contact_ = std::max(contact_, contact.normal_force);
+    if (contact.state == engine::ContactState::kClosed) continue;
+    double& largest = friction_[contact.state == engine::ContactState::kSticking ? 1 : 0];
+    largest = std::max(largest, friction_of(contact).norm());
+  }
 }
 
 double ForceScale::share(double force) const {

@@ -5,6 +5,7 @@
 #include <visualization_msgs/Marker.h>
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -48,7 +49,10 @@ std_msgs::ColorRGBA body_colour(const engine::Body& body);
 /// logarithm of the error to red.
 std_msgs::ColorRGBA constraint_colour(double share, double error);
 std_msgs::ColorRGBA motor_colour(bool saturated);
-std_msgs::ColorRGBA friction_colour();
+std_msgs::ColorRGBA friction_colour(bool sticks);
+
+/// Along the surface, on A [N].
+Eigen::Vector3d friction_of(const engine::Contact& contact);
 
 /// The largest force of distance joints in the last seconds, beside which forces are drawn. It is
 /// looked for ten times a second, and at every call until there is one.
@@ -57,12 +61,15 @@ class ForceScale {
   void update(const engine::World& world, const ros::Time& stamp);
   double reference() const { return reference_; }        ///< [N]
   double contact_reference() const { return contact_; }  ///< [N]
+  /// The largest one where it slides, or sticks [N].
+  double friction(bool sticks) const { return friction_[sticks ? 1 : 0]; }
   /// Of the reference, from -1 to 1.
   double share(double force) const;
 
  private:
   double reference_ = 0.0;
   double contact_ = 0.0;
+  std::array<double, 2> friction_{};
   ros::Time stamp_;
 };
 

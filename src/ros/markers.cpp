@@ -17,45 +17,17 @@ using Eigen::Vector3d;
 using visualization_msgs::Marker;
 
 constexpr double kBrokenShown = 2.0;     // [s]
-constexpr double kAxisLength = 0.3;      // [m] of the axis of a joint, at most
 constexpr double kWidthOfLength = 0.1;   // of a constraint: its width, at most
+constexpr float kDarkStripe = 0.6F;      // of a rope's colour
 constexpr double kLeastArrow = 0.2;      // of the longest one: that of a small contact force
 constexpr double kLeastFriction = 0.02;  // of the longest arrow: less is not drawn
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
 std::int32_t number(engine::JointId id) { return static_cast<std::int32_t>(id.value); }
 
-// What is as long as a body, and comes out of a ball that it goes through [m]; 0 of a point or a
-// plane.
-double length_of_axis_through(const engine::Shape& shape) {
-  if (const auto* box = std::get_if<engine::Box>(&shape)) return box->size.maxCoeff();
-  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return 3.0 * sphere->radius;
-  if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
-    return std::max(3.0 * cylinder->radius, cylinder->length);
-  return 0.0;
-}
-
-// The axis of a joint is drawn as long as the smaller of its bodies, arm included [m].
-double axis_length(const engine::World& world, const engine::Joint& joint) {
-  double length = kAxisLength;
-  for (const auto& [body, anchor] :
-       {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}}) {
-    if (body == engine::kWorldBody) continue;
-    const double size =
-        std::max(length_of_axis_through(world.body(body).shape), 2.0 * anchor.norm());
-    if (size > 0.0) length = std::min(length, size);
-  }
-  return length;
-}
-
-Eigen::Quaterniond orientation_of(const engine::World& world, const engine::Joint& joint) {
-  return world.state(joint.body_a).orientation * joint.frame_a;
-}
-
-bool slides_along_axis(engine::JointKind kind) {
-  using Kind = engine::JointKind;
-  return kind == Kind::kSlider || kind == Kind::kCylindrical || kind == Kind::kPointOnLine ||
-         kind == Kind::kScrew;
+std::int32_t type_of(Look look) {
+  if (look == Look::kRod) return Marker::CYLINDER;
+  return look == Look::kStrut ? Marker::TRIANGLE_LIST : Marker::LINE_LIST;
 }
 
 // Along z from the origin to `to`, from `from`.
@@ -87,6 +59,37 @@ void draw_along(Look look, double length, double radius, ShownMarker* marker, Dr
     stretch(length / marker->drawn_length, &marker->points);
   }
   marker->drawn_length = length;
+}
+
+std_msgs::ColorRGBA darker(std_msgs::ColorRGBA of) {
+  for (float* part : {&of.r, &of.g, &of.b}) *part *= kDarkStripe;
+  return of;
+}
+
+// In its own colours, which rviz does not shade: facets lighter and darker by turns.
+void shade_strut(ShownMarker* marker) {
+  if (marker->colors.size() == marker->points.size() && marker->colors[0] == marker->color) return;
+  marker->colors.resize(marker->points.size());
+  const std_msgs::ColorRGBA dark = darker(marker->color);
+  for (std::size_t i = 0; i < marker->colors.size(); ++i)
+    marker->colors[i] = i / 6 % 2 == 1 ? dark : marker->color;
+}
+
+// The first of its lines lighter and darker by turns, as a rope is.
+void stripe(std::size_t lines, const std_msgs::ColorRGBA& dark, ShownMarker* marker) {
+  marker->colors.resize(marker->points.size(), marker->color);
+  for (std::size_t i = 0; i < marker->colors.size(); ++i)
+    marker->colors[i] = i / 2 % 2 == 1 && i / 2 < lines ? dark : marker->color;
+}
+
+// A circle that a rope and its other end go over at their common point.
+void add_sheave(const Vector3d& at, const Vector3d& down, const Vector3d& over, double radius,
+                Lines* lines) {
+  const Vector3d u = radius * (down - at).normalized();
+  const Vector3d along = radius * (over - at).normalized();
+  const Vector3d v = along - along.dot(u) / std::max(u.squaredNorm(), 1e-300) * u;
+  if (!(v.squaredNorm() > 0.0) || !(u.squaredNorm() > 0.0)) return;
+  add_circle(at + u + along, u, radius * v.normalized(), lines);
 }
 
 Vector3d down(const engine::World& world) {
@@ -153,11 +156,22 @@ void Markers::find_looks(const engine::World& world) {
                      joint.motor.is_moving() ||
                      std::any_of(joint.coordinates.begin(), joint.coordinates.end(),
                                  [](const auto& law) { return law.motor.has_value(); });
-    look.axis = axis_length(world, joint);
+    look.size = size_of(world, joint);
     for (const auto& [body, anchor] :
          {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}})
       if (body != engine::kWorldBody) look.arm = std::max(look.arm, anchor.norm());
+    if (joint.kind == engine::JointKind::kGear)
+      find_wheels(world, joint, &size_in_looks(joint.coupling.first),
+                  &size_in_looks(joint.coupling.second));
   }
+}
+
+// Of a joint that a later one couples.
+JointSize& Markers::size_in_looks(engine::JointId id) {
+  return std::lower_bound(
+             joint_looks_.begin(), joint_looks_.end(), id,
+             [](const JointLook& look, engine::JointId of) { return look.id.value < of.value; })
+      ->size;
 }
 
 // The three springs of a hand as one arrow.
@@ -244,9 +258,7 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
                   anchor_of(world, joint.body_a, joint.anchor_a),
                   anchor_of(world, joint.body_b, joint.anchor_b),
                   forces_->share(axial_force(joint, state).value_or(0.0))};
-  const bool is_rod = look.look == Look::kRod;
-  ShownMarker& marker =
-      constraints_.add(seen.number, is_rod ? Marker::CYLINDER : Marker::LINE_LIST);
+  ShownMarker& marker = constraints_.add(seen.number, type_of(look.look));
   marker.scale.x = extent_.width;
   marker.color = constraint_colour(seen.load, shown_error(look.look, state));
   if (state.broken) marker.color = colour(0.6, 0.6, 0.6, 0.6);
@@ -256,7 +268,9 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
       break;
     case Look::kJoint:
       draw_arms(world, seen, &marker);
-      if (!state.broken) add_solid(world, seen);
+      if (!state.broken)
+        draw_joint(world, joint, look.size, seen.p_a, seen.p_b, extent_.width,
+                   &joints_.add(seen.number, type_of_sign(joint, look.size)));
       break;
     default:
       draw_length(world, seen, &marker);
@@ -264,17 +278,23 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
   if (look.has_motor && !state.broken) add_motor(world, seen);
 }
 
-// Dashed, from one of the joints to the other; between the upper ends of ropes, as over a pulley.
+// Dashed, from one of the joints to the other; of a pulley the rope between the upper ends of two
+// others, and the sheaves under it.
 void Markers::draw_coupling(const engine::World& world, const Seen& seen,
                             ShownMarker* marker) const {
   const engine::Coupling& coupling = seen.joint.coupling;
-  const bool is_pulley = seen.joint.kind == engine::JointKind::kPulley;
-  const auto end = [&](engine::JointId id) -> Vector3d {
-    return is_pulley ? world.anchors(id).p_a : world.anchors(id).p_b;
-  };
   marker->scale.x *= 0.5;
   marker->points.clear();
-  add_dashes(end(coupling.first), end(coupling.second), &marker->points);
+  const auto first = world.anchors(coupling.first), second = world.anchors(coupling.second);
+  if (seen.joint.kind != engine::JointKind::kPulley)
+    return add_dashes(first.p_b, second.p_b, &marker->points);
+  for (int i = 0; i < kRopeParts; ++i) {
+    const Vector3d part = (second.p_a - first.p_a) / kRopeParts;
+    add_line(first.p_a + i * part, first.p_a + (i + 1) * part, &marker->points);
+  }
+  add_sheave(first.p_a, first.p_b, second.p_a, 0.3 * extent_.sign, &marker->points);
+  add_sheave(second.p_a, second.p_b, first.p_a, 0.3 * extent_.sign, &marker->points);
+  stripe(kRopeParts, darker(marker->color), marker);
 }
 
 // Between the anchors: the thicker, the larger the force.
@@ -298,8 +318,11 @@ void Markers::draw_length(const engine::World& world, const Seen& seen, ShownMar
       marker->scale.x = 0.4 * width;
       return draw_along(seen.look.look, length, 1.5 * widest, marker, add_coil);
     case Look::kStrut:
-      marker->scale.x = 0.5 * width;
-      return draw_along(seen.look.look, length, 1.2 * widest, marker, add_strut);
+      if (!marker->is_drawn_for({1.0, 0.0, 0.0})) add_strut(&marker->points);
+      shade_strut(marker);
+      marker->scale.x = marker->scale.y = 1.4 * width;
+      marker->scale.z = length;
+      return;
     default:  // a rod, in its middle
       marker->pose.position = point_at(seen.p_a + 0.5 * way);
       marker->scale.x = marker->scale.y = width;
@@ -325,11 +348,8 @@ void Markers::draw_rope(const engine::World& world, const Seen& seen, double len
     draw_along(Look::kRope, length, 0.0, marker,
                [](double l, double, Lines* lines) { add_straight(l, lines); });
   }
-  // lighter and darker by turns
-  const std_msgs::ColorRGBA dark = state.broken ? marker->color : colour(0.35, 0.25, 0.15);
-  marker->colors.resize(marker->points.size(), dark);
-  for (std::size_t i = 0; i < marker->colors.size(); ++i)
-    marker->colors[i] = i / 2 % 2 == 1 ? dark : marker->color;
+  // nowhere as dark as what is behind it
+  stripe(kRopeParts, state.broken ? marker->color : darker(marker->color), marker);
 }
 
 // No length to see: arms from the centres of the bodies, and what the error leaves open.
@@ -350,52 +370,6 @@ void Markers::draw_arms(const engine::World& world, const Seen& seen, ShownMarke
     marker->scale.x = std::min(marker->scale.x, kWidthOfLength * seen.look.arm);
 }
 
-// What turns or slides, where and along what.
-void Markers::add_solid(const engine::World& world, const Seen& seen) {
-  const engine::Joint& joint = seen.joint;
-  const Vector3d &p_a = seen.p_a, &p_b = seen.p_b;
-  const double axis = seen.look.axis;
-  const double thickness = std::min(extent_.width, kWidthOfLength * axis);
-  const auto add = [&](std::int32_t type, const Vector3d& at,
-                       const Vector3d& size) -> ShownMarker& {
-    ShownMarker& marker = joints_.add(seen.number, type);
-    marker.pose.position = point_at(at);
-    marker.color = colour(0.8, 0.8, 0.85);
-    marker.scale.x = size.x();
-    marker.scale.y = size.y();
-    marker.scale.z = size.z();
-    return marker;
-  };
-  if (!engine::has_frames(joint.kind)) {
-    add(Marker::SPHERE, p_a, Vector3d::Constant(2.0 * thickness));
-    return;
-  }
-  const Eigen::Quaterniond orientation = orientation_of(world, joint);
-  ShownMarker* marker = nullptr;
-  if (slides_along_axis(joint.kind)) {  // a rail as long as the way that it has been seen to go
-    const Vector3d z = orientation * Vector3d::UnitZ();
-    const double q = (p_b - p_a).dot(z);
-    const auto& law = joint.coordinates[0];
-    double low = std::min(q, 0.0), high = std::max(q, 0.0);
-    if (law.is_limited() && engine::coordinates(joint.kind) > 0) {
-      if (std::isfinite(law.lower)) low = std::min(low, law.lower - law.zero);
-      if (std::isfinite(law.upper)) high = std::max(high, law.upper - law.zero);
-    }
-    const bool is_flat = joint.kind == engine::JointKind::kSlider;
-    marker = &add(is_flat ? Marker::CUBE : Marker::CYLINDER, p_a + 0.5 * (low + high) * z,
-                  {thickness, thickness, high - low + axis});
-  } else if (joint.kind == engine::JointKind::kWeld) {
-    marker = &add(Marker::CUBE, p_a, Vector3d::Constant(2.0 * thickness));
-  } else if (joint.kind == engine::JointKind::kPlanar ||
-             joint.kind == engine::JointKind::kPointOnPlane) {
-    marker = &add(Marker::CUBE, p_a, {2.0 * axis, 2.0 * axis, 0.2 * thickness});
-    marker->color.a = 0.4F;
-  } else {
-    marker = &add(Marker::CYLINDER, p_a, {1.5 * thickness, 1.5 * thickness, axis});
-  }
-  marker->pose.orientation = quaternion_of(orientation);
-}
-
 // The direction that a motor drives in: apart or together, along the axis or about it.
 void Markers::add_motor(const engine::World& world, const Seen& seen) {
   const std::optional<ShownMotor> motor = shown_motor(seen.joint, seen.state);
@@ -405,23 +379,10 @@ void Markers::add_motor(const engine::World& world, const Seen& seen) {
   if (!is_of_joint && p_a == p_b) return;  // no direction
   ShownMarker& marker = motors_.add(seen.number, Marker::LINE_LIST);
   marker.color = motor_colour(seen.state.saturated);
+  if (is_of_joint)
+    return draw_motor(world, seen.joint, seen.look.size, *motor, p_a, p_b, extent_.width, &marker);
   const bool positive = motor->direction() > 0.0;
   const double sign = positive ? 1.0 : -1.0;
-  if (is_of_joint) {
-    const double axis = seen.look.axis;
-    marker.scale.x = 0.5 * std::min(extent_.width, kWidthOfLength * axis);
-    marker.pose.position = point_at(motor->is_angle ? p_a : p_b);
-    marker.pose.orientation = quaternion_of(orientation_of(world, seen.joint));
-    // out of the body that moves, which would hide it
-    const double start = motor->is_angle ? 0.0 : radius_of(world.body(seen.joint.body_b).shape);
-    if (marker.is_drawn_for({motor->is_angle ? 1.0 : 2.0, sign * axis, start})) return;
-    if (motor->is_angle)
-      add_turning_arrow(0.5 * axis, positive, &marker.points);
-    else
-      add_arrow(sign * start * Vector3d::UnitZ(), sign * Vector3d::UnitZ(), axis, 0.3 * axis,
-                &marker.points);
-    return;
-  }
   const double distance = (p_b - p_a).norm();
   const Vector3d along = (p_b - p_a) / distance;
   const double length = std::min(extent_.sign, 0.3 * distance);
@@ -438,15 +399,16 @@ void Markers::add_motor(const engine::World& world, const Seen& seen) {
 // On what is held. The longest arrow is the largest force of the last seconds.
 void Markers::add_contacts(const engine::World& world) {
   if (world.contacts().empty()) return;
-  const auto add = [&](MarkerSet::Namespace* where, const std_msgs::ColorRGBA& of) -> Lines* {
-    ShownMarker& marker = where->add(0, Marker::LINE_LIST);
+  const auto add = [&](MarkerSet::Namespace* where, std::int32_t id,
+                       const std_msgs::ColorRGBA& of) -> Lines* {
+    ShownMarker& marker = where->add(id, Marker::LINE_LIST);
     marker.scale.x = 0.4 * extent_.width;
     marker.color = of;
     marker.points.clear();
     return &marker.points;
   };
-  Lines* const normal = add(&contacts_, colour(1.0, 1.0, 1.0));
-  Lines* friction = nullptr;
+  Lines* const normal = add(&contacts_, 0, colour(1.0, 1.0, 1.0));
+  Lines* friction[] = {nullptr, nullptr};
   const double most = forces_->contact_reference();
   const double scale = most > 0.0 ? extent_.sign / most : 0.0;
   const Vector3d down = constraint_sim::down(world);
@@ -456,12 +418,19 @@ void Markers::add_contacts(const engine::World& world) {
         std::clamp(scale * contact.normal_force, kLeastArrow * extent_.sign, extent_.sign);
     add_arrow(contact.position, sign * contact.normal, length, 0.3 * length, normal);
     if (contact.state == engine::ContactState::kClosed) continue;
-    const Vector3d along_surface = contact.force - contact.normal_force * contact.normal;
+    const Vector3d along_surface = friction_of(contact);
     const double force = along_surface.norm();
     if (!(scale * force > kLeastFriction * extent_.sign)) continue;
-    if (friction == nullptr) friction = add(&friction_, friction_colour());
+    const bool sticks = contact.state == engine::ContactState::kSticking;
+    Lines*& lines = friction[sticks ? 1 : 0];
+    if (lines == nullptr) lines = add(&friction_, sticks ? 1 : 0, friction_colour(sticks));
     const double reach = std::min(scale * force, extent_.sign);
-    add_arrow(contact.position, sign / force * along_surface, reach, 0.3 * reach, friction);
+    const Vector3d way = sign / force * along_surface;
+    // outside of what is held, which would hide it: from the contact, or to it
+    const engine::BodyId held = sign > 0.0 ? contact.body_a : contact.body_b;
+    const bool is_inwards = way.dot(world.state(held).position - contact.position) > 0.0;
+    add_arrow(is_inwards ? contact.position - reach * way : contact.position, way, reach,
+              0.3 * reach, lines);
   }
 }
 

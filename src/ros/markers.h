@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "ros/joint_signs.h"
 #include "ros/marker_lines.h"
 #include "ros/marker_set.h"
 #include "ros/marker_style.h"
@@ -40,8 +41,8 @@ class Markers {
     bool is_grip = false;
     bool is_drawn = false;
     bool has_motor = false;
-    double axis = 0.0;  ///< length that the axis of a joint is drawn with [m]
-    double arm = 0.0;   ///< the longer one, from a body's centre to its anchor [m]
+    double arm = 0.0;  ///< the longer one, from a body's centre to its anchor [m]
+    JointSize size;
   };
   /// Of a body, the same.
   struct BodyLook {
@@ -60,6 +61,7 @@ class Markers {
   };
 
   void find_looks(const engine::World& world);
+  JointSize& size_in_looks(engine::JointId id);
   void find_extent(const engine::World& world);
   void add_bodies(const engine::World& world, bool are_static);
   void add_body(const engine::World& world, const BodyLook& look);
@@ -71,7 +73,6 @@ class Markers {
                  ShownMarker* marker) const;
   void draw_arms(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
   void draw_coupling(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
-  void add_solid(const engine::World& world, const Seen& seen);
   void add_motor(const engine::World& world, const Seen& seen);
   void add_contacts(const engine::World& world);
 

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstring>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "constraint_sim/engine/scene.h"
@@ -304,9 +305,11 @@ TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
       run(&world, 0.5);
       const MarkerArray array = Listener().hear(world);
       const Marker* normal = find(array, "contacts", 0);
-      const Marker* along = find(array, "friction", 0);
+      const bool sticks = mu > std::tan(0.4);
+      const Marker* along = find(array, "friction", sticks ? 1 : 0);
       ASSERT_NE(normal, nullptr) << method << mu;
       ASSERT_NE(along, nullptr) << method << mu;
+      EXPECT_EQ(find(array, "friction", sticks ? 0 : 1), nullptr) << method << mu;
       const Vector3d up(std::sin(0.4), 0.0, std::cos(0.4)),
           uphill(-std::cos(0.4), 0.0, std::sin(0.4));
       // of a block that is held, only all of its points together are determined
@@ -322,11 +325,106 @@ TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
       const Vector3d normals = together(*normal), frictions = together(*along);
       EXPECT_GT(normals.normalized().dot(up), 0.999) << method << mu;
       EXPECT_GT(frictions.normalized().dot(uphill), 0.999) << method << mu;
+      // The block, which covers 0.3 m uphill and downhill of its middle, would hide them. Those of
+      // impulses are where it was when the tick began, and it slides by 1 cm a tick at most.
+      const auto& at = world.state(world.find_body("block")).position;
+      for (std::size_t i = 0; i + 9 < along->points.size(); i += 10)
+        for (const std::size_t end : {i, i + 1}) {
+          const auto& p = along->points[end];
+          EXPECT_GT(std::abs((Vector3d(p.x, p.y, p.z) - at).dot(uphill)), 0.3 - 0.011)
+              << method << mu;
+        }
       // on one scale; impulses are off by what the sweeps leave
       EXPECT_NEAR(frictions.norm() / normals.norm(), std::min(mu, std::tan(0.4)), 0.01)
           << method << mu;
     }
   }
+}
+
+// ---- joints
+
+// The ring of a motor: its points follow each other as a point of a body that it turns does, at
+// both ends of the axis, out of the body of 0.4 m by 0.2 m by 0.6 m.
+TEST(Markers, AMotorsArrowTurnsAsItsBody) {
+  for (const char* axis : {"[0, 0, 1]", "[0, 0, -1]", "[1, 0, 0]", "[1, 2, -3]"}) {
+    for (const double rate : {0.5, -0.5}) {
+      engine::World world = engine::load_scene(
+          std::string(
+              "world: {gravity: [0, 0, 0]}\nbodies: [{name: b, mass: 1, shape: {box: {size: "
+              "[0.4, 0.2, 0.6]}}, position: [1, 2, 3]}]\nconstraints: [{name: h, type: "
+              "hinge, anchor_a: [1, 2, 3], body_b: b, axis_a: ") +
+          axis + ", motor: {bias: " + std::to_string(rate) + "}}]");
+      world.step();
+      const engine::BodyState& body = world.state(world.find_body("b"));
+      const Vector3d turning = body.angular_velocity;
+      ASSERT_NEAR(turning.norm(), 0.5, 1e-9);
+      const MarkerArray array = Listener().hear(world);
+      const Marker* marker =
+          find(array, "motors", static_cast<std::int32_t>(world.find_joint("h").value));
+      ASSERT_NE(marker, nullptr);
+      const auto& q = marker->pose.orientation;
+      const Eigen::Quaterniond turn(q.w, q.x, q.y, q.z);
+      const auto place = [&](std::size_t i) -> Vector3d {
+        const auto& p = marker->points[i];
+        return turn * Vector3d(p.x, p.y, p.z);
+      };
+      // of the longest runs of lines that go on where the last one ended
+      int runs = 0;
+      for (std::size_t i = 0; i + 3 < marker->points.size(); i += 2) {
+        if ((place(i + 1) - place(i + 2)).norm() > 1e-9) continue;
+        if ((place(i + 3) - place(i)).norm() < (place(i + 1) - place(i)).norm()) continue;
+        ++runs;
+        EXPECT_GT(place(i).cross(place(i + 1)).dot(turning), 0.0) << axis << rate;
+      }
+      EXPECT_GT(runs, 30) << axis << rate;
+      const Vector3d along = turning.normalized();
+      double inside = 0.0;  // where the body ends along the axis
+      for (int i = 0; i < 8; ++i)
+        inside =
+            std::max(inside, (body.orientation *
+                              Vector3d(i & 1 ? 0.2 : -0.2, i & 2 ? 0.1 : -0.1, i & 4 ? 0.3 : -0.3))
+                                 .dot(along));
+      bool is_before = false, is_behind = false;
+      for (std::size_t i = 0; i < 2; ++i) {
+        const double z = place(i * marker->points.size() / 2).dot(along);
+        is_before = is_before || z < -inside;
+        is_behind = is_behind || z > inside;
+      }
+      EXPECT_TRUE(is_before && is_behind) << axis << rate;
+    }
+  }
+}
+
+// Two wheels that touch from outside, with radii in the ratio of their angles; one in a ring of 60
+// teeth around a sun of 12; a rack.
+TEST(Markers, WheelsOfGearsTouch) {
+  const auto sizes = [](const engine::World& world, const char* name) {
+    const engine::Joint& gear = world.joint(world.find_joint(name));
+    std::pair<JointSize, JointSize> found(size_of(world, world.joint(gear.coupling.first)),
+                                          size_of(world, world.joint(gear.coupling.second)));
+    find_wheels(world, gear, &found.first, &found.second);
+    return found;
+  };
+  const engine::World joints =
+      engine::load_scene_file(std::string(CONSTRAINT_SIM_SOURCE_DIR) + "/docs/images/joints.yaml");
+  const auto [wheel, small] = sizes(joints, "gear");
+  EXPECT_NEAR(wheel.wheel, 0.25, 1e-12);  // 0.4 m apart, at 0.6
+  EXPECT_NEAR(small.wheel, 0.15, 1e-12);
+  EXPECT_EQ(wheel.teeth, 20);
+  EXPECT_EQ(small.teeth, 12);
+  const auto [pinion, rack] = sizes(joints, "rack_and_pinion");
+  EXPECT_NEAR(pinion.wheel, 0.1, 1e-12);  // 10 rad a metre
+  EXPECT_EQ(rack.wheel, 0.0);
+  EXPECT_NEAR(rack.rack.norm(), 0.1, 1e-12);  // of the 0.2 m to the axle
+  const engine::World planetary = load_world("gear_train", "", Parameters(), Caller::kParameter);
+  const auto [sun, planet] = sizes(planetary, "outer_mesh");
+  EXPECT_NEAR(sun.wheel, 0.12, 1e-12);
+  EXPECT_NEAR(planet.wheel, 0.24, 1e-12);
+  const auto [again, ring] = sizes(planetary, "ring_mesh");
+  EXPECT_NEAR(again.wheel, 0.24, 1e-12);
+  EXPECT_NEAR(ring.wheel, 0.6, 1e-12);
+  EXPECT_TRUE(ring.wheel_is_on_a);
+  EXPECT_EQ(ring.teeth, 30);
 }
 
 // ---- the view

@@ -20,7 +20,7 @@ from support import call
 # turn about x [rad] that brings the mechanism into the upright x-z plane
 MECHANISMS = {
     "slider_crank": ((0.5, 0, 0.97), 1.3, 0.2, 0),
-    "gear_train": ((0.12, 0, 0.9), 1.1, 0.6, 0),
+    "gear_train": ((0, 0, 1), 1.8, 0.6, 0),
     "universal_shaft": ((0, 0, 1.15), 1.5, 0.1, 0),
     "atwood": ((0.2, 0, 1.6), 2.4, 0.3, 0),
     "screw": ((0, 0, 1.98), 0.32, 0.5, 0),
@@ -30,6 +30,7 @@ MECHANISMS = {
     "gripper": ((0, 0, 0.94), 0.32, 1.0, 0),
     "stewart_platform": ((0, 0, 0.6), 3.0, 1.0, 0),
 }
+WIDTHS = {"joints.yaml": 900, "stewart_platform": 640}  # of pictures with many labels; else 480
 JOINTS = {"joints.yaml": ((0.2, 0.7, 1.35), 6.0, 0.5, 0)}
 # of the configuration [m], and what a click of the wheel makes of it
 DISTANCE, NEARER, FARTHER = 6.5, 0.88, 1.12
@@ -134,7 +135,7 @@ class Mechanisms(InRviz):
                 for border in (is_seen[0], is_seen[-1], is_seen[:, 0], is_seen[:, -1]):
                     self.assertFalse(border.any())
                 self.shrink(os.path.join(os.environ.get("CONSTRAINT_SIM_SCREENSHOTS", self.folder),
-                                         name), 900 if "." in scene else 480)
+                                         name), WIDTHS.get(scene, 480))
 
 
 if __name__ == "__main__":

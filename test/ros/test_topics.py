@@ -459,7 +459,7 @@ bodies:
         self.load_kinds("type: distance, motor: {bias: 0.1}", "type: rope, max_length: 1.5")
         listener = Listener(topic("labels"), MarkerArray)
         call("step", steps=2)
-        text = lambda ns: [m.text for m in self.of(listener, ns)]
+        text = lambda ns: [m.text.strip() for m in self.of(listener, ns)]  # spaces put it beside its line
         support.wait_until(lambda: text("forces")[:1] == ["19.6 N tension"], "the force")
         self.assertEqual(text("forces")[1], "slack")
         self.assertEqual(text("body_names"), ["b0", "b1"])

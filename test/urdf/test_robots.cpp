@@ -4,6 +4,7 @@
 #include "arm_reference.h"
 #include "constraint_sim/engine/scene.h"
 #include "robots.h"
+#include "sim/trajectories.h"
 
 namespace constraint_sim {
 namespace {
@@ -79,6 +80,72 @@ TEST(Robots, ArmMovesAsItsMinimalCoordinatesSay) {
         << reference.names()[static_cast<std::size_t>(k)];
 }
 
+// Turns freely at first with its legs bent, which its turning then stretches; beside the reference,
+// whose root is on six joints without mass.
+TEST(Robots, QuadrupedFliesAsItsMinimalCoordinatesSay) {
+  const std::string text = shipped_urdf("quadruped");
+  const Vector3d turning(0.5, -0.7, 1.0);
+  WorldOptions options;
+  options.tolerance = 1e-9;
+  options.gravity.setZero();
+  World world(options);
+  const Robot robot = add_robot(text, with_extra(kBent, false), &world);
+  const Vector3d root = world.state(world.find_body("trunk/com")).position;
+  for (const engine::BodyId id : world.body_ids()) {
+    engine::BodyState state = world.state(id);
+    state.linear_velocity = turning.cross(state.position - root);
+    state.angular_velocity = turning;
+    world.set_state(id, state);
+  }
+  const World start = world;
+  for (int i = 0; i < 20; ++i) world.step();
+
+  // x, y and z, then turns about z, y and x
+  std::string joints, parent = "free_root";
+  const char* const kFree[] = {"prismatic x",  "prismatic y",  "prismatic z",
+                               "continuous z", "continuous y", "continuous x"};
+  for (int i = 0; i < 6; ++i) {
+    const std::string name = "free_" + std::to_string(i), type = kFree[i];
+    const std::string child = i < 5 ? "free_link_" + std::to_string(i) : robot.links.front().name;
+    const std::string axis = type.back() == 'x' ? "1 0 0" : type.back() == 'y' ? "0 1 0" : "0 0 1";
+    if (i < 5) joints += "<link name='" + child + "'/>";
+    joints += "<joint name='" + name + "' type='" + type.substr(0, type.find(' ')) +
+              "'><parent link='" + parent + "'/><child link='" + child + "'/><axis xyz='" + axis +
+              "'/><limit lower='-9' upper='9' effort='0' velocity='0'/></joint>";
+    parent = child;
+  }
+  std::string extended = text;
+  extended.insert(extended.find("</robot>"), "<link name='free_root'/>" + joints);
+  const auto model = parse_urdf(extended, {});
+  const TreeReference reference(*model, Vector3d::Zero());
+  const auto names = reference.names();
+  Eigen::VectorXd q, coarse;
+  for (const int steps : {1000, 2000}) {
+    coarse = q;
+    q = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(names.size()));
+    Eigen::VectorXd v = q;
+    for (std::size_t k = 6; k < names.size(); ++k)
+      q[static_cast<Eigen::Index>(k)] = position_of(start, names[k]);
+    v.head(6) << turning.cross(-root), turning.z(), turning.y(), turning.x();
+    for (int i = 0; i < steps; ++i) reference.step(0.2 / steps, &q, &v);
+  }
+  EXPECT_LT((q - coarse).cwiseAbs().maxCoeff(), 1e-9);
+  double moved = 0.0;
+  for (std::size_t k = 6; k < names.size(); ++k) {
+    const double position = position_of(world, names[k]);
+    EXPECT_NEAR(position, q[static_cast<Eigen::Index>(k)], 1e-7) << names[k];
+    moved = std::max(moved, std::abs(position - position_of(start, names[k])));
+  }
+  EXPECT_GT(moved, 1e-3);
+  const auto frames = reference.frames(q);
+  const auto links = reference.link_names();
+  for (const RobotLink& link : robot.links) {
+    const auto i =
+        static_cast<std::size_t>(std::find(links.begin(), links.end(), link.name) - links.begin());
+    EXPECT_LT(distance(frame_of(world, link), frames[i]), 1e-7) << link.name;
+  }
+}
+
 struct Held {
   const char* robot;
   std::string extra;
@@ -103,6 +170,48 @@ TEST(Robots, JointsHoldToRounding) {
       }
       EXPECT_LT(most, 1e-12) << held.robot << " at " << rate << " Hz";
     }
+}
+
+// Motors by velocity are on their splines at the end of each tick, under gravity: to the rounding
+// of joints that are integrated, as joints and loops are.
+TEST(Robots, FollowTrajectories) {
+  struct Way {
+    Held held;
+    const char *first, *second;
+    double by_first, by_second;  // [m or rad]
+  };
+  for (const Way& way :
+       {Way{{"arm", kPose, true}, "shoulder_lift", "elbow", 0.4, -0.5},
+        Way{{"quadruped", kBent, true}, "front_left_thigh", "front_left_calf", 0.3, 0.2},
+        Way{{"gripper", shipped_extra("gripper"), true}, "lift", "left_crank", 0.2, -0.1}}) {
+    SCOPED_TRACE(way.held.robot);
+    World world;
+    add_robot(shipped_urdf(way.held.robot), with_extra(way.held.extra, way.held.fixed), &world);
+    JointTrajectory trajectory;
+    std::vector<Spline> splines;
+    JointTrajectory::Point end{0.5, {}, {0.0, 0.0}, {0.0, 0.0}};
+    for (const auto& [joint, by] :
+         {std::pair{way.first, way.by_first}, std::pair{way.second, way.by_second}}) {
+      world.set_motor(world.find_joint(joint), engine::Motor());
+      const double from = position_of(world, joint);
+      trajectory.joints.push_back(joint);
+      end.positions.push_back(from + by);
+      splines.emplace_back(
+          std::vector<TrajectoryPoint>{{0.0, from, 0.0, 0.0}, {0.5, from + by, 0.0, 0.0}}, 5);
+    }
+    trajectory.points = {end};
+    Trajectories trajectories;
+    trajectories.begin(world, trajectory);
+    for (int i = 0; i < 60; ++i) {
+      trajectories.before_step(&world);
+      world.step();
+      ASSERT_FALSE(world.report().failed);
+      EXPECT_NEAR(position_of(world, way.first), splines[0].at(world.time()), 1e-12) << i;
+      EXPECT_NEAR(position_of(world, way.second), splines[1].at(world.time()), 1e-12) << i;
+      EXPECT_LT(world.report().max_constraint_error, 1e-12) << i;
+    }
+    EXPECT_TRUE(trajectories.empty());
+  }
 }
 
 // Feet of grams below a trunk of kilograms take more sweeps than the default.

@@ -1,0 +1,381 @@
+#include "ros/joint_signs.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <variant>
+
+#include "ros/conversions.h"
+#include "ros/marker_lines.h"
+
+namespace constraint_sim {
+namespace {
+
+using Eigen::Vector3d;
+using engine::JointKind;
+using visualization_msgs::Marker;
+
+constexpr double kAxisLength = 0.3;     // [m] of the axis of a joint, at most
+constexpr double kWidthOfLength = 0.1;  // of a sign: its width, at most
+constexpr double kOut = 0.2;            // of the axis: what of it comes out of a body at each end
+constexpr double kRing = 0.5;           // of the axis: radius of a motor's arrow
+constexpr double kWeld = 0.4;           // of the axis: half of the cube whose diagonals are a weld
+constexpr double kThread = 1.6;         // of the thickness: radius of a screw's thread
+constexpr double kPi = 3.14159265358979323846;
+constexpr int kTeethOfSmaller = 12;
+constexpr int kMostTeeth = 60;
+constexpr double kMostWheel = 3.0;  // of the axis
+constexpr double kParallel = 0.99;  // cosine between the axes of wheels that touch
+
+// What is as long as a body, and comes out of a ball that it goes through [m]; 0 of a point or a
+// plane.
+double length_of_axis_through(const engine::Shape& shape) {
+  if (const auto* box = std::get_if<engine::Box>(&shape)) return box->size.maxCoeff();
+  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return 3.0 * sphere->radius;
+  if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
+    return std::max(3.0 * cylinder->radius, cylinder->length);
+  return 0.0;
+}
+
+// Half of what a shape covers along a direction of its own frame (unit) [m].
+double half_width(const engine::Shape& shape, const Vector3d& along) {
+  if (const auto* box = std::get_if<engine::Box>(&shape))
+    return 0.5 * box->size.dot(along.cwiseAbs());
+  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return sphere->radius;
+  if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
+    return cylinder->radius * std::hypot(along.x(), along.y()) +
+           0.5 * cylinder->length * std::abs(along.z());
+  return 0.0;
+}
+
+bool slides_along_axis(JointKind kind) {
+  return kind == JointKind::kSlider || kind == JointKind::kCylindrical ||
+         kind == JointKind::kPointOnLine || kind == JointKind::kScrew;
+}
+
+bool is_on_sheet(JointKind kind) {
+  return kind == JointKind::kPlanar || kind == JointKind::kPointOnPlane;
+}
+
+bool has_rack(const JointSize& size) { return size.tooth > 0.0 && !(size.wheel > 0.0); }
+
+// How far the smaller body reaches along the axis, which the larger one does not hide.
+void find_reach(const engine::World& world, const engine::Joint& joint, JointSize* size) {
+  const Vector3d z = orientation_of(world, joint) * Vector3d::UnitZ();
+  double least = -1.0;
+  for (const auto& [id, anchor] :
+       {std::pair{joint.body_b, joint.anchor_b}, std::pair{joint.body_a, joint.anchor_a}}) {
+    // what slides takes its sign with it
+    if (id == engine::kWorldBody || (least >= 0.0 && slides_along_axis(joint.kind))) continue;
+    const engine::Body& body = world.body(id);
+    Eigen::Quaterniond turned = world.state(id).orientation;
+    Vector3d middle = -(turned * anchor);
+    if (body.shape_pose) {
+      middle += turned * body.shape_pose->position;
+      turned = turned * body.shape_pose->orientation;
+    }
+    const double half = half_width(body.shape, turned.conjugate() * z);
+    if (least >= 0.0 && half >= least) continue;
+    least = half;
+    size->before = std::max(half - middle.dot(z), 0.0);
+    size->behind = std::max(half + middle.dot(z), 0.0);
+  }
+}
+
+// Of the smaller body above a place [m].
+double top_above(const engine::World& world, const engine::Joint& joint, const Vector3d& place,
+                 const Vector3d& up) {
+  double least = -1.0, top = 0.0;
+  for (const engine::BodyId id : {joint.body_b, joint.body_a}) {
+    if (id == engine::kWorldBody) continue;
+    const engine::BodyState& state = world.state(id);
+    const engine::Shape& shape = world.body(id).shape;
+    const double size = radius_of(shape);
+    if (least >= 0.0 && size >= least) continue;
+    least = size;
+    top = half_width(shape, state.orientation.conjugate() * up) + (state.position - place).dot(up);
+  }
+  return top;
+}
+
+// A wheel of this radius, or a rack where it is 0.
+void set_teeth(double radius, double tooth, JointSize* size) {
+  size->wheel = radius;
+  size->touches = true;
+  size->tooth = tooth;
+  size->teeth =
+      std::clamp(static_cast<int>(std::lround(2.0 * kPi * radius / tooth)), 3, kMostTeeth);
+}
+
+struct Wheel {
+  const engine::Joint& joint;
+  JointSize* size;
+  Vector3d place, axis;
+  bool turns;
+};
+
+Wheel wheel_of(const engine::World& world, engine::JointId id, JointSize* size) {
+  const engine::Joint& joint = world.joint(id);
+  const Vector3d axis = engine::has_frames(joint.kind)
+                            ? Vector3d(orientation_of(world, joint) * Vector3d::UnitZ())
+                            : Vector3d(Vector3d::Zero());
+  return {joint, size, world.anchors(id).p_b, axis, joint.kind == JointKind::kHinge};
+}
+
+// Radii of two wheels whose angles go as the ratio and that touch; none where they cannot.
+std::optional<std::pair<double, double>> radii(const Wheel& a, const Wheel& b, double ratio) {
+  if (std::abs(a.axis.dot(b.axis)) < kParallel) return std::nullopt;
+  const Vector3d way = b.place - a.place;
+  const double distance = (way - way.dot(a.axis) * a.axis).norm();
+  // one of them counts the angle of what carries both
+  const double sense = (a.size->wheel_is_on_a != b.size->wheel_is_on_a ? -1.0 : 1.0) *
+                       (a.axis.dot(b.axis) > 0.0 ? 1.0 : -1.0);
+  const double sum = std::abs(1.0 + sense * ratio);
+  const double one = distance / sum, other = std::abs(ratio) * one;
+  if (!(one > 0.0) || !std::isfinite(one) || one > kMostWheel * a.size->axis || !(other > 0.0) ||
+      other > kMostWheel * b.size->axis)
+    return std::nullopt;
+  return std::pair(one, other);
+}
+
+// A wheel of as many metres a radian as the rack goes, between whose teeth those of the rack are.
+bool find_rack(const engine::World& world, const Wheel& wheel, const Wheel& rack, double metres) {
+  if (!(metres > 0.0) || metres > kMostWheel * wheel.size->axis) return false;
+  const Vector3d way = wheel.place - rack.place;
+  const Vector3d across = way - way.dot(rack.axis) * rack.axis;
+  const double distance = across.norm();
+  if (!(distance > 0.0)) return false;
+  set_teeth(metres, 2.0 * kPi * metres / kTeethOfSmaller, wheel.size);
+  rack.size->tooth = wheel.size->tooth;
+  rack.size->rack =
+      orientation_of(world, rack.joint).conjugate() * ((1.0 - metres / distance) * across);
+  return true;
+}
+
+// The axle and a toothed wheel: in the middle of the body one that touches another one, and thus
+// reaches out of it; else small ones with a spoke on both sides.
+void add_wheels(const JointSize& size, Lines* lines) {
+  const double out = kOut * size.axis;
+  add_line({0.0, 0.0, -size.before - out}, {0.0, 0.0, size.behind + out}, lines);
+  const double depth = std::min(0.4 * size.tooth, 0.3 * size.wheel);
+  if (size.touches)
+    return add_toothed_wheel(size.wheel, depth, size.teeth, 0.5 * (size.behind - size.before),
+                             lines);
+  for (const double z : {-size.before - 0.1 * size.axis, size.behind + 0.1 * size.axis}) {
+    add_toothed_wheel(size.wheel, depth, size.teeth, z, lines);
+    add_line({0.0, 0.0, z}, {size.wheel - 0.5 * depth, 0.0, z}, lines);
+  }
+}
+
+// A rod with teeth towards the wheel, on what slides.
+void draw_rack(const JointSize& size, const Vector3d& p_b, ShownMarker* marker) {
+  marker->pose.position = point_at(p_b);
+  marker->scale.x *= 0.5;
+  if (marker->is_drawn_for({size.tooth, size.before, size.behind})) return;
+  const double out = kOut * size.axis;
+  add_line({0.0, 0.0, -size.before - out}, {0.0, 0.0, size.behind + out}, &marker->points);
+  add_teeth(size.rack - size.before * Vector3d::UnitZ(),
+            size.rack + size.behind * Vector3d::UnitZ(), -0.4 * size.tooth * size.rack.normalized(),
+            size.tooth, &marker->points);
+}
+
+// From where to where it is seen to slide along z, with what comes out of it [m].
+std::pair<double, double> rail(const engine::Joint& joint, const JointSize& size, double q) {
+  const auto& law = joint.coordinates[0];
+  double low = std::min(q, 0.0), high = std::max(q, 0.0);
+  if (law.is_limited() && engine::coordinates(joint.kind) > 0) {
+    if (std::isfinite(law.lower)) low = std::min(low, law.lower - law.zero);
+    if (std::isfinite(law.upper)) high = std::max(high, law.upper - law.zero);
+  }
+  const double out = kOut * size.axis;
+  return {low - std::max(0.5 * size.axis, size.before + out),
+          high + std::max(0.5 * size.axis, size.behind + out)};
+}
+
+// Along z, longer while it slides.
+void draw_thread(const engine::Joint& joint, double length, double radius, ShownMarker* marker) {
+  if (marker->is_drawn_for({radius, 0.0, 0.0}))
+    stretch(length / marker->drawn_length, &marker->points);
+  else
+    add_thread(length, radius, joint.pitch > 0.0, &marker->points);
+  marker->drawn_length = length;
+}
+
+void set_scale(double x, double y, double z, Marker* marker) {
+  marker->scale.x = x;
+  marker->scale.y = y;
+  marker->scale.z = z;
+}
+
+void draw_rail(const engine::Joint& joint, const JointSize& size, const Vector3d& p_a,
+               const Vector3d& p_b, const Vector3d& z, double thickness, ShownMarker* marker) {
+  const auto [low, high] = rail(joint, size, (p_b - p_a).dot(z));
+  if (marker->type == Marker::LINE_LIST) {
+    marker->pose.position = point_at(p_a + low * z);
+    set_scale(0.5 * thickness, 0.0, 0.0, marker);
+    return draw_thread(joint, high - low, kThread * thickness, marker);
+  }
+  marker->pose.position = point_at(p_a + 0.5 * (low + high) * z);
+  set_scale(thickness, thickness, high - low, marker);
+}
+
+}  // namespace
+
+Eigen::Quaterniond orientation_of(const engine::World& world, const engine::Joint& joint) {
+  return world.state(joint.body_a).orientation * joint.frame_a;
+}
+
+JointSize size_of(const engine::World& world, const engine::Joint& joint) {
+  JointSize size;
+  size.axis = kAxisLength;
+  for (const auto& [body, anchor] :
+       {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}}) {
+    if (body == engine::kWorldBody) continue;
+    const double through =
+        std::max(length_of_axis_through(world.body(body).shape), 2.0 * anchor.norm());
+    if (through > 0.0) size.axis = std::min(size.axis, through);
+  }
+  if (engine::has_frames(joint.kind)) find_reach(world, joint, &size);
+  return size;
+}
+
+void find_wheels(const engine::World& world, const engine::Joint& gear, JointSize* first,
+                 JointSize* second) {
+  const engine::Coupling& coupling = gear.coupling;
+  const Wheel a = wheel_of(world, coupling.first, first);
+  const Wheel b = wheel_of(world, coupling.second, second);
+  // of two joints on one carrier each wheel is the other body
+  first->wheel_is_on_a = a.joint.body_b == b.joint.body_a || a.joint.body_b == b.joint.body_b;
+  second->wheel_is_on_a = b.joint.body_b == a.joint.body_a || a.joint.body_b == b.joint.body_b;
+  if (a.turns && b.turns)
+    if (const auto found = radii(a, b, coupling.ratio)) {
+      const double tooth = 2.0 * kPi * std::min(found->first, found->second) / kTeethOfSmaller;
+      set_teeth(found->first, tooth, first);
+      return set_teeth(found->second, tooth, second);
+    }
+  // q₁ + ratio q₂ in metres or radians
+  if (a.turns && b.joint.kind == JointKind::kSlider &&
+      find_rack(world, a, b, 1.0 / std::abs(coupling.ratio)))
+    return;
+  if (b.turns && a.joint.kind == JointKind::kSlider &&
+      find_rack(world, b, a, std::abs(coupling.ratio)))
+    return;
+  for (const Wheel* wheel : {&a, &b}) {
+    const double radius = kRing * wheel->size->axis;
+    if (!wheel->turns || wheel->size->wheel > 0.0) continue;
+    set_teeth(radius, 2.0 * kPi * radius / kTeethOfSmaller, wheel->size);
+    wheel->size->touches = false;
+  }
+}
+
+std::int32_t type_of_sign(const engine::Joint& joint, const JointSize& size) {
+  if (!engine::has_frames(joint.kind)) return Marker::SPHERE;
+  switch (joint.kind) {
+    case JointKind::kSlider:
+      return has_rack(size) ? Marker::LINE_LIST : Marker::CUBE;
+    case JointKind::kHinge:
+      return size.wheel > 0.0 ? Marker::LINE_LIST : Marker::CYLINDER;
+    case JointKind::kPlanar:
+    case JointKind::kPointOnPlane:
+    case JointKind::kUniversal:
+    case JointKind::kWeld:
+    case JointKind::kScrew:
+      return Marker::LINE_LIST;
+    default:
+      return Marker::CYLINDER;
+  }
+}
+
+void draw_joint(const engine::World& world, const engine::Joint& joint, const JointSize& size,
+                const Vector3d& p_a, const Vector3d& p_b, double most_width, ShownMarker* marker) {
+  const double thickness = std::min(most_width, kWidthOfLength * size.axis);
+  marker->pose.position = point_at(p_a);
+  marker->color = colour(0.8, 0.8, 0.85);
+  set_scale(thickness, 0.0, 0.0, marker);
+  if (!engine::has_frames(joint.kind))
+    return set_scale(2.0 * thickness, 2.0 * thickness, 2.0 * thickness, marker);
+  const Eigen::Quaterniond orientation = orientation_of(world, joint);
+  marker->pose.orientation = quaternion_of(orientation);
+  if (has_rack(size)) return draw_rack(size, p_b, marker);
+  if (slides_along_axis(joint.kind))
+    return draw_rail(joint, size, p_a, p_b, orientation * Vector3d::UnitZ(), thickness, marker);
+  if (size.wheel > 0.0) {
+    marker->scale.x = 0.5 * thickness;
+    if (!size.wheel_is_on_a && joint.frame_b)
+      marker->pose.orientation =
+          quaternion_of(world.state(joint.body_b).orientation * *joint.frame_b);
+    if (!marker->is_drawn_for({size.wheel, size.before, size.behind}))
+      add_wheels(size, &marker->points);
+  } else if (joint.kind == JointKind::kWeld) {
+    if (!marker->is_drawn_for({1.0, size.axis, 0.0})) add_cross(kWeld * size.axis, &marker->points);
+  } else if (is_on_sheet(joint.kind)) {
+    marker->scale.x = 0.3 * thickness;
+    const bool turns_only_about_it = joint.kind == JointKind::kPlanar;
+    if (!marker->is_drawn_for({2.0, size.axis, turns_only_about_it ? 1.0 : 0.0}))
+      add_sheet(size.axis, turns_only_about_it, &marker->points);
+  } else if (joint.kind == JointKind::kUniversal) {
+    const Vector3d z_b =
+        joint.frame_b ? Vector3d(orientation.conjugate() * (world.state(joint.body_b).orientation *
+                                                            (*joint.frame_b * Vector3d::UnitZ())))
+                      : Vector3d(Vector3d::UnitX());
+    marker->points.clear();
+    for (const Vector3d& axis : {Vector3d(Vector3d::UnitZ()), z_b})
+      add_line(-0.5 * size.axis * axis, 0.5 * size.axis * axis, &marker->points);
+  } else {
+    const double out = kOut * size.axis;
+    const double low = -std::max(0.5 * size.axis, size.before + out);
+    const double high = std::max(0.5 * size.axis, size.behind + out);
+    marker->pose.position = point_at(p_a + 0.5 * (low + high) * (orientation * Vector3d::UnitZ()));
+    set_scale(1.5 * thickness, 1.5 * thickness, high - low, marker);
+  }
+}
+
+void draw_motor(const engine::World& world, const engine::Joint& joint, const JointSize& size,
+                const ShownMotor& motor, const Vector3d& p_a, const Vector3d& p_b,
+                double most_width, ShownMarker* marker) {
+  const bool positive = motor.direction() > 0.0;
+  const double sign = positive ? 1.0 : -1.0;
+  marker->scale.x = 0.5 * std::min(most_width, kWidthOfLength * size.axis);
+  marker->pose.position = point_at(slides_along_axis(joint.kind) ? p_b : p_a);
+  marker->pose.orientation = quaternion_of(orientation_of(world, joint));
+  const double out = 0.75 * kOut * size.axis;
+  if (motor.is_angle) {
+    if (marker->is_drawn_for({sign * size.axis, size.before, size.behind})) return;
+    for (const double z : {-size.before - out, size.behind + out})
+      add_turning_arrow(kRing * size.axis, z, positive, &marker->points);
+    return;
+  }
+  // out of the body that moves, which would hide it
+  const double start = positive ? size.behind : size.before;
+  if (marker->is_drawn_for({sign * size.axis, start, -1.0})) return;
+  add_arrow(sign * start * Vector3d::UnitZ(), sign * Vector3d::UnitZ(), size.axis, 0.3 * size.axis,
+            &marker->points);
+}
+
+Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint, const JointSize& size,
+                     const std::optional<ShownMotor>& motor, const Vector3d& p_a,
+                     const Vector3d& p_b, const Vector3d& up) {
+  const Vector3d place = slides_along_axis(joint.kind) ? p_b : p_a;
+  double top = 0.0;  // of the bodies' smaller one, which would hide it
+  if (engine::has_frames(joint.kind)) {
+    const Vector3d z = orientation_of(world, joint) * Vector3d::UnitZ();
+    if (motor && !motor->is_angle) {
+      const bool positive = motor->direction() > 0.0;
+      return place + (positive ? size.behind + size.axis : -size.before - size.axis) * z;
+    }
+    const double upright = z.dot(up);
+    const double end =
+        std::max(0.5 * size.axis, kOut * size.axis + (upright > 0.0 ? size.behind : size.before));
+    double across =
+        std::max(motor ? kRing * size.axis : 0.0, size.wheel_is_on_a ? 0.0 : size.wheel);
+    if (is_on_sheet(joint.kind)) across = size.axis;
+    if (joint.kind == JointKind::kUniversal) across = 0.5 * size.axis;
+    top = across * std::sqrt(std::max(1.0 - upright * upright, 0.0));
+    if (std::abs(upright) > 0.7 && !is_on_sheet(joint.kind))
+      return place + (upright > 0.0 ? end : -end) * z +
+             (motor ? 0.3 * kRing : 0.0) * size.axis * up;
+  }
+  return place + std::max(top, top_above(world, joint, place, up)) * up;
+}
+
+}  // namespace constraint_sim

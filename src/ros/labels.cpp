@@ -190,7 +190,8 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
   const bool is_long = world.body_ids().size() > kMost || world.joint_ids().size() > kMost;
   const Line lines[] = {
       {!world.joint_ids().empty(), constraint_colour(0.0, kRedError), "red: off by 10 mm or more"},
-      {has_forces, constraint_colour(0.0, 0.0), "green: no force"},
+      {!world.joint_ids().empty(), constraint_colour(0.0, 0.0),
+       has_forces ? "green: no force" : "green: holds"},
       {has_forces, constraint_colour(1.0, 0.0), "yellow: compression"},
       {has_forces, constraint_colour(-1.0, 0.0),
        "cyan: tension, thickest at " + shown("%.3g N", forces.reference())},
@@ -204,7 +205,10 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
       {is_long, colour(0.9, 0.9, 0.9),
        "labels of the first " + std::to_string(kMost) + " bodies and constraints only"}};
   Vector3d place = 0.5 * (extent.low + extent.high);
-  place.z() = extent.high.z() + 2.0 * kLineSpacing * height_;
+  place.z() = extent.high.z();
+  for (const auto& [of, size] : wheels_)  // which may be larger than their bodies
+    place.z() = std::max(place.z(), world.anchors(engine::JointId{of}).p_b.z() + size.wheel);
+  place.z() += 2.0 * kLineSpacing * height_;
   std::int32_t id = 0;
   for (const Line& line : lines) {
     ++id;

@@ -202,7 +202,7 @@ inline std::vector<Conserved> conserved() {
   for (const JointKind kind :
        {JointKind::kBall, JointKind::kHinge, JointKind::kUniversal, JointKind::kWeld,
         JointKind::kSlider, JointKind::kCylindrical, JointKind::kPlanar, JointKind::kPointOnLine,
-        JointKind::kPointOnPlane})
+        JointKind::kPointOnPlane, JointKind::kParallel})
     all.push_back(pair_of(kind));
   for (const double ratio : {2.0, 1e6}) all.push_back(free_gears(ratio));
   all.push_back(free_screw());

@@ -213,6 +213,8 @@ inline void add_rows(JointKind kind, const Placed& p, std::vector<Row>* rows) {
       return add_line();
     case JointKind::kPointOnPlane:
       return add(p.on_a(2), p.d);
+    case JointKind::kParallel:
+      return add_parallel();
   }
 }
 
@@ -236,6 +238,7 @@ inline Row coordinate(JointKind kind, const Placed& p, int which) {
     case JointKind::kPointOnPlane:
       return p.product(p.on_a(0), p.d);
     case JointKind::kHinge:
+    case JointKind::kParallel:
     case JointKind::kUniversal:
     case JointKind::kScrew:
       if (kind == JointKind::kScrew && which == 0) break;
@@ -258,8 +261,8 @@ inline Row coordinate(JointKind kind, const Placed& p, int which) {
 }
 
 inline bool is_angle(const Joint& joint, int which) {
-  return joint.kind == JointKind::kHinge || joint.kind == JointKind::kUniversal ||
-         (joint.kind == JointKind::kScrew && which == 1);
+  return joint.kind == JointKind::kHinge || joint.kind == JointKind::kParallel ||
+         joint.kind == JointKind::kUniversal || (joint.kind == JointKind::kScrew && which == 1);
 }
 
 /// Σ ratio q of what a joint couples, coordinates by index of their joint.
@@ -325,6 +328,10 @@ inline Real error_of(JointKind kind, const Placed& p, Real radius) {
       break;
     case JointKind::kPointOnPlane:
       gap = std::abs(along);
+      break;
+    case JointKind::kParallel:
+      gap = 0;
+      angle = between();
       break;
   }
   return std::max(gap, radius * angle);

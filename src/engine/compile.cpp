@@ -35,7 +35,7 @@ void World::Impl::rebuild_topology() {
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const auto [a, b] = joint_ends.emplace_back(ends_of(joints[j]));
     if (!acts(joints[j], joint_states[j])) release(&joint_states[j]);
-    any_custom_forces |= joints[j].kind == JointKind::kCustomForce;
+    any_custom_forces |= is_custom_force(joints[j].kind);
     if (!joints[j].collide_connected && acts(joints[j], joint_states[j]))
       unpaired.emplace_back(static_cast<int>(std::min(a, b)), static_cast<int>(std::max(a, b)));
   }
@@ -219,9 +219,8 @@ std::vector<double> World::Impl::fastest_springs(const std::vector<JointEnds>& e
         damping[body] += 2.0 * inverse_mass * of_damper;
       }
     };
-    const auto* distance = if_distance(joint);
-    if (distance != nullptr && distance->is_soft())
-      add(false, distance->stiffness, distance->damping);
+    if (const SoftLaw spring = length_spring(joint); !spring.is_none())
+      add(false, spring.K, spring.C);
     for (int i = 0; i < coordinates(joint.kind); ++i) {
       const SoftLaw law = soft_law(joint.coordinates[at(i)]);
       if (law.K > 0.0 || law.C > 0.0) add(is_angle(joint.kind, i), law.K, law.C);
@@ -240,14 +239,12 @@ IslandTraits World::Impl::traits_of(const IslandMembers& members,
   bool is_switchable = true, breaks = false;
   for (const int j : members.joints) {
     const Joint& joint = joints[at(j)];
-    const auto* distance = if_distance(joint);
     const auto has_coordinate = [&](auto holds) { return any_coordinate(joint, holds); };
     one_sided += has_one_sided_law(joint) ? std::max(1, coordinates(joint.kind)) : 0;
     is_switchable = is_switchable && engine::is_switchable(joint);
     breaks = breaks || joint.break_force > 0.0 || joint.break_torque > 0.0;
     if (traits.jumps != MethodReason::kSmooth) continue;
-    if ((distance != nullptr && distance->is_limited()) ||
-        has_coordinate([](const CoordinateLaw& law) { return law.is_limited(); }))
+    if (has_limits(joint))
       traits.jumps = MethodReason::kLimit;
     else if (has_coordinate([](const CoordinateLaw& law) { return law.friction > 0.0; }))
       traits.jumps = MethodReason::kFriction;

@@ -28,8 +28,7 @@ bool can_be_beside_contacts(const Joint& joint) {
   if (couples(joint.kind) || is_custom(joint.kind) || joint.break_force > 0.0 ||
       joint.break_torque > 0.0 || !is_switchable(joint))
     return false;
-  const auto* distance = if_distance(joint);
-  if (distance != nullptr) return !distance->is_soft() || !joint.motor.is_moving();
+  if (has_length(joint.kind)) return length_spring(joint).is_none() || !joint.motor.is_moving();
   return !any_coordinate(joint, [](const CoordinateLaw& law) {
     return law.motor && law.motor->is_rigid() && law.motor->position;
   });
@@ -48,14 +47,15 @@ void add_coordinates(ContactEquations* equations) {
     coordinate.law = law;
     return coordinate;
   };
-  if (const auto* distance = if_distance(joint)) {
-    of.has_rows = laws.empty() && !distance->is_soft();
+  if (has_length(joint.kind)) {
+    const SoftLaw spring = length_spring(joint);
+    of.has_rows = laws.empty() && spring.is_none();
     if (of.has_rows) return;
     OneSidedLaw law;
     if (!laws.empty()) law = laws.front();
     law.is_distance = true;
     law.form = ScalarForm(LengthForm{});
-    if (distance->is_soft()) law.soft = {distance->stiffness, 0.0, distance->damping, 0.0};
+    law.soft = {spring.K, 0.0, spring.C, 0.0};
     add(law).is_one_sided = !laws.empty();
     return;
   }

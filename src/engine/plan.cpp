@@ -71,11 +71,10 @@ void count_joint(const Joint& joint, const JointState& state, Counts* counts) {
   ++counts->joints[static_cast<std::size_t>(joint.kind)];
   for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i)
     count_law(joint.coordinates[i], counts);
-  const auto* distance = if_distance(joint);
-  if (distance == nullptr) return;
-  if (distance->is_soft())
+  if (!has_length(joint.kind)) return;
+  if (!length_spring(joint).is_none())
     ++counts->springs;
-  else if (distance->is_limited())
+  else if (has_limits(joint))
     ++counts->limited;
   else
     ++counts->rods;
@@ -284,7 +283,7 @@ std::string text_of_opening(const World& world, JointId id) {
   const JointState& state = world.joint_state(id);
   if (!state.closing) return "";
   std::vector<std::string> parts;
-  if (if_distance(joint) != nullptr)
+  if (has_length(joint.kind))
     parts.push_back("length " + shown_figure(std::abs(state.error)) + " m off");
   else
     parts = open_parts(world, joint, state);

@@ -147,7 +147,7 @@ bool World::Impl::is_quiet(std::size_t island) const {
 bool World::Impl::is_driven(std::size_t island) const {
   for (const int index : island_parts[island].members.joints) {
     const std::size_t j = at(index);
-    if (joint_states[j].closing || joints[j].kind == JointKind::kCustomForce) return true;
+    if (joint_states[j].closing || is_custom_force(joints[j].kind)) return true;
     bool is_moving = false;
     visit_motors(joints[j], joint_states[j],
                  [&](const Motor& motor, double end) { is_moving |= drives(motor, time() < end); });

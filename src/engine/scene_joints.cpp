@@ -269,7 +269,7 @@ Joint read_joint(const YamlElement& item, const World& world) {
   joint.body_b = read_body_reference(item, "body_b", world);
   item.read("anchor_b", &joint.anchor_b);
   if (couples(kind)) read_coupling(item, world, &joint);
-  if (if_distance(joint) != nullptr) joint.distance = read_distance(item, type, world, joint);
+  if (has_length(joint.kind)) joint.distance = read_distance(item, type, world, joint);
   if (has_frames(joint.kind)) read_frames(item, &joint);
   if (is_custom(joint.kind)) joint.custom = read_custom(item);
   if (coordinates(joint.kind) > 0)

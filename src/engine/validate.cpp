@@ -10,6 +10,7 @@
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/joint.h"
 #include "constraint_sim/engine/report.h"
+#include "engine/constraints/joint_kinds.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -312,7 +313,7 @@ void validate_distance(const DistanceJoint& joint) {
 void validate_motor(const Joint& joint) {
   const Motor& m = joint.motor;
   validate(m);
-  if (if_distance(joint) != nullptr) return;
+  if (has_length(joint.kind)) return;
   if (m.is_moving() || m.max_force != 0.0)
     refuse("motor", "a " + std::string(name(joint.kind)) + " joint has none, got bias " +
                         shortest(m.bias) + ", amplitude " + shortest(m.amplitude) + ", max_force " +
@@ -366,10 +367,10 @@ void validate(const Joint& joint) {
   if (joint.baumgarte) check_share("baumgarte", *joint.baumgarte);
   check_not_negative("break_force", joint.break_force);
   check_not_negative("break_torque", joint.break_torque);
-  if (joint.kind == JointKind::kCustomForce && joint.break_force + joint.break_torque > 0.0)
+  if (is_custom_force(joint.kind) && joint.break_force + joint.break_torque > 0.0)
     refuse("break_force", "a custom force does not break, got " + shortest(joint.break_force) +
                               " and a break_torque of " + shortest(joint.break_torque));
-  if (if_distance(joint) != nullptr && joint.break_torque > 0.0)
+  if (has_length(joint.kind) && joint.break_torque > 0.0)
     refuse("break_torque", "a distance joint has no torque, got " + shortest(joint.break_torque));
 }
 

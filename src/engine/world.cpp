@@ -149,7 +149,7 @@ void World::Impl::find_acting_wrenches(const Tick& tick) {
 void World::Impl::find_custom_forces(const Tick& tick, const Carried& by_method) {
   for (const int index : by_method.impulse_joints) {
     const auto j = static_cast<std::size_t>(index);
-    if (joints[j].kind != JointKind::kCustomForce || !acts(joints[j], joint_states[j])) continue;
+    if (!is_custom_force(joints[j].kind) || !acts(joints[j], joint_states[j])) continue;
     const Jacobian wrench = custom_wrench(joints[j], state_a(j), state_b(j), tick.start);
     const auto [a, b] = joint_ends[j];
     if (is_movable(a)) acting_wrenches.push_back({a, options.time_step, wrench.j1, wrench.j2});

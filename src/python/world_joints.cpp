@@ -77,7 +77,7 @@ void define_list_of_joints(Class* world) {
       },
       py::arg("name"),
       "add_joint(name, *, type='distance', 'ball', 'hinge', 'slider', 'cylindrical', 'planar', "
-      "'universal', 'weld', 'point_on_line' or 'point_on_plane', body_a='world', "
+      "'universal', 'weld', 'point_on_line', 'point_on_plane' or 'parallel', body_a='world', "
       "anchor_a=(0, 0, 0) [m] in the body's frame, body_b='world', anchor_b, for types with axes "
       "axis_a=(0, 0, 1) and axis_b or frame_a and frame_b (x, y, z, w), length=None [m] None: the "
       "present distance, "

@@ -699,6 +699,34 @@ TEST(JointFrames, AResetClosesWhatItLeavesOpen) {
   }
 }
 
+// A ball joint and parallel axes are a hinge: the same rows, or those of one more joint, to
+// rounding.
+TEST(Parallel, IsAHingeWithABallJoint) {
+  for (const Method method : {Method::kRungeKutta, Method::kEnergyMomentum}) {
+    std::array<World, 2> worlds{World(smooth(method, 0.01)), World(smooth(method, 0.01))};
+    for (std::size_t w = 0; w < 2; ++w) {
+      Body door = make_body("door", Box{{0.8, 0.1, 1.9}}, 3.0, {0.4, 0.0, 0.0});
+      door.state.angular_velocity = Vector3d(0.0, 1.0, 2.0).normalized() * 1.5;
+      const Vector3d axis(0.0, 1.0, 2.0), at_door(-0.4, 0.0, 0.3);
+      const BodyId id = worlds[w].add_body(door);
+      const auto join = [&](JointKind kind) {
+        worlds[w].add_joint(join_at(kind, kWorldBody, {0.0, 0.0, 0.3}, id, at_door, axis));
+      };
+      if (w == 0) {
+        join(JointKind::kHinge);
+      } else {
+        join(JointKind::kBall);
+        join(JointKind::kParallel);
+      }
+      for (int i = 0; i < 200; ++i) worlds[w].step();
+    }
+    const BodyState& one = worlds[0].state(worlds[0].body_ids()[0]);
+    const BodyState& other = worlds[1].state(worlds[1].body_ids()[0]);
+    EXPECT_LE((one.position - other.position).norm(), 1e-12) << name(method);
+    EXPECT_LE(one.orientation.angularDistance(other.orientation), 1e-11) << name(method);
+  }
+}
+
 // A point mass on a plane through the origin slides as on ice; nothing in it turns.
 TEST(PointOnPlane, SlidesWithoutTurning) {
   World world(smooth(Method::kRungeKutta, 0.01));

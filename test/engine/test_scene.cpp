@@ -422,7 +422,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScene{with_constraints("  - name: j\n    type: cog\n    body_b: a\n"),
                  "s:5: constraints[0].type: there is no 'cog' (yet); there are distance, rope, "
                  "strut, spring, ball, hinge, slider, cylindrical, planar, universal, weld, "
-                 "point_on_line, point_on_plane, free_distance, gear, pulley, screw, "
+                 "point_on_line, point_on_plane, parallel, free_distance, gear, pulley, screw, "
                  "custom, custom_force"},
         BadScene{with_constraints("  - name: j\n    type: gear\n    body_b: a\n"),
                  "s:6: constraints[0]: unknown key 'body_b'"},

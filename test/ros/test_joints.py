@@ -261,6 +261,7 @@ class Joints(support.ServiceCase):
                 ("ball", {}, {}), ("hinge", {}, {}), ("slider", {}, {}), ("cylindrical", {}, {}),
                 ("planar", {}, {}), ("universal", {}, {"axis_b": Vector3(1, 0, 0)}),
                 ("weld", {}, {}), ("point_on_line", {}, {}), ("point_on_plane", {}, {}),
+                ("parallel", {}, {}),
                 ("screw", {"pitch": 0.5}, {}), ("distance", {}, above),
                 ("distance", {"free": 1.0}, above)):
             answer = self.good("add_constraint", constraint=self.joint(kind, keys, **fields))

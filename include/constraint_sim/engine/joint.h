@@ -28,6 +28,7 @@ enum class JointKind : std::uint8_t {
   kWeld,          ///< both frames in one place; nothing is free
   kPointOnLine,   ///< anchor B on A's z axis; rotation is free
   kPointOnPlane,  ///< anchor B in A's x-y plane; rotation is free
+  kParallel,      ///< z axes parallel; turns about z, and moves freely
   kFreeDistance,  ///< nothing; ‖d‖ is free, measured, and may have laws
   kGear,    ///< q₁ + ratio q₂ of the first coordinates of two other joints stays what it is
   kPulley,  ///< the same of the lengths of two joints of kind kFreeDistance
@@ -36,8 +37,8 @@ enum class JointKind : std::uint8_t {
   kCustomForce,  ///< nothing; a force of another package acts between the anchors
 };
 /// Those before kCustom need no other package.
-inline constexpr std::size_t kOwnJointKindCount = 14;
-inline constexpr std::size_t kJointKindCount = 16;
+inline constexpr std::size_t kOwnJointKindCount = 15;
+inline constexpr std::size_t kJointKindCount = 17;
 
 /// Settings of a joint of kind kDistance, which holds the distance of the two anchors: as a rod, or
 /// between limits (rope, strut), or as a spring about `length`. C = ‖d‖ − length in metres.

@@ -167,7 +167,7 @@ void measure_coupling(const Joint& joint, JointState& state) {
 
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
                    const Passed& passed, const MovingFrame& frame, JointState& state) {
-  if (if_distance(joint) != nullptr) return measure_distance(joint, a, b, zeta, state);
+  if (has_length(joint.kind)) return measure_distance(joint, a, b, zeta, state);
   measure_table_rows(joint, a, b, passed, frame, state);
   if (couples(joint.kind)) measure_coupling(joint, state);
 }
@@ -176,7 +176,7 @@ void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, d
 RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
                      const JointState& state) {
   RowVector errors = RowVector::Zero();
-  if (if_distance(joint) != nullptr) {
+  if (has_length(joint.kind)) {
     errors[0] = state.error;
     return errors;
   }
@@ -239,7 +239,7 @@ void add_own_coupling(const Joint& joint, double impulse, RowVector* done) {
 
 void finish(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
             double zeta, const RowVector& impulse, JointState& state) {
-  const bool is_distance = if_distance(joint) != nullptr;
+  const bool is_distance = has_length(joint.kind);
   const Passed passed{step.h, step.counted};
   if (is_distance)
     measure_distance(joint, a, b, zeta, state);
@@ -250,7 +250,7 @@ void finish(const Joint& joint, const BodyState& a, const BodyState& b, const Jo
   if (state.closing && step.closing_time == 0.0)
     state.closing_share *= 1.0 - joint.baumgarte.value_or(step.beta);
   if (state.closing) state.closing = !is_closed(state, step);
-  if (joint.kind == JointKind::kCustomForce)
+  if (is_custom_force(joint.kind))
     state.force = custom_wrench(joint, a, b, step.t + step.h).j3.norm();
   if (is_distance ? joint.break_force > 0.0 && std::abs(state.force) > joint.break_force
                   : breaks(joint, a, b, impulse, step.h, state)) {
@@ -367,8 +367,7 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
           const JointState& state) {
   if (!state.closing) return std::abs(state.error) <= kFits;
   const double share = closing_course(step.t - state.closing_since, step.closing_time).value;
-  if (if_distance(joint) != nullptr)
-    return std::abs(state.error - share * state.initial_error) <= kFits;
+  if (has_length(joint.kind)) return std::abs(state.error - share * state.initial_error) <= kFits;
   const JointKindInfo& kind = info(joint.kind);
   const double coupling = state.coupling.value - state.coupling.constant;
   if (couples(joint.kind) && !(std::abs(coupling - share * state.coupling.offset) <= kFits))
@@ -405,7 +404,7 @@ void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& 
                        const JointStep& step, const RowVector& impulse, double zeta,
                        JointState& state) {
   state.impulse = impulse;
-  if (if_distance(joint) != nullptr) {
+  if (has_length(joint.kind)) {
     state.force = impulse[0] / step.h;
     return finish(joint, a, b, step, zeta, impulse, state);
   }

@@ -121,7 +121,7 @@ Prescribed PrescribedMotion::share_to_close(double t) const {
 }
 
 void finish_span(const Joint& joint, const JointStep& span, JointState& state) {
-  if (if_distance(joint) != nullptr) {
+  if (has_length(joint.kind)) {
     state.travel += state.bias * span.h;
     return;
   }

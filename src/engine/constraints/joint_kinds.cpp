@@ -77,6 +77,7 @@ constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
     kind("weld", {{d, xW}, {d, yW}, {d, zW}, {xA, yB}, {yA, zB}, {zA, xB}}, Alignment::kSame, {}),
     kind("point_on_line", {{xA, d}, {yA, d}}, Alignment::kFree, {along_z}),
     kind("point_on_plane", {{zA, d}}, Alignment::kFree, {along_x, along_y}),
+    kind("parallel", {{zA, xB}, {zA, yB}}, Alignment::kParallelZ, {angle}),
     kind("free_distance", {}, Alignment::kFree, {length}),
     kind("gear", {}, Alignment::kFree, {}, Couples::kJoints),
     kind("pulley", {}, Alignment::kFree, {}, Couples::kLengths),

@@ -62,6 +62,12 @@ constexpr bool turns_b(const JointKindInfo& kind) {
   return kind.alignment != Alignment::kFree || kind.is_custom;
 }
 
+/// Whether its row is a length, with laws of its own.
+constexpr bool has_length(JointKind kind) { return kind == JointKind::kDistance; }
+
+/// Whether it has no rows but a force of another package.
+constexpr bool is_custom_force(JointKind kind) { return kind == JointKind::kCustomForce; }
+
 /// What a rod of length zero is.
 inline constexpr JointKind kKindOfLengthZero = JointKind::kBall;
 

@@ -175,7 +175,7 @@ RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, con
 void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                    const JointStep& step, JointState& state, std::vector<Row>* rows) {
   const std::size_t first = rows->size();
-  const bool is_distance = if_distance(joint) != nullptr;
+  const bool is_distance = has_length(joint.kind);
   const JointKindInfo& kind = info(joint.kind);
   rows->resize(first +
                at(is_distance ? kMaxDistanceRows : kind.rows + kMaxLawRows * kind.coordinates));
@@ -196,7 +196,7 @@ void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
 void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
                      const JointStep& step, const JointState& state, const Row* rows, int count,
                      Jacobian* J) {
-  if (if_distance(joint) != nullptr) {
+  if (has_length(joint.kind)) {
     const AnchorPair anchors(joint, a, b);
     std::fill(J, J + count, anchors.along(direction(anchors)));
     return;
@@ -252,7 +252,7 @@ double spring_stretch(const Joint& joint, const JointState& state, const Row& ro
 
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
                 const Row* rows, int count, JointState& state) {
-  if (if_distance(joint) != nullptr) {
+  if (has_length(joint.kind)) {
     settle(joint.distance, joint, AnchorPair(joint, a, b), step, rows, count, state);
     return finish(joint, a, b, step, state.bias, state.impulse, state);
   }

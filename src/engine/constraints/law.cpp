@@ -44,6 +44,17 @@ Row limit_row(const CoordinateLaw& law, const CoordinateMotion& motion,
 
 }  // namespace
 
+SoftLaw length_spring(const Joint& joint) {
+  const DistanceJoint& distance = joint.distance;
+  if (!has_length(joint.kind) || !distance.is_soft()) return {};
+  return {distance.stiffness, distance.length.value_or(0.0), distance.damping, 0.0};
+}
+
+bool has_limits(const Joint& joint) {
+  return (has_length(joint.kind) && joint.distance.is_limited()) ||
+         any_coordinate(joint, [](const CoordinateLaw& law) { return law.is_limited(); });
+}
+
 SoftLaw soft_law(const CoordinateLaw& law) {
   if (is_held(law)) return {};
   SoftLaw soft{law.stiffness, law.rest, law.damping, 0.0};

@@ -27,6 +27,12 @@ struct SoftLaw {
 /// That of a coordinate; none where a motor holds it, since that takes up all of it.
 SoftLaw soft_law(const CoordinateLaw& law);
 
+/// That of a length; none of a joint that has none, or is no spring.
+SoftLaw length_spring(const Joint& joint);
+
+/// Whether its length or a coordinate has limits.
+bool has_limits(const Joint& joint);
+
 /// Whether a motor holds the coordinate on its course with any force.
 inline bool is_held(const CoordinateLaw& law) {
   return law.motor && law.motor->is_rigid() && law.motor->max_force == 0.0;
@@ -49,7 +55,7 @@ bool any_coordinate(const Joint& joint, Holds holds) {
 template <class State, class Visit>
 void visit_motors(const Joint& joint, State& state, Visit visit) {
   const auto count = static_cast<std::size_t>(info(joint.kind).coordinates);
-  if (if_distance(joint) != nullptr) visit(joint.motor, state.expires_at);
+  if (has_length(joint.kind)) visit(joint.motor, state.expires_at);
   for (std::size_t i = 0; i < count; ++i)
     if (const auto& motor = joint.coordinates[i].motor)
       visit(static_cast<const Motor&>(*motor), state.coordinates[i].expires_at);

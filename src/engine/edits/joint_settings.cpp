@@ -136,7 +136,7 @@ void World::set_joint(JointId id, const Joint& joint) {
   if (changed.enabled != before.enabled) impl_->check_coupled_act(j, changed.enabled);
   if (changed.enabled && !before.enabled && couples_joints(joint.kind))
     check_coupling_loop(*impl_, *impl_, changed);
-  const bool is_distance = if_distance(joint) != nullptr;
+  const bool is_distance = has_length(joint.kind);
   if (is_distance) {
     impl_->fill_in(changed);
     if (changed.kind != joint.kind)

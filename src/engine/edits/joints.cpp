@@ -307,10 +307,10 @@ World::JointWrench World::joint_wrench(JointId id) const {
                              ", which couples others and has no wrench of its own");
   const JointState& state = joint_state(id);
   const BodyState &a = this->state(joint.body_a), &b = this->state(joint.body_b);
-  if (if_distance(joint) != nullptr)
+  if (has_length(joint.kind))
     return {b.orientation.conjugate() * (state.force * direction(AnchorPair(joint, a, b))),
             Vector3d::Zero()};
-  if (joint.kind == JointKind::kCustomForce) {
+  if (is_custom_force(joint.kind)) {
     const Jacobian wrench = custom_wrench(joint, a, b, time());
     const Vector3d arm = b.orientation * joint.anchor_b;
     const Eigen::Quaterniond to_joint = (b.orientation * *joint.frame_b).conjugate();

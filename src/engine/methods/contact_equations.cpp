@@ -113,7 +113,7 @@ void ContactEquations::add_joint_rows() {
     const JointVectors vectors(joint.joint, a, b);
     const JointMotion motion(vectors, a, b);
     const JointKindInfo& kind = info(joint.joint.kind);
-    const bool is_distance = if_distance(joint.joint) != nullptr;
+    const bool is_distance = has_length(joint.joint.kind);
     for (int k = 0; k < kind.rows; ++k) {
       const ScalarForm form =
           is_distance ? ScalarForm(LengthForm{}) : kind.function[static_cast<std::size_t>(k)];

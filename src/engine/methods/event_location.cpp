@@ -87,7 +87,7 @@ void EventDriven::watch_breaking(const Span& span, double t, std::vector<Watched
     Watched watched;
     watched.breaks = static_cast<int>(breaking.joint);
     double strongest = std::abs(force[0]), turning = 0.0;
-    if (!if_distance(joint)) {
+    if (!has_length(joint.kind)) {
       const auto [a, b] = ends_[breaking.joint];
       const World::JointWrench wrench = wrench_of(joint, body(span, static_cast<int>(a), t),
                                                   body(span, static_cast<int>(b), t), force, 1.0);

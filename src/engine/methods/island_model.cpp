@@ -79,10 +79,10 @@ bool IslandModel::order_as_chain(const std::vector<Joint>& all_joints, const End
   };
   std::vector<std::array<int, 2>> rods_of(bodies_.size(), {-1, -1});  // or ball joints
   for (const int j : joints_) {
-    const auto* distance = if_distance(all_joints[at(j)]);
-    if ((distance == nullptr) != is_of_bodies) return false;
-    if (info(all_joints[at(j)].kind).form == RowsForm::kGeneral) return false;
-    if (distance != nullptr && distance->is_soft()) return false;
+    const Joint& joint = all_joints[at(j)];
+    if (has_length(joint.kind) == is_of_bodies) return false;
+    if (info(joint.kind).form == RowsForm::kGeneral) return false;
+    if (!length_spring(joint).is_none()) return false;
     for (const std::size_t body : {ends[at(j)].first, ends[at(j)].second}) {
       if (!masses[body].is_movable()) continue;
       auto& [first, second] = rods_of[place(body)];
@@ -137,12 +137,12 @@ void IslandModel::sort_joints(const std::vector<Joint>& all_joints, const Ends& 
     return found != places.end() && rotates(found->second);
   };
   const auto place_in_order = [&](int j) {
-    const auto* distance = if_distance(all_joints[at(j)]);
-    if (distance == nullptr) {
+    const Joint& joint = all_joints[at(j)];
+    if (!has_length(joint.kind)) {
       const bool is_open = !open.empty() && open[at(j)] != 0;
-      return is_open || info(all_joints[at(j)].kind).form == RowsForm::kGeneral ? 3 : 2;
+      return is_open || info(joint.kind).form == RowsForm::kGeneral ? 3 : 2;
     }
-    if (distance->is_soft()) return 4;
+    if (!length_spring(joint).is_none()) return 4;
     return turns_body(ends[at(j)].first) || turns_body(ends[at(j)].second) ? 1 : 0;
   };
   std::stable_sort(joints_.begin(), joints_.end(),
@@ -176,10 +176,9 @@ void IslandModel::add_links(const std::vector<Joint>& all_joints, const Ends& en
     link.anchor_a = joint.anchor_a;
     link.anchor_b = joint.anchor_b;
     link.has_arms = rotates(link.a) || rotates(link.b);
-    if (const auto* distance = if_distance(joint)) {
-      link.stiffness = distance->stiffness;
-      link.damping = distance->damping;
-    }
+    const SoftLaw spring = length_spring(joint);
+    link.stiffness = spring.K;
+    link.damping = spring.C;
     if (has_axes) {
       link.frame_a = joint.frame_a.toRotationMatrix();
       link.frame_b = joint.frame_b->toRotationMatrix();

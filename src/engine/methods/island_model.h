@@ -52,7 +52,7 @@ class IslandModel {
     Eigen::Matrix3d frame_a = Eigen::Matrix3d::Identity(), frame_b = frame_a;
     double radius = 0.0;                 ///< [m] that turns the angles of its rows into lengths
     const CustomCode* custom = nullptr;  ///< of kinds that are custom
-    bool has_custom_force() const { return kind == JointKind::kCustomForce; }
+    bool has_custom_force() const { return is_custom_force(kind); }
   };
   /// One scalar equation; `block_a`, `block_b` into angular_blocks_, -1 where the end does not
   /// turn.

@@ -15,7 +15,7 @@ using Kind = ContactFeature::Kind;
 constexpr double kBorder = 1e-10;   // [m] nearer to a border is on it
 constexpr double kMoves = 1e-9;     // [m/s] slower is not at all
 constexpr double kParallel = 1e-5;  // sine of edges that do not cross
-constexpr double kBeyond = 2.0;     // half edges from their middles: farther off they are not watched
+constexpr double kBeyond = 2.0;  // half edges from their middles: farther off they are not watched
 
 /// One box as the other one sees it: places and velocities in the axes of `home`.
 struct Seen {
@@ -29,9 +29,8 @@ struct Seen {
   Vector3d velocity(const Vector3d& point) const {
     const Vector3d arm = other.orientation * point;
     const Vector3d from_home = other.position + arm - home.position;
-    return to_home *
-           (other.linear_velocity + other.angular_velocity.cross(arm) - home.linear_velocity -
-            home.angular_velocity.cross(from_home));
+    return to_home * (other.linear_velocity + other.angular_velocity.cross(arm) -
+                      home.linear_velocity - home.angular_velocity.cross(from_home));
   }
 
   Eigen::Quaterniond to_home;
@@ -115,7 +114,8 @@ void add_corners(const Corners& corners, const Box& home, bool is_of_a, int only
     feature.on_a = is_of_a ? corners.own[k] : point;
     feature.on_b = is_of_a ? point : corners.own[k];
     (is_of_a ? feature.axis : feature.axis_a) = axis;
-    feature.id = static_cast<std::uint32_t>((is_of_a ? 0 : 64) + 8 * static_cast<int>(k) + face + 1);
+    feature.id =
+        static_cast<std::uint32_t>((is_of_a ? 0 : 64) + 8 * static_cast<int>(k) + face + 1);
     features->push_back(feature);
   }
 }
@@ -131,7 +131,8 @@ struct Edge {
   Edge(const Box& box, const BodyState& state, int number) : axis(number % 3) {
     for (int k = 0; k < 2; ++k) {
       const int across = (axis + 1 + k) % 3;
-      middle[across] = (number / 3 >> k & 1) != 0 ? 0.5 * box.size[across] : -0.5 * box.size[across];
+      middle[across] =
+          (number / 3 >> k & 1) != 0 ? 0.5 * box.size[across] : -0.5 * box.size[across];
       outward[static_cast<std::size_t>(k)] =
           state.orientation * (Vector3d::Unit(across) * (middle[across] < 0.0 ? -1.0 : 1.0));
     }
@@ -226,13 +227,13 @@ void add_edges(const Box& box_a, const BodyState& a, const Box& box_b, const Bod
       const double gap = -n.dot(crossing.apart);
       if (gap < -kBoxOverlap) continue;
       crossing.move(a, b);
-      if (gap <= kBorder && (!support(of_a, of_b, n) ||
-                             is_outside(crossing.on_a, crossing.on_a_dot, of_a.half) ||
-                             is_outside(crossing.on_b, crossing.on_b_dot, of_b.half)))
+      if (gap <= kBorder &&
+          (!support(of_a, of_b, n) || is_outside(crossing.on_a, crossing.on_a_dot, of_a.half) ||
+           is_outside(crossing.on_b, crossing.on_b_dot, of_b.half)))
         continue;
       feature.id = static_cast<std::uint32_t>(128 + 12 * i + j);
-      const double beyond = std::max({0.0, std::abs(crossing.on_a) - of_a.half,
-                                      std::abs(crossing.on_b) - of_b.half});
+      const double beyond =
+          std::max({0.0, std::abs(crossing.on_a) - of_a.half, std::abs(crossing.on_b) - of_b.half});
       found.push_back({std::max(gap, 0.0) + beyond, feature});
     }
   }
@@ -308,8 +309,8 @@ ContactMotion motion_of_edges(const ContactFeature& feature, const BodyState& a,
   motion.r_a = crossing.to_a + crossing.on_a * crossing.u;
   motion.p = a.position + motion.r_a;
   motion.r_b = motion.p - b.position;
-  const Vector3d p_dot = a.linear_velocity + a.angular_velocity.cross(motion.r_a) +
-                         crossing.on_a_dot * crossing.u;
+  const Vector3d p_dot =
+      a.linear_velocity + a.angular_velocity.cross(motion.r_a) + crossing.on_a_dot * crossing.u;
   set_velocities(p_dot, a, b, &motion);
   return motion;
 }

@@ -26,14 +26,15 @@ namespace constraint_sim::engine {
 struct ContactFeature {
   enum class Kind : char { kPlane, kLine, kPoint, kPlaneOfA, kEdges, kNothing };
   Kind kind = Kind::kPlane;
-  Eigen::Vector3d on_a = Eigen::Vector3d::Zero();  ///< the point of A, or of its plane or edge, in A [m]
+  Eigen::Vector3d on_a =
+      Eigen::Vector3d::Zero();  ///< the point of A, or of its plane or edge, in A [m]
   Eigen::Vector3d on_b = Eigen::Vector3d::Zero();  ///< of the plane, line or corner of B, in B [m]
   Eigen::Vector3d axis =
-      Eigen::Vector3d::UnitZ();           ///< normal of the plane, or along the line, in B
+      Eigen::Vector3d::UnitZ();  ///< normal of the plane, or along the line, in B
   Eigen::Vector3d axis_a = Eigen::Vector3d::UnitZ();  ///< the same of A, in A
   double sign = 1.0;                                  ///< of n, of edges
-  double radius_a = 0.0, radius_b = 0.0;  ///< [m]
-  std::uint32_t id = 0;                   ///< among those of its pair
+  double radius_a = 0.0, radius_b = 0.0;              ///< [m]
+  std::uint32_t id = 0;                               ///< among those of its pair
 };
 
 /// A contact as two bodies move.
@@ -72,8 +73,8 @@ void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b
                   const BodyState& b, std::vector<ContactFeature>* features);
 
 /// How far, and how fast, a point of A is from where it meets another face, edge or corner of a box
-/// B than `feature` says, or of two boxes from where other ones meet: the least of several. Infinite
-/// of other shapes.
+/// B than `feature` says, or of two boxes from where other ones meet: the least of several.
+/// Infinite of other shapes.
 struct FeatureMargin {
   double value, rate;
 };

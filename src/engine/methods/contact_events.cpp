@@ -22,7 +22,8 @@ constexpr double kMostTurn = 1.0;       // [rad] of a box in a substep
 constexpr std::uint32_t kMostJams = 4;  // in a step
 constexpr int kMostUnchanged = 100;     // events in a step, that changed nothing
 constexpr double kOverlap = 1e-9;       // [m] of boxes: more has been missed
-constexpr int kMostMissed = 200;        // substeps in a step that are taken again for that
+constexpr int kMostMissed = 40;         // substeps in a step that are taken again for that
+constexpr double kMostWork = 2e4;       // in a step, in substeps of a group of one point
 
 }  // namespace
 
@@ -392,6 +393,10 @@ void ContactEvents::watch(std::vector<Watched>* list) {
 // ---- from event to event
 
 bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double* step) {
+  const auto acting = static_cast<double>(
+      std::count_if(equations_.contacts.begin(), equations_.contacts.end(),
+                    [](const auto& contact) { return contact.acts != Acts::kOpen; }));
+  work_ += 1.0 + acting * acting / 16.0;
   const StageMemory memory(numbers_.data(), equations_.size());
   const SubstepLimits limits{tolerance, span->accuracy.most_attempts, span->all.stop};
   return span->accuracy.order == 5 ? take_substep<DormandPrince5>(equations_, memory, limits, *left,
@@ -402,6 +407,7 @@ bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double
 
 // A substep of h from where the last one started, which was at t.
 bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
+  if (work_ > kMostWork) return false;
   const std::size_t n = equations_.size();
   std::copy(kept_.begin(), kept_.begin() + static_cast<std::ptrdiff_t>(n), numbers_.begin());
   std::copy(kept_.begin() + static_cast<std::ptrdiff_t>(n), kept_.end(), derivative());
@@ -416,7 +422,7 @@ bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
 }
 
 bool ContactEvents::advance_to_event(Span* span) {
-  if (is_set(span->all.stop)) return false;
+  if (is_set(span->all.stop) || work_ > kMostWork) return false;
   find_features(false);
   set_directions();
   note_positions();

@@ -199,10 +199,11 @@ class ContactEvents {
   std::vector<OneSidedState> states_before_;     // of coordinates, where the event is
   WatchedSubstep<Watched> watched_;
   std::uint32_t events_ = 0, impacts_ = 0, jams_ = 0;
-  int unchanged_ = 0;                 // events that changed nothing
-  int missed_ = 0;                    // substeps that ended with boxes in each other
-  std::vector<double> depth_;         // [m] of pairs of boxes, where the substep starts
-  AtBound at_cone_, at_zero_;         // of friction, and of the force along the normal
+  int unchanged_ = 0;          // events that changed nothing
+  int missed_ = 0;             // substeps that ended with boxes in each other
+  double work_ = 0.0;          // substeps that were taken, by what one costs
+  std::vector<double> depth_;  // [m] of pairs of boxes, where the substep starts
+  AtBound at_cone_, at_zero_;  // of friction, and of the force along the normal
   std::vector<Told> told_;
 };
 

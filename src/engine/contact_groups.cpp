@@ -234,9 +234,8 @@ bool World::Impl::can_be_in_group(std::size_t i) const {
 
 // The group with its equations; false where it is left to others.
 bool World::Impl::compile_group(ContactGroup* group) {
-  if (group->pairs.size() > ContactEvents::kMostContacts ||
-      group->islands.size() > ContactEvents::kMostBodies)
-    return compile_spheres(group);
+  if (compile_spheres(group)) return true;
+  if (group->pairs.size() > ContactEvents::kMostContacts) return false;
   ContactEquations equations;
   std::vector<int> place(bodies.size(), -1);
   const auto add = [&](int body) {
@@ -320,7 +319,16 @@ bool World::Impl::compile_spheres(ContactGroup* group) {
     const BodyState& state = states[at(body)];
     planes.push_back({body, state.orientation * Vector3d::UnitZ(), state.position});
   }
-  group->spheres = std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes));
+  // where all that can touch is among them, they can meet nothing else however fast they get
+  const auto can_touch = [](const Body& body) {
+    return !body.no_collision && !std::holds_alternative<Point>(body.shape);
+  };
+  const bool is_all = std::count_if(bodies.begin(), bodies.end(), can_touch) ==
+                      static_cast<std::ptrdiff_t>(spheres.size() + planes.size());
+  const double most_speed =
+      is_all ? std::numeric_limits<double>::infinity() : group_reach / options.time_step;
+  group->spheres =
+      std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes), most_speed);
   if (group->spheres->begin(states, ContactEvents::kMostOverlap)) return true;
   group->spheres.reset();
   return false;
@@ -331,7 +339,7 @@ void World::Impl::advance_contact_groups(const SmoothSpan& span) {
     if (group.has_failed) continue;
     const IntegrationResult progress =
         group.spheres != nullptr
-            ? group.spheres->advance(span, group_reach / options.time_step, &states)
+            ? group.spheres->advance(span, &states)
             : group.events->advance(span, accuracy_within(std::numeric_limits<double>::infinity()),
                                     span_from(span.t, span.h), joint_states, &states);
     group.has_failed = !note(at(group.islands.front()), progress);

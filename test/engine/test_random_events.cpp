@@ -46,8 +46,8 @@ TEST(RandomEvents, OfMechanismsWithMotorsGainWhatTheseDo) {
   EXPECT_GT(found.events, 3 * kScenes);
 }
 
-// Some scenes are given up, and told so: 19, 24 and 14 of the 300, 300 and 150 now. Where boxes meet
-// boxes, and joints pull shapes into each other, contacts are left to impulses.
+// Some scenes are given up, and told so: 19, 24 and 14 of the 300, 300 and 150 now. Where boxes
+// meet boxes, and joints pull shapes into each other, contacts are left to impulses.
 TEST(RandomEvents, OfContactsGainNoEnergyAndOverlapNowhere) {
   const Found found = hold(Kind::kTouching, kScenes);
   EXPECT_LE(found.given_up, 1 + kScenes / 12);

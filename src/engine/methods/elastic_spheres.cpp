@@ -116,8 +116,7 @@ void ElasticSpheres::have_hit(const Expected& hit, double start) {
   hits_.push_back({start + hit.time, spheres_[hit.a].body, spheres_[hit.b].body, impulse});
 }
 
-IntegrationResult ElasticSpheres::advance(const SmoothSpan& span, double most_speed,
-                                          std::vector<BodyState>* states) {
+IntegrationResult ElasticSpheres::advance(const SmoothSpan& span, std::vector<BodyState>* states) {
   const std::size_t n = spheres_.size();
   const auto state_of = [&](std::size_t i) -> BodyState& {
     return (*states)[static_cast<std::size_t>(spheres_[i].body)];
@@ -144,8 +143,8 @@ IntegrationResult ElasticSpheres::advance(const SmoothSpan& span, double most_sp
       continue;
     have_hit(hit, span.t);
     const bool lies = hit.b >= n && planes_[hit.b - n].normal.dot(flights_[hit.a].v) <= lowest;
-    const bool is_too_fast = flights_[hit.a].v.norm() > most_speed ||
-                             (hit.b < n && flights_[hit.b].v.norm() > most_speed);
+    const bool is_too_fast = flights_[hit.a].v.norm() > most_speed_ ||
+                             (hit.b < n && flights_[hit.b].v.norm() > most_speed_);
     if (lies || is_too_fast || hits_.size() > most || is_set(span.stop)) {
       progress.done = false;
       return progress;

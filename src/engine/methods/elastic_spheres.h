@@ -31,16 +31,15 @@ class ElasticSpheres {
   };
   static constexpr std::uint32_t kMostHits = 200;  ///< of a sphere in a step, on the mean
 
-  ElasticSpheres(std::vector<Sphere> spheres, std::vector<Plane> planes)
-      : spheres_(std::move(spheres)), planes_(std::move(planes)) {}
+  /// One that is faster than `most_speed` [m/s] may meet what is no part of this.
+  ElasticSpheres(std::vector<Sphere> spheres, std::vector<Plane> planes, double most_speed)
+      : spheres_(std::move(spheres)), planes_(std::move(planes)), most_speed_(most_speed) {}
 
   /// False where two overlap by more than `most` [m], or one is at rest on what it lies on: that is
   /// for others.
   bool begin(const std::vector<BodyState>& states, double most);
-  /// As method.h says. Not done: too many hits, as of spheres that come to lie, or one that is
-  /// faster than `most_speed` [m/s], so that it may meet what is no part of this.
-  IntegrationResult advance(const SmoothSpan& span, double most_speed,
-                            std::vector<BodyState>* states);
+  /// As method.h says. Not done: too many hits, as of spheres that come to lie, or one too fast.
+  IntegrationResult advance(const SmoothSpan& span, std::vector<BodyState>* states);
 
   const std::vector<Hit>& hits() const { return hits_; }
   const std::vector<Sphere>& spheres() const { return spheres_; }
@@ -76,6 +75,7 @@ class ElasticSpheres {
 
   std::vector<Sphere> spheres_;
   std::vector<Plane> planes_;
+  double most_speed_;
   std::vector<Flight> flights_;
   Eigen::Vector3d gravity_;
   double end_ = 0.0;  // of the span, from its start

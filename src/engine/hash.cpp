@@ -240,7 +240,8 @@ void add_methods(Fnv1a& hash, const Impl& world) {
       add(body);
       FreeRotation::visit_memory(rotation, add);
     }
-    if (parts.motion < 0) continue;
+    // impulses go on from nothing of it, and others forget it when they follow these
+    if (parts.motion < 0 || island.method == Method::kSequentialImpulses) continue;
     hash.add(std::uint64_t{i});
     for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
       add(word);

@@ -31,7 +31,8 @@ inline bool is_by_impulses(const World& world) {
 }
 
 inline bool has_given_up(const World& world) {
-  return std::any_of(world.islands().begin(), world.islands().end(), [](const Island& island) {
+  const std::vector<Island> islands = world.islands();  // each call makes its own
+  return std::any_of(islands.begin(), islands.end(), [](const Island& island) {
     return island.why == MethodReason::kContactsGivenUp || island.why == MethodReason::kRefused;
   });
 }

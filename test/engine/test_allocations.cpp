@@ -1,6 +1,5 @@
 // A step after the first ones allocates nothing.
 
-#include <algorithm>
 #include <filesystem>
 
 #include "constraint_sim/engine/scene.h"
@@ -44,13 +43,6 @@ TEST(Allocations, AreNoneInTheStepsOfSmoothScenes) {
   }
 }
 
-/// Whether contacts are followed by events.
-bool has_contact_groups(const World& world) {
-  const auto islands = world.islands();
-  return std::any_of(islands.begin(), islands.end(),
-                     [](const Island& island) { return island.why == MethodReason::kFewContacts; });
-}
-
 // As they are shipped, after so long that lists have had their longest. Groups of contacts that are
 // followed by events are compiled anew in each step: up to 206 allocations of the shipped ones.
 TEST(Allocations, AreNoneInTheShippedScenes) {
@@ -58,8 +50,8 @@ TEST(Allocations, AreNoneInTheShippedScenes) {
   for (const auto& entry : std::filesystem::directory_iterator(CONSTRAINT_SIM_SCENE_DIR)) {
     World world = load_scene_file(entry.path().string());
     run(world, 1500);
-    const std::uint64_t most = has_contact_groups(world) ? 200 * 300 : 0;
-    EXPECT_LE(allocations_in(world, 200), most) << entry.path();
+    const bool by_events = world.options().method == Method::kEventDriven;
+    EXPECT_LE(allocations_in(world, 200), by_events ? 200 * 300 : 0) << entry.path();
     ++scenes;
   }
   EXPECT_GE(scenes, 10);

@@ -324,8 +324,7 @@ void check_rest(const Impl& impl) {
   for (std::size_t i = 0; i < impl.islands.size(); ++i) {
     const auto& parts = impl.island_parts[i];
     const bool is_smooth = impl.islands[i].method != Method::kSequentialImpulses;
-    if (!parts.is_fresh && is_smooth)
-      check_indices(parts.members.joints, impl.courses.size());
+    if (!parts.is_fresh && is_smooth) check_indices(parts.members.joints, impl.courses.size());
   }
   std::vector<int> loaded;
   for (const AppliedWrench& load : impl.loads) loaded.push_back(load.body);
@@ -422,8 +421,8 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   }
 }
 
-// what follows from islands and what they remember; of those that impulses carry nothing does, which
-// have no courses where they have always done so
+// what follows from islands and what they remember; of those that impulses carry nothing does,
+// which have no courses where they have always done so
 void World::Impl::continue_from_snapshot() {
   fresh_islands.clear();
   for (std::size_t i = 0; i < islands.size(); ++i)

@@ -163,8 +163,8 @@ TEST_P(ContactsWithLawsAt, ABoxOnASpringSlidesOverAFloor) {
   constexpr double kMass = 2.0, kMu = 0.1, kStiffness = 40.0, kStart = 0.3;
   World world(by_events(GetParam()));
   world.add_body(plane("floor", Vector3d::Zero(), Vector3d::UnitZ(), kMu, 0.0));
-  const BodyId id = world.add_body(with_surface(
-      make_body("box", Box{{0.6, 0.5, 0.4}}, kMass, {kStart, 0.0, 0.2}), kMu, 0.0));
+  const BodyId id = world.add_body(
+      with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, kMass, {kStart, 0.0, 0.2}), kMu, 0.0));
   world.add_joint(make_joint("spring", kWorldBody, {-1.0, 0.0, 0.2}, id, Vector3d::Zero(),
                              spring(1.0, kStiffness, 0.0)));
   const double omega = std::sqrt(kStiffness / kMass), shift = kMu * kMass * kGravity / kStiffness;

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "engine/methods/equations_of_motion.h"
 #include "engine/linear/larger.h"
+#include "engine/methods/equations_of_motion.h"
 #include "engine/methods/quaternion_state.h"
 
 namespace constraint_sim::engine {

@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "engine/methods/cross_matrix.h"
 #include "engine/linear/larger.h"
+#include "engine/methods/cross_matrix.h"
 #include "engine/methods/implicit_step.h"
 
 namespace constraint_sim::engine {

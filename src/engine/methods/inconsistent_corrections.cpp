@@ -5,8 +5,8 @@
 #include <cmath>
 #include <limits>
 
-#include "engine/mass_properties.h"
 #include "engine/linear/larger.h"
+#include "engine/mass_properties.h"
 #include "engine/methods/inconsistent_motion.h"
 
 namespace constraint_sim::engine {

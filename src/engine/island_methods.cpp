@@ -32,7 +32,6 @@ Carried& World::Impl::choose_methods(const std::vector<TouchingPair>& pairs) {
     sort_islands(pairs);
   had_groups = !contact_groups.empty();
   report.islands = carried.islands;
-  report.rows = carried.integrated_rows;
   return carried;
 }
 
@@ -106,14 +105,10 @@ void World::Impl::list_by_method() {
   smooth_changed = true;
   carried.smooth.clear();
   carried.islands = {};
-  carried.integrated_rows = 0;
   for (const int i : awake_islands) {
     ++carried.islands[static_cast<std::size_t>(islands[at(i)].method)];
     if (islands[at(i)].method == Method::kSequentialImpulses) continue;
     carried.smooth.push_back(i);
-    const int m = island_parts[at(i)].motion;
-    if (m >= 0)
-      carried.integrated_rows += static_cast<std::uint32_t>(motions[at(m)].equations().rows());
   }
   carried.impulse_bodies.clear();
   carried.impulse_joints.clear();

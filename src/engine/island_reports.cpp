@@ -13,13 +13,15 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 void World::Impl::report_islands(const Carried& by_method) {
   report.islands = by_method.islands;
-  report.rows = by_method.integrated_rows;
+  report.rows = 0;
   for (const int index : by_method.smooth) {
     Island& island = islands[at(index)];
     const int m = island_parts[at(index)].motion;
-    if (m >= 0)
-      island.dependent_rows =
-          static_cast<std::uint32_t>(motions[at(m)].equations().dependent_rows());
+    if (m >= 0) {
+      const EquationsOfMotion& equations = motions[at(m)].equations();
+      report.rows += static_cast<std::uint32_t>(equations.rows());
+      island.dependent_rows = static_cast<std::uint32_t>(equations.dependent_rows());
+    }
     island.events = m >= 0 ? motions[at(m)].events() : 0;
     if (is_in_group(at(index))) island.events = events_of_group(at(index));
     report.events += island.events;

@@ -91,7 +91,6 @@ struct ContactGroup {
 /// What each method carries in a step; made anew when that changes.
 struct Carried {
   std::array<std::uint32_t, kMethodCount> islands{};  ///< so many
-  std::uint32_t integrated_rows = 0;
   std::vector<int> smooth;          ///< islands that are integrated, stiff ones as well
   std::vector<int> impulse_bodies;  ///< of all other islands
   std::vector<int> impulse_joints;  ///< the same

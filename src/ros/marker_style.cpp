@@ -56,7 +56,8 @@ double shown_error(Look look, const engine::JointState& state) {
 }
 
 std::optional<double> axial_force(const engine::Joint& joint, const engine::JointState& state) {
-  if (engine::if_distance(joint) == nullptr) return std::nullopt;
+  if (engine::if_distance(joint) == nullptr && joint.kind != engine::JointKind::kPulley)
+    return std::nullopt;
   return state.force;
 }
 

@@ -161,17 +161,21 @@ void Markers::find_looks(const engine::World& world) {
          {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}})
       if (body != engine::kWorldBody) look.arm = std::max(look.arm, anchor.norm());
     if (joint.kind == engine::JointKind::kGear)
-      find_wheels(world, joint, &size_in_looks(joint.coupling.first),
-                  &size_in_looks(joint.coupling.second));
+      find_wheels(world, joint, &coupled_look(joint.coupling.first).size,
+                  &coupled_look(joint.coupling.second).size);
+    if (joint.kind != engine::JointKind::kPulley) continue;
+    coupled_look(joint.coupling.first).pulley = id;
+    JointLook& second = coupled_look(joint.coupling.second);
+    second.pulley = id;
+    second.tackle = joint.coupling.ratio;
   }
 }
 
 // Of a joint that a later one couples.
-JointSize& Markers::size_in_looks(engine::JointId id) {
-  return std::lower_bound(
-             joint_looks_.begin(), joint_looks_.end(), id,
-             [](const JointLook& look, engine::JointId of) { return look.id.value < of.value; })
-      ->size;
+Markers::JointLook& Markers::coupled_look(engine::JointId id) {
+  return *std::lower_bound(
+      joint_looks_.begin(), joint_looks_.end(), id,
+      [](const JointLook& look, engine::JointId of) { return look.id.value < of.value; });
 }
 
 // The three springs of a hand as one arrow.
@@ -251,13 +255,15 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
   const engine::JointState& state = world.joint_state(look.id);
   if ((state.broken || !broken_since_.empty()) && !is_drawn(look, state.broken, stamp)) return;
   const engine::Joint& joint = world.joint(look.id);
+  const double force = look.pulley ? look.tackle * world.joint_state(*look.pulley).force
+                                   : axial_force(joint, state).value_or(0.0);
   const Seen seen{number(look.id),
                   look,
                   joint,
                   state,
                   anchor_of(world, joint.body_a, joint.anchor_a),
                   anchor_of(world, joint.body_b, joint.anchor_b),
-                  forces_->share(axial_force(joint, state).value_or(0.0))};
+                  forces_->share(force)};
   ShownMarker& marker = constraints_.add(seen.number, type_of(look.look));
   marker.scale.x = extent_.width;
   marker.color = constraint_colour(seen.load, shown_error(look.look, state));

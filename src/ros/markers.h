@@ -43,6 +43,8 @@ class Markers {
     bool has_motor = false;
     double arm = 0.0;  ///< the longer one, from a body's centre to its anchor [m]
     JointSize size;
+    std::optional<engine::JointId> pulley;  ///< whose rope this length is a part of
+    double tackle = 1.0;                    ///< so many times its force
   };
   /// Of a body, the same.
   struct BodyLook {
@@ -61,7 +63,7 @@ class Markers {
   };
 
   void find_looks(const engine::World& world);
-  JointSize& size_in_looks(engine::JointId id);
+  JointLook& coupled_look(engine::JointId id);
   void find_extent(const engine::World& world);
   void add_bodies(const engine::World& world, bool are_static);
   void add_body(const engine::World& world, const BodyLook& look);

@@ -1,5 +1,10 @@
 #pragma once
 
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -20,6 +25,46 @@ inline Body with_surface(Body body, double friction, double restitution) {
   body.friction = friction;
   body.restitution = restitution;
   return body;
+}
+
+inline bool is_by_impulses(const World& world) {
+  return world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)] > 0;
+}
+
+/// Steps on, with the events of so many seconds. All is to be carried by events.
+inline std::vector<Event> advance(World* world, double seconds) {
+  std::vector<Event> all;
+  const int steps = static_cast<int>(std::lround(seconds / world->options().time_step));
+  for (int i = 0; i < steps; ++i) {
+    world->step();
+    EXPECT_FALSE(is_by_impulses(*world)) << world->time();
+    EXPECT_LT(world->report().max_penetration, 1e-9) << world->time();
+    all.insert(all.end(), world->events().begin(), world->events().end());
+  }
+  return all;
+}
+
+/// Throws a box along what is level at z = 0: it comes v²/2μg far in v/μg, and stays on its
+/// corners.
+inline void expect_box_slides_to_rest(World* world, double mu) {
+  Body box = with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.2}), mu, 0.0);
+  box.state.linear_velocity = {2.0, 0.5, 0.0};
+  const BodyId id = world->add_body(box);
+  const std::vector<Event> events = advance(world, 1.0);
+  const Eigen::Vector3d& v = box.state.linear_velocity;
+  const double speed = v.norm();
+  const Eigen::Vector3d place =
+      Eigen::Vector3d(0.0, 0.0, 0.2) + v / speed * (speed * speed / (2 * mu * kGravity));
+  EXPECT_LT((world->state(id).position - place).norm(), kPlace);
+  EXPECT_LT(world->state(id).linear_velocity.norm(), 1e-15);
+  EXPECT_LT(world->state(id).angular_velocity.norm(), 1e-15);
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].kind, EventKind::kSticks);
+  EXPECT_NEAR(events[0].time, speed / (mu * kGravity), kTime);
+  ASSERT_EQ(world->contacts().size(), 4u);
+  double force = 0.0;
+  for (const Contact& contact : world->contacts()) force += contact.normal_force;
+  EXPECT_NEAR(force, 2.0 * kGravity, 1e-9);
 }
 
 }  // namespace constraint_sim::engine

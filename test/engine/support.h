@@ -9,12 +9,12 @@
 #include <cmath>
 #include <functional>
 #include <limits>
-#include <random>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "draw.h"
 #include "make_scene.h"
 #include "sanitized.h"
 
@@ -25,30 +25,16 @@ inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 inline constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
-/// Uniform in [-1, 1), the same with every standard library.
-class Random {
+class Random : public Draw {
  public:
-  double operator()() { return static_cast<double>(generator_()) / 2147483648.0 - 1.0; }
-  Eigen::Vector3d vector() {
-    const double x = (*this)();
-    const double y = (*this)();
-    return {x, y, (*this)()};
-  }
-  Eigen::Quaterniond orientation() {
-    Eigen::Quaterniond q;
-    q.w() = (*this)();
-    q.vec() = vector();
-    return q.normalized();
-  }
+  Random() : Draw(2024) {}
+  Eigen::Quaterniond orientation() { return turn(); }
   BodyState state() {
     const Eigen::Vector3d position = 2.0 * vector();
     const Eigen::Quaterniond q = orientation();
     const Eigen::Vector3d v = vector();
     return {position, q, v, vector()};
   }
-
- private:
-  std::mt19937 generator_{2024};
 };
 
 /// What is said where this is refused; nothing where it is not.

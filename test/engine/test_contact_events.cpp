@@ -23,19 +23,6 @@ BodyId add_floor(World* world, double friction = 0.0, double restitution = 0.0) 
   return world->add_body(with_surface(floor, friction, restitution));
 }
 
-/// Steps on, with the events of so many seconds. All is to be carried by events.
-std::vector<Event> advance(World* world, double seconds) {
-  std::vector<Event> all;
-  const int steps = static_cast<int>(std::lround(seconds / world->options().time_step));
-  for (int i = 0; i < steps; ++i) {
-    world->step();
-    EXPECT_EQ(world->report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)], 0u)
-        << world->time();
-    all.insert(all.end(), world->events().begin(), world->events().end());
-  }
-  return all;
-}
-
 class ContactEventsAt : public testing::TestWithParam<double> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, ContactEventsAt,
@@ -169,23 +156,7 @@ TEST_P(ContactEventsAt, ABoxSlidesToRestOnItsCorners) {
   constexpr double kMu = 0.3;
   World world(by_events(GetParam()));
   add_floor(&world, kMu);
-  Body box = with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.2}), kMu, 0.0);
-  box.state.linear_velocity = {2.0, 0.5, 0.0};
-  const BodyId id = world.add_body(box);
-  const std::vector<Event> events = advance(&world, 1.0);
-  const double speed = box.state.linear_velocity.norm();
-  const Vector3d place = Vector3d(0.0, 0.0, 0.2) +
-                         box.state.linear_velocity / speed * (speed * speed / (2 * kMu * kGravity));
-  EXPECT_LT((world.state(id).position - place).norm(), kPlace);
-  EXPECT_LT(world.state(id).linear_velocity.norm(), 1e-15);
-  EXPECT_LT(world.state(id).angular_velocity.norm(), 1e-15);
-  ASSERT_EQ(events.size(), 1u);
-  EXPECT_EQ(events[0].kind, EventKind::kSticks);
-  EXPECT_NEAR(events[0].time, speed / (kMu * kGravity), kTime);
-  ASSERT_EQ(world.contacts().size(), 4u);
-  double force = 0.0;
-  for (const Contact& contact : world.contacts()) force += contact.normal_force;
-  EXPECT_NEAR(force, 2.0 * kGravity, 1e-9);
+  expect_box_slides_to_rest(&world, kMu);
 }
 
 TEST_P(ContactEventsAt, ABoxDropsFlatAndDoesNotTurn) {

@@ -23,20 +23,6 @@ Body plane(const std::string& name, const Vector3d& point, const Vector3d& norma
   return with_surface(body, friction, restitution);
 }
 
-/// Steps on, with the events of so many seconds. All is to be carried by events.
-std::vector<Event> advance(World* world, double seconds) {
-  std::vector<Event> all;
-  const int steps = static_cast<int>(std::lround(seconds / world->options().time_step));
-  for (int i = 0; i < steps; ++i) {
-    world->step();
-    EXPECT_EQ(world->report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)], 0u)
-        << world->time();
-    EXPECT_LT(world->report().max_penetration, 1e-9) << world->time();
-    all.insert(all.end(), world->events().begin(), world->events().end());
-  }
-  return all;
-}
-
 /// Those of one kind.
 std::vector<Event> of_kind(const std::vector<Event>& events, EventKind kind) {
   std::vector<Event> found;

@@ -243,6 +243,31 @@ TEST(Markers, SpringsAreNeverRedAndOthersAre) {
   EXPECT_LT(color("r").g, 0.3F);
 }
 
+// Two balls on a rope over a pulley, and one on a rod: 9.81 N each, told in one colour.
+TEST(Markers, ARopeOverAPulleyBearsWhatHangsOnIt) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: a, mass: 1, shape: {point: {}}, position: [1, 0, 1]},"
+      " {name: b, mass: 1, shape: {point: {}}, position: [2, 0, 1]},"
+      " {name: c, mass: 1, shape: {point: {}}, position: [3, 0, 1]}]\n"
+      "constraints: [{name: first, free: true, anchor_a: [1, 0, 2], body_b: a},"
+      " {name: second, free: true, anchor_a: [2, 0, 2], body_b: b},"
+      " {name: rope, type: pulley, joints: [first, second], ratio: 1},"
+      " {name: rod, anchor_a: [3, 0, 2], body_b: c}]");
+  world.step();
+  const MarkerArray array = Listener().hear(world);
+  const auto color = [&](const char* name) {
+    return find(array, "constraints", static_cast<std::int32_t>(world.find_joint(name).value))
+        ->color;
+  };
+  const std_msgs::ColorRGBA none = constraint_colour(0.0, 0.0);
+  EXPECT_GT(std::abs(color("rod").g - none.g) + std::abs(color("rod").b - none.b), 0.1F);
+  for (const char* name : {"first", "second", "rope"}) {
+    EXPECT_NEAR(color(name).r, color("rod").r, 1e-6) << name;
+    EXPECT_NEAR(color(name).g, color("rod").g, 1e-6) << name;
+    EXPECT_NEAR(color(name).b, color("rod").b, 1e-6) << name;
+  }
+}
+
 TEST(Markers, OfWhatBreaksAreGreyForTwoSeconds) {
   engine::World world = engine::load_scene(
       "bodies: [{name: a, mass: 1, shape: {point: {}}, position: [1, 0, 0]},"

@@ -19,6 +19,7 @@ constexpr int kTick = 100;         // [ms] between two looks at what came
 constexpr double kQuestion = 1.0;  // [s] between two questions for the state
 constexpr double kPatience = 1.0;  // [s] after which a call that waits is shown
 constexpr int kMostMessages = 200;
+constexpr int kStateLines = 3;
 
 double seconds_since(Clock::time_point begin) {
   return std::chrono::duration<double>(Clock::now() - begin).count();
@@ -32,6 +33,9 @@ Panel::Panel(QWidget* parent) : rviz::Panel(parent), node_name_("/constraint_sim
   connect(node_, &QLineEdit::returnPressed, [this] { connect_to_node(); });
   state_ = new QLabel(this);
   state_->setWordWrap(true);
+  // as high whatever it says, or buttons would move away under the pointer
+  state_->setAlignment(Qt::AlignLeft | Qt::AlignTop);
+  state_->setFixedHeight(kStateLines * state_->fontMetrics().lineSpacing());
   run_ = new RunControls(client_, this);
   scene_ = new SceneControls(client_, this);
   snapshots_ = new SnapshotControls(client_, this);
@@ -239,7 +243,9 @@ void Panel::show_state() {
     text += QStringLiteral("; waiting for %1 since %2 s")
                 .arg(QString::fromStdString(waiting->what))
                 .arg(static_cast<int>(waiting->seconds));
-  if (state_->text() != text) state_->setText(text);
+  if (state_->text() == text) return;
+  state_->setText(text);
+  state_->setToolTip(text);  // whole, where it is longer than its lines
 }
 
 void Panel::say(bool success, const QString& message) {

@@ -40,7 +40,11 @@ void SceneControls::set(const QString& scene, const QString& file) {
 
 void SceneControls::refresh() {
   client_.poll<ListScenes>("list_scenes", ListScenesRequest(), [this](const auto& response) {
-    const QString text = scenes_->currentText();
+    // the list may come while somebody types
+    const QLineEdit& edit = *scenes_->lineEdit();
+    const QString text = edit.text();
+    const int cursor = edit.cursorPosition(), begin = edit.selectionStart();
+    const int length = static_cast<int>(edit.selectedText().size());
     scenes_->clear();
     for (std::size_t i = 0; i < response.scenes.size(); ++i) {
       scenes_->addItem(QString::fromStdString(response.scenes[i]));
@@ -49,6 +53,10 @@ void SceneControls::refresh() {
                              Qt::ToolTipRole);
     }
     scenes_->setEditText(text);
+    const bool is_cursor_first = cursor == begin;  // as completion leaves it
+    scenes_->lineEdit()->setCursorPosition(cursor);
+    if (length > 0 && is_cursor_first) scenes_->lineEdit()->setSelection(begin + length, -length);
+    if (length > 0 && !is_cursor_first) scenes_->lineEdit()->setSelection(begin, length);
   });
 }
 

@@ -138,22 +138,29 @@ void Hands::post(const std::string& what, std::function<void(World&)> change) {
 
 // ---- drags
 
-void Hands::on_feedback(const Feedback& feedback) {
+// A body that came with another scene under the name of one that is being dragged is not dragged:
+// a viewer that lags goes on telling of the drag of the old one.
+void Hands::on_feedback(const Feedback& feedback, engine::BodyId id) {
   const Eigen::Vector3d target = from_msg(feedback->pose.position);
   const std::string& body = feedback->marker_name;
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto drag = drags_.find(body);
+  const auto pressed = pressed_.find(body);
+  const bool is_of_another = pressed != pressed_.end() && pressed->second != id;
   switch (feedback->event_type) {
     case InteractiveMarkerFeedback::MOUSE_DOWN:
-      break;  // a click alone moves nothing
+      pressed_[body] = id;  // a click alone moves nothing
+      break;
     case InteractiveMarkerFeedback::POSE_UPDATE:
-      drags_[body] = {target, steady_now()};
+      if (is_of_another) break;
+      drags_[body] = {id, target, steady_now()};
       if (stepper_ != nullptr) stepper_->wake();
       break;
     case InteractiveMarkerFeedback::KEEP_ALIVE:
-      if (drag != drags_.end()) drag->second.last_feedback = steady_now();
+      if (drag != drags_.end() && !is_of_another) drag->second.last_feedback = steady_now();
       break;
     case InteractiveMarkerFeedback::MOUSE_UP:
+      pressed_.erase(body);
       if (drag != drags_.end()) drag->second.last_feedback = -kIdle;
       if (stepper_ != nullptr) stepper_->wake();
       break;
@@ -165,7 +172,7 @@ void Hands::on_feedback(const Feedback& feedback) {
 double Hands::passed() {
   if (!parameters_.hands) return kIdle;
   const double now = steady_now();
-  std::map<std::string, Eigen::Vector3d> held;
+  std::map<std::string, Drag> held;
   std::vector<std::string> released;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -177,16 +184,17 @@ double Hands::passed() {
       if (is_over)
         released.push_back(drag->first);
       else
-        held[drag->first] = drag->second.target;
+        held[drag->first] = drag->second;
       drag = is_over ? drags_.erase(drag) : std::next(drag);
     }
   }
   for (const std::string& body : released)
     post("release of " + body, [body](World& world) { let_go(&world, body); });
-  for (const auto& [body, target] : held)
-    post("drag of " + body, [body = body, target = target](World& world) {
+  for (const auto& [body, held_drag] : held)
+    post("drag of " + body, [body = body, drag_of = held_drag](World& world) {
       // a body that was removed, or came with another scene, is no longer dragged
-      if (world.has_body(body)) drag(&world, body, target);
+      if (world.has_body(body) && world.find_body(body) == drag_of.body)
+        drag(&world, body, drag_of.target);
     });
   return kDragPeriod;
 }
@@ -269,7 +277,7 @@ void Hands::show_body(const World& world, engine::BodyId id) {
   marker.pose = to_pose(world.state(id));
   marker.scale = static_cast<float>(std::max({veil.scale.x, veil.scale.y, veil.scale.z}));
   marker.controls.push_back(control);
-  server_->insert(marker, [this](const Feedback& feedback) { on_feedback(feedback); });
+  server_->insert(marker, [this, id](const Feedback& feedback) { on_feedback(feedback, id); });
   menu_.apply(*server_, body.name);
 }
 

@@ -49,13 +49,14 @@ class Hands {
  private:
   using Feedback = visualization_msgs::InteractiveMarkerFeedbackConstPtr;
   struct Drag {
+    engine::BodyId body;  ///< another body may come under the same name
     Eigen::Vector3d target;
     double last_feedback;  ///< of the steady clock [s]
   };
 
   void build_menu();
   void add_entry(const char* title, const std::function<void(World&, const std::string&)>& change);
-  void on_feedback(const Feedback& feedback);
+  void on_feedback(const Feedback& feedback, engine::BodyId id);
   void mark_for_joining(const Feedback& feedback);
   void join(const Feedback& feedback);
   void post(const std::string& what, std::function<void(World&)> change);
@@ -67,7 +68,8 @@ class Hands {
 
   mutable std::mutex mutex_;  // of all below
   Stepper* stepper_ = nullptr;
-  std::map<std::string, Drag> drags_;  // by body
+  std::map<std::string, Drag> drags_;              // by body
+  std::map<std::string, engine::BodyId> pressed_;  // what the button went down on
   std::string marked_, followed_;
   double last_drag_ = 0.0;  // steady clock [s]
 

@@ -109,7 +109,11 @@ class Listener:
 
     def __init__(self, topic, message_type):
         self.messages = []
-        self._subscribers.append(rospy.Subscriber(topic, message_type, self.messages.append))
+        self._subscriber = rospy.Subscriber(topic, message_type, self.messages.append)
+        self._subscribers.append(self._subscriber)
+
+    def is_connected(self):
+        return self._subscriber.get_num_connections() > 0
 
     @classmethod
     def stop_all(cls):

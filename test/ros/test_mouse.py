@@ -37,8 +37,6 @@ def from_above():
 
 
 class Mouse(InRviz):
-    """In the order of their names: the last one stops rviz, which then goes on telling of a drag that is
-    over, and would throw a body of the same name in the next scene."""
     configuration = staticmethod(from_above)
 
     def setUp(self):
@@ -140,7 +138,7 @@ class Mouse(InRviz):
         # nothing drives it any more; the rest is the tolerance of 2 s
         self.assertLessEqual(later.energy, first.energy * (1 + 1e-6))
 
-    def test_viewer_that_dies_in_a_drag_lets_go(self):
+    def test_a_viewer_that_dies_in_a_drag_lets_go(self):
         self.load(self.weightless(self.ball("ball", 1, 0)))
         self.grab("ball", 0, 0)
         self.point(0.5, 0)

@@ -169,6 +169,16 @@ class Panel(WithPanel):
                 topics[name] = support.topics_between(NODE, name)
         return any(NODE + "/edit_log" in connected for connected in topics.values())
 
+    def test_buttons_stay_where_they_are(self):
+        """Or a click would miss one while what is said of the state takes more lines."""
+        wait_until(lambda: self.panel.find_containing("paused at"), "the short text", START)
+        places = {name: self.widget(name).centre() for name in ("Play", "Load", "Record")}
+        self.assertTrue(call("load_scene", path="bridge").success)
+        call("unpause_physics")
+        wait_until(lambda: self.panel.find_containing("; speed "), "the long text", START)
+        for name, place in places.items():
+            self.assertEqual(self.widget(name).centre(), place, name)
+
     def test_all_at_a_glance(self):
         """For README.md and docs/rviz.md."""
         self.enter("Scene name", "bridge")

@@ -79,4 +79,9 @@ class WithPanel(InRviz):
         wait_until(lambda: text in self.messages(), "the message '%s'" % text, START)
 
     def wait_for_hash(self, expected, what):
-        wait_until(lambda: properties().state_hash == expected, what, START)
+        try:
+            wait_until(lambda: properties().state_hash == expected, what, START)
+        except AssertionError:  # what there is to see
+            self.screenshot("panel_in_vain.png")
+            print("the panel says:\n" + self.messages())
+            raise

@@ -16,6 +16,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kSingular = 1e-12;  // of the trace: a direction that nothing moves along
 constexpr double kDone = 1e-14;      // of the largest rate: rounding
 constexpr double kSolved = 1e-9;     // the same, of what rounding adds along what has no effect
@@ -201,8 +202,11 @@ class ScaledProblem {
 
  public:
   /// How far p is from a solution, as a rate: the largest change of a contact's impulse by a step
-  /// along its rate, and back into its cone. 0 of a solution alone.
+  /// along its rate, and back into its cone. 0 of a solution alone, and infinite where rounding of
+  /// what p does is more than a solution may be off.
   double residual(const VectorXd& p) const {
+    if (p.size() > 0 && kEpsilon * p.lpNorm<Eigen::Infinity>() > kSolved * size_)
+      return std::numeric_limits<double>::infinity();
     const VectorXd u = rates(p);
     double worst = 0.0;
     const auto consider = [&](double value) {

@@ -418,7 +418,11 @@ bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
   SubstepSpan left(t, h);
   double step = h;
   const int rejected = span->progress.rejected;
-  return take(span, &left, 0.0, &step) && left.left == 0.0 && span->progress.rejected == rejected;
+  const double error = span->progress.local_error;
+  const bool is_taken =
+      take(span, &left, 0.0, &step) && left.left == 0.0 && span->progress.rejected == rejected;
+  error_ = span->progress.local_error - error;
+  return is_taken;
 }
 
 bool ContactEvents::advance_to_event(Span* span) {
@@ -456,8 +460,12 @@ bool ContactEvents::advance_to_event(Span* span) {
     look();
     return true;
   };
+  error_ = 0.0;
   if (event && !watched_.locate(start.t, h, go_to, &event)) return false;
-  if (has_missed()) {
+  // where a slip is about to end or turn a substep may be taken by luck: a part of it tells
+  const double tolerance = span->accuracy.tolerance;
+  const bool is_poor = tolerance > 0.0 && error_ > std::max(tolerance * h, equations_.rounding());
+  if (is_poor || has_missed()) {
     step_ = 0.5 * (start.left - span->left.left);
     if (!go_to(0.0, true)) return false;
     return ++missed_ <= kMostMissed;

@@ -200,7 +200,8 @@ class ContactEvents {
   WatchedSubstep<Watched> watched_;
   std::uint32_t events_ = 0, impacts_ = 0, jams_ = 0;
   int unchanged_ = 0;          // events that changed nothing
-  int missed_ = 0;             // substeps that ended with boxes in each other
+  int missed_ = 0;             // substeps that ended with boxes in each other, or too inexact
+  double error_ = 0.0;         // of the substep that was repeated last, estimated [m]
   double work_ = 0.0;          // substeps that were taken, by what one costs
   std::vector<double> depth_;  // [m] of pairs of boxes, where the substep starts
   AtBound at_cone_, at_zero_;  // of friction, and of the force along the normal

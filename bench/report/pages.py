@@ -166,16 +166,23 @@ def write_columns(output):
             for name, columns in described))
 
 
+def spread_of(runs):
+    """How far rounds lie apart, which one round cannot tell."""
+    median, worst = figures.spread(runs)
+    if math.isnan(median):
+        return ', too few to tell how far they lie apart'
+    return (f'; the median of the rounds is above it by {100 * median:.0f} % (median of all '
+            f'settings), at most {100 * worst:.0f} %')
+
+
 def conditions_of(facts, runs, variants, own_errors, grid, many, sizes):
     """What was measured, on what, and for how long."""
     versions = sorted({f'{variant.engine} {variant.version}' for variant in variants})
-    median, worst = figures.spread(runs)
     return [f'{key}: {facts[key]}' for key in ('processor', 'system', 'compiler', 'commit')] + [
         'engines: ' + ', '.join(versions),
         'absent peers: ' + (', '.join(facts['absent']) or 'none'),
         f'{facts["kind"]} run, measured in {facts["measured in"]}; each time the best of '
-        f'{facts["rounds"]} interleaved rounds; the median of the rounds is above it by '
-        f'{100 * median:.0f} % (median of all settings), at most {100 * worst:.0f} %',
+        f'{facts["rounds"]} interleaved rounds' + spread_of(runs),
         f'budget of a run: {facts["budget"]:g} s' +
         (f', in the stability grid {facts["grid_budget"]:g} s' if grid else '') +
         (f', with many bodies {facts["many_budget"]:g} s' if many else '') +

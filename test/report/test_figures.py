@@ -69,6 +69,13 @@ class Figures(unittest.TestCase):
         self.assertEqual(run.time, 10.0)
         self.assertAlmostEqual(run.spread, 0.1)  # median 11 over 10
 
+    def test_one_round_tells_no_spread(self):
+        once = figures.runs_of([row(round='1')])
+        self.assertEqual(pages.spread_of(once), ', too few to tell how far they lie apart')
+        twice = figures.runs_of([row(round='1', run_time='12'), row(round='2', run_time='10')])
+        self.assertEqual(pages.spread_of(twice), '; the median of the rounds is above it by 10 % '
+                         '(median of all settings), at most 10 %')
+
     def test_the_cheapest_run_below_the_target_counts(self):
         rows = [row(value='0.1', run_time='10', position='1e-3'),
                 row(value='0.05', run_time='20', position='1e-5'),

@@ -178,10 +178,12 @@ void World::Impl::find_hits(const std::vector<Broadphase::Pair>& near) {
   const auto has_joints = [&](int body) {
     return is_movable(at(body)) && !island_parts[at(island_of[at(body)])].members.joints.empty();
   };
+  // boxes are wider for groups by events: who is out of reach of a group is not in contact with it
   const auto is_open = [&](const Broadphase::Pair& pair) {
     return !has_joints(pair.first) && !has_joints(pair.second) && is_fast(pair, h) &&
            find(touching, pair) == nullptr &&
-           !std::binary_search(unpaired.begin(), unpaired.end(), pair);
+           !std::binary_search(unpaired.begin(), unpaired.end(), pair) &&
+           (!follows_contacts() || may_touch(pair));
   };
   std::vector<bool> hits_something(bodies.size());
   bool any = false;

@@ -54,6 +54,11 @@ SCENES = (
     Scene('universal_shaft', 'universal_shaft', 20, 'two shafts, one by a motor'),
     Scene('peaucellier', 'peaucellier', 20, 'seven bars on ten hinges, one by a motor'),
     Scene('crane', 'crane', 20, 'a servo, stiff, and a winch'),
+    Scene('safety_rope', 'safety_rope', 40, 'a rope that is slack'),
+    Scene('breaking_rod', 'breaking_rod', 40, 'a rod that breaks'),
+    Scene('rocking_block', 'rocking_block', 30, 'a box on a floor, from corner to corner'),
+    Scene('ball_on_incline', 'ball_on_incline', 20, 'a ball that slides, then rolls'),
+    Scene('weak_winch', 'weak_winch', 20, 'a motor at its force limit, and a contact'),
     Scene('chain_of_hinges', None, 20, 'ten bars, hinged by turns across each other'),
     Scene('dome', None, 20, '258 rods, 63 too many, tumbling at 1/60 s'),
 )
@@ -84,6 +89,9 @@ LEFT_OUT = {
                             'methods/impulse_positions.cpp'],
     'islands': [],
 }
+# left out where all of these are
+SHARED = {'methods/integrate.h': {'runge_kutta', 'event_driven'},
+          'methods/embedded_pairs.h': {'runge_kutta', 'event_driven'}}
 
 
 def lines_of(file, function):
@@ -219,11 +227,13 @@ def count(program, scene, folder):
     until_last, left_out = profile(program, scene, scene.first + STEPS, folder)
     until_last.subtract(until_first)
     broken = []
-    for line in left_out:
-        what = line.split(':')[0]
+    names = {line.split(':')[0] for line in left_out}
+    for what in sorted(names):
         if what not in LEFT_OUT:
             raise SystemExit(f'leave_out: the plan leaves out "{what}", which LEFT_OUT does not know')
         for place in LEFT_OUT[what]:
+            if not SHARED.get(place, names) <= names:
+                continue
             is_there = matcher(place)
             cost = sum(n for (file, number), n in until_last.items() if is_there(file, number))
             if cost > TOLERATED * STEPS:

@@ -148,11 +148,10 @@ class PrescribedMotion {
   /// The same without what closes an error: the rate that a motor asks of a row, or of the length.
   double driven_rate(int function, double t) const {
     if (function < rows_) return 0.0;
-    const Held& held = held_[static_cast<std::size_t>(function - rows_)];
-    return motor_course(held.motor, start_, t - start_).rate;
+    return moved(held_[static_cast<std::size_t>(function - rows_)], t).rate;
   }
   /// The bias of a distance joint alone [m/s].
-  double zeta(double t) const { return motor_course(held_[0].motor, start_, t - start_).rate; }
+  double zeta(double t) const { return moved(held_[0], t).rate; }
   /// Visits all of it, as engine/memory.h says.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
@@ -180,6 +179,10 @@ class PrescribedMotion {
   };
 
   void hold(std::size_t i, double value, const Motor& motor);
+  /// What its motor adds to the value at the start.
+  Prescribed moved(const Held& held, double t) const {
+    return held.motor.is_moving() ? motor_course(held.motor, start_, t - start_) : Prescribed{};
+  }
 
   std::array<Held, kMaxCoordinates> held_;
   std::size_t count_ = 0;  // of these

@@ -86,7 +86,7 @@ void PrescribedMotion::hold(std::size_t i, double value, const Motor& motor) {
 }
 
 Prescribed PrescribedMotion::length(double t) const {
-  Prescribed length = motor_course(held_[0].motor, start_, t - start_);
+  Prescribed length = moved(held_[0], t);
   length.value += held_[0].value;
   if (!is_closing()) return length;
   const Prescribed share = share_to_close(t);
@@ -102,10 +102,10 @@ Prescribed PrescribedMotion::target(int function, double t) const {
   Prescribed target{offset * share.value, offset * share.rate, offset * share.acceleration};
   if (function < rows_) return target;
   const Held& held = held_[at(function - rows_)];
-  const Prescribed moved = motor_course(held.motor, start_, t - start_);
-  target.value += held.value + moved.value;
-  target.rate += moved.rate;
-  target.acceleration += moved.acceleration;
+  const Prescribed driven = moved(held, t);
+  target.value += held.value + driven.value;
+  target.rate += driven.rate;
+  target.acceleration += driven.acceleration;
   return target;
 }
 

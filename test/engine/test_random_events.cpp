@@ -2,6 +2,8 @@
 // (bench/random_events.h, judge_events.h); constraint_sim_random_events does the same with any
 // number of scenes.
 
+#include "constraint_sim/engine/scene.h"
+#include "event_costs.h"
 #include "judge_events.h"
 #include "support.h"
 
@@ -133,6 +135,16 @@ TEST(RandomEvents, GoOnWhenSavedAndLoaded) {
       const BodyState& other = again.state(again.find_body(world.body(id).name));
       EXPECT_LT((world.state(id).position - other.position).norm(), 1e-6) << seed;
     }
+  }
+}
+
+// One to three now (constraint_sim_event_costs); a count, the same on every machine.
+TEST(EventCosts, OfShippedScenesAreAtMostFiveSubsteps) {
+  for (const char* name : event_costs::kScenes) {
+    World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR "/") + name + ".yaml");
+    const event_costs::Costs costs = event_costs::follow(world, event_costs::kDuration);
+    EXPECT_GT(costs.events, 0u) << name;
+    EXPECT_LE(costs.of_an_event(), 5.0 * costs.ordinary()) << name;
   }
 }
 

@@ -223,7 +223,7 @@ inline Body touching_body(Draw& draw, int i) {
 inline Scene touching(unsigned seed, Kind kind) {
   Draw draw(seed);
   Scene scene{kind, seed, {}, options(std::pow(10.0, -1.0 - 2.0 * draw.share()))};
-  scene.options.method = Method::kEventDriven;
+  scene.options.method = seed % 2 == 0 ? Method::kEventDriven : Method::kAuto;
   const double friction = draw.below(3) == 0 ? 0.0 : 1.2 * draw.share();
   const double restitution = draw.below(2) == 0 ? 0.0 : draw.share();
   Parts& parts = scene.parts;

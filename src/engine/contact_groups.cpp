@@ -1,10 +1,11 @@
 // Islands that may touch each other, or what does not move, within a step, and are few enough to be
-// carried from event to event together: between stages 2 and 3 of a step. Only with `method:
-// event_driven`. A group has no memory: it is found anew in each step, from where the bodies are.
+// carried from event to event together: between stages 2 and 3 of a step. Only with `method: auto`
+// and `event_driven`. A group has no memory: it is found anew in each step, from where the bodies
+// are.
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
+#include <limits>
 #include <map>
 #include <numeric>
 
@@ -20,6 +21,10 @@ namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
+
+// What a group may cost in a step, in substeps of one with one point; and where the world chooses,
+// all of them together, and each whatever the others did.
+constexpr double kMostWork = 2e4, kMostWorkOfAll = 1e3, kLeastWork = 100;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
@@ -140,9 +145,14 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pa
   return pair;
 }
 
+/// Whether hits of a body with such ones cost nothing.
+bool keeps_energy(const Body& body) {
+  return body.friction == 0.0 && body.restitution == 1.0 && !body.shape_pose;
+}
+
 }  // namespace
 
-bool World::Impl::follows_contacts() const { return options.method == Method::kEventDriven; }
+bool World::Impl::follows_contacts() const { return engine::follows_contacts(options); }
 
 // One that is hit gets up to twice as fast as what hits it.
 void World::Impl::find_group_reach() {
@@ -152,18 +162,38 @@ void World::Impl::find_group_reach() {
   group_reach += kTouching;
 }
 
-bool World::Impl::may_touch(const Broadphase::Pair& pair) const {
+double World::Impl::gap_of(const Broadphase::Pair& pair) const {
   const auto [a, b] = pair;
-  if (std::binary_search(unpaired.begin(), unpaired.end(), pair)) return false;
   const PlacedShape of_a(bodies[at(a)], states[at(a)]), of_b(bodies[at(b)], states[at(b)]);
-  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap <=
-         (is_movable(at(a)) && is_movable(at(b)) ? 2.0 : 1.0) * group_reach;
+  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap;
+}
+
+// what is easily told of it: shapes are within spheres, or on the other side of a plane
+double World::Impl::least_gap(std::size_t a, std::size_t b) const {
+  if (std::holds_alternative<Plane>(bodies[a].shape)) std::swap(a, b);
+  const Vector3d apart = states[a].position - states[b].position;
+  if (!std::holds_alternative<Plane>(bodies[b].shape))
+    return apart.norm() - extent(bodies[a]) - extent(bodies[b]);
+  if (bodies[b].shape_pose) return -std::numeric_limits<double>::infinity();
+  return apart.dot(states[b].orientation * Vector3d::UnitZ()) - extent(bodies[a]);
+}
+
+// the gap of a pair that may touch within the step
+std::optional<double> World::Impl::gap_to_watch(const Broadphase::Pair& pair) const {
+  const bool both_move = is_movable(at(pair.first)) && is_movable(at(pair.second));
+  const double reach = (both_move ? 2.0 : 1.0) * group_reach;
+  if (least_gap(at(pair.first), at(pair.second)) > reach ||
+      std::binary_search(unpaired.begin(), unpaired.end(), pair))
+    return std::nullopt;
+  const double gap = gap_of(pair);
+  if (gap > reach) return std::nullopt;
+  return gap;
 }
 
 // what sleeps and may be touched is awake
 bool World::Impl::wake_approached(const std::vector<Broadphase::Pair>& near) {
   for (const Broadphase::Pair& pair : near) {
-    if (!(asleep[at(pair.first)] || asleep[at(pair.second)]) || !may_touch(pair)) continue;
+    if (!(asleep[at(pair.first)] || asleep[at(pair.second)]) || !gap_to_watch(pair)) continue;
     wake(at(pair.first));
     wake(at(pair.second));
   }
@@ -174,30 +204,37 @@ bool World::Impl::wake_approached(const std::vector<Broadphase::Pair>& near) {
 void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near) {
   contact_groups.clear();
   if (!follows_contacts() || near.empty()) return;
-  std::vector<int> leader(islands.size());
+  std::vector<int>& leader = group_of;
+  leader.resize(islands.size());
   std::iota(leader.begin(), leader.end(), 0);
-  const std::function<int(int)> find = [&](int i) {
-    return leader[at(i)] == i ? i : leader[at(i)] = find(leader[at(i)]);
+  const auto find = [&](int i) {
+    while (leader[at(i)] != i) i = leader[at(i)] = leader[at(leader[at(i)])];
+    return i;
   };
-  std::vector<Broadphase::Pair> pairs;
+  watched_pairs.clear();
   for (const Broadphase::Pair& pair : near) {
-    if (!may_touch(pair)) continue;
-    pairs.push_back(pair);
+    const std::optional<double> gap = gap_to_watch(pair);
+    if (!gap) continue;
+    watched_pairs.push_back({pair, *gap});
     const int a = island_of[at(pair.first)], b = island_of[at(pair.second)];
     if (a >= 0 && b >= 0) leader[at(std::max(find(a), find(b)))] = std::min(find(a), find(b));
   }
-  group_of.assign(islands.size(), -1);
-  for (const Broadphase::Pair& pair : pairs) {
+  if (watched_pairs.empty()) return;
+  for (int i = 0; i < static_cast<int>(islands.size()); ++i) leader[at(i)] = find(i);
+  list_group_sizes();
+
+  for (const auto& [pair, gap] : watched_pairs) {
     const int island = std::max(island_of[at(pair.first)], island_of[at(pair.second)]);
-    int& group = group_of[at(find(island))];
-    if (group < 0) {
-      group = static_cast<int>(contact_groups.size());
-      contact_groups.emplace_back();
+    GroupSize& size = group_sizes[at(leader[at(island)])];
+    if (size.overlaps || !(size.is_few() || size.is_elastic)) continue;
+    if (size.group < 0) {
+      size.group = static_cast<int>(contact_groups.size());
+      contact_groups.emplace_back().is_few = size.is_few();
     }
-    contact_groups[at(group)].pairs.push_back(pair);
+    contact_groups[at(size.group)].pairs.push_back(pair);
   }
   for (const int i : awake_islands) {
-    const int group = group_of[at(find(i))];
+    const int group = group_sizes[at(leader[at(i)])].group;
     if (group >= 0) contact_groups[at(group)].islands.push_back(i);
   }
   for (ContactGroup& group : contact_groups)
@@ -212,21 +249,61 @@ void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near)
     for (const int i : contact_groups[g].islands) group_of[at(i)] = static_cast<int>(g);
 }
 
+// How many there are of what could be a group, by its first island: most of what touches in a heap
+// is too much, and told without a list of its own.
+void World::Impl::list_group_sizes() {
+  group_sizes.assign(islands.size(), GroupSize{});
+  for (const auto& [pair, gap] : watched_pairs) {
+    const int island = std::max(island_of[at(pair.first)], island_of[at(pair.second)]);
+    GroupSize& size = group_sizes[at(group_of[at(island)])];
+    size.points +=
+        ContactEvents::most_points(bodies[at(pair.first)].shape, bodies[at(pair.second)].shape);
+    size.overlaps = size.overlaps || gap < -ContactEvents::kMostOverlap;
+  }
+  for (const int i : awake_islands) {
+    GroupSize& size = group_sizes[at(group_of[at(i)])];
+    const std::vector<int>& members = island_parts[at(i)].members.bodies;
+    size.bodies += members.size();
+    size.is_elastic =
+        size.is_elastic && members.size() == 1 && is_elastic_sphere(at(members.front()));
+  }
+}
+
+// who is in a group, as islands were sorted
+void World::Impl::list_grouped_bodies() {
+  grouped_bodies.clear();
+  for (const int i : awake_islands)
+    if (islands[at(i)].why == MethodReason::kFewContacts)
+      for (const int body : island_parts[at(i)].members.bodies)
+        grouped_bodies.push_back(body_ids[at(body)]);
+}
+
+bool World::Impl::GroupSize::is_few() const {
+  return bodies <= ContactEvents::kMostBodies && points <= ContactEvents::kMostContacts;
+}
+
+// Whether an island of this kind can be in a group, wherever its bodies are.
+bool World::Impl::suits_group(const IslandMembers& members, MethodReason nature,
+                              const IslandMemory& memory) const {
+  const bool is_by_events =
+      method_for(nature, options) == Method::kEventDriven && members.joints.size() > 0;
+  if (!(nature == MethodReason::kSmooth || is_by_events) || memory.is_stiff ||
+      step_count < memory.refused_until || step_count < memory.contacts_refused_until ||
+      step_count < memory.inconsistent_until)
+    return false;
+  return std::all_of(members.joints.begin(), members.joints.end(),
+                     [&](int j) { return can_be_beside_contacts(joints[at(j)]); });
+}
+
 // Whether all that an island has can be in a group.
 bool World::Impl::can_be_in_group(std::size_t i) const {
   const IslandParts& parts = island_parts[i];
-  const bool is_by_events =
-      method_for(parts.nature, options) == Method::kEventDriven && parts.members.joints.size() > 0;
-  if (!(parts.nature == MethodReason::kSmooth || is_by_events) || parts.is_stiff ||
-      step_count < parts.refused_until || step_count < parts.contacts_refused_until ||
-      step_count < parts.inconsistent_until)
-    return false;
+  if (!suits_group(parts.members, parts.nature, parts)) return false;
   const JointStep now = span_from(time(), options.time_step);
   return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
     const std::size_t j = at(index);
     JointState state = joint_states[j];
-    return can_be_beside_contacts(joints[j]) && !state.closing &&
-           !is_moving_by_itself(joint_ends[j].first) &&
+    return !state.closing && !is_moving_by_itself(joint_ends[j].first) &&
            !is_moving_by_itself(joint_ends[j].second) &&
            (!is_rigid(joints[j]) || fits(joints[j], state_a(j), state_b(j), now, state));
   });
@@ -235,7 +312,7 @@ bool World::Impl::can_be_in_group(std::size_t i) const {
 // The group with its equations; false where it is left to others.
 bool World::Impl::compile_group(ContactGroup* group) {
   if (compile_spheres(group)) return true;
-  if (group->pairs.size() > ContactEvents::kMostContacts) return false;
+  if (!group->is_few) return false;
   ContactEquations equations;
   std::vector<int> place(bodies.size(), -1);
   const auto add = [&](int body) {
@@ -248,7 +325,6 @@ bool World::Impl::compile_group(ContactGroup* group) {
   for (const int i : group->islands) {
     if (!can_be_in_group(at(i))) return false;
     for (const int body : island_parts[at(i)].members.bodies) add(body);
-    if (equations.bodies.size() > ContactEvents::kMostBodies) return false;
   }
   equations.movable = equations.bodies.size();
   for (const int i : group->islands) {
@@ -284,26 +360,25 @@ bool World::Impl::compile_group(ContactGroup* group) {
   return group->events->begin(states);
 }
 
+bool World::Impl::is_elastic_sphere(std::size_t body) const {
+  const Vector3d& inertia = masses[body].inertia;
+  return std::holds_alternative<Sphere>(bodies[body].shape) && keeps_energy(bodies[body]) &&
+         inertia.x() == inertia.y() && inertia.y() == inertia.z();
+}
+
 // The same of any number of spheres that keep all energy, on planes.
 bool World::Impl::compile_spheres(ContactGroup* group) {
-  const auto is_elastic = [&](int body) {
-    const Body& of = bodies[at(body)];
-    return of.friction == 0.0 && of.restitution == 1.0 && !of.shape_pose;
-  };
   std::vector<ElasticSpheres::Sphere> spheres;
   for (const int i : group->islands) {
     const IslandMembers& members = island_parts[at(i)].members;
     if (!can_be_in_group(at(i)) || members.bodies.size() != 1 || !members.joints.empty())
       return false;
     const int body = members.bodies.front();
-    const auto* sphere = std::get_if<Sphere>(&bodies[at(body)].shape);
-    const Vector3d& inertia = masses[at(body)].inertia;
-    if (sphere == nullptr || !is_elastic(body) || inertia.x() != inertia.y() ||
-        inertia.y() != inertia.z())
-      return false;
+    if (!is_elastic_sphere(at(body))) return false;
     const auto is_on_it = [&](const Wrench& wrench) { return wrench.body == body_ids[at(body)]; };
     if (std::any_of(wrenches.begin(), wrenches.end(), is_on_it)) return false;
-    spheres.push_back({body, 1.0 / masses[at(body)].inverse_mass, sphere->radius});
+    spheres.push_back({body, 1.0 / masses[at(body)].inverse_mass,
+                       std::get<Sphere>(bodies[at(body)].shape).radius});
   }
   std::vector<ElasticSpheres::Plane> planes;
   std::vector<int> others;
@@ -313,7 +388,7 @@ bool World::Impl::compile_spheres(ContactGroup* group) {
   std::sort(others.begin(), others.end());
   others.erase(std::unique(others.begin(), others.end()), others.end());
   for (const int body : others) {
-    if (is_moving_by_itself(at(body)) || !is_elastic(body) ||
+    if (is_moving_by_itself(at(body)) || !keeps_energy(bodies[at(body)]) ||
         !std::holds_alternative<Plane>(bodies[at(body)].shape))
       return false;
     const BodyState& state = states[at(body)];
@@ -334,14 +409,26 @@ bool World::Impl::compile_spheres(ContactGroup* group) {
   return false;
 }
 
-void World::Impl::advance_contact_groups(const SmoothSpan& span) {
+// What may still be done for a group in this step: where the world chooses, all groups share.
+double World::Impl::most_work_of(const ContactGroup& of) const {
+  if (options.method == Method::kEventDriven) return kMostWork;
+  double left = kMostWorkOfAll;
+  for (const ContactGroup& group : contact_groups)
+    if (&group != &of && group.events != nullptr) left -= group.events->work();
+  return std::max(left, kLeastWork);
+}
+
+void World::Impl::advance_contact_groups(const SmoothSpan& part) {
+  SmoothSpan span = part;
+  if (span_ends.size() == 2) span.h = options.time_step;  // a whole tick, however late it is
   for (ContactGroup& group : contact_groups) {
     if (group.has_failed) continue;
     const IntegrationResult progress =
         group.spheres != nullptr
             ? group.spheres->advance(span, &states)
             : group.events->advance(span, accuracy_within(std::numeric_limits<double>::infinity()),
-                                    span_from(span.t, span.h), joint_states, &states);
+                                    span_from(span.t, span.h), joint_states, most_work_of(group),
+                                    &states);
     group.has_failed = !note(at(group.islands.front()), progress);
     if (group.islands.size() > 1)  // they exchange energy
       for (const int i : group.islands) island_parts[at(i)].energy.has_changed = true;
@@ -378,16 +465,17 @@ void World::Impl::tell_contact_groups(const JointStep& step) {
       read_smooth_joint(at(joint.index), step, joint.impulse, 0.0);
     const auto body_of = [&](std::size_t place) { return equations.bodies[place].index; };
     for (const ContactEvents::Told& told : by_events.told()) {
+      const double t = std::min(told.time, span_ends.back());  // to rounding after the tick
       if (told.pair < 0) {
         const std::size_t j = joint_of(at(told.coordinate));
         const OneSidedLaw& law = equations.coordinates[at(told.coordinate)].law;
-        events.push_back({told.kind, told.time, joints[j].body_a, joints[j].body_b, joint_ids[j],
+        events.push_back({told.kind, t, joints[j].body_a, joints[j].body_b, joint_ids[j],
                           law.is_distance ? -1 : law.coordinate, told.impulse});
         continue;
       }
       const ContactEvents::Pair& pair = by_events.pairs()[at(told.pair)];
-      events.push_back({told.kind, told.time, body_ids[at(body_of(pair.a))],
-                        body_ids[at(body_of(pair.b))], std::nullopt, -1, told.impulse});
+      events.push_back({told.kind, t, body_ids[at(body_of(pair.a))], body_ids[at(body_of(pair.b))],
+                        std::nullopt, -1, told.impulse});
     }
     add_group_contacts(by_events);
   }

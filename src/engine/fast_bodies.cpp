@@ -89,6 +89,11 @@ const TouchingPair* find(const std::vector<TouchingPair>& pairs, const std::pair
 
 double thickness(const Shape& shape) { return std::visit(Thickness{}, shape); }
 
+double extent(const Body& body) {
+  const auto* sphere = std::get_if<Sphere>(&body.shape);
+  return reach_of(body, kInfinity) + (sphere != nullptr ? sphere->radius : 0.0);
+}
+
 // ---- who is fast
 
 void World::Impl::find_fast_speed() {
@@ -125,13 +130,14 @@ bool World::Impl::is_fast(const Broadphase::Pair& pair, double duration) const {
   return travel(a, duration) + travel(b, duration) > kFastShare * thinner;
 }
 
-// Everywhere that a body gets to in a time, whatever it bounces off: however fast it turns, it
-// stays within its reach.
+// The same, whatever it bounces off: however fast it turns, it stays within its reach.
+double World::Impl::swept(int body, double duration) const {
+  return std::min(travel(body, duration), way(body, duration) + reach_of(bodies[at(body)]));
+}
+
+// Everywhere that a body gets to in a time.
 void World::Impl::sweep(double duration, Proxy* proxy) const {
-  const int body = proxy->body;
-  const double reach = reach_of(bodies[at(body)]);
-  const Vector3d margin =
-      Vector3d::Constant(std::min(travel(body, duration), way(body, duration) + reach));
+  const Vector3d margin = Vector3d::Constant(swept(proxy->body, duration));
   proxy->box.min -= margin;
   proxy->box.max += margin;
 }
@@ -178,12 +184,12 @@ void World::Impl::find_hits(const std::vector<Broadphase::Pair>& near) {
   const auto has_joints = [&](int body) {
     return is_movable(at(body)) && !island_parts[at(island_of[at(body)])].members.joints.empty();
   };
-  // boxes are wider for groups by events: who is out of reach of a group is not in contact with it
+  // boxes are wider for groups by events
   const auto is_open = [&](const Broadphase::Pair& pair) {
     return !has_joints(pair.first) && !has_joints(pair.second) && is_fast(pair, h) &&
            find(touching, pair) == nullptr &&
            !std::binary_search(unpaired.begin(), unpaired.end(), pair) &&
-           (!follows_contacts() || may_touch(pair));
+           (!follows_contacts() || gap_of(pair) <= swept(pair.first, h) + swept(pair.second, h));
   };
   std::vector<bool> hits_something(bodies.size());
   bool any = false;

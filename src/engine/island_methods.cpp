@@ -85,6 +85,7 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
         island.method != Method::kSequentialImpulses)
       entering.push_back(static_cast<int>(i));
   }
+  if (had_groups || !contact_groups.empty()) list_grouped_bodies();
   if (changed) list_by_method();
 }
 

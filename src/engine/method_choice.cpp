@@ -100,6 +100,10 @@ Method method_for(MethodReason why, const WorldOptions& options) {
   }
 }
 
+bool follows_contacts(const WorldOptions& options) {
+  return options.method == Method::kAuto || options.method == Method::kEventDriven;
+}
+
 MethodChoice choose(MethodReason nature, bool in_contact, const IslandMemory& memory,
                     std::uint64_t step, const WorldOptions& options) {
   const auto is_by_impulses = [&](MethodReason why) {

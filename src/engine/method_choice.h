@@ -65,6 +65,9 @@ MethodReason classify(const IslandTraits& traits, const WorldOptions& options);
 /// The method that goes with a reason.
 Method method_for(MethodReason why, const WorldOptions& options);
 
+/// Whether contacts of few bodies are carried from event to event.
+bool follows_contacts(const WorldOptions& options);
+
 struct MethodChoice {
   Method method;
   MethodReason why;

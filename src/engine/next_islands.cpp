@@ -71,6 +71,10 @@ void World::Impl::choose_next_methods(const std::vector<JointEnds>& ends,
     for (const int body : {a, b})
       if (next_of[at(body)] >= 0) in_contact[at(next_of[at(body)])] = true;
   }
+  const auto was_in_group = [&](int body) {
+    return std::find(grouped_bodies.begin(), grouped_bodies.end(), body_ids[at(body)]) !=
+           grouped_bodies.end();
+  };
   const std::vector<double> fastest_spring = fastest_springs(ends);
   for (std::size_t i = 0; i < next->size(); ++i) {
     auto& [members, island, memory, is_fresh] = (*next)[i];
@@ -83,7 +87,10 @@ void World::Impl::choose_next_methods(const std::vector<JointEnds>& ends,
     }
     island.dependent_rows = 0;
     const MethodReason nature = classify(traits_of(members, fastest_spring), options);
-    const MethodChoice choice = choose(nature, in_contact[i], memory, step_count, options);
+    MethodChoice choice = choose(nature, in_contact[i], memory, step_count, options);
+    if (follows_contacts() && suits_group(members, nature, memory) &&
+        std::any_of(members.bodies.begin(), members.bodies.end(), was_in_group))
+      choice = {Method::kEventDriven, MethodReason::kFewContacts};
     island.method = choice.method;
     island.why = choice.why;
   }

@@ -10,6 +10,7 @@
 
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/method_choice.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
@@ -182,9 +183,9 @@ std::vector<std::string> left_out(const World& world) {
                               Method::kSequentialImpulses})
     leave_out(counts.islands[static_cast<std::size_t>(method)] == 0,
               std::string(name(method)) + ": carries no island now");
-  leave_out(world.options().method == Method::kEventDriven && counts.collides() &&
-                counts.colliding_cylinders > 0,
-            "events of cylinders: sequential_impulses carries what touches one");
+  leave_out(
+      follows_contacts(world.options()) && counts.collides() && counts.colliding_cylinders > 0,
+      "events of cylinders: sequential_impulses carries what touches one");
   const std::string asleep = std::to_string(counts.asleep);
   leave_out(counts.asleep > 0, "islands: " + asleep + " at rest, until something touches them");
   return lines;

@@ -110,6 +110,8 @@ void World::Impl::fall_asleep() {
   if (!any_due || !find_sleep_candidates()) return;
 
   for (const int i : sleep_candidates) {
+    // what it was to remember for so many steps would depend on how long it sleeps
+    static_cast<IslandMemory&>(island_parts[at(i)]) = {};
     for (const int body : island_parts[at(i)].members.bodies) {
       asleep[at(body)] = true;
       states[at(body)].linear_velocity.setZero();

@@ -359,6 +359,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
   if constexpr (Visit::kReads) {
     check_model(self, self);
     check_ids(self, visit.most_ids());
+    self.list_grouped_bodies();
     make_custom_codes(&self.joints);
     name_all(self.bodies, self.body_ids, &self.body_by_name);
     name_all(self.joints, self.joint_ids, &self.joint_by_name);

@@ -86,6 +86,7 @@ struct ContactGroup {
   std::shared_ptr<ContactEvents> events;    ///< of this step alone
   std::shared_ptr<ElasticSpheres> spheres;  ///< or these
   bool has_failed = false;                  ///< in this step: others carry them
+  bool is_few = false;                      ///< enough for `events`
 };
 
 /// What each method carries in a step; made anew when that changes.
@@ -186,10 +187,21 @@ struct World::Impl : Model, State, IslandLists {
   StopFlag stop = nullptr;
 
   // ---- what touches by events, in this step
+  /// Of islands that pairs connect, by the first one of them.
+  struct GroupSize {
+    std::size_t bodies = 0, points = 0;
+    bool overlaps = false, is_elastic = true;
+    int group = -1;  ///< that was made of them
+
+    bool is_few() const;
+  };
+  std::vector<std::pair<Broadphase::Pair, double>> watched_pairs;  // with their gaps [m]
+  std::vector<GroupSize> group_sizes;
   std::vector<ContactGroup> contact_groups;
-  std::vector<int> group_of;  // of islands; -1: none
-  bool had_groups = false;    // in the step before
-  double group_reach = 0.0;   // [m] that anybody may get to in this step, whoever hits it
+  std::vector<int> group_of;           // of islands; -1: none
+  std::vector<BodyId> grouped_bodies;  // whatever is edited after the step
+  bool had_groups = false;             // in the step before
+  double group_reach = 0.0;            // [m] that anybody may get to in this step, whoever hits it
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
@@ -336,12 +348,20 @@ struct World::Impl : Model, State, IslandLists {
     return !contact_groups.empty() && group_of[island] >= 0;
   }
   void find_group_reach();
-  bool may_touch(const Broadphase::Pair& pair) const;
+  double gap_of(const Broadphase::Pair& pair) const;
+  double least_gap(std::size_t a, std::size_t b) const;
+  std::optional<double> gap_to_watch(const Broadphase::Pair& pair) const;
   bool wake_approached(const std::vector<Broadphase::Pair>& near);
   void find_contact_groups(const std::vector<Broadphase::Pair>& near);
+  void list_group_sizes();
+  void list_grouped_bodies();
+  bool is_elastic_sphere(std::size_t body) const;
+  bool suits_group(const IslandMembers& members, MethodReason nature,
+                   const IslandMemory& memory) const;
   bool can_be_in_group(std::size_t i) const;
   bool compile_group(ContactGroup* group);
   bool compile_spheres(ContactGroup* group);
+  double most_work_of(const ContactGroup& of) const;
   void advance_contact_groups(const SmoothSpan& span);
   void take_out_group_contacts();
   void tell_contact_groups(const JointStep& step);
@@ -356,6 +376,7 @@ struct World::Impl : Model, State, IslandLists {
   double way(int body, double duration) const;
   double travel(int body, double duration) const;
   bool is_fast(const Broadphase::Pair& pair, double duration) const;
+  double swept(int body, double duration) const;
   void sweep(double duration, Proxy* proxy) const;
   void find_hits(const std::vector<Broadphase::Pair>& near);
   std::optional<double> time_of_hit(const Broadphase::Pair& pair, double duration) const;

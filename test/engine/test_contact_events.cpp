@@ -278,19 +278,24 @@ TEST(ContactEvents, EnergyNeverRisesOfBoxesAndBallsThatFall) {
   }
 }
 
-TEST(ContactEvents, OtherMethodsCarryContactsAsBefore) {
-  World world(by_events(1.0 / 60)), automatic(by_events(1.0 / 60));
-  WorldOptions options = automatic.options();
-  options.method = Method::kAuto;
-  automatic.set_options(options);
-  for (World* of : {&world, &automatic}) {
-    add_floor(of);
-    of->add_body(make_body("ball", Sphere{0.1}, 2.0, {0.0, 0.0, 0.1}));
-    of->step();
-    of->step();
+TEST(ContactEvents, AreChosenByAutoAndNotByOtherMethods) {
+  for (const Method method : {Method::kEventDriven, Method::kAuto, Method::kRungeKutta,
+                              Method::kEnergyMomentum, Method::kSequentialImpulses}) {
+    WorldOptions options = by_events(1.0 / 60);
+    options.method = method;
+    World world(options);
+    add_floor(&world);
+    world.add_body(make_body("ball", Sphere{0.1}, 2.0, {0.0, 0.0, 0.1}));
+    world.step();
+    world.step();
+    const bool is_followed = method == Method::kEventDriven || method == Method::kAuto;
+    EXPECT_EQ(world.islands().front().method,
+              is_followed ? Method::kEventDriven : Method::kSequentialImpulses)
+        << name(method);
+    if (is_followed) {
+      EXPECT_EQ(world.islands().front().why, MethodReason::kFewContacts);
+    }
   }
-  EXPECT_EQ(world.islands().front().why, MethodReason::kFewContacts);
-  EXPECT_EQ(automatic.islands().front().method, Method::kSequentialImpulses);
 }
 
 // cylinders are more than events are for: told

@@ -22,8 +22,9 @@ void add_pile(World* world, const std::string& name, int height, double x) {
   }
 }
 
-World piles(double sleep_after = 0.5) {
+World piles(double sleep_after = 0.5, Method method = Method::kRungeKutta) {
   WorldOptions options;
+  options.method = method;
   options.time_step = kTick;
   options.iterations = 50;
   options.sleep_after = sleep_after;
@@ -37,8 +38,8 @@ World piles(double sleep_after = 0.5) {
 /// Time for both piles to come to rest, and half a second more.
 constexpr int kUntilAsleep = 400;
 
-World asleep() {
-  World world = piles();
+World asleep(Method method = Method::kRungeKutta) {
+  World world = piles(0.5, method);
   run(world, kUntilAsleep);
   EXPECT_EQ(world.report().asleep, 5u);
   return world;
@@ -193,8 +194,8 @@ INSTANTIATE_TEST_SUITE_P(
 
 // Whether they slept for one second or for ten, what follows is the same to the bit.
 TEST(Rest, EndsTheSameHoweverLongItWas) {
-  const auto push = [](int slept) {
-    World world = asleep();
+  const auto push = [](int slept, Method method) {
+    World world = asleep(method);
     run(world, slept);
     const BodyId id = world.find_body("a1");
     BodyState state = world.state(id);
@@ -204,7 +205,8 @@ TEST(Rest, EndsTheSameHoweverLongItWas) {
     EXPECT_EQ(world.report().asleep, 2u);  // pile b sleeps on
     return states(world);
   };
-  EXPECT_TRUE(same_bits(push(100), push(1000)));
+  for (const Method method : {Method::kRungeKutta, Method::kAuto})  // by impulses, and by events
+    EXPECT_TRUE(same_bits(push(100, method), push(1000, method))) << name(method);
 }
 
 TEST(Rest, GoesOnInACopy) {

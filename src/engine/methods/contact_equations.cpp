@@ -117,7 +117,7 @@ void ContactEquations::add_joint_rows() {
     for (int k = 0; k < kind.rows; ++k) {
       const ScalarForm form =
           is_distance ? ScalarForm(LengthForm{}) : kind.function[static_cast<std::size_t>(k)];
-      const Prescribed target = is_distance ? joint.course.length(t_) : Prescribed{};
+      const Prescribed target = is_distance ? joint.course.length(clock()) : Prescribed{};
       Row& row = rows_.emplace_back();
       row.a = joint.a;
       row.b = joint.b;
@@ -178,21 +178,21 @@ ContactEquations::Reading ContactEquations::read(const Coordinate& of,
 Prescribed ContactEquations::limit(const Coordinate& of, bool upper_one) const {
   if (!of.law.is_distance) return {of.law.limit(upper_one), 0.0, 0.0};
   const BodyJoint& joint = joints[of.joint];
-  Prescribed at_limit = joint.course.length(t_);
+  Prescribed at_limit = joint.course.length(clock());
   at_limit.value +=
       of.law.limit(upper_one) - joint.joint.distance.length.value_or(0.0) + of.given_way;
   return at_limit;
 }
 
 Prescribed ContactEquations::zeta(const Coordinate& of) const {
-  if (of.law.is_distance) return joints[of.joint].course.length(t_);
-  return of.law.drive > 0.0 ? motor_course(of.motor, t_, 0.0) : Prescribed{};
+  if (of.law.is_distance) return joints[of.joint].course.length(clock());
+  return of.law.drive > 0.0 ? motor_course(of.motor, clock(), 0.0) : Prescribed{};
 }
 
 Prescribed ContactEquations::target(const Coordinate& of) const {
   const BodyJoint& joint = joints[of.joint];
   if (of.is_prescribed) {
-    Prescribed at = joint.course.target(of.law.function, t_);
+    Prescribed at = joint.course.target(of.law.function, clock());
     at.value += of.law.zero;
     return at;
   }
@@ -201,8 +201,9 @@ Prescribed ContactEquations::target(const Coordinate& of) const {
       [&] { return zeta(of); });
   if (of.state.hold == Hold::kStill) at.value = of.held;
   if (of.state.hold != Hold::kDrive) return at;
-  at.value = of.held + (of.law.is_distance ? at.value - joint.course.length(of.held_at).value
-                                           : motor_travel(of.motor, of.held_at, t_ - of.held_at));
+  at.value =
+      of.held + (of.law.is_distance ? at.value - joint.course.length(of.held_at).value
+                                    : motor_travel(of.motor, of.held_at, clock() - of.held_at));
   return at;
 }
 

@@ -63,7 +63,7 @@ class ContactEquations {
     Motor motor{};           ///< in this span, of a law with a drive
     double position = 0.0;   ///< where a substep starts [m or rad]
     double held = 0.0;       ///< where friction or a drive began to hold it [m or rad],
-    double held_at = 0.0;    ///< and when [s]
+    double held_at = 0.0;    ///< and when, simulated [s]
     double given_way = 0.0;  ///< by what a limit of a length has moved since the step began [m]
     double reference = 0.0;  ///< a force that it can have [N or N m]
   };
@@ -74,6 +74,9 @@ class ContactEquations {
   std::vector<Coordinate> coordinates;
   std::vector<Contact> contacts;
   Eigen::Vector3d gravity = Eigen::Vector3d::Zero();
+  /// Where the span begins, simulated [s]. Times are counted from there, so that it makes no
+  /// difference how late it is.
+  double origin = 0.0;
 
   /// Where all bodies are; of immovable ones for good.
   void gather_state(const std::vector<BodyState>& states);
@@ -82,9 +85,10 @@ class ContactEquations {
   std::vector<double>& numbers() { return y_; }
   /// Moves to these numbers.
   void place(const double* y);
-  /// Moves to a time [s], at which bodies stay where they are.
+  /// Moves to a time since `origin` [s], at which bodies stay where they are.
   void set_time(double t) { t_ = t; }
   double time() const { return t_; }
+  double clock() const { return origin + t_; }  ///< simulated [s]
   /// Whether anything that acts depends on the time.
   bool is_moved_by_motors() const;
 
@@ -207,7 +211,7 @@ class ContactEquations {
   void add_impulses(double weight, std::size_t stage);
 
   std::vector<double> y_;
-  double t_ = 0.0;  // [s]
+  double t_ = 0.0;  // [s] since origin
   std::vector<BodyState> states_;
   std::vector<Eigen::Matrix3d> inverse_inertia_;  // world
   std::vector<Row> rows_;

@@ -23,7 +23,6 @@ constexpr std::uint32_t kMostJams = 4;  // in a step
 constexpr int kMostUnchanged = 100;     // events in a step, that changed nothing
 constexpr double kOverlap = 1e-9;       // [m] of boxes: more has been missed
 constexpr int kMostMissed = 40;         // substeps in a step that are taken again for that
-constexpr double kMostWork = 2e4;       // in a step, in substeps of a group of one point
 
 }  // namespace
 
@@ -104,6 +103,11 @@ double ContactEvents::gap_of_boxes(const Pair& pair) const {
       .gap;
 }
 
+std::size_t ContactEvents::most_points(const Shape& a, const Shape& b) {
+  const auto is_round = [](const Shape& shape) { return std::holds_alternative<Sphere>(shape); };
+  return is_round(a) || is_round(b) ? 1 : 8;
+}
+
 // The contacts of all pairs, open.
 void ContactEvents::add_contacts() {
   equations_.contacts.clear();
@@ -131,9 +135,6 @@ void ContactEvents::add_contacts() {
 bool ContactEvents::begin(const std::vector<BodyState>& states) {
   equations_.gather_state(states);
   add_contacts();
-  std::size_t points = 0;
-  for (const Pair& pair : pairs_) points += std::min<std::size_t>(pair.count, 8);
-  if (points > kMostContacts) return false;
   equations_.gather_state(states);  // with what contacts have of stages
   depth_.assign(pairs_.size(), 0.0);
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
@@ -156,7 +157,8 @@ bool ContactEvents::has_touched(std::size_t contact) const {
 // What motors ask for in a span, where coordinates are and what has given way by now.
 void ContactEvents::begin_joints(const Span& span, const JointStep& step,
                                  const std::vector<JointState>& states) {
-  equations_.set_time(span.all.t);
+  equations_.origin = span.all.t;
+  equations_.set_time(0.0);
   for (ContactEquations::BodyJoint& joint : equations_.joints) {
     JointState state = states[static_cast<std::size_t>(joint.index)];
     joint.course.begin(joint.joint, step, state);
@@ -209,8 +211,9 @@ void ContactEvents::write(std::size_t c, JointState* state) const {
 IntegrationResult ContactEvents::advance(const SmoothSpan& all, const IntegratorOptions& accuracy,
                                          const JointStep& joint_step,
                                          const std::vector<JointState>& joint_states,
-                                         std::vector<BodyState>* states) {
-  Span span{all, accuracy, SubstepSpan(all.t, all.h), {}};
+                                         double most_work, std::vector<BodyState>* states) {
+  most_work_ = most_work;
+  Span span{all, accuracy, SubstepSpan(0.0, all.h), {}};
   equations_.gather_state(*states);
   begin_joints(span, joint_step, joint_states);
   equations_.gravity = all.gravity;
@@ -407,7 +410,7 @@ bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double
 
 // A substep of h from where the last one started, which was at t.
 bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
-  if (work_ > kMostWork) return false;
+  if (work_ > most_work_) return false;
   const std::size_t n = equations_.size();
   std::copy(kept_.begin(), kept_.begin() + static_cast<std::ptrdiff_t>(n), numbers_.begin());
   std::copy(kept_.begin() + static_cast<std::ptrdiff_t>(n), kept_.end(), derivative());
@@ -426,7 +429,7 @@ bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
 }
 
 bool ContactEvents::advance_to_event(Span* span) {
-  if (is_set(span->all.stop) || work_ > kMostWork) return false;
+  if (is_set(span->all.stop) || work_ > most_work_) return false;
   find_features(false);
   set_directions();
   note_positions();

@@ -22,7 +22,7 @@ namespace constraint_sim::engine {
 /// nothing is kept from one span to the next but impulses, which add up.
 class ContactEvents {
  public:
-  /// More than this are left to others.
+  /// What a few are; more than this are left to others.
   static constexpr std::size_t kMostBodies = 8, kMostContacts = 32, kMostLaws = 32;
   static constexpr std::uint32_t kMostEvents = 5000;  ///< in a step
   /// [m] an overlap of less is one of rounding, or of what another method has left, and closed.
@@ -45,18 +45,22 @@ class ContactEvents {
   /// Of bodies and joints as `equations` has them, without contacts.
   ContactEvents(ContactEquations equations, std::vector<Pair> pairs);
 
-  /// Finds the contacts, open. False where there are too many, or two shapes overlap by more than
-  /// kMostOverlap.
+  /// In how many points two shapes may touch, as kMostContacts counts them.
+  static std::size_t most_points(const Shape& a, const Shape& b);
+
+  /// Finds the contacts, open. False where two shapes overlap by more than kMostOverlap.
   bool begin(const std::vector<BodyState>& states);
   /// As method.h says. Not done: too many events, or no answer to one; the states are then those of
   /// any time within the span. `joint_step`, `joint_states`: of the span, of all joints.
+  /// `most_work` may be done in the step.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                             const JointStep& joint_step,
-                            const std::vector<JointState>& joint_states,
+                            const std::vector<JointState>& joint_states, double most_work,
                             std::vector<BodyState>* states);
 
   // ---- what was done since the beginning
   std::uint32_t events() const { return events_; }
+  double work() const { return work_; }  ///< in substeps of a group of one point
   struct Told {
     EventKind kind;
     double time;     ///< simulated [s]
@@ -199,10 +203,11 @@ class ContactEvents {
   std::vector<OneSidedState> states_before_;     // of coordinates, where the event is
   WatchedSubstep<Watched> watched_;
   std::uint32_t events_ = 0, impacts_ = 0, jams_ = 0;
-  int unchanged_ = 0;          // events that changed nothing
-  int missed_ = 0;             // substeps that ended with boxes in each other, or too inexact
-  double error_ = 0.0;         // of the substep that was repeated last, estimated [m]
-  double work_ = 0.0;          // substeps that were taken, by what one costs
+  int unchanged_ = 0;   // events that changed nothing
+  int missed_ = 0;      // substeps that ended with boxes in each other, or too inexact
+  double error_ = 0.0;  // of the substep that was repeated last, estimated [m]
+  double work_ = 0.0;   // substeps that were taken, by what one costs
+  double most_work_ = 0.0;
   std::vector<double> depth_;  // [m] of pairs of boxes, where the substep starts
   AtBound at_cone_, at_zero_;  // of friction, and of the force along the normal
   std::vector<Told> told_;

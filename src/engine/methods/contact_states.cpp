@@ -56,14 +56,14 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   if (!equations_.project(span->left.t, y) || !equations_.restart(y, derivative())) return false;
   span->progress.projected += kinetic - equations_.kinetic_energy();
   span->progress.corrected += equations_.potential_energy() - potential;
-  tell(span->left.t, before, hit, is_begin);
+  tell(span->all.t + span->left.t, before, hit, is_begin);
   return true;
 }
 
 // Contacts that share a force have their bounds at the same time: one after the other gives way,
 // and none that has takes it up again.
 void ContactEvents::note_bounds(const Span& span, const Watched& event) {
-  const double t = span.left.t;
+  const double t = span.all.t + span.left.t;
   const auto note = [&](Watched::Kind kind, bool is_over, AtBound* at) {
     if (is_over || t - at->since > kSameTime * span.all.h) at->contacts.clear();
     if (event.kind != kind) return;
@@ -497,7 +497,7 @@ void ContactEvents::hold_coordinates(bool is_begin) {
     const OneSidedState& before = states_before_[c];
     if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
     of.held = equations_.read(of, nullptr).q;
-    of.held_at = equations_.time();
+    of.held_at = equations_.clock();
     if (before.yield != 0) of.given_way += of.held - equations_.limit(of, before.yield > 0).value;
   }
 }

@@ -105,12 +105,9 @@ void EquationsOfMotion::couple_rows() {
   }
   ldlt_.analyze(static_cast<int>(kept_), pattern);
 
-  const auto slot = [&](std::size_t i, std::size_t j) { return ldlt_.slot(number[i], number[j]); };
   std::size_t last = kept_;
-  for (std::size_t i = 0; i < rows_.size(); ++i) {
+  for (std::size_t i = 0; i < rows_.size(); ++i)
     rows_[i].unknown = is_redundant_[i] ? last++ : at(ldlt_.place(number[i]));
-    if (!is_redundant_[i]) rows_[i].diagonal = slot(i, i);
-  }
   for (AngularBlock& turn : angular_blocks_) turn.unknown = rows_[row_of_part(turn.row)].unknown;
 
   pulls_.clear();
@@ -133,6 +130,10 @@ void EquationsOfMotion::couple_rows() {
     return i >= first_ball_ && j >= first_ball_ && direction_[i] != direction_[j];
   };
   linear_couplings_.clear();
+  for (std::size_t i = 0; i < parts(); ++i) {
+    const int k = number[row_of_part(i)];
+    if (k >= 0) linear_couplings_.push_back({i, i, part(i).inverse_mass, ldlt_.slot(k, k)});
+  }
   angular_couplings_.clear();
   for (std::size_t body = 0; body < bodies_.size(); ++body) {
     const auto& ends = kept_on[body];

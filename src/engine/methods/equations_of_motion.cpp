@@ -154,14 +154,6 @@ void EquationsOfMotion::update_arms() {
 void EquationsOfMotion::find_matrix() {
   std::vector<double>& A = ldlt_.values();
   std::fill(A.begin(), A.end(), 0.0);
-  for (std::size_t i = 0; i < rows_.size(); ++i)
-    if (!is_redundant_[i])
-      A[rows_[i].diagonal] = rows_[i].inverse_mass * direction_[i].squaredNorm();
-  for (std::size_t i = 0; i < parts_.size(); ++i) {
-    const std::size_t row = row_of_part(rows_.size() + i);
-    const double square = direction_[rows_.size() + i].squaredNorm();
-    if (!is_redundant_[row]) A[rows_[row].diagonal] += parts_[i].inverse_mass * square;
-  }
   for (const LinearCoupling& c : linear_couplings_)
     A[c.slot] += c.inverse_mass * direction_[c.i].dot(direction_[c.j]);
   for (const AngularCoupling& c : angular_couplings_)

@@ -60,7 +60,6 @@ class IslandModel {
     std::size_t a, b;
     std::size_t unknown = 0;    // where its λ stands in a solution
     double inverse_mass = 0.0;  // of both ends
-    SparseLdlt::Slot diagonal = 0;
     int block_a = -1, block_b = -1;
   };
   /// A row of a general joint.

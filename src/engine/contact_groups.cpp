@@ -22,9 +22,18 @@ namespace {
 
 using Eigen::Vector3d;
 
-// What a group may cost in a step, in substeps of one with one point; and where the world chooses,
-// all of them together, and each whatever the others did.
-constexpr double kMostWork = 2e4, kMostWorkOfAll = 1e3, kLeastWork = 100;
+/// What a few are: in a group, and what it may cost in a step, in substeps of one with one point.
+struct Few {
+  std::size_t bodies, points;
+  double work;
+};
+// Where the world chooses, groups have that work together, and each at least some of its own.
+constexpr Few kAskedFor{32, 64, 2e4}, kChosen{8, 32, 1e3};
+constexpr double kLeastWork = 100;
+
+const Few& few(const WorldOptions& options) {
+  return options.method == Method::kAuto ? kChosen : kAskedFor;
+}
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
@@ -226,10 +235,11 @@ void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near)
   for (const auto& [pair, gap] : watched_pairs) {
     const int island = std::max(island_of[at(pair.first)], island_of[at(pair.second)]);
     GroupSize& size = group_sizes[at(leader[at(island)])];
-    if (size.overlaps || !(size.is_few() || size.is_elastic)) continue;
+    const bool is_few = size.bodies <= few(options).bodies && size.points <= few(options).points;
+    if (size.overlaps || !(is_few || size.is_elastic)) continue;
     if (size.group < 0) {
       size.group = static_cast<int>(contact_groups.size());
-      contact_groups.emplace_back().is_few = size.is_few();
+      contact_groups.emplace_back().is_few = is_few;
     }
     contact_groups[at(size.group)].pairs.push_back(pair);
   }
@@ -276,10 +286,6 @@ void World::Impl::list_grouped_bodies() {
     if (islands[at(i)].why == MethodReason::kFewContacts)
       for (const int body : island_parts[at(i)].members.bodies)
         grouped_bodies.push_back(body_ids[at(body)]);
-}
-
-bool World::Impl::GroupSize::is_few() const {
-  return bodies <= ContactEvents::kMostBodies && points <= ContactEvents::kMostContacts;
 }
 
 // Whether an island of this kind can be in a group, wherever its bodies are.
@@ -411,8 +417,8 @@ bool World::Impl::compile_spheres(ContactGroup* group) {
 
 // What may still be done for a group in this step: where the world chooses, all groups share.
 double World::Impl::most_work_of(const ContactGroup& of) const {
-  if (options.method == Method::kEventDriven) return kMostWork;
-  double left = kMostWorkOfAll;
+  double left = few(options).work;
+  if (options.method == Method::kEventDriven) return left;
   for (const ContactGroup& group : contact_groups)
     if (&group != &of && group.events != nullptr) left -= group.events->work();
   return std::max(left, kLeastWork);

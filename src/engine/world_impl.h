@@ -192,8 +192,6 @@ struct World::Impl : Model, State, IslandLists {
     std::size_t bodies = 0, points = 0;
     bool overlaps = false, is_elastic = true;
     int group = -1;  ///< that was made of them
-
-    bool is_few() const;
   };
   std::vector<std::pair<Broadphase::Pair, double>> watched_pairs;  // with their gaps [m]
   std::vector<GroupSize> group_sizes;

@@ -22,8 +22,7 @@ namespace constraint_sim::engine {
 /// nothing is kept from one span to the next but impulses, which add up.
 class ContactEvents {
  public:
-  /// What a few are; more than this are left to others.
-  static constexpr std::size_t kMostBodies = 8, kMostContacts = 32, kMostLaws = 32;
+  static constexpr std::size_t kMostLaws = 32;  ///< more coordinates are left to others
   static constexpr std::uint32_t kMostEvents = 5000;  ///< in a step
   /// [m] an overlap of less is one of rounding, or of what another method has left, and closed.
   static constexpr double kMostOverlap = 1e-7;
@@ -45,7 +44,7 @@ class ContactEvents {
   /// Of bodies and joints as `equations` has them, without contacts.
   ContactEvents(ContactEquations equations, std::vector<Pair> pairs);
 
-  /// In how many points two shapes may touch, as kMostContacts counts them.
+  /// In how many points two shapes may touch.
   static std::size_t most_points(const Shape& a, const Shape& b);
 
   /// Finds the contacts, open. False where two shapes overlap by more than kMostOverlap.

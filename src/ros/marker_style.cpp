@@ -153,13 +153,13 @@ Eigen::Vector3d friction_of(const engine::Contact& contact) {
 }
 
 void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
-  const double passed = std::max((stamp - stamp_).toSec(), 0.0);
+  const double passed = stamp.toSec() - stamp_.toSec();  // a ros::Duration takes longer to find
   // the first forces show at once, also where a single step brings them
   const bool awaits_some = (!world.joint_ids().empty() && !(reference_ > 0.0)) ||
                            (!world.contacts().empty() && !(contact_ > 0.0));
-  if (stamp >= stamp_ && passed < kForcesPeriod && !awaits_some) return;
+  if (passed >= 0.0 && passed < kForcesPeriod && !awaits_some) return;
   stamp_ = stamp;
-  const double kept = std::exp(-passed / kForgets);
+  const double kept = std::exp(-std::max(passed, 0.0) / kForgets);
   reference_ *= kept;
   contact_ *= kept;
   for (double& largest : friction_) largest *= kept;

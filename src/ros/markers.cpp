@@ -122,7 +122,7 @@ const MarkerMessage& Markers::update(const engine::World& world, const ForceScal
   set_.begin(stamp, for_newcomer);
   is_edited_ = is_edited || set_.is_full();
   if (is_edited_) find_looks(world);
-  add_bodies(world, false);
+  for (std::size_t i = 0; i < moving_; ++i) add_body(world, body_looks_[i]);
   for (const JointLook& look : joint_looks_)
     if (look.is_grip)
       add_grip(world, look.id);
@@ -130,7 +130,7 @@ const MarkerMessage& Markers::update(const engine::World& world, const ForceScal
       add_constraint(world, look, stamp);
   add_contacts(world);
   robots_.add_markers(world, is_edited_, &visuals_);
-  add_bodies(world, true);
+  for (std::size_t i = moving_; i < body_looks_.size(); ++i) add_body(world, body_looks_[i]);
   forces_ = nullptr;
   return set_.finish();
 }
@@ -139,10 +139,13 @@ void Markers::find_looks(const engine::World& world) {
   world.body_ids(&body_ids_);
   find_extent(world);
   body_looks_.clear();
-  for (const engine::BodyId id : body_ids_) {
-    const engine::Body& body = world.body(id);
-    body_looks_.push_back(
-        {id, body.type == engine::BodyType::kStatic, body.shape_pose.has_value()});
+  for (const bool are_static : {false, true}) {
+    for (const engine::BodyId id : body_ids_) {
+      const engine::Body& body = world.body(id);
+      if ((body.type == engine::BodyType::kStatic) == are_static)
+        body_looks_.push_back({id, body.shape_pose.has_value()});
+    }
+    if (!are_static) moving_ = body_looks_.size();
   }
   joint_looks_.clear();
   for (const engine::JointId id : world.joint_ids()) {
@@ -203,11 +206,6 @@ void Markers::find_extent(const engine::World& world) {
   extent_ = extent_of(world);
 }
 
-void Markers::add_bodies(const engine::World& world, bool are_static) {
-  for (const BodyLook& look : body_looks_)
-    if (look.is_static == are_static) add_body(world, look);
-}
-
 // What stands where listeners have it is not sent.
 void Markers::add_body(const engine::World& world, const BodyLook& look) {
   engine::BodyState placed;
@@ -218,12 +216,10 @@ void Markers::add_body(const engine::World& world, const BodyLook& look) {
     placed.orientation = at->orientation * shape_pose.orientation;
     at = &placed;
   }
-  const ShownMarker* shown = bodies_.shown(number(look.id));
-  if (!is_edited_ && shown != nullptr && is_at(shown->pose, *at))
-    return bodies_.keep(number(look.id));
+  ShownMarker* shown = bodies_.shown(number(look.id));
+  if (!is_edited_ && shown != nullptr && is_at(shown->pose, *at)) return bodies_.keep(shown);
   const bool is_new = is_edited_ || shown == nullptr;
-  const std::int32_t type = is_new ? std::int32_t{Marker::CUBE} : shown->type;
-  Marker& marker = bodies_.add(number(look.id), type);
+  Marker& marker = is_new ? bodies_.add(number(look.id), Marker::CUBE) : bodies_.send(shown);
   marker.pose.position = point_at(at->position);
   marker.pose.orientation = quaternion_of(at->orientation);
   if (!is_new) return;
@@ -266,8 +262,8 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
                   forces_->share(force)};
   ShownMarker& marker = constraints_.add(seen.number, type_of(look.look));
   marker.scale.x = extent_.width;
-  marker.color = constraint_colour(seen.load, shown_error(look.look, state));
-  if (state.broken) marker.color = colour(0.6, 0.6, 0.6, 0.6);
+  marker.color = state.broken ? colour(0.6, 0.6, 0.6, 0.6)
+                              : constraint_colour(seen.load, shown_error(look.look, state));
   switch (look.look) {
     case Look::kCoupling:
       draw_coupling(world, seen, &marker);

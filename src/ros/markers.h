@@ -73,7 +73,7 @@ class Markers {
                  ShownMarker* marker) const;
   void draw_arms(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
   void draw_coupling(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
-  void add_motor(const engine::World& world, const Seen& seen);
+  void add_motor(const engine::World& world, const Seen& seen, const ShownMotor& motor);
   void add_contacts(const engine::World& world);
 
   MarkerSet set_;

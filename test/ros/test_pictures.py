@@ -19,7 +19,7 @@ RED = (226, 64, 57)  # which is drawn by rods, in their light
 BELOW = 230  # rows of the view, under the legend, which is written in these colours
 
 # scenes that go from event to event: after how many steps their pictures are taken, and how much larger
-EVENTS = {"safety_rope": (90, 1), "breaking_rod": (55, 1), "rocking_block": (40, 1),
+EVENTS = {"safety_rope": (30, 1), "breaking_rod": (30, 1), "rocking_block": (40, 1),
           "newtons_cradle": (95, 1), "ball_on_incline": (10, 1), "weak_winch": (60, 1)}
 
 
@@ -37,8 +37,10 @@ class Pictures(InRviz):
             counts = {sign: int((numpy.abs(views[-1][BELOW:] - sign).max(axis=-1) < 12).sum())
                       for sign in signs}
             share = max(self.filled(views[-1], 0), self.filled(views[-1], 1))
+            # three times the same, but for the largest forces of the last seconds
             is_still = steps is None or (len(views) > 2 and
-                                         all((views[-1] == view).all() for view in views[-3:-1]))
+                                         all((views[-1][BELOW:] == view[BELOW:]).all()
+                                             for view in views[-3:-1]))
             return ([sign for sign, count in counts.items() if count < 25] or not share > filled or
                     not is_still)
         support.empty_world()

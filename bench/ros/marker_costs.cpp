@@ -3,10 +3,10 @@
 //
 //   constraint_sim_marker_costs SCENE nothing|update|publish|copy|serialise ROUNDS
 //
-// nothing: only steps and the copy of the world that messages are made from; update: the markers as
-// well; publish: these are serialised as the node does it, for a listener; copy: after `update`, a
-// visualization_msgs/MarkerArray of the same content; serialise: that is serialised as roscpp does
-// it. Prints how many markers that was, and how many bytes.
+// nothing: only steps and the copies of the world that messages are made from; update: the markers
+// as well; publish: these are serialised as the node does it, for a listener; copy: after `update`,
+// a visualization_msgs/MarkerArray of the same content; serialise: that is serialised as roscpp
+// does it. Prints how many markers that was, and how many bytes.
 
 #include <ros/serialization.h>
 #include <visualization_msgs/MarkerArray.h>
@@ -14,6 +14,7 @@
 #include <cstdio>
 #include <exception>
 #include <string>
+#include <vector>
 
 #include "constraint_sim/engine/scene.h"
 #include "ros/markers.h"
@@ -36,14 +37,17 @@ int run(const std::string& path, const std::string& what, int rounds) {
   Robots robots{Parameters()};
   Markers markers("world", robots);
   ForceScale forces;
-  engine::World snapshot;
-  std::size_t bytes = 0, sent = 0;
+  // what happens first of all, so that what is counted later does not change what the steps take
+  std::vector<engine::World> snapshots(static_cast<std::size_t>(rounds));
   double next = 0.0;
-  for (int round = 0; round < rounds; ++round) {
+  for (engine::World& snapshot : snapshots) {
     for (next += 1.0 / kRate; world.time() < next;) world.step();
     world.take_snapshot(&snapshot);
+  }
+  std::size_t bytes = 0, sent = 0;
+  for (const engine::World& snapshot : snapshots) {
+    const ros::Time stamp(1.0 + snapshot.time());
     if (what == "nothing") continue;
-    const ros::Time stamp(1.0 + world.time());
     forces.update(snapshot, stamp);
     const MarkerMessage& message = markers.update(snapshot, forces, stamp, false, false);
     sent += message.markers.size();

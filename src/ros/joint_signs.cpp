@@ -18,9 +18,14 @@ using visualization_msgs::Marker;
 constexpr double kAxisLength = 0.3;     // [m] of the axis of a joint, at most
 constexpr double kWidthOfLength = 0.1;  // of a sign: its width, at most
 constexpr double kOut = 0.2;            // of the axis: what of it comes out of a body at each end
-constexpr double kRing = 0.5;           // of the axis: radius of a motor's arrow
+constexpr double kRing = 0.7;           // of the axis: radius of a motor's ring, around the body
+constexpr double kAroundWheel = 1.2;    // of a wheel: the same
+constexpr double kSmallWheel = 0.5;     // of the axis: radius of a wheel that touches no other
+constexpr double kThumb = 0.5;          // of the axis: length of the arrow through that
+constexpr double kLevel = 0.1;          // sine of the slope of an axis that counts as level
+constexpr double kNearer = 0.1;         // of the axis: what counts as nearer
 constexpr double kWeld = 0.4;           // of the axis: half of the cube whose diagonals are a weld
-constexpr double kThread = 1.6;         // of the thickness: radius of a screw's thread
+constexpr double kThread = 2.4;         // of the thickness: diameter of a screw's thread
 constexpr double kPi = 3.14159265358979323846;
 constexpr int kTeethOfSmaller = 12;
 constexpr int kMostTeeth = 60;
@@ -34,17 +39,6 @@ double length_of_axis_through(const engine::Shape& shape) {
   if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return 3.0 * sphere->radius;
   if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
     return std::max(3.0 * cylinder->radius, cylinder->length);
-  return 0.0;
-}
-
-// Half of what a shape covers along a direction of its own frame (unit) [m].
-double half_width(const engine::Shape& shape, const Vector3d& along) {
-  if (const auto* box = std::get_if<engine::Box>(&shape))
-    return 0.5 * box->size.dot(along.cwiseAbs());
-  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return sphere->radius;
-  if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
-    return cylinder->radius * std::hypot(along.x(), along.y()) +
-           0.5 * cylinder->length * std::abs(along.z());
   return 0.0;
 }
 
@@ -192,15 +186,6 @@ std::pair<double, double> rail(const engine::Joint& joint, const JointSize& size
           high + std::max(0.5 * size.axis, size.behind + out)};
 }
 
-// Along z, longer while it slides.
-void draw_thread(const engine::Joint& joint, double length, double radius, ShownMarker* marker) {
-  if (marker->is_drawn_for({radius, 0.0, 0.0}))
-    stretch(length / marker->drawn_length, &marker->points);
-  else
-    add_thread(length, radius, joint.pitch > 0.0, &marker->points);
-  marker->drawn_length = length;
-}
-
 void set_scale(double x, double y, double z, Marker* marker) {
   marker->scale.x = x;
   marker->scale.y = y;
@@ -210,13 +195,32 @@ void set_scale(double x, double y, double z, Marker* marker) {
 void draw_rail(const engine::Joint& joint, const JointSize& size, const Vector3d& p_a,
                const Vector3d& p_b, const Vector3d& z, double thickness, ShownMarker* marker) {
   const auto [low, high] = rail(joint, size, (p_b - p_a).dot(z));
-  if (marker->type == Marker::LINE_LIST) {
+  if (joint.kind == JointKind::kScrew) {
     marker->pose.position = point_at(p_a + low * z);
-    set_scale(0.5 * thickness, 0.0, 0.0, marker);
-    return draw_thread(joint, high - low, kThread * thickness, marker);
+    set_scale(0.5 * kThread * thickness, 0.5 * kThread * thickness, high - low, marker);
+    const bool is_right = joint.pitch > 0.0;
+    if (!marker->is_drawn_for({1.0, is_right ? 1.0 : 0.0, 0.0}))
+      add_thread(is_right, &marker->points);
+    return;
   }
   marker->pose.position = point_at(p_a + 0.5 * (low + high) * z);
   set_scale(thickness, thickness, high - low, marker);
+}
+
+double radius_of_ring(const JointSize& size) {
+  return std::max(kRing * size.axis, size.wheel_is_on_a ? 0.0 : kAroundWheel * size.wheel);
+}
+
+// Where along the axis a motor's ring is: out of the body, at its end that is nearer to the joint;
+// else at the upper one.
+double height_of_ring(const engine::World& world, const engine::Joint& joint,
+                      const JointSize& size) {
+  const double upright = (orientation_of(world, joint) * Vector3d::UnitZ()).z();
+  bool is_before = upright < -kLevel;
+  if (std::abs(upright) < kLevel && std::abs(size.before - size.behind) > kNearer * size.axis)
+    is_before = size.before < size.behind;
+  const double out = 0.75 * kOut * size.axis;
+  return is_before ? -size.before - out : size.behind + out;
 }
 
 }  // namespace
@@ -261,7 +265,7 @@ void find_wheels(const engine::World& world, const engine::Joint& gear, JointSiz
       find_rack(world, b, a, std::abs(coupling.ratio)))
     return;
   for (const Wheel* wheel : {&a, &b}) {
-    const double radius = kRing * wheel->size->axis;
+    const double radius = kSmallWheel * wheel->size->axis;
     if (!wheel->turns || wheel->size->wheel > 0.0) continue;
     set_teeth(radius, 2.0 * kPi * radius / kTeethOfSmaller, wheel->size);
     wheel->size->touches = false;
@@ -279,8 +283,9 @@ std::int32_t type_of_sign(const engine::Joint& joint, const JointSize& size) {
     case JointKind::kPointOnPlane:
     case JointKind::kUniversal:
     case JointKind::kWeld:
-    case JointKind::kScrew:
       return Marker::LINE_LIST;
+    case JointKind::kScrew:
+      return Marker::TRIANGLE_LIST;
     default:
       return Marker::CYLINDER;
   }
@@ -338,11 +343,15 @@ void draw_motor(const engine::World& world, const engine::Joint& joint, const Jo
   marker->scale.x = 0.5 * std::min(most_width, kWidthOfLength * size.axis);
   marker->pose.position = point_at(slides_along_axis(joint.kind) ? p_b : p_a);
   marker->pose.orientation = quaternion_of(orientation_of(world, joint));
-  const double out = 0.75 * kOut * size.axis;
   if (motor.is_angle) {
-    if (marker->is_drawn_for({sign * size.axis, size.before, size.behind})) return;
-    for (const double z : {-size.before - out, size.behind + out})
-      add_turning_arrow(kRing * size.axis, z, positive, &marker->points);
+    const double z = height_of_ring(world, joint, size);
+    if (marker->is_drawn_for({sign * size.axis, z, radius_of_ring(size)})) return;
+    add_turning_arrow(radius_of_ring(size), z, positive, &marker->points);
+    // which also tells where the ring is seen from its side
+    const double length = kThumb * size.axis;
+    const double start = positive == (z > 0.0) ? z : z + std::copysign(length, z);
+    add_arrow(start * Vector3d::UnitZ(), sign * Vector3d::UnitZ(), length, 0.4 * length,
+              &marker->points);
     return;
   }
   // out of the body that moves, which would hide it
@@ -350,6 +359,14 @@ void draw_motor(const engine::World& world, const engine::Joint& joint, const Jo
   if (marker->is_drawn_for({sign * size.axis, start, -1.0})) return;
   add_arrow(sign * start * Vector3d::UnitZ(), sign * Vector3d::UnitZ(), size.axis, 0.3 * size.axis,
             &marker->points);
+}
+
+double top_of_rail(const engine::World& world, const engine::Joint& joint, const JointSize& size,
+                   const Vector3d& p_a, const Vector3d& p_b) {
+  if (!slides_along_axis(joint.kind)) return std::max(p_a.z(), p_b.z());
+  const Vector3d z = orientation_of(world, joint) * Vector3d::UnitZ();
+  const auto [low, high] = rail(joint, size, (p_b - p_a).dot(z));
+  return p_a.z() + std::max(low * z.z(), high * z.z());
 }
 
 Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint, const JointSize& size,
@@ -364,16 +381,28 @@ Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint, con
       return place + (positive ? size.behind + size.axis : -size.before - size.axis) * z;
     }
     const double upright = z.dot(up);
-    const double end =
-        std::max(0.5 * size.axis, kOut * size.axis + (upright > 0.0 ? size.behind : size.before));
-    double across =
-        std::max(motor ? kRing * size.axis : 0.0, size.wheel_is_on_a ? 0.0 : size.wheel);
-    if (is_on_sheet(joint.kind)) across = size.axis;
-    if (joint.kind == JointKind::kUniversal) across = 0.5 * size.axis;
-    top = across * std::sqrt(std::max(1.0 - upright * upright, 0.0));
-    if (std::abs(upright) > 0.7 && !is_on_sheet(joint.kind))
-      return place + (upright > 0.0 ? end : -end) * z +
-             (motor ? 0.3 * kRing : 0.0) * size.axis * up;
+    const double across_up = std::sqrt(std::max(1.0 - upright * upright, 0.0));
+    if (motor) {  // above the ring and the tip of its arrow
+      const double ring = height_of_ring(world, joint, size);
+      const double tip = ring + std::copysign(kThumb * size.axis, ring);
+      return place + ring * z +
+             std::max((tip - ring) * upright, radius_of_ring(size) * across_up) * up;
+    }
+    if (is_on_sheet(joint.kind)) {
+      const Eigen::Matrix3d axes = orientation_of(world, joint).toRotationMatrix();
+      const double x = axes.col(0).dot(up), y = axes.col(1).dot(up);
+      const Vector3d edge = std::abs(x) > std::abs(y)
+                                ? Vector3d(std::copysign(size.axis, x) * axes.col(0))
+                                : Vector3d(std::copysign(size.axis, y) * axes.col(1));
+      if (edge.dot(up) > top_above(world, joint, place, up)) return place + edge;
+    } else {
+      const double end =
+          std::max(0.5 * size.axis, kOut * size.axis + (upright > 0.0 ? size.behind : size.before));
+      if (std::abs(upright) > 0.7) return place + (upright > 0.0 ? end : -end) * z;
+      const bool is_cross = joint.kind == JointKind::kUniversal;
+      const double wheel = size.wheel_is_on_a ? 0.0 : size.wheel;
+      top = across_up * (is_cross ? 0.5 * size.axis : wheel);
+    }
   }
   return place + std::max(top, top_above(world, joint, place, up)) * up;
 }

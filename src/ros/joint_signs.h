@@ -43,6 +43,9 @@ void draw_joint(const engine::World& world, const engine::Joint& joint, const Jo
 void draw_motor(const engine::World& world, const engine::Joint& joint, const JointSize& size,
                 const ShownMotor& motor, const Eigen::Vector3d& p_a, const Eigen::Vector3d& p_b,
                 double most_width, ShownMarker* marker);
+/// The upper end of what slides along an axis [m]; of other joints the upper anchor.
+double top_of_rail(const engine::World& world, const engine::Joint& joint, const JointSize& size,
+                   const Eigen::Vector3d& p_a, const Eigen::Vector3d& p_b);
 /// Where a label of that motor, or of the joint without one, is seen: the upper end of the axis, or
 /// the tip of the arrow [m].
 Eigen::Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint,

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <variant>
 #include <vector>
 
@@ -16,8 +17,11 @@ namespace {
 using Eigen::Vector3d;
 using visualization_msgs::Marker;
 
-constexpr double kHeightOfSign = 0.3;  // letters beside arrows
-constexpr double kTellsError = 1e-4;   // [m]
+constexpr double kHeightOfSign = 0.3;          // letters beside arrows
+constexpr double kTellsError = 1e-4;           // [m]
+constexpr double kHeightOfLegend = 0.02;       // of the scene's diagonal
+constexpr double kTellsForce = 0.01;           // of the largest one: less has no line of the legend
+constexpr double kShares[] = {0.5, 0.7, 0.3};  // of a length, where labels of neighbours are
 constexpr double kLineSpacing = 1.4;
 // heights of a letter
 constexpr double kAbove = 0.9;  // from a part to the middle of the text above it
@@ -38,14 +42,15 @@ std::string shown(const char* format, double value) {
 std::string signed_value(double value) { return shown(value == 0.0 ? "%.3g" : "%+.3g", value); }
 
 // rviz centres texts about their place: as many spaces before it as it is wide put it beside a
-// line, on the right in every view.
-std::string beside(const std::string& text) {
+// line, on the right in every view; behind it on the left.
+std::string beside(const std::string& text, bool is_left = false) {
   const auto spaces = static_cast<double>(std::count(text.begin(), text.end(), ' '));
   const double width = kLetter * (static_cast<double>(text.size()) - spaces) + spaces;
-  return std::string(static_cast<std::size_t>(std::lround(width + 2.0 * kBeside)), ' ') + text;
+  const std::string space(static_cast<std::size_t>(std::lround(width + 2.0 * kBeside)), ' ');
+  return is_left ? text + space : space + text;
 }
 
-Vector3d middle_of(const engine::World& world, engine::JointId id) {
+Vector3d place_of(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
   if (engine::couples_joints(joint.kind)) {
     const auto& first = world.anchors(joint.coupling.first);
@@ -53,7 +58,27 @@ Vector3d middle_of(const engine::World& world, engine::JointId id) {
     const bool is_pulley = joint.kind == engine::JointKind::kPulley;  // drawn between upper ends
     return is_pulley ? 0.5 * (first.p_a + second.p_a) : 0.5 * (first.p_b + second.p_b);
   }
-  return 0.5 * (world.anchors(id).p_a + world.anchors(id).p_b);
+  const double share = kShares[id.value % 3];  // parallel ones are often added one by one
+  return (1.0 - share) * world.anchors(id).p_a + share * world.anchors(id).p_b;
+}
+
+// Of bodies and what joins them; extents have the spheres around bodies.
+double top_of(const engine::World& world) {
+  double top = -std::numeric_limits<double>::infinity();
+  for (const engine::BodyId id : world.body_ids()) {
+    const engine::Shape& shape = world.body(id).shape;
+    if (std::holds_alternative<engine::Plane>(shape)) continue;
+    const engine::BodyState& state = world.state(id);
+    const Vector3d up = state.orientation.conjugate() * Vector3d::UnitZ();
+    top = std::max(top, state.position.z() + half_width(shape, up));
+  }
+  for (const engine::JointId id : world.joint_ids()) {
+    const engine::Joint& joint = world.joint(id);
+    if (engine::couples_joints(joint.kind) || is_grip(joint)) continue;
+    top = std::max(top, top_of_rail(world, joint, size_of(world, joint), world.anchors(id).p_a,
+                                    world.anchors(id).p_b));
+  }
+  return std::isfinite(top) ? top : 0.0;
 }
 
 }  // namespace
@@ -104,7 +129,7 @@ void Labels::find_all_wheels(const engine::World& world) {
   }
 }
 
-// Beside the middle of what has a length, one below the other so that each namespace can be left
+// Beside the line of what has a length, one below the other so that each namespace can be left
 // out; above the axis of a joint, or at the tip of its motor's arrow, one above the other.
 void Labels::add_labels_of(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
@@ -113,8 +138,9 @@ void Labels::add_labels_of(const engine::World& world, engine::JointId id) {
   const auto motor = shown_motor(joint, state);
   // in line with its arrow
   const bool is_at_tip = look == Look::kJoint && motor && !motor->is_angle;
+  const bool is_left = !is_at_tip && id.value % 2 == 1;  // neighbours are on both sides
   const bool is_above = !is_at_tip && (look == Look::kJoint || look == Look::kCoupling);
-  Vector3d place = middle_of(world, id);
+  Vector3d place = place_of(world, id);
   if (look == Look::kJoint)
     place = end_of_sign(world, joint, size_in_gear(world, id), motor, world.anchors(id).p_a,
                         world.anchors(id).p_b, Vector3d::UnitZ());
@@ -127,7 +153,7 @@ void Labels::add_labels_of(const engine::World& world, engine::JointId id) {
     }
   place.z() += is_above ? kAbove * height_ : kLineSpacing * height_;
   const auto add = [&](const char* ns, const std_msgs::ColorRGBA& of, const std::string& text) {
-    add_text(ns, number(id), place, of, is_above ? text : beside(text));
+    add_text(ns, number(id), place, of, is_above ? text : beside(text, is_left));
     place.z() += (is_above ? 1.0 : -1.0) * kLineSpacing * height_;
   };
   const auto add_motor = [&] {
@@ -135,12 +161,13 @@ void Labels::add_labels_of(const engine::World& world, engine::JointId id) {
     std::string text = motor->force != 0.0
                            ? signed_value(motor->force) + (motor->is_angle ? " N m" : " N")
                            : signed_value(motor->rate) + (motor->is_angle ? " rad/s" : " m/s");
+    if (look == Look::kJoint) text = world.body(joint.body_b).name + " " + text;
     if (state.saturated) text += ", at its limit";
     add("motor_rates", motor_colour(state.saturated), text);
   };
   const auto add_error = [&] {
     if (const double error = shown_error(look, state); error > kTellsError)
-      add("errors", constraint_colour(0.0, kRedError),
+      add("errors", colour(1.0, 0.5, 0.45),  // letters are thin
           shown("off by %.2g m", error) + (state.closing ? ", closing" : ""));
   };
   const auto add_name = [&] { add("constraint_names", colour(0.8, 0.9, 0.8), joint.name); };
@@ -162,10 +189,10 @@ void Labels::add_labels_of(const engine::World& world, engine::JointId id) {
 }
 
 void Labels::add_text(const char* ns, std::int32_t id, const Vector3d& place,
-                      const std_msgs::ColorRGBA& colour, const std::string& text) {
+                      const std_msgs::ColorRGBA& colour, const std::string& text, double height) {
   Marker& marker = set_.in(ns).add(id, Marker::TEXT_VIEW_FACING);
   marker.pose.position = to_point(place);
-  marker.scale.z = height_;
+  marker.scale.z = height > 0.0 ? height : height_;
   marker.color = colour;
   marker.text = text;
 }
@@ -178,43 +205,61 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
     std_msgs::ColorRGBA colour;
     std::string text;
   };
-  bool has_motors = false;
-  for (const engine::JointId id : world.joint_ids())
-    has_motors = has_motors || shown_motor(world.joint(id), world.joint_state(id)).has_value();
-  const bool has_forces = forces.reference() > 0.0;
+  bool has_joints = false, has_motors = false, has_rings = false, has_axes = false,
+       has_errors = false, has_lengths = false;
+  for (const engine::JointId id : world.joint_ids()) {
+    const engine::Joint& joint = world.joint(id);
+    const engine::JointState& state = world.joint_state(id);
+    if (state.broken || !joint.enabled) continue;
+    has_joints = true;
+    const Look look = look_of(joint);
+    const auto motor = shown_motor(joint, state);
+    has_motors = has_motors || motor;
+    has_rings = has_rings || (motor && motor->is_angle);
+    has_axes = has_axes || (look == Look::kJoint && engine::has_frames(joint.kind));
+    has_lengths = has_lengths || axial_force(joint, state);
+    has_errors = has_errors || shown_error(look, state) > kTellsError;
+  }
   const auto has = [&](engine::ContactState state) {
     return std::any_of(world.contacts().begin(), world.contacts().end(),
                        [&](const auto& contact) { return contact.state == state; });
   };
-  const auto most = [&](bool sticks) { return shown("%.3g N", forces.friction(sticks)); };
+  const auto at_most = [](double force) { return shown(", at most %.3g N", force); };
+  const auto is_told = [&](double force) {
+    return has_lengths && force > kTellsForce * forces.reference();
+  };
   const bool is_long = world.body_ids().size() > kMost || world.joint_ids().size() > kMost;
   const Line lines[] = {
-      {!world.joint_ids().empty(), constraint_colour(0.0, kRedError), "red: off by 10 mm or more"},
-      {!world.joint_ids().empty(), constraint_colour(0.0, 0.0),
-       has_forces ? "green: no force" : "green: holds"},
-      {has_forces, constraint_colour(1.0, 0.0), "yellow: compression"},
-      {has_forces, constraint_colour(-1.0, 0.0),
-       "cyan: tension, thickest at " + shown("%.3g N", forces.reference())},
-      {has_motors, motor_colour(false), "pink: a motor drives this way"},
-      {forces.contact_reference() > 0.0, colour(1.0, 1.0, 1.0),
+      {has_errors, colour(1.0, 0.5, 0.45), "red: off by 10 mm or more"},
+      {has_joints, constraint_colour(0.0, 0.0), has_lengths ? "green: no force" : "green: holds"},
+      {has_axes, colour(0.8, 0.8, 0.85), "light grey: axes and rails of joints"},
+      {is_told(forces.compression()), constraint_colour(1.0, 0.0),
+       "yellow: compression" + at_most(forces.compression())},
+      {is_told(forces.tension()), constraint_colour(-1.0, 0.0),
+       "cyan: tension" + at_most(forces.tension())},
+      {has_motors, motor_colour(false),
+       std::string("pink: driven by a motor") +
+           (has_rings ? ", rings by the right-hand rule" : "")},
+      {!world.contacts().empty(), colour(1.0, 1.0, 1.0),
        "white: contact, longest at " + shown("%.3g N", forces.contact_reference())},
       {has(engine::ContactState::kSlipping), friction_colour(false),
-       "orange: friction where it slides, at most " + most(false)},
+       "orange: friction where it slides" + at_most(forces.friction(false))},
       {has(engine::ContactState::kSticking), friction_colour(true),
-       "violet: friction where it sticks, at most " + most(true)},
+       "violet: friction where it sticks" + at_most(forces.friction(true))},
       {is_long, colour(0.9, 0.9, 0.9),
        "labels of the first " + std::to_string(kMost) + " bodies and constraints only"}};
+  const double height = std::max(height_, kHeightOfLegend * extent.diagonal());
   Vector3d place = 0.5 * (extent.low + extent.high);
-  place.z() = extent.high.z();
+  place.z() = top_of(world);
   for (const auto& [of, size] : wheels_)  // which may be larger than their bodies
     place.z() = std::max(place.z(), world.anchors(engine::JointId{of}).p_b.z() + size.wheel);
-  place.z() += 2.0 * kLineSpacing * height_;
+  place.z() += 2.0 * kLineSpacing * height_ + kLineSpacing * height;
   std::int32_t id = 0;
   for (const Line& line : lines) {
     ++id;
     if (!line.is_used) continue;
-    add_text("legend", id, place, line.colour, line.text);
-    place.z() += kLineSpacing * height_;
+    add_text("legend", id, place, line.colour, line.text, height);
+    place.z() += kLineSpacing * height;
   }
 }
 

@@ -29,7 +29,7 @@ class Labels {
 
  private:
   void add_text(const char* ns, std::int32_t id, const Eigen::Vector3d& place,
-                const std_msgs::ColorRGBA& colour, const std::string& text);
+                const std_msgs::ColorRGBA& colour, const std::string& text, double height = 0.0);
   JointSize size_in_gear(const engine::World& world, engine::JointId id) const;
   void find_all_wheels(const engine::World& world);
   void add_labels_of(const engine::World& world, engine::JointId id);

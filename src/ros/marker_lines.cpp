@@ -18,6 +18,8 @@ constexpr int kArcParts = 18;
 constexpr double kArc = 1.5 * kPi;  // [rad]
 constexpr double kHeadOfArc = 0.7;  // [rad]
 constexpr int kThreadTurns = 10;
+constexpr int kPartsOfThread = 8;       // of a turn
+constexpr double kRootOfThread = 0.65;  // radius between the crests, of theirs
 constexpr int kCircleParts = 16;
 constexpr int kMostTeethOfRack = 60;
 
@@ -183,17 +185,6 @@ void add_coil(double length, double radius, Lines* lines) {
   add_line(end, {0.0, 0.0, length}, lines);
 }
 
-void add_thread(double length, double radius, bool is_right, Lines* lines) {
-  constexpr int kParts = kThreadTurns * kPartsOfTurn;
-  const double sign = is_right ? 1.0 : -1.0;
-  const auto at = [&](int i) -> Vector3d {
-    const double angle = 2.0 * kPi * i / kPartsOfTurn;
-    return {radius * std::cos(angle), sign * radius * std::sin(angle), length * i / kParts};
-  };
-  add_line(Vector3d::Zero(), {0.0, 0.0, length}, lines);
-  for (int i = 0; i < kParts; ++i) add_line(at(i), at(i + 1), lines);
-}
-
 void add_strut(Lines* triangles) {
   const std::array<Vector2d, kCircleParts>& unit = unit_circle();
   // surfaces between two circles about z, one after the other, from (radius, z) to (radius, z)
@@ -221,6 +212,33 @@ void add_strut(Lines* triangles) {
             at(other, part.radius, part.z)})
         triangles->push_back(corner);
     }
+  }
+}
+
+// From the root up to the crest, and down to the root of the next turn.
+void add_thread(bool is_right, Lines* triangles) {
+  constexpr int kParts = kThreadTurns * kPartsOfThread;
+  const double sign = is_right ? 1.0 : -1.0;
+  const auto at = [&](int i, double radius, int along) {
+    const double angle = 2.0 * kPi * i / kPartsOfThread;
+    const double z = std::clamp(static_cast<double>(along) / kParts, 0.0, 1.0);
+    return point_at({radius * std::cos(angle), sign * radius * std::sin(angle), z});
+  };
+  const auto root = [&](int i, int turns) {
+    return at(i, kRootOfThread, i + turns * kPartsOfThread - kPartsOfThread / 2);
+  };
+  const auto crest = [&](int i) { return at(i, 1.0, i); };
+  const auto add_facet = [&](const geometry_msgs::Point& a, const geometry_msgs::Point& b,
+                             const geometry_msgs::Point& c, const geometry_msgs::Point& d) {
+    // seen from outside they go round one way, which tells rviz where the light falls on them
+    for (const geometry_msgs::Point& corner : {a, is_right ? b : c, is_right ? c : b})
+      triangles->push_back(corner);
+    for (const geometry_msgs::Point& corner : {a, is_right ? c : d, is_right ? d : c})
+      triangles->push_back(corner);
+  };
+  for (int i = 0; i <= kParts; ++i) {
+    add_facet(root(i, 0), root(i + 1, 0), crest(i + 1), crest(i));
+    add_facet(crest(i), crest(i + 1), root(i + 1, 1), root(i, 1));
   }
 }
 

@@ -65,11 +65,12 @@ void set_rope(const Eigen::Vector3d& to, double length, const Eigen::Vector3d& d
 void add_straight(double length, Lines* lines);
 /// A spring as a coil of this radius [m] with straight ends.
 void add_coil(double length, double radius, Lines* lines);
-/// A shaft with a thread of this radius [m], right-handed or left-handed.
-void add_thread(double length, double radius, bool is_right, Lines* lines);
-/// A piston in a sleeve between two discs, whose bottom is at the end, of length and radius 1: the
-/// points of a TRIANGLE_LIST.
-void add_strut(Lines* triangles);
 void stretch(double factor, Lines* lines);
+
+// Along z from the origin, of length and radius 1: the points of a TRIANGLE_LIST.
+/// A piston in a sleeve between two discs, whose bottom is at the end.
+void add_strut(Lines* triangles);
+/// A bolt with a thread, right-handed or left-handed.
+void add_thread(bool is_right, Lines* triangles);
 
 }  // namespace constraint_sim

@@ -22,83 +22,77 @@ bool ShownMarker::is_drawn_for(const std::array<double, 3>& shape) {
 
 // ---- a namespace
 
-std::size_t MarkerSet::Namespace::place_of(std::int32_t id) {
-  if (cursor_ < entries_.size() && entries_[cursor_]->marker.id == id) return cursor_;
+ShownMarker* MarkerSet::Namespace::search(std::int32_t id) {
   const auto found = std::lower_bound(
-      entries_.begin(), entries_.end(), id,
-      [](const std::unique_ptr<Entry>& entry, std::int32_t of) { return entry->marker.id < of; });
-  return cursor_ = static_cast<std::size_t>(found - entries_.begin());
-}
-
-MarkerSet::Namespace::Entry* MarkerSet::Namespace::find(std::int32_t id) {
-  const std::size_t place = place_of(id);
-  return place < entries_.size() && entries_[place]->marker.id == id ? entries_[place].get()
-                                                                     : nullptr;
+      markers_.begin(), markers_.end(), id,
+      [](const std::unique_ptr<ShownMarker>& marker, std::int32_t of) { return marker->id < of; });
+  cursor_ = static_cast<std::size_t>(found - markers_.begin());
+  return found != markers_.end() && (*found)->id == id ? found->get() : nullptr;
 }
 
 ShownMarker& MarkerSet::Namespace::add(std::int32_t id, std::int32_t type) {
-  Entry* entry = find(id);
-  if (entry == nullptr) {
-    const auto where = entries_.begin() + static_cast<std::ptrdiff_t>(cursor_);
-    entry = entries_.insert(where, std::make_unique<Entry>())->get();
-    entry->marker.header.frame_id = set_->frame_;
-    entry->marker.ns = name_;
-    entry->marker.id = id;
-    entry->marker.pose.orientation.w = 1.0;
+  ShownMarker* marker = find(id);
+  if (marker == nullptr) {
+    const auto where = markers_.begin() + static_cast<std::ptrdiff_t>(cursor_);
+    marker = markers_.insert(where, std::make_unique<ShownMarker>())->get();
+    marker->header.frame_id = set_->frame_;
+    marker->ns = name_;
+    marker->id = id;
+    marker->pose.orientation.w = 1.0;
+    marker->since_ = set_->round_;
+    ++set_->shown_;
   }
-  ShownMarker& marker = entry->marker;
-  if (marker.type != type) {
-    marker.type = type;
-    marker.points.clear();
-    marker.colors.clear();
-    marker.pose = geometry_msgs::Pose();
-    marker.pose.orientation.w = 1.0;
+  if (marker->type != type) {
+    marker->type = type;
+    marker->points.clear();
+    marker->colors.clear();
+    marker->pose = geometry_msgs::Pose();
+    marker->pose.orientation.w = 1.0;
   }
-  if (entry->round != set_->round_) ++count_;
-  entry->round = set_->round_;
+  return send(marker);
+}
+
+ShownMarker& MarkerSet::Namespace::send(ShownMarker* shown) {
+  keep(shown);
+  shown->header.stamp = set_->stamp_;
+  set_->message_.markers.push_back(shown);
+  return *shown;
+}
+
+void MarkerSet::Namespace::keep(ShownMarker* shown) {
+  if (shown->round_ != set_->round_) ++set_->present_;
+  shown->round_ = set_->round_;
   ++cursor_;  // where the next one is looked for
-  marker.header.stamp = set_->stamp_;
-  set_->message_.markers.push_back(&marker);
-  return marker;
 }
 
-void MarkerSet::Namespace::keep(std::int32_t id) {
-  Entry* entry = find(id);
-  if (entry == nullptr || entry->round == set_->round_) return;
-  entry->round = set_->round_;
-  ++count_;
-  ++cursor_;
-}
-
-const ShownMarker* MarkerSet::Namespace::shown(std::int32_t id) {
-  const Entry* entry = find(id);
-  return entry != nullptr && entry->is_shown ? &entry->marker : nullptr;
+ShownMarker* MarkerSet::Namespace::shown(std::int32_t id) {
+  ShownMarker* marker = find(id);
+  const bool is_shown = marker != nullptr && marker->since_ < set_->round_ && !set_->deletes_all_;
+  return is_shown ? marker : nullptr;
 }
 
 bool MarkerSet::Namespace::is_added(std::int32_t id) {
-  const Entry* entry = find(id);
-  return entry != nullptr && entry->round == set_->round_;
+  const ShownMarker* marker = find(id);
+  return marker != nullptr && marker->round_ == set_->round_;
 }
 
 void MarkerSet::Namespace::remove_others() {
-  if (count_ != entries_.size()) {
-    const auto is_of_now = [this](const std::unique_ptr<Entry>& entry) {
-      return entry->round == set_->round_;
-    };
-    const auto others = std::stable_partition(entries_.begin(), entries_.end(), is_of_now);
-    for (auto entry = others; entry != entries_.end(); ++entry) {
-      if (!(*entry)->is_shown) continue;
-      Marker& marker = (*entry)->marker;
-      marker.header.stamp = set_->stamp_;
-      marker.action = Marker::DELETE;
-      marker.points.clear();
-      marker.colors.clear();
-      set_->message_.markers.push_back(&marker);
-      set_->gone_.push_back(std::move(*entry));
-    }
-    entries_.erase(others, entries_.end());
+  const auto is_of_now = [this](const std::unique_ptr<ShownMarker>& marker) {
+    return marker->round_ == set_->round_;
+  };
+  const auto others = std::stable_partition(markers_.begin(), markers_.end(), is_of_now);
+  for (auto each = others; each != markers_.end(); ++each) {
+    --set_->shown_;
+    if (set_->deletes_all_) continue;
+    ShownMarker& marker = **each;
+    marker.header.stamp = set_->stamp_;
+    marker.action = Marker::DELETE;
+    marker.points.clear();
+    marker.colors.clear();
+    set_->message_.markers.push_back(&marker);
+    set_->gone_.push_back(std::move(*each));
   }
-  for (const std::unique_ptr<Entry>& entry : entries_) entry->is_shown = true;
+  markers_.erase(others, markers_.end());
 }
 
 // ---- the set
@@ -119,12 +113,9 @@ void MarkerSet::begin(const ros::Time& stamp, bool for_newcomer) {
   ++round_;
   message_.markers.clear();
   gone_.clear();
-  for (Namespace& each : namespaces_) {
-    each.cursor_ = each.count_ = 0;
-    if (started_) continue;
-    for (const auto& entry : each.entries_) entry->is_shown = false;
-  }
-  if (!started_) {
+  present_ = 0;
+  deletes_all_ = !started_;
+  if (deletes_all_) {
     delete_all_.header.stamp = stamp;
     delete_all_.header.frame_id = frame_;
     delete_all_.action = Marker::DELETEALL;
@@ -135,7 +126,8 @@ void MarkerSet::begin(const ros::Time& stamp, bool for_newcomer) {
 }
 
 const MarkerMessage& MarkerSet::finish() {
-  for (Namespace& each : namespaces_) each.remove_others();
+  if (present_ != shown_)
+    for (Namespace& each : namespaces_) each.remove_others();
   return message_;
 }
 

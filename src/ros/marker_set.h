@@ -24,6 +24,11 @@ struct ShownMarker : visualization_msgs::Marker {
 
   /// Whether its points are those for this; else they and their colours are taken away.
   bool is_drawn_for(const std::array<double, 3>& shape);
+
+ private:
+  friend class MarkerSet;
+  std::uint64_t since_ = 0;  // the first message that had it
+  std::uint64_t round_ = 0;  // the last one that had or kept it
 };
 
 /// The markers that listeners of one topic see: each message brings them from the last one to the
@@ -35,31 +40,30 @@ class MarkerSet {
    public:
     /// The marker, which is sent: as the last message left it, or with nothing set but its type.
     ShownMarker& add(std::int32_t id, std::int32_t type);
-    /// What is shown stays, without being sent again.
-    void keep(std::int32_t id);
     /// The marker as listeners have it; nullptr where they do not.
-    const ShownMarker* shown(std::int32_t id);
+    ShownMarker* shown(std::int32_t id);
+    /// What is shown is sent again, or stays without that.
+    ShownMarker& send(ShownMarker* shown);
+    void keep(ShownMarker* shown);
     /// Whether this message has it already.
     bool is_added(std::int32_t id);
 
    private:
     friend class MarkerSet;
-    struct Entry {
-      ShownMarker marker;
-      std::uint64_t round = 0;  ///< of the last message that had or kept it
-      bool is_shown = false;
-    };
-
     Namespace(MarkerSet* set, std::string name) : set_(set), name_(std::move(name)) {}
-    std::size_t place_of(std::int32_t id);
-    Entry* find(std::int32_t id);
+    /// Puts the cursor there as well, or where it would be inserted.
+    ShownMarker* find(std::int32_t id) {
+      if (cursor_ == markers_.size()) cursor_ = 0;  // where each message begins
+      const bool is_there = cursor_ < markers_.size() && markers_[cursor_]->id == id;
+      return is_there ? markers_[cursor_].get() : search(id);
+    }
+    ShownMarker* search(std::int32_t id);
     void remove_others();
 
     MarkerSet* set_;
     std::string name_;
-    std::vector<std::unique_ptr<Entry>> entries_;  // by id
+    std::vector<std::unique_ptr<ShownMarker>> markers_;  // by id
     std::size_t cursor_ = 0;
-    std::size_t count_ = 0;  // of entries in this message
   };
 
   explicit MarkerSet(std::string frame) : frame_(std::move(frame)) {}
@@ -84,10 +88,13 @@ class MarkerSet {
   ros::Time last_full_;
   bool started_ = false;
   bool full_ = true;
+  bool deletes_all_ = false;  // this message, first of all
   std::uint64_t round_ = 0;
+  std::size_t shown_ = 0;    // markers of all namespaces, with those that are new
+  std::size_t present_ = 0;  // those that this message has or keeps
   std::deque<Namespace> namespaces_;
   visualization_msgs::Marker delete_all_;
-  std::vector<std::unique_ptr<Namespace::Entry>> gone_;  // with this message
+  std::vector<std::unique_ptr<ShownMarker>> gone_;  // with this message
   MarkerMessage message_;
 };
 

@@ -37,6 +37,16 @@ double radius_of(const engine::Shape& shape) {
   return 0.0;
 }
 
+double half_width(const engine::Shape& shape, const Eigen::Vector3d& along) {
+  if (const auto* box = std::get_if<engine::Box>(&shape))
+    return 0.5 * box->size.dot(along.cwiseAbs());
+  if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) return sphere->radius;
+  if (const auto* cylinder = std::get_if<engine::Cylinder>(&shape))
+    return cylinder->radius * std::hypot(along.x(), along.y()) +
+           0.5 * cylinder->length * std::abs(along.z());
+  return 0.0;
+}
+
 Look look_of(const engine::Joint& joint) {
   if (engine::couples_joints(joint.kind)) return Look::kCoupling;
   const engine::DistanceJoint* distance = engine::if_distance(joint);
@@ -120,7 +130,7 @@ std_msgs::ColorRGBA body_colour(const engine::Body& body) {
     case engine::BodyType::kStatic:
       return colour(0.36, 0.36, 0.38);
     case engine::BodyType::kKinematic:
-      return colour(1.0, 0.55, 0.0);
+      return colour(0.5, 0.4, 0.33);
     default:
       return colour(0.27, 0.51, 0.71);
   }
@@ -153,32 +163,38 @@ Eigen::Vector3d friction_of(const engine::Contact& contact) {
 }
 
 void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
-  const double passed = std::max((stamp - stamp_).toSec(), 0.0);
+  const double passed = stamp.toSec() - stamp_.toSec();  // a ros::Duration takes longer to find
   // the first forces show at once, also where a single step brings them
-  const bool awaits_some = (!world.joint_ids().empty() && !(reference_ > 0.0)) ||
+  const bool awaits_some = (!world.joint_ids().empty() && !(reference() > 0.0)) ||
                            (!world.contacts().empty() && !(contact_ > 0.0));
-  if (stamp >= stamp_ && passed < kForcesPeriod && !awaits_some) return;
+  if (passed >= 0.0 && passed < kForcesPeriod && !awaits_some) return;
   stamp_ = stamp;
-  const double kept = std::exp(-passed / kForgets);
-  reference_ *= kept;
+  const double kept = std::exp(-std::max(passed, 0.0) / kForgets);
+  for (double& largest : axial_) largest = world.joint_ids().empty() ? 0.0 : kept * largest;
   contact_ *= kept;
   for (double& largest : friction_) largest *= kept;
   for (const engine::JointId id : world.joint_ids())
     if (const auto force = axial_force(world.joint(id), world.joint_state(id));
         force && !is_grip(world.joint(id)))
-      if (std::isfinite(*force)) reference_ = std::max(reference_, std::abs(*force));
-  for (const engine::Contact& contact : world.contacts()) {
-    if (!std::isfinite(contact.normal_force)) continue;
-    contact_ = std::max(contact_, contact.normal_force);
-    if (contact.state == engine::ContactState::kClosed) continue;
-    double& largest = friction_[contact.state == engine::ContactState::kSticking ? 1 : 0];
-    largest = std::max(largest, friction_of(contact).norm());
-  }
+      if (std::isfinite(*force)) {
+        double& largest = axial_[*force > 0.0 ? 1 : 0];
+        largest = std::max(largest, std::abs(*force));
+      }
+  for (const engine::Contact& contact : world.contacts())
+    if (std::isfinite(contact.normal_force)) contact_ = std::max(contact_, contact.normal_force);
+  for_each_friction(world.contacts(), [&](const ShownFriction& friction) {
+    const double force = friction.force.norm();
+    if (!std::isfinite(force)) return;
+    double& largest = friction_[friction.sticks ? 1 : 0];
+    largest = std::max(largest, force);
+    contact_ = std::max(contact_, force);
+  });
 }
 
 double ForceScale::share(double force) const {
-  if (!(reference_ > 0.0) || std::isnan(force)) return 0.0;
-  return std::clamp(force / reference_, -1.0, 1.0);
+  const double most = reference();
+  if (!(most > 0.0) || std::isnan(force)) return 0.0;
+  return std::clamp(force / most, -1.0, 1.0);
 }
 
 double width_around(const Extent& extent, const Eigen::Vector3d& place) {
@@ -206,7 +222,7 @@ Extent extent_of(const engine::World& world) {
       include(world.anchors(id).p_b, 0.0);
     }
   if (!(extent.low.array() <= extent.high.array()).all()) extent.low = extent.high.setZero();
-  const double diagonal = (extent.high - extent.low).norm();
+  const double diagonal = extent.diagonal();
   extent.sign = diagonal > 0.0 ? std::min(kMostSign, kSignOfScene * diagonal) : kMostSign;
   extent.width = diagonal > 0.0 ? std::min(kMostWidth, kWidthOfScene * diagonal) : kMostWidth;
   return extent;

@@ -5,10 +5,13 @@
 #include <visualization_msgs/Marker.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "constraint_sim/engine/world.h"
 
@@ -40,6 +43,9 @@ inline constexpr double kRedError = 1e-2;
 /// About the centre of mass [m]; 0 of points and planes.
 double radius_of(const engine::Shape& shape);
 
+/// Half of what a shape covers along a direction of its own frame (unit) [m].
+double half_width(const engine::Shape& shape, const Eigen::Vector3d& along);
+
 /// Type and size of the marker of a body; a plane is a sheet, half as opaque.
 void set_shape(visualization_msgs::Marker* marker, const engine::Shape& shape);
 
@@ -54,20 +60,51 @@ std_msgs::ColorRGBA friction_colour(bool sticks);
 /// Along the surface, on A [N].
 Eigen::Vector3d friction_of(const engine::Contact& contact);
 
+/// Friction that one arrow shows: of a contact that slides, or of all that stick between two
+/// bodies, since only their sum is determined.
+struct ShownFriction {
+  const engine::Contact *first, *end;  ///< of the pair; those that slide have arrows of their own
+  Eigen::Vector3d force;               ///< on A [N]
+  bool sticks;
+};
+
+/// Contacts of a pair of bodies follow each other.
+template <class Show>
+void for_each_friction(const std::vector<engine::Contact>& contacts, Show show) {
+  const engine::Contact* const all = contacts.data() + contacts.size();
+  for (const engine::Contact *first = contacts.data(), *end = first; first != all; first = end) {
+    Eigen::Vector3d held = Eigen::Vector3d::Zero();
+    bool sticks = false;
+    for (; end != all && end->body_a == first->body_a && end->body_b == first->body_b; ++end) {
+      if (end->state == engine::ContactState::kClosed) continue;
+      const Eigen::Vector3d force = friction_of(*end);
+      if (end->state == engine::ContactState::kSticking) {
+        held += force;
+        sticks = true;
+      } else {
+        show(ShownFriction{end, end + 1, force, false});
+      }
+    }
+    if (sticks) show(ShownFriction{first, end, held, true});
+  }
+}
+
 /// The largest force of distance joints in the last seconds, beside which forces are drawn. It is
 /// looked for ten times a second, and at every call until there is one.
 class ForceScale {
  public:
   void update(const engine::World& world, const ros::Time& stamp);
-  double reference() const { return reference_; }        ///< [N]
-  double contact_reference() const { return contact_; }  ///< [N]
+  double reference() const { return std::max(axial_[0], axial_[1]); }  ///< [N]
+  double tension() const { return axial_[0]; }                         ///< the largest one [N]
+  double compression() const { return axial_[1]; }                     ///< [N]
+  double contact_reference() const { return contact_; }                ///< [N]
   /// The largest one where it slides, or sticks [N].
   double friction(bool sticks) const { return friction_[sticks ? 1 : 0]; }
   /// Of the reference, from -1 to 1.
   double share(double force) const;
 
  private:
-  double reference_ = 0.0;
+  std::array<double, 2> axial_{};
   double contact_ = 0.0;
   std::array<double, 2> friction_{};
   ros::Time stamp_;
@@ -78,6 +115,7 @@ struct Extent {
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();  ///< [m]
   double sign = 0.0;   ///< length of arrows [m]
   double width = 0.0;  ///< of lines, at most [m]
+  double diagonal() const { return (high - low).norm(); }
 };
 Extent extent_of(const engine::World& world);
 /// Of a sheet around a place that reaches twice as far as the scene [m].

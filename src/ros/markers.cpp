@@ -114,6 +114,20 @@ double sign_of_held(const engine::World& world, const engine::Contact& contact,
   return holds_a ? 1.0 : -1.0;
 }
 
+// In the middle of what sticks, moved against a direction to the last of it.
+Vector3d behind_all(const ShownFriction& friction, const Vector3d& way) {
+  Vector3d middle = Vector3d::Zero();
+  double count = 0.0, last = std::numeric_limits<double>::infinity();
+  for (const engine::Contact* each = friction.first; each != friction.end; ++each) {
+    if (friction.sticks && each->state != engine::ContactState::kSticking) continue;
+    middle += each->position;
+    count += 1.0;
+    last = std::min(last, way.dot(each->position));
+  }
+  middle /= count;
+  return middle + (last - way.dot(middle)) * way;
+}
+
 }  // namespace
 
 const MarkerMessage& Markers::update(const engine::World& world, const ForceScale& forces,
@@ -122,7 +136,7 @@ const MarkerMessage& Markers::update(const engine::World& world, const ForceScal
   set_.begin(stamp, for_newcomer);
   is_edited_ = is_edited || set_.is_full();
   if (is_edited_) find_looks(world);
-  add_bodies(world, false);
+  for (std::size_t i = 0; i < moving_; ++i) add_body(world, body_looks_[i]);
   for (const JointLook& look : joint_looks_)
     if (look.is_grip)
       add_grip(world, look.id);
@@ -130,7 +144,7 @@ const MarkerMessage& Markers::update(const engine::World& world, const ForceScal
       add_constraint(world, look, stamp);
   add_contacts(world);
   robots_.add_markers(world, is_edited_, &visuals_);
-  add_bodies(world, true);
+  for (std::size_t i = moving_; i < body_looks_.size(); ++i) add_body(world, body_looks_[i]);
   forces_ = nullptr;
   return set_.finish();
 }
@@ -139,10 +153,13 @@ void Markers::find_looks(const engine::World& world) {
   world.body_ids(&body_ids_);
   find_extent(world);
   body_looks_.clear();
-  for (const engine::BodyId id : body_ids_) {
-    const engine::Body& body = world.body(id);
-    body_looks_.push_back(
-        {id, body.type == engine::BodyType::kStatic, body.shape_pose.has_value()});
+  for (const bool are_static : {false, true}) {
+    for (const engine::BodyId id : body_ids_) {
+      const engine::Body& body = world.body(id);
+      if ((body.type == engine::BodyType::kStatic) == are_static)
+        body_looks_.push_back({id, body.shape_pose.has_value()});
+    }
+    if (!are_static) moving_ = body_looks_.size();
   }
   joint_looks_.clear();
   for (const engine::JointId id : world.joint_ids()) {
@@ -203,11 +220,6 @@ void Markers::find_extent(const engine::World& world) {
   extent_ = extent_of(world);
 }
 
-void Markers::add_bodies(const engine::World& world, bool are_static) {
-  for (const BodyLook& look : body_looks_)
-    if (look.is_static == are_static) add_body(world, look);
-}
-
 // What stands where listeners have it is not sent.
 void Markers::add_body(const engine::World& world, const BodyLook& look) {
   engine::BodyState placed;
@@ -218,12 +230,10 @@ void Markers::add_body(const engine::World& world, const BodyLook& look) {
     placed.orientation = at->orientation * shape_pose.orientation;
     at = &placed;
   }
-  const ShownMarker* shown = bodies_.shown(number(look.id));
-  if (!is_edited_ && shown != nullptr && is_at(shown->pose, *at))
-    return bodies_.keep(number(look.id));
+  ShownMarker* shown = bodies_.shown(number(look.id));
+  if (!is_edited_ && shown != nullptr && is_at(shown->pose, *at)) return bodies_.keep(shown);
   const bool is_new = is_edited_ || shown == nullptr;
-  const std::int32_t type = is_new ? std::int32_t{Marker::CUBE} : shown->type;
-  Marker& marker = bodies_.add(number(look.id), type);
+  Marker& marker = is_new ? bodies_.add(number(look.id), Marker::CUBE) : bodies_.send(shown);
   marker.pose.position = point_at(at->position);
   marker.pose.orientation = quaternion_of(at->orientation);
   if (!is_new) return;
@@ -264,24 +274,29 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
                   anchor_of(world, joint.body_a, joint.anchor_a),
                   anchor_of(world, joint.body_b, joint.anchor_b),
                   forces_->share(force)};
+  const std::optional<ShownMotor> motor =
+      look.has_motor && !state.broken ? shown_motor(joint, state) : std::nullopt;
+  const bool drives = motor && motor->direction() != 0.0;
   ShownMarker& marker = constraints_.add(seen.number, type_of(look.look));
   marker.scale.x = extent_.width;
-  marker.color = constraint_colour(seen.load, shown_error(look.look, state));
-  if (state.broken) marker.color = colour(0.6, 0.6, 0.6, 0.6);
+  marker.color = state.broken ? colour(0.6, 0.6, 0.6, 0.6)
+                              : constraint_colour(seen.load, shown_error(look.look, state));
   switch (look.look) {
     case Look::kCoupling:
       draw_coupling(world, seen, &marker);
       break;
     case Look::kJoint:
       draw_arms(world, seen, &marker);
-      if (!state.broken)
-        draw_joint(world, joint, look.size, seen.p_a, seen.p_b, extent_.width,
-                   &joints_.add(seen.number, type_of_sign(joint, look.size)));
+      if (!state.broken) {
+        ShownMarker& sign = joints_.add(seen.number, type_of_sign(joint, look.size));
+        draw_joint(world, joint, look.size, seen.p_a, seen.p_b, extent_.width, &sign);
+        if (drives && !look.size.wheel_is_on_a) sign.color = motor_colour(state.saturated);
+      }
       break;
     default:
       draw_length(world, seen, &marker);
   }
-  if (look.has_motor && !state.broken) add_motor(world, seen);
+  if (drives) add_motor(world, seen, *motor);
 }
 
 // Dashed, from one of the joints to the other; of a pulley the rope between the upper ends of two
@@ -377,17 +392,15 @@ void Markers::draw_arms(const engine::World& world, const Seen& seen, ShownMarke
 }
 
 // The direction that a motor drives in: apart or together, along the axis or about it.
-void Markers::add_motor(const engine::World& world, const Seen& seen) {
-  const std::optional<ShownMotor> motor = shown_motor(seen.joint, seen.state);
-  if (!motor || motor->direction() == 0.0) return;
+void Markers::add_motor(const engine::World& world, const Seen& seen, const ShownMotor& motor) {
   const Vector3d &p_a = seen.p_a, &p_b = seen.p_b;
   const bool is_of_joint = seen.look.look == Look::kJoint;
   if (!is_of_joint && p_a == p_b) return;  // no direction
   ShownMarker& marker = motors_.add(seen.number, Marker::LINE_LIST);
   marker.color = motor_colour(seen.state.saturated);
   if (is_of_joint)
-    return draw_motor(world, seen.joint, seen.look.size, *motor, p_a, p_b, extent_.width, &marker);
-  const bool positive = motor->direction() > 0.0;
+    return draw_motor(world, seen.joint, seen.look.size, motor, p_a, p_b, extent_.width, &marker);
+  const bool positive = motor.direction() > 0.0;
   const double sign = positive ? 1.0 : -1.0;
   const double distance = (p_b - p_a).norm();
   const Vector3d along = (p_b - p_a) / distance;
@@ -423,21 +436,22 @@ void Markers::add_contacts(const engine::World& world) {
     const double length =
         std::clamp(scale * contact.normal_force, kLeastArrow * extent_.sign, extent_.sign);
     add_arrow(contact.position, sign * contact.normal, length, 0.3 * length, normal);
-    if (contact.state == engine::ContactState::kClosed) continue;
-    const Vector3d along_surface = friction_of(contact);
-    const double force = along_surface.norm();
-    if (!(scale * force > kLeastFriction * extent_.sign)) continue;
-    const bool sticks = contact.state == engine::ContactState::kSticking;
-    Lines*& lines = friction[sticks ? 1 : 0];
-    if (lines == nullptr) lines = add(&friction_, sticks ? 1 : 0, friction_colour(sticks));
-    const double reach = std::min(scale * force, extent_.sign);
-    const Vector3d way = sign / force * along_surface;
-    // outside of what is held, which would hide it: from the contact, or to it
-    const engine::BodyId held = sign > 0.0 ? contact.body_a : contact.body_b;
-    const bool is_inwards = way.dot(world.state(held).position - contact.position) > 0.0;
-    add_arrow(is_inwards ? contact.position - reach * way : contact.position, way, reach,
-              0.3 * reach, lines);
   }
+  for_each_friction(world.contacts(), [&](const ShownFriction& shown) {
+    const double force = shown.force.norm();
+    if (!(scale * force > kLeastFriction * extent_.sign)) return;
+    Lines*& lines = friction[shown.sticks ? 1 : 0];
+    if (lines == nullptr)
+      lines = add(&friction_, shown.sticks ? 1 : 0, friction_colour(shown.sticks));
+    const double reach = std::min(scale * force, extent_.sign);
+    const double sign = sign_of_held(world, *shown.first, down);
+    const Vector3d way = sign / force * shown.force;
+    const Vector3d place = behind_all(shown, way);
+    // outside of what is held, which would hide it: from the contact, or to it
+    const engine::BodyId held = sign > 0.0 ? shown.first->body_a : shown.first->body_b;
+    const bool is_inwards = way.dot(world.state(held).position - place) > 0.0;
+    add_arrow(is_inwards ? place - reach * way : place, way, reach, 0.3 * reach, lines);
+  });
 }
 
 }  // namespace constraint_sim

@@ -49,7 +49,6 @@ class Markers {
   /// Of a body, the same.
   struct BodyLook {
     engine::BodyId id;
-    bool is_static = false;
     bool has_shape_pose = false;
   };
   /// A constraint as it is now.
@@ -65,7 +64,6 @@ class Markers {
   void find_looks(const engine::World& world);
   JointLook& coupled_look(engine::JointId id);
   void find_extent(const engine::World& world);
-  void add_bodies(const engine::World& world, bool are_static);
   void add_body(const engine::World& world, const BodyLook& look);
   void add_grip(const engine::World& world, engine::JointId id);
   void add_constraint(const engine::World& world, const JointLook& look, const ros::Time& stamp);
@@ -75,7 +73,7 @@ class Markers {
                  ShownMarker* marker) const;
   void draw_arms(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
   void draw_coupling(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
-  void add_motor(const engine::World& world, const Seen& seen);
+  void add_motor(const engine::World& world, const Seen& seen, const ShownMotor& motor);
   void add_contacts(const engine::World& world);
 
   MarkerSet set_;
@@ -91,7 +89,8 @@ class Markers {
   const ForceScale* forces_ = nullptr;  // while update() runs
   bool is_edited_ = true;               // since the last message
   std::vector<engine::BodyId> body_ids_;
-  std::vector<BodyLook> body_looks_;
+  std::vector<BodyLook> body_looks_;  // first of all what can move
+  std::size_t moving_ = 0;            // so many
   std::vector<JointLook> joint_looks_;
   Extent extent_;
   std::pair<std::size_t, std::int32_t> extent_of_;  // how many bodies, and the last one

@@ -258,6 +258,7 @@ void Publishers::publish_markers(const Snapshot& snapshot) {
   if (snapshot.renew_markers) {
     markers_.forget();
     labels_.forget();
+    forces_ = ForceScale();
   }
   if (markers || labels) forces_.update(snapshot.world, snapshot.stamp);
   if (markers) {

@@ -65,6 +65,7 @@ void set_colour(const RobotVisual& visual, Marker* marker) {
 
 void Robots::add(const Robot& robot, const engine::World& world) {
   const std::lock_guard<std::mutex> lock(mutex_);
+  has_any_ = true;
   for (const RobotLink& link : robot.links) {
     const bool is_root = &link == &robot.links.front();
     BodyLinks& links = bodies_[link.body.value];
@@ -137,18 +138,19 @@ bool Robots::have(const engine::World& world, engine::BodyId body) const {
 
 void Robots::add_markers(const engine::World& world, bool is_edited,
                          MarkerSet::Namespace* markers) const {
+  if (!has_any_) return;  // which takes less than the lock
   const std::lock_guard<std::mutex> lock(mutex_);
   for (const auto& [number, links] : bodies_) {
     const engine::BodyId body{number};
     if (find(world, body) == nullptr) continue;
     const engine::BodyState& at = world.state(body);
     for (const Visual& visual : links.visuals) {
-      const ShownMarker* shown = markers->shown(visual.id);
+      ShownMarker* shown = markers->shown(visual.id);
       const bool is_new = is_edited || shown == nullptr;
       const geometry_msgs::Point place = point_at(at.position + at.orientation * visual.position);
       const geometry_msgs::Quaternion turn = quaternion_of(at.orientation * visual.orientation);
       if (!is_new && shown->pose.position == place && shown->pose.orientation == turn) {
-        markers->keep(visual.id);
+        markers->keep(shown);
         continue;
       }
       Marker& marker = markers->add(visual.id, visual.marker.type);

@@ -3,6 +3,7 @@
 #include <ros/time.h>
 #include <tf2_msgs/TFMessage.h>
 
+#include <atomic>
 #include <map>
 #include <mutex>
 #include <string>
@@ -67,6 +68,7 @@ class Robots {
 
   Parameters parameters_;
   mutable std::mutex mutex_;
+  std::atomic<bool> has_any_{false};
   std::map<std::uint32_t, BodyLinks> bodies_;  // by their ids
   std::map<std::uint32_t, BoundedJoint> bounds_;
   std::int32_t last_marker_ = 0;

@@ -95,3 +95,11 @@ class InRviz(unittest.TestCase):
         path = os.path.join(os.environ.get("CONSTRAINT_SIM_SCREENSHOTS", self.folder), name)
         subprocess.check_call(["import", "-window", "root", path], env=self.environment)
         return path
+
+    def shrink(self, name, width, zoom=1):
+        """That screenshot's view alone, or the middle of it, small enough for a page."""
+        path = os.path.join(os.environ.get("CONSTRAINT_SIM_SCREENSHOTS", self.folder), name)
+        middle = "%dx%d+0+0" % (1232 / zoom, 690 / zoom)
+        subprocess.check_call(["convert", path, "-crop", "1232x690+24+70", "+repage",
+                               "-gravity", "center", "-crop", middle, "+repage",
+                               "-resize", "%dx" % width, "-colors", "64", "PNG8:" + path])

@@ -162,6 +162,7 @@ bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response
       world = std::move(scene);
       edit_log_.record_replaced(stepper_, world);
     });
+    publishers_.renew_markers();
     ROS_INFO("load_scene %s: %s",
              request.path.empty() ? "of a text" : shortened(request.path, 200).c_str(),
              loaded.c_str());

@@ -471,6 +471,18 @@ bodies:
         support.wait_until(lambda: text("errors"), "the error")
         self.assertEqual(text("errors"), ["off by 1 m, closing"])
 
+    def test_the_legend_has_forces_of_the_scene_that_is_loaded(self):
+        self.load_kinds("type: distance")
+        listener = Listener(topic("labels"), MarkerArray)
+        call("step", steps=2)
+        told = lambda: any("tension" in m.text for m in self.of(listener, "legend"))
+        support.wait_until(told, "the tension")
+        slack = ("bodies: [{name: b0, mass: 2, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]}]\n"
+                 "constraints: [{name: c0, anchor_a: [0, 0, 2], body_b: b0, type: rope, max_length: 1.5}]")
+        self.assertTrue(call("load_scene", text=slack).success)
+        call("step", steps=2)
+        support.wait_until(lambda: not told(), "a legend without it")
+
     def test_contacts_appear_and_go(self):
         support.empty_world()
         listener = Listener(topic("markers"), MarkerArray)

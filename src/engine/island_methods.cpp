@@ -168,31 +168,15 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
       if (is_integrated(at(j))) finish_span(joints[at(j)], span, joint_states[at(j)]);
     had_wrenches = !loads.empty();
   }
-  if (gather_changes(smooth)) list_by_method();
   if (!contact_groups.empty()) take_out_group_contacts();
-  report_islands(*by_method);
+  if (report_islands(smooth)) list_by_method();
+  report.islands = by_method->islands;
 }
 
 // a thread takes tens of microseconds to wake, and is worth it for some hundreds of work
 int World::Impl::threads_worth_it(const std::vector<int>& smooth) const {
   constexpr std::size_t kBodiesWorthIt = 500;
   return smooth.size() > 1 && awake_bodies.size() >= kBodiesWorthIt ? options.threads : 1;
-}
-
-// What islands have kept to themselves, in their order, so that it is the same with any threads;
-// true where one of them has another method now.
-bool World::Impl::gather_changes(const std::vector<int>& smooth) {
-  bool any_changed = false;
-  watch.integrated_corrections = 0.0;
-  for (const int i : smooth) {
-    const IslandParts& parts = island_parts[at(i)];
-    report.projected_energy += parts.projected_energy;
-    watch.integrated_corrections += parts.correction_work;
-    report.changes += parts.changes;
-    any_stiff = any_stiff || parts.is_to_be_asked;
-    any_changed = any_changed || parts.changes > 0;
-  }
-  return any_changed;
 }
 
 // islands that were not integrated in the step before, or were edited: what does not fit begins to

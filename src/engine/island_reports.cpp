@@ -11,18 +11,28 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
-void World::Impl::report_islands(const Carried& by_method) {
-  report.islands = by_method.islands;
+// What islands have kept to themselves, in their order, so that it is the same with any threads;
+// true where one of them has another method now.
+bool World::Impl::report_islands(const std::vector<int>& smooth) {
+  bool any_changed = false;
   report.rows = 0;
-  for (const int index : by_method.smooth) {
+  watch.integrated_corrections = 0.0;
+  for (const int index : smooth) {
     Island& island = islands[at(index)];
-    const int m = island_parts[at(index)].motion;
-    if (m >= 0) {
-      const EquationsOfMotion& equations = motions[at(m)].equations();
+    const IslandParts& parts = island_parts[at(index)];
+    report.projected_energy += parts.projected_energy;
+    watch.integrated_corrections += parts.correction_work;
+    report.changes += parts.changes;
+    any_stiff = any_stiff || parts.is_to_be_asked;
+    any_changed = any_changed || parts.changes > 0;
+    if (island.method == Method::kSequentialImpulses) continue;  // refused within the step
+    if (parts.motion >= 0) {
+      const IslandMotion& motion = motions[at(parts.motion)];
+      const EquationsOfMotion& equations = motion.equations();
       report.rows += static_cast<std::uint32_t>(equations.rows());
       island.dependent_rows = static_cast<std::uint32_t>(equations.dependent_rows());
+      island.events = motion.events();
     }
-    island.events = m >= 0 ? motions[at(m)].events() : 0;
     if (is_in_group(at(index))) island.events = events_of_group(at(index));
     report.events += island.events;
     if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
@@ -34,6 +44,7 @@ void World::Impl::report_islands(const Carried& by_method) {
     report.rejected += island.rejected;
     report.iterations += island.iterations;
   }
+  return any_changed;
 }
 
 // how many there are in an island, and if asked for which bodies
@@ -59,7 +70,7 @@ void World::Impl::note_coupling(std::size_t j, double h, double impulse) {
   coupling.effort = impulse / h;
 }
 
-void World::Impl::read_smooth_joints(const JointStep& step, const Carried& by_method) {
+void World::Impl::read_smooth_joints(JointStep step, const Carried& by_method) {
   const bool is_split = span_ends.size() > 2;
   for (std::size_t k = 0; is_split && k < time_varying_joints.size(); ++k) {
     const std::size_t j = at(time_varying_joints[k]);
@@ -85,17 +96,17 @@ void World::Impl::read_smooth_joints(const JointStep& step, const Carried& by_me
     const LeastNormForces* const shared = shares ? &motion.share_forces(states) : nullptr;
     const bool any_coupling = !equations.coupled_rows().empty();
     const bool any_counted = any_coupling || !equations.soft_coordinates().empty();
-    JointStep counted = step;
     for (std::size_t l = 0; l < equations.joints().size(); ++l) {
       std::array<double, kMaxCoordinates> positions;
       if (any_counted)
-        counted.counted = equations.count_turns(l, &positions) ? positions.data() : nullptr;
-      read_smooth_joint(at(equations.joints()[l]), counted,
+        step.counted = equations.count_turns(l, &positions) ? positions.data() : nullptr;
+      read_smooth_joint(at(equations.joints()[l]), step,
                         shared ? shared->impulse(equations, l) : equations.impulse(l),
                         !any_coupling ? 0.0
                         : shared      ? shared->coupled_impulse(equations, l)
                                       : equations.coupled_impulse(l));
     }
+    step.counted = nullptr;
   }
 }
 

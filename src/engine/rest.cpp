@@ -128,6 +128,10 @@ void World::Impl::fall_asleep() {
 }
 
 bool World::Impl::is_quiet(std::size_t island) const {
+  // most move faster than any limit
+  const std::size_t first = at(island_parts[island].members.bodies.front());
+  if (states[first].linear_velocity.squaredNorm() > options.sleep_speed * options.sleep_speed)
+    return false;
   const bool by_impulses = islands[island].method == Method::kSequentialImpulses ||
                            islands[island].why == MethodReason::kFewContacts;
   const double limit = by_impulses ? options.sleep_speed * options.sleep_speed : 0.0;

@@ -328,10 +328,9 @@ struct World::Impl : Model, State, IslandLists {
   IntegratorOptions accuracy_within(double most_frequency) const;
   void share_attempts();
   int threads_worth_it(const std::vector<int>& smooth) const;
-  bool gather_changes(const std::vector<int>& smooth);
   void switch_method(std::size_t i, Method method, MethodReason why);
   void refuse_island(std::size_t i, MethodReason why);
-  void report_islands(const Carried& by_method);
+  bool report_islands(const std::vector<int>& smooth);
   std::uint32_t find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const;
   void advance_by_impulses(const Tick& tick, const Carried& by_method);
   void finish_impulses(const Tick& tick, const Carried& by_method);
@@ -390,7 +389,7 @@ struct World::Impl : Model, State, IslandLists {
   bool is_any_about_to_hit() const;
   void advance_kinematic_bodies();
   void finish_step(const Tick& tick, const Carried& by_method);
-  void read_smooth_joints(const JointStep& step, const Carried& by_method);
+  void read_smooth_joints(JointStep step, const Carried& by_method);
   void read_smooth_joint(std::size_t j, const JointStep& step, const RowVector& impulse,
                          double coupled_impulse);
   void note_if_broken(std::size_t j);

@@ -1,0 +1,277 @@
+// Rows of ContactEquations: joints, coordinates that are held, contacts that act; and their
+// factors.
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/constraints/contact.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/methods/contact_equations.h"
+#include "engine/methods/law_events.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double kDependent = 1e-10;  // pivots below, of rows scaled to a diagonal of one
+constexpr double kTiny = 0.5e-9;      // [m/s] a slip below has the direction of the substep's start
+
+}  // namespace
+
+double ContactEquations::along(const Row& row, const Jacobian& J,
+                               const std::vector<Vector3d>& linear,
+                               const std::vector<Vector3d>& angular) const {
+  double sum = 0.0;
+  if (row.a < movable) sum += J.j1.dot(linear[row.a]) + J.j2.dot(angular[row.a]);
+  if (row.b < movable) sum += J.j3.dot(linear[row.b]) + J.j4.dot(angular[row.b]);
+  return sum;
+}
+
+// adds M⁻¹ F amount
+void ContactEquations::push(const Row& row, const Jacobian& F, double amount,
+                            std::vector<Vector3d>* linear, std::vector<Vector3d>* angular) const {
+  if (row.a < movable) {
+    (*linear)[row.a] += amount * bodies[row.a].mass.inverse_mass * F.j1;
+    (*angular)[row.a] += amount * (inverse_inertia_[row.a] * F.j2);
+  }
+  if (row.b < movable) {
+    (*linear)[row.b] += amount * bodies[row.b].mass.inverse_mass * F.j3;
+    (*angular)[row.b] += amount * (inverse_inertia_[row.b] * F.j4);
+  }
+}
+
+// what joints hold both ways with any force
+void ContactEquations::add_joint_rows() {
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    const BodyJoint& joint = joints[j];
+    if (!joint.has_rows) continue;
+    const BodyState& a = states_[joint.a];
+    const BodyState& b = states_[joint.b];
+    const JointVectors vectors(joint.joint, a, b);
+    const JointMotion motion(vectors, a, b);
+    const JointKindInfo& kind = info(joint.joint.kind);
+    const bool is_distance = has_length(joint.joint.kind);
+    for (int k = 0; k < kind.rows; ++k) {
+      const ScalarForm form =
+          is_distance ? ScalarForm(LengthForm{}) : kind.function[static_cast<std::size_t>(k)];
+      const Prescribed target = is_distance ? joint.course.length(clock()) : Prescribed{};
+      Row& row = rows_.emplace_back();
+      row.a = joint.a;
+      row.b = joint.b;
+      row.J = row.F = jacobian(form, vectors);
+      row.value = value(form, vectors) - target.value;
+      row.rate = rate(form, vectors, motion) - target.rate;
+      row.gamma = gamma(form, vectors, motion) - target.acceleration;
+      row.joint = static_cast<int>(j);
+      row.function = k;
+    }
+  }
+  for (std::size_t c = 0; c < coordinates.size(); ++c)
+    if (coordinates[c].is_prescribed) add_coordinate_row(c, target(coordinates[c]));
+}
+
+void ContactEquations::add_coordinate_row(std::size_t c, const Prescribed& target) {
+  const Coordinate& of = coordinates[c];
+  const Reading now = read(of, nullptr);
+  Row& row = rows_.emplace_back();
+  row.a = joints[of.joint].a;
+  row.b = joints[of.joint].b;
+  row.J = row.F = now.J;
+  row.value = of.law.form.is_angle ? unwound(now.q - target.value, 0.0) : now.q - target.value;
+  row.rate = now.rate - target.rate;
+  row.gamma = now.acceleration - target.acceleration;
+  row.joint = static_cast<int>(of.joint);
+  row.function = of.law.function;
+  row.coordinate = static_cast<int>(c);
+  row.reference = of.reference;
+}
+
+// what holds coordinates up to a force, or one way
+void ContactEquations::add_held_rows() {
+  for (std::size_t c = 0; c < coordinates.size(); ++c)
+    if (coordinates[c].state.hold != Hold::kNone) add_coordinate_row(c, target(coordinates[c]));
+}
+
+// ---- coordinates
+
+ContactEquations::Reading ContactEquations::read(const Coordinate& of,
+                                                 const Accelerations* rates) const {
+  const BodyJoint& joint = joints[of.joint];
+  const BodyState &a = states_[joint.a], &b = states_[joint.b];
+  const JointVectors vectors(joint.joint, a, b);
+  const JointMotion motion(vectors, a, b);
+  Reading now;
+  now.q = reading(of.law.form, value(of.law.form, vectors), of.law.zero, of.position);
+  now.rate = rate(of.law.form, vectors, motion);
+  now.J = jacobian(of.law.form, vectors);
+  now.acceleration = gamma(of.law.form, vectors, motion);
+  if (rates != nullptr)
+    now.acceleration += now.J.times(rates->linear[joint.a], rates->angular[joint.a],
+                                    rates->linear[joint.b], rates->angular[joint.b]);
+  return now;
+}
+
+// a motor moves that of a length
+Prescribed ContactEquations::limit(const Coordinate& of, bool upper_one) const {
+  if (!of.law.is_distance) return {of.law.limit(upper_one), 0.0, 0.0};
+  const BodyJoint& joint = joints[of.joint];
+  Prescribed at_limit = joint.course.length(clock());
+  at_limit.value +=
+      of.law.limit(upper_one) - joint.joint.distance.length.value_or(0.0) + of.given_way;
+  return at_limit;
+}
+
+Prescribed ContactEquations::zeta(const Coordinate& of) const {
+  if (of.law.is_distance) return joints[of.joint].course.length(clock());
+  return of.law.drive > 0.0 ? motor_course(of.motor, clock(), 0.0) : Prescribed{};
+}
+
+Prescribed ContactEquations::target(const Coordinate& of) const {
+  const BodyJoint& joint = joints[of.joint];
+  if (of.is_prescribed) {
+    Prescribed at = joint.course.target(of.law.function, clock());
+    at.value += of.law.zero;
+    return at;
+  }
+  Prescribed at = rate_held_at(
+      of.state.hold, [&](bool upper_one) { return limit(of, upper_one); },
+      [&] { return zeta(of); });
+  if (of.state.hold == Hold::kStill) at.value = of.held;
+  if (of.state.hold != Hold::kDrive) return at;
+  at.value =
+      of.held + (of.law.is_distance ? at.value - joint.course.length(of.held_at).value
+                                    : motor_travel(of.motor, of.held_at, clock() - of.held_at));
+  return at;
+}
+
+bool ContactEquations::is_moved_by_motors() const {
+  return std::any_of(joints.begin(), joints.end(),
+                     [](const BodyJoint& joint) { return joint.course.is_driven(); }) ||
+         std::any_of(coordinates.begin(), coordinates.end(),
+                     [](const Coordinate& of) { return of.motor.is_moving(); });
+}
+
+// of springs and dampers, and of what is at its bound
+double ContactEquations::free_force(const Coordinate& of, const Reading& now) const {
+  return of.law.soft.force(now.q, now.rate) + constant_force(of.law, of.state);
+}
+
+void ContactEquations::pull_coordinates(Stage* told, std::vector<Vector3d>* linear,
+                                        std::vector<Vector3d>* angular) const {
+  for (const Coordinate& of : coordinates) {
+    if (of.is_prescribed) continue;
+    const Reading now = read(of, nullptr);
+    const double force = free_force(of, now);
+    if (force == 0.0) continue;
+    Row row;
+    row.a = joints[of.joint].a;
+    row.b = joints[of.joint].b;
+    push(row, now.J, force, linear, angular);
+    told->joint[of.joint][of.law.function] += force;
+  }
+}
+
+// Of contacts that act: normals, and of those that stick tangents. With slip, forces have the
+// friction of what slips.
+void ContactEquations::add_contact_rows(bool with_slip, bool with_tangents) {
+  for (std::size_t c = 0; c < contacts.size(); ++c) {
+    const Contact& contact = contacts[c];
+    if (contact.acts == Acts::kOpen) continue;
+    const ContactMotion now = motion(contact);
+    const auto add = [&](const Vector3d& d, const Vector3d& f) -> Row& {
+      Row& row = rows_.emplace_back();
+      row.a = contact.a;
+      row.b = contact.b;
+      row.J = now.along(d);
+      row.F = now.along(f);
+      row.along = f;
+      row.rate = d.dot(now.w);
+      row.gamma = d.dot(now.w_bias);
+      row.contact = static_cast<int>(c);
+      row.reference = contact.reference.dot(d);
+      return row;
+    };
+    Vector3d force = now.n;
+    if (with_slip && contact.acts == Acts::kSlips && contact.friction > 0.0) {
+      const Vector3d slip = now.slip();
+      const double speed = slip.norm();
+      Vector3d direction = contact.direction;
+      if (speed > kTiny || direction.isZero(0.0)) {
+        direction = speed > 0.0 ? Vector3d(slip / speed) : Vector3d(Vector3d::Zero());
+        if (direction.dot(contact.direction) < 0.0) direction = -direction;
+      }
+      force -= contact.friction * direction;
+    }
+    Row& normal = add(now.n, force);
+    normal.is_normal = true;
+    normal.value = now.gap;
+    normal.gamma += now.n_dot.dot(now.w);
+    if (!with_tangents || contact.acts != Acts::kSticks) continue;
+    const Vector3d t = tangent_to(now.n);
+    add(t, t);
+    const Vector3d other = now.n.cross(t);
+    add(other, other);
+  }
+}
+
+void ContactEquations::clear_motion(std::vector<Vector3d>* linear,
+                                    std::vector<Vector3d>* angular) const {
+  linear->assign(movable, Vector3d::Zero());
+  angular->assign(movable, Vector3d::Zero());
+}
+
+// Whether rows are independent is asked where a substep starts, and holds for its stages.
+void ContactEquations::factor_rows(bool asks_rank) {
+  const std::size_t m = rows_.size();
+  A_.resize(index(m), index(m));
+  weight_.resize(index(m));
+  clear_motion(&linear_, &angular_);
+  const auto clear = [&](const Row& row) {
+    for (const std::size_t body : {row.a, row.b}) {
+      if (body >= movable) continue;
+      linear_[body].setZero();
+      angular_[body].setZero();
+    }
+  };
+  for (std::size_t i = 0; i < m; ++i) {
+    push(rows_[i], rows_[i].J, 1.0, &linear_, &angular_);
+    const double response = along(rows_[i], rows_[i].J, linear_, angular_);
+    weight_[index(i)] = response > 0.0 ? 1.0 / std::sqrt(response) : 0.0;
+    clear(rows_[i]);
+  }
+  for (std::size_t j = 0; j < m; ++j) {
+    push(rows_[j], rows_[j].F, 1.0, &linear_, &angular_);
+    for (std::size_t i = 0; i < m; ++i)
+      A_(index(i), index(j)) =
+          weight_[index(i)] * along(rows_[i], rows_[i].J, linear_, angular_) * weight_[index(j)];
+    clear(rows_[j]);
+  }
+  if (!asks_rank && are_independent_) {
+    lu_.compute(A_);
+    return;
+  }
+  factors_.setThreshold(kDependent);
+  factors_.compute(A_);
+  are_independent_ = factors_.rank() == A_.rows();
+  if (are_independent_) lu_.compute(A_);
+}
+
+// least norm beside the reference
+bool ContactEquations::solve_rows(const VectorXd& right, VectorXd* lambda) {
+  if (are_independent_) {
+    *lambda = weight_.cwiseProduct(lu_.solve(weight_.cwiseProduct(right)));
+    return lambda->allFinite();
+  }
+  VectorXd reference(right.size());
+  for (Index i = 0; i < right.size(); ++i)
+    reference[i] =
+        weight_[i] > 0.0 ? rows_[static_cast<std::size_t>(i)].reference / weight_[i] : 0.0;
+  *lambda = reference + factors_.solve(weight_.cwiseProduct(right) - A_ * reference);
+  *lambda = weight_.cwiseProduct(*lambda);
+  return lambda->allFinite();
+}
+
+}  // namespace constraint_sim::engine

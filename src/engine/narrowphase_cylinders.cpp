@@ -1,9 +1,5 @@
 // What touches a cylinder. Against boxes and other cylinders: the axis of least depth, then the
 // features of both that look along it, clipped by each other.
-//
-// The depth along a unit vector n, reach of both shapes less the distance of their centres along n,
-// has its least where n is normal to a face or a cap, to two edges or sides, or lies in one of a
-// few circles: across an edge or an axis. A rim against a rim is sought by Newton's method.
 
 #include <algorithm>
 #include <array>
@@ -11,239 +7,20 @@
 #include <limits>
 #include <optional>
 
+#include "engine/least_depth_axis.h"
 #include "engine/manifold_points.h"
 #include "engine/narrowphase.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kFlatSine = 0.0447;  // a face within 2.56° of the normal is one that touches
-constexpr double kLevelSine = 1e-4;   // below it a cap has no lowest point
-constexpr double kParallelSine = 1e-8;
-constexpr double kWider = 1e-6;  // of a clipping face, so that flush ones keep their points
+constexpr double kLevelSine = 1e-4;  // below it a cap has no lowest point
+constexpr double kWider = 1e-6;      // of a clipping face, so that flush ones keep their points
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-/// A box, or a cylinder along its z axis, in world axes.
-struct Solid {
-  Solid(const Vector3d& size, const BodyState& state, const Vector3d& origin)
-      : centre(state.position - origin),
-        axes(state.orientation.toRotationMatrix()),
-        half(0.5 * size),
-        is_round(false) {}
-  Solid(const Cylinder& cylinder, const BodyState& state, const Vector3d& origin)
-      : centre(state.position - origin),
-        axes(state.orientation.toRotationMatrix()),
-        half(cylinder.radius, cylinder.radius, 0.5 * cylinder.length),
-        is_round(true) {}
-
-  Vector3d axis() const { return axes.col(2); }
-  double radius() const { return half.x(); }
-
-  /// How far it goes along n from its centre [m].
-  double reach(const Vector3d& n) const {
-    const Vector3d c = axes.transpose() * n;
-    return is_round ? half.x() * std::hypot(c.x(), c.y()) + half.z() * std::abs(c.z())
-                    : half.dot(c.cwiseAbs());
-  }
-  /// A point that is farthest along n, from the centre [m].
-  Vector3d farthest(const Vector3d& n) const {
-    const Vector3d c = axes.transpose() * n;
-    Vector3d p(std::copysign(half.x(), c.x()), std::copysign(half.y(), c.y()),
-               std::copysign(half.z(), c.z()));
-    if (is_round) {
-      const double across = std::hypot(c.x(), c.y());
-      p.head<2>() = across > 0.0 ? Vector2d(half.x() / across * c.head<2>()) : Vector2d::Zero();
-    }
-    return axes * p;
-  }
-  Vector3d cap_centre(int side) const { return centre + side * half.z() * axis(); }
-
-  Vector3d centre;  ///< from the origin of the pair [m]
-  Matrix3d axes;    ///< in columns
-  Vector3d half;    ///< of the edge lengths; of a cylinder its radius twice, half its length [m]
-  bool is_round;
-};
-
-/// Two solids, B's centre being the origin, and the axis of least depth that was tried.
-class Axes {
- public:
-  Axes(const Solid& a, const Solid& b)
-      : a_(a), b_(b), t_(a.centre - b.centre), size_(a.half.sum() + b.half.sum()) {}
-
-  const Vector3d& normal() const { return normal_; }  ///< from B to A
-  double depth() const { return depth_; }
-  double depth_along(const Vector3d& n) const { return a_.reach(n) + b_.reach(n) - n.dot(t_); }
-
-  /// Tries all; ends at the first axis of depth ≤ −margin.
-  void find(double margin) {
-    find_flat();
-    if (depth_ <= -margin) return;
-    find_corners();
-    if (depth_ <= -margin) return;
-    find_circles();
-    if (depth_ <= -margin || !a_.is_round) return;
-    find_rims();
-  }
-
-  /// Takes the normal of a face or cap that is nearly the one of least depth: their points hold a
-  /// shape more firmly.
-  void take_face() {
-    double most = std::sqrt(1.0 - kFlatSine * kFlatSine);
-    Vector3d face = Vector3d::Zero();
-    for (const Solid* solid : {&a_, &b_}) {
-      for (int i = solid->is_round ? 2 : 0; i < 3; ++i) {
-        const double cosine = normal_.dot(solid->axes.col(i));
-        if (std::abs(cosine) <= most) continue;
-        most = std::abs(cosine) * (1.0 + 1e-9);  // the first where both are parallel
-        face = cosine < 0.0 ? Vector3d(-solid->axes.col(i)) : Vector3d(solid->axes.col(i));
-      }
-    }
-    if (face.isZero(0.0)) return;
-    normal_ = face;
-    depth_ = depth_along(face);
-  }
-
- private:
-  void try_axis(const Vector3d& direction, double least_length = 0.0) {
-    const double length = direction.norm();
-    if (!(length > least_length)) return;
-    const Vector3d n = direction / (direction.dot(t_) < 0.0 ? -length : length);
-    const double depth = depth_along(n);
-    // what comes later must be better than by rounding, or ties would switch from step to step
-    if (!(depth < depth_ - 1e-10 * size_)) return;
-    depth_ = depth;
-    normal_ = n;
-  }
-
-  // normals of faces and caps, and of two edges, sides, or one of each
-  void find_flat() {
-    for (const Solid* solid : {&a_, &b_})
-      for (int i = solid->is_round ? 2 : 0; i < 3; ++i) try_axis(solid->axes.col(i));
-    for (int i = a_.is_round ? 2 : 0; i < 3; ++i)
-      try_axis(a_.axes.col(i).cross(b_.axis()), kParallelSine);
-  }
-
-  // vertices of a box against the side and the rims of B
-  void find_corners() {
-    if (a_.is_round) {  // the sides of parallel cylinders
-      try_axis(t_ - b_.axis() * b_.axis().dot(t_), kParallelSine * size_);
-      return;
-    }
-    for (int k = 0; k < 8; ++k) {
-      const Vector3d arm((k & 1) != 0 ? a_.half.x() : -a_.half.x(),
-                         (k & 2) != 0 ? a_.half.y() : -a_.half.y(),
-                         (k & 4) != 0 ? a_.half.z() : -a_.half.z());
-      const Vector3d p = b_.axes.transpose() * (t_ + a_.axes * arm);
-      const double across = std::hypot(p.x(), p.y());
-      if (across == 0.0) continue;
-      const Vector3d radial(p.x() / across, p.y() / across, 0.0);
-      try_axis(b_.axes * radial);
-      const double beyond = std::abs(p.z()) - b_.half.z();
-      if (across > b_.radius() && beyond > 0.0)
-        try_axis(b_.axes * Vector3d((across - b_.radius()) * radial.x(),
-                                    (across - b_.radius()) * radial.y(),
-                                    std::copysign(beyond, p.z())));
-    }
-  }
-
-  void find_circles() {
-    for (int i = a_.is_round ? 2 : 0; i < 3; ++i)
-      find_across(a_.axes.col(i), a_.axes.col((i + 1) % 3));
-    if (a_.is_round) find_across(b_.axis(), b_.axes.col(0));
-  }
-
-  // The least depth along directions across `axis`, n = ((1 − s²) p + 2 s q) / (1 + s²).
-  void find_across(const Vector3d& axis, const Vector3d& beside) {
-    constexpr int kSamples = 24;
-    const Vector3d q = axis.cross(beside).normalized();
-    const Vector3d p = q.cross(axis);
-    const auto direction = [&](double s) {
-      return Vector3d(((1.0 - s * s) * p + 2.0 * s * q) / (1.0 + s * s));
-    };
-    const auto depth = [&](double s) {
-      const Vector3d n = direction(s);
-      return a_.reach(n) + b_.reach(n) - std::abs(n.dot(t_));
-    };
-    const auto slope = [&](double s) {
-      const Vector3d n = direction(s);
-      const Vector3d along = (1.0 - s * s) * q - 2.0 * s * p;
-      return along.dot(a_.farthest(n) + b_.farthest(n) - (n.dot(t_) < 0.0 ? -t_ : t_));
-    };
-    const auto place = [](int k) { return 2.0 * k / kSamples - 1.0; };  // a half circle
-    std::array<double, kSamples> depths;
-    for (int k = 0; k < kSamples; ++k) depths[at(k)] = depth(place(k));
-    for (int k = 0; k < kSamples; ++k) {
-      const double here = depths[at(k)];
-      // no depth between the samples is less by more than the square of their distance allows
-      if (here > depth_ + 0.02 * size_ || here > depths[at((k + 1) % kSamples)] ||
-          here > depths[at((k + kSamples - 1) % kSamples)])
-        continue;
-      double low = place(k - 1), high = place(k + 1);
-      for (int i = 0; i < 60 && high - low > 1e-15; ++i) {
-        const double middle = 0.5 * (low + high);
-        (slope(middle) > 0.0 ? high : low) = middle;
-      }
-      try_axis(direction(0.5 * (low + high)));
-    }
-  }
-
-  // a rim of each, from several starts
-  void find_rims() {
-    for (const int side_a : {-1, 1})
-      for (const int side_b : {-1, 1})
-        for (const double turn : {0.0, -1.5, 1.5}) find_rims(side_a, side_b, turn);
-  }
-
-  void find_rims(int side_a, int side_b, double turn) {
-    const Vector3d c_a = a_.cap_centre(side_a), c_b = b_.cap_centre(side_b);
-    const auto toward = [](const Solid& solid, const Vector3d& d) -> Vector3d {
-      const Vector3d across = d - solid.axis() * solid.axis().dot(d);
-      const double length = across.norm();
-      return length > kParallelSine * solid.radius() ? Vector3d(across / length)
-                                                     : Vector3d(solid.axes.col(0));
-    };
-    Vector3d e_a = toward(a_, c_b - c_a);
-    e_a = (e_a + turn * a_.axis().cross(e_a)).normalized();
-    Vector3d e_b = toward(b_, c_a + a_.radius() * e_a - c_b);
-    for (int i = 0; i < 12; ++i) {
-      const Vector3d along_a = a_.radius() * a_.axis().cross(e_a);  // the derivative by the angle
-      const Vector3d along_b = b_.radius() * b_.axis().cross(e_b);
-      const Vector3d d = (c_a + a_.radius() * e_a) - (c_b + b_.radius() * e_b);
-      const double g_a = d.dot(along_a), g_b = -d.dot(along_b);
-      const double h_aa = along_a.squaredNorm() - a_.radius() * d.dot(e_a);
-      const double h_bb = along_b.squaredNorm() + b_.radius() * d.dot(e_b);
-      const double h_ab = -along_a.dot(along_b);
-      const double determinant = h_aa * h_bb - h_ab * h_ab;
-      double turn_a, turn_b;
-      if (h_aa > 0.0 && determinant > 1e-12 * h_aa * std::abs(h_bb)) {
-        turn_a = -(h_bb * g_a - h_ab * g_b) / determinant;
-        turn_b = -(h_aa * g_b - h_ab * g_a) / determinant;
-      } else {  // down the slope
-        turn_a = -g_a / along_a.squaredNorm();
-        turn_b = -g_b / along_b.squaredNorm();
-      }
-      const double most = std::max(std::abs(turn_a), std::abs(turn_b));
-      const double share = most > 0.5 ? 0.5 / most : 1.0;
-      e_a = (e_a + share * turn_a * a_.axis().cross(e_a)).normalized();
-      e_b = (e_b + share * turn_b * b_.axis().cross(e_b)).normalized();
-      if (most < 1e-15) break;
-    }
-    try_axis(a_.axis().cross(e_a).cross(b_.axis().cross(e_b)), kParallelSine);
-    try_axis((c_a + a_.radius() * e_a) - (c_b + b_.radius() * e_b), kParallelSine * size_);
-  }
-
-  const Solid& a_;
-  const Solid& b_;
-  Vector3d t_;
-  double size_;
-  Vector3d normal_ = Vector3d::UnitZ();
-  double depth_ = std::numeric_limits<double>::infinity();
-};
 
 // ---- features
 
@@ -433,7 +210,8 @@ std::optional<Part> part_over(const Feature& area, const Vector3d& n, const Vect
 /// Collects the points in which the features of A and B meet.
 class Meeting {
  public:
-  Meeting(const Solid& a, const Solid& b, const Vector3d& origin, const Axes& axes, double margin)
+  Meeting(const Solid& a, const Solid& b, const Vector3d& origin, const LeastDepthAxis& axes,
+          double margin)
       : a_(feature_of(a, -axes.normal())),
         b_(feature_of(b, axes.normal())),
         origin_(origin),
@@ -450,7 +228,7 @@ class Meeting {
   }
 
   /// Of a point, or of features that do not lie over each other: the farthest point of one of them.
-  void add_farthest(const Solid& b, const Axes& axes) {
+  void add_farthest(const Solid& b, const LeastDepthAxis& axes) {
     const Vector3d on_b = a_.kind == Kind::kPoint
                               ? Vector3d(a_.ends[0].p + axes.depth() * axes.normal())
                               : Vector3d(b.centre + b.farthest(axes.normal()));
@@ -574,10 +352,10 @@ class Meeting {
 };
 
 Manifold collide(const Solid& a, const Solid& b, const Vector3d& origin, double margin) {
-  Axes axes(a, b);
+  LeastDepthAxis axes(a, b);
   axes.find(margin);
   if (!(axes.depth() > -margin)) return {};
-  Axes of_face = axes;
+  LeastDepthAxis of_face = axes;
   of_face.take_face();
   const Meeting of_faces(a, b, origin, of_face, margin);
   if (of_faces.manifold().count > 0) return of_faces.manifold();
@@ -587,7 +365,7 @@ Manifold collide(const Solid& a, const Solid& b, const Vector3d& origin, double 
 }
 
 Separation separation(const Solid& a, const Solid& b) {
-  Axes axes(a, b);
+  LeastDepthAxis axes(a, b);
   axes.find(std::numeric_limits<double>::infinity());
   return {axes.normal(), -axes.depth()};
 }

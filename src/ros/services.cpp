@@ -161,8 +161,8 @@ bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response
       scene.continue_from(world);
       world = std::move(scene);
       edit_log_.record_replaced(stepper_, world);
+      publishers_.renew_markers();
     });
-    publishers_.renew_markers();
     ROS_INFO("load_scene %s: %s",
              request.path.empty() ? "of a text" : shortened(request.path, 200).c_str(),
              loaded.c_str());
@@ -206,8 +206,8 @@ bool Services::reset_world(std_srvs::EmptyRequest& request, std_srvs::EmptyRespo
     stepper_.interrupt("reset_world", [&](World& world) {
       constraint_sim::reset_world(world);
       edit_log_.record(stepper_, "reset_world", request, world);
+      publishers_.renew_markers();
     });
-    publishers_.renew_markers();
   });
 }
 
@@ -217,8 +217,8 @@ bool Services::reset_simulation(std_srvs::EmptyRequest& request, std_srvs::Empty
       edit_log_.check(stepper_, world);
       constraint_sim::reset_simulation(world);
       edit_log_.record(stepper_, "reset_simulation", request, world);
+      publishers_.renew_markers();
     });
-    publishers_.renew_markers();
   });
 }
 

@@ -2,12 +2,12 @@
 // memory, and tells why. No bound is silent.
 
 #include <pthread.h>
-#include <sys/resource.h>
 
 #include <ctime>
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
+#include "memory_peak.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -28,13 +28,6 @@ std::string refusal_of(Action action) {
 /// Of this process, for others take their share of the processor.
 double seconds_since(std::clock_t start) {
   return static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
-}
-
-/// The most memory this process ever had [bytes].
-double peak_memory() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return 1024.0 * static_cast<double>(usage.ru_maxrss);
 }
 
 // ---- numbers
@@ -211,6 +204,7 @@ TEST(Bounds, StopTheTimeBeforeATickIsLost) {
 // A few tenths of a second each and some 100 MB, measured; 2.7 GB without a bound.
 TEST(Bounds, OfContactsEndAStepOfAHeap) {
   const auto start = std::clock();
+  const MemoryPeak memory;
   World spheres;
   for (int i = 0; i < 3000; ++i)
     spheres.add_body(make_body("s" + std::to_string(i), Sphere{1.0}, 1.0, Vector3d::Zero()));
@@ -224,7 +218,7 @@ TEST(Bounds, OfContactsEndAStepOfAHeap) {
   EXPECT_EQ(boxes.report().failure, Failure::kTooManyContacts);
   EXPECT_EQ(boxes.step_count(), 0u);
   EXPECT_LT(seconds_since(start), 30.0);
-  EXPECT_LT(peak_memory(), 1e9);
+  EXPECT_LT(memory.grown_by(), 1e9);
 }
 
 // Ten seconds a tick without a bound; here every body is told to be refused.

@@ -2,7 +2,6 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
-#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -16,6 +15,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/scene.h"
+#include "memory_peak.h"
 #include "sanitized.h"
 
 namespace constraint_sim::engine {
@@ -41,13 +41,6 @@ double seconds_of(const std::function<void()>& action) {
 /// [s] More than ten times what each takes here: others slow a processor down, and what is not
 /// bounded takes hours.
 constexpr double kAtOnce = 10.0 * kSanitizedShare;
-
-/// The most memory this process ever had [bytes].
-double peak_memory() {
-  rusage usage{};
-  getrusage(RUSAGE_SELF, &usage);
-  return 1024.0 * static_cast<double>(usage.ru_maxrss);
-}
 
 std::string repeated(const std::string& text, std::size_t count) {
   std::string all;
@@ -154,6 +147,7 @@ TEST(HostileScene, OfGreatLengthIsAnsweredAtOnce) {
       filled("'", "''"),
       filled("\"", "\\u0041"),
   };
+  const MemoryPeak memory;
   for (const std::string& text : texts) {
     std::string answer;
     EXPECT_LT(seconds_of([&] { answer = answer_to(text); }), kAtOnce) << text.substr(0, 40);
@@ -161,7 +155,7 @@ TEST(HostileScene, OfGreatLengthIsAnsweredAtOnce) {
     expect_short(answer, text);
   }
   // twice what was measured; sanitizers keep books of their own
-  EXPECT_LT(peak_memory(), kSanitizedShare > 1 ? 2e9 : 5e8);
+  EXPECT_LT(memory.grown_by(), kSanitizedShare > 1 ? 2e9 : 5e8);
   EXPECT_EQ(answer_to(std::string(kMostSceneBytes + 1, ' ')),
             "s: must be at most 6291456 bytes, got 6291457");
 }

@@ -145,19 +145,27 @@ void Hands::on_feedback(const Feedback& feedback, engine::BodyId id) {
   const std::string& body = feedback->marker_name;
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto drag = drags_.find(body);
-  const auto pressed = pressed_.find(body);
-  const bool is_of_another = pressed != pressed_.end() && pressed->second != id;
+  const double now = steady_now();
+  auto pressed = pressed_.find(body);
+  if (pressed != pressed_.end()) {
+    const double last = std::exchange(pressed->second.last_feedback, now);
+    if (now > last + kGone) {
+      pressed_.erase(pressed);
+      pressed = pressed_.end();
+    }
+  }
+  const bool is_of_another = pressed != pressed_.end() && pressed->second.body != id;
   switch (feedback->event_type) {
     case InteractiveMarkerFeedback::MOUSE_DOWN:
-      pressed_[body] = id;  // a click alone moves nothing
+      pressed_[body] = {id, now};  // a click alone moves nothing
       break;
     case InteractiveMarkerFeedback::POSE_UPDATE:
       if (is_of_another) break;
-      drags_[body] = {id, target, steady_now()};
+      drags_[body] = {id, target, now};
       if (stepper_ != nullptr) stepper_->wake();
       break;
     case InteractiveMarkerFeedback::KEEP_ALIVE:
-      if (drag != drags_.end() && !is_of_another) drag->second.last_feedback = steady_now();
+      if (drag != drags_.end() && !is_of_another) drag->second.last_feedback = now;
       break;
     case InteractiveMarkerFeedback::MOUSE_UP:
       pressed_.erase(body);

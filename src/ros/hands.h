@@ -23,7 +23,9 @@ namespace constraint_sim {
 /// server and no marker.
 class Hands {
  public:
-  static constexpr double kPatience = 0.5;   ///< [s] without feedback
+  static constexpr double kPatience = 0.5;  ///< [s] without feedback
+  /// [s] without feedback after which a viewer that never said MOUSE_UP is gone
+  static constexpr double kGone = 10.0;
   static constexpr std::size_t kMost = 200;  ///< dynamic bodies with a marker, the first ones
 
   Hands(const Parameters& parameters, const ros::NodeHandle& private_handle);
@@ -48,6 +50,10 @@ class Hands {
 
  private:
   using Feedback = visualization_msgs::InteractiveMarkerFeedbackConstPtr;
+  struct Press {
+    engine::BodyId body;
+    double last_feedback;  ///< of the steady clock [s]
+  };
   struct Drag {
     engine::BodyId body;  ///< another body may come under the same name
     Eigen::Vector3d target;
@@ -68,8 +74,8 @@ class Hands {
 
   mutable std::mutex mutex_;  // of all below
   Stepper* stepper_ = nullptr;
-  std::map<std::string, Drag> drags_;              // by body
-  std::map<std::string, engine::BodyId> pressed_;  // what the button went down on
+  std::map<std::string, Drag> drags_;     // by body
+  std::map<std::string, Press> pressed_;  // what the button went down on
   std::string marked_, followed_;
   double last_drag_ = 0.0;  // steady clock [s]
 

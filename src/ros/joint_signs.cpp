@@ -62,13 +62,9 @@ void find_reach(const engine::World& world, const engine::Joint& joint, JointSiz
     // what slides takes its sign with it
     if (id == engine::kWorldBody || (least >= 0.0 && slides_along_axis(joint.kind))) continue;
     const engine::Body& body = world.body(id);
-    Eigen::Quaterniond turned = world.state(id).orientation;
-    Vector3d middle = -(turned * anchor);
-    if (body.shape_pose) {
-      middle += turned * body.shape_pose->position;
-      turned = turned * body.shape_pose->orientation;
-    }
-    const double half = half_width(body.shape, turned.conjugate() * z);
+    const engine::BodyState& state = world.state(id);
+    const Vector3d middle = middle_of(body, state) - (state.position + state.orientation * anchor);
+    const double half = half_width(body, state, z);
     if (least >= 0.0 && half >= least) continue;
     least = half;
     size->before = std::max(half - middle.dot(z), 0.0);
@@ -83,11 +79,11 @@ double top_above(const engine::World& world, const engine::Joint& joint, const V
   for (const engine::BodyId id : {joint.body_b, joint.body_a}) {
     if (id == engine::kWorldBody) continue;
     const engine::BodyState& state = world.state(id);
-    const engine::Shape& shape = world.body(id).shape;
-    const double size = radius_of(shape);
+    const engine::Body& body = world.body(id);
+    const double size = radius_of(body.shape);
     if (least >= 0.0 && size >= least) continue;
     least = size;
-    top = half_width(shape, state.orientation.conjugate() * up) + (state.position - place).dot(up);
+    top = half_width(body, state, up) + (middle_of(body, state) - place).dot(up);
   }
   return top;
 }

@@ -23,6 +23,8 @@ constexpr double kHeightOfLegend = 0.02;       // of the scene's diagonal
 constexpr double kTellsForce = 0.01;           // of the largest one: less has no line of the legend
 constexpr double kShares[] = {0.5, 0.7, 0.3};  // of a length, where labels of neighbours are
 constexpr double kLineSpacing = 1.4;
+constexpr double kAhead = 0.3;       // [s]
+constexpr double kMostGrowth = 2.0;  // of letters, by the motion
 // heights of a letter
 constexpr double kAbove = 0.9;  // from a part to the middle of the text above it
 // widths of a space, which rviz draws as wide as an A
@@ -66,11 +68,10 @@ Vector3d place_of(const engine::World& world, engine::JointId id) {
 double top_of(const engine::World& world) {
   double top = -std::numeric_limits<double>::infinity();
   for (const engine::BodyId id : world.body_ids()) {
-    const engine::Shape& shape = world.body(id).shape;
-    if (std::holds_alternative<engine::Plane>(shape)) continue;
+    const engine::Body& body = world.body(id);
+    if (std::holds_alternative<engine::Plane>(body.shape)) continue;
     const engine::BodyState& state = world.state(id);
-    const Vector3d up = state.orientation.conjugate() * Vector3d::UnitZ();
-    top = std::max(top, state.position.z() + half_width(shape, up));
+    top = std::max(top, middle_of(body, state).z() + half_width(body, state, Vector3d::UnitZ()));
   }
   for (const engine::JointId id : world.joint_ids()) {
     const engine::Joint& joint = world.joint(id);
@@ -86,11 +87,15 @@ double top_of(const engine::World& world) {
 const MarkerMessage& Labels::update(const engine::World& world, const ForceScale& forces,
                                     const ros::Time& stamp, bool for_newcomer) {
   set_.begin(stamp, for_newcomer);
-  height_ = kHeightOfSign * extent_of(world).sign;
+  const Extent extent = extent_of(world);
+  const double larger = growth(world, extent);
+  height_ = larger * kHeightOfSign * extent.sign;
+  height_of_legend_ =
+      larger * std::max(kHeightOfSign * extent.sign, kHeightOfLegend * extent.diagonal());
   std::vector<engine::BodyId> bodies = world.body_ids();
   bodies.resize(std::min(bodies.size(), kMost));
   for (const engine::BodyId id : bodies) {
-    Vector3d place = world.state(id).position;
+    Vector3d place = middle_of(world.body(id), world.state(id));
     if (const auto* sphere = std::get_if<engine::Sphere>(&world.body(id).shape))
       place.z() += sphere->radius;
     if (const auto* box = std::get_if<engine::Box>(&world.body(id).shape))
@@ -106,8 +111,41 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
     if (!world.joint_state(joints[i]).broken && world.joint(joints[i]).enabled &&
         !is_grip(world.joint(joints[i])))
       add_labels_of(world, joints[i]);
-  add_legend(world, forces);
+  add_legend(world, forces, is_any_broken_shown(world, stamp.toSec()));
   return set_.finish();
+}
+
+void Labels::forget() {
+  set_.forget();
+  seen_.reset();
+  broken_.reset();
+  broke_.reset();
+}
+
+// Markers show for a while what broke before the eyes of a viewer.
+bool Labels::is_any_broken_shown(const engine::World& world, double now) {
+  const auto broken = static_cast<std::size_t>(
+      std::count_if(world.joint_ids().begin(), world.joint_ids().end(),
+                    [&](engine::JointId id) { return world.joint_state(id).broken; }));
+  if (broken_ && broken > *broken_) broke_ = now;
+  broken_ = broken;
+  return broken > 0 && broke_ && std::abs(now - *broke_) < kBrokenShown;
+}
+
+// A scene is looked at from where all of its motion is seen: the farther it goes, the larger its
+// letters.
+double Labels::growth(const engine::World& world, const Extent& extent) {
+  if (!seen_) seen_ = extent;
+  seen_->low = seen_->low.cwiseMin(extent.low);
+  seen_->high = seen_->high.cwiseMax(extent.high);
+  for (const engine::BodyId id : world.body_ids()) {
+    const engine::BodyState& state = world.state(id);
+    const Vector3d then = state.position + kAhead * state.linear_velocity;
+    seen_->low = seen_->low.cwiseMin(then);
+    seen_->high = seen_->high.cwiseMax(then);
+  }
+  if (!(extent.diagonal() > 0.0)) return 1.0;
+  return std::clamp(seen_->diagonal() / extent.diagonal(), 1.0, kMostGrowth);
 }
 
 // With its wheel, where a gear couples it.
@@ -198,7 +236,7 @@ void Labels::add_text(const char* ns, std::int32_t id, const Vector3d& place,
 }
 
 // Above the scene, line by line in the colours that it tells of, as far as they are there.
-void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
+void Labels::add_legend(const engine::World& world, const ForceScale& forces, bool has_broken) {
   const Extent extent = extent_of(world);
   struct Line {
     bool is_used;
@@ -221,6 +259,8 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
     has_errors = has_errors || shown_error(look, state) > kTellsError;
   }
   const auto has = [&](engine::ContactState state) {
+    const double most = forces.friction(state == engine::ContactState::kSticking);
+    if (!(most > kLeastFriction * forces.contact_reference())) return false;
     return std::any_of(world.contacts().begin(), world.contacts().end(),
                        [&](const auto& contact) { return contact.state == state; });
   };
@@ -233,6 +273,7 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
       {has_errors, colour(1.0, 0.5, 0.45), "red: off by 10 mm or more"},
       {has_joints, constraint_colour(0.0, 0.0), has_lengths ? "green: no force" : "green: holds"},
       {has_axes, colour(0.8, 0.8, 0.85), "light grey: axes and rails of joints"},
+      {has_broken, colour(0.6, 0.6, 0.6), "grey: broken"},
       {is_told(forces.compression()), constraint_colour(1.0, 0.0),
        "yellow: compression" + at_most(forces.compression())},
       {is_told(forces.tension()), constraint_colour(-1.0, 0.0),
@@ -241,18 +282,22 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
        std::string("pink: driven by a motor") +
            (has_rings ? ", rings by the right-hand rule" : "")},
       {!world.contacts().empty(), colour(1.0, 1.0, 1.0),
-       "white: contact, longest at " + shown("%.3g N", forces.contact_reference())},
+       "white: contact" + (forces.contact_reference() > 0.0
+                               ? shown(", longest at %.3g N", forces.contact_reference())
+                               : std::string())},
       {has(engine::ContactState::kSlipping), friction_colour(false),
        "orange: friction where it slides" + at_most(forces.friction(false))},
       {has(engine::ContactState::kSticking), friction_colour(true),
        "violet: friction where it sticks" + at_most(forces.friction(true))},
       {is_long, colour(0.9, 0.9, 0.9),
        "labels of the first " + std::to_string(kMost) + " bodies and constraints only"}};
-  const double height = std::max(height_, kHeightOfLegend * extent.diagonal());
+  const double height = height_of_legend_;
   Vector3d place = 0.5 * (extent.low + extent.high);
   place.z() = top_of(world);
   for (const auto& [of, size] : wheels_)  // which may be larger than their bodies
     place.z() = std::max(place.z(), world.anchors(engine::JointId{of}).p_b.z() + size.wheel);
+  if (!world.contacts().empty())
+    place.z() += forces.contact_length(extent) - forces.contact_thickness();
   place.z() += 2.0 * kLineSpacing * height_ + kLineSpacing * height;
   std::int32_t id = 0;
   for (const Line& line : lines) {

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "constraint_sim/engine/world.h"
@@ -25,7 +26,7 @@ class Labels {
 
   const MarkerMessage& update(const engine::World& world, const ForceScale& forces,
                               const ros::Time& stamp, bool for_newcomer);
-  void forget() { set_.forget(); }
+  void forget();
 
  private:
   void add_text(const char* ns, std::int32_t id, const Eigen::Vector3d& place,
@@ -33,11 +34,16 @@ class Labels {
   JointSize size_in_gear(const engine::World& world, engine::JointId id) const;
   void find_all_wheels(const engine::World& world);
   void add_labels_of(const engine::World& world, engine::JointId id);
-  void add_legend(const engine::World& world, const ForceScale& forces);
+  void add_legend(const engine::World& world, const ForceScale& forces, bool has_broken);
+  bool is_any_broken_shown(const engine::World& world, double now);
+  double growth(const engine::World& world, const Extent& extent);
 
   MarkerSet set_;
+  std::optional<std::size_t> broken_;  // joints, at the last look
+  std::optional<double> broke_;        // when there were more of them [s]
+  std::optional<Extent> seen_;         // where the scene was, and will be in a second as it moves
   std::map<decltype(engine::JointId::value), JointSize> wheels_;
-  double height_ = 0.0;  // of letters [m]
+  double height_ = 0.0, height_of_legend_ = 0.0;  // of letters [m]
 };
 
 }  // namespace constraint_sim

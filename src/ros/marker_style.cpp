@@ -47,6 +47,18 @@ double half_width(const engine::Shape& shape, const Eigen::Vector3d& along) {
   return 0.0;
 }
 
+Eigen::Vector3d middle_of(const engine::Body& body, const engine::BodyState& state) {
+  if (!body.shape_pose) return state.position;
+  return state.position + state.orientation * body.shape_pose->position;
+}
+
+double half_width(const engine::Body& body, const engine::BodyState& state,
+                  const Eigen::Vector3d& along) {
+  Eigen::Quaterniond turned = state.orientation;
+  if (body.shape_pose) turned = turned * body.shape_pose->orientation;
+  return half_width(body.shape, turned.conjugate() * along);
+}
+
 Look look_of(const engine::Joint& joint) {
   if (engine::couples_joints(joint.kind)) return Look::kCoupling;
   const engine::DistanceJoint* distance = engine::if_distance(joint);
@@ -162,11 +174,38 @@ Eigen::Vector3d friction_of(const engine::Contact& contact) {
   return contact.force - contact.normal_force * contact.normal;
 }
 
+Eigen::Vector3d down(const engine::World& world) {
+  const Eigen::Vector3d& gravity = world.options().gravity;
+  return gravity.isZero(0.0) ? Eigen::Vector3d(-Eigen::Vector3d::UnitZ()) : gravity.normalized();
+}
+
+double sign_of_held(const engine::World& world, const engine::Contact& contact,
+                    const Eigen::Vector3d& down) {
+  const bool a_moves = world.body(contact.body_a).type == engine::BodyType::kDynamic;
+  const bool b_moves = world.body(contact.body_b).type == engine::BodyType::kDynamic;
+  const bool holds_a = a_moves != b_moves ? a_moves : contact.normal.dot(down) <= 0.0;
+  return holds_a ? 1.0 : -1.0;
+}
+
+namespace {
+
+double thickness_of_held(const engine::World& world, const engine::Contact& contact) {
+  const bool holds_a = sign_of_held(world, contact, down(world)) > 0.0;
+  const engine::BodyId held = holds_a ? contact.body_a : contact.body_b;
+  return 2.0 * half_width(world.body(held), world.state(held), contact.normal);
+}
+
+}  // namespace
+
 void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
   const double passed = stamp.toSec() - stamp_.toSec();  // a ros::Duration takes longer to find
   // the first forces show at once, also where a single step brings them
+  const auto has_force = [&](const engine::Contact& contact) {
+    return contact.normal_force > kNoForce * reference();
+  };
   const bool awaits_some = (!world.joint_ids().empty() && !(reference() > 0.0)) ||
-                           (!world.contacts().empty() && !(contact_ > 0.0));
+                           (!(contact_ > 0.0) && std::any_of(world.contacts().begin(),
+                                                             world.contacts().end(), has_force));
   if (passed >= 0.0 && passed < kForcesPeriod && !awaits_some) return;
   stamp_ = stamp;
   const double kept = std::exp(-std::max(passed, 0.0) / kForgets);
@@ -180,8 +219,14 @@ void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
         double& largest = axial_[*force > 0.0 ? 1 : 0];
         largest = std::max(largest, std::abs(*force));
       }
-  for (const engine::Contact& contact : world.contacts())
-    if (std::isfinite(contact.normal_force)) contact_ = std::max(contact_, contact.normal_force);
+  const engine::Contact* largest_contact = nullptr;
+  for (const engine::Contact& contact : world.contacts()) {
+    const double least = std::max(contact_, kNoForce * reference());
+    if (!std::isfinite(contact.normal_force) || contact.normal_force <= least) continue;
+    contact_ = contact.normal_force;
+    largest_contact = &contact;
+  }
+  if (largest_contact != nullptr) thickness_ = thickness_of_held(world, *largest_contact);
   for_each_friction(world.contacts(), [&](const ShownFriction& friction) {
     const double force = friction.force.norm();
     if (!std::isfinite(force)) return;
@@ -214,13 +259,15 @@ Extent extent_of(const engine::World& world) {
   for (const engine::BodyId id : world.body_ids()) {
     const engine::Shape& shape = world.body(id).shape;
     if (!std::holds_alternative<engine::Plane>(shape))
-      include(world.state(id).position, radius_of(shape));
+      include(middle_of(world.body(id), world.state(id)), radius_of(shape));
   }
-  for (const engine::JointId id : world.joint_ids())
-    if (!engine::couples_joints(world.joint(id).kind) && !is_grip(world.joint(id))) {
-      include(world.anchors(id).p_a, 0.0);
-      include(world.anchors(id).p_b, 0.0);
-    }
+  for (const engine::JointId id : world.joint_ids()) {
+    const engine::Joint& joint = world.joint(id);
+    if (engine::couples_joints(joint.kind) || is_grip(joint)) continue;
+    const auto anchors = world.anchors(id);
+    include(anchors.p_a, 0.0);
+    include(anchors.p_b, 0.0);
+  }
   if (!(extent.low.array() <= extent.high.array()).all()) extent.low = extent.high.setZero();
   const double diagonal = extent.diagonal();
   extent.sign = diagonal > 0.0 ? std::min(kMostSign, kSignOfScene * diagonal) : kMostSign;

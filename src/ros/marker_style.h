@@ -37,6 +37,9 @@ struct ShownMotor {
 std::optional<ShownMotor> shown_motor(const engine::Joint& joint, const engine::JointState& state);
 
 /// Errors up to the first are green, from the second on red [m].
+inline constexpr double kNoForce = 1e-9;        ///< of the largest force: less is rounding
+inline constexpr double kLeastFriction = 0.02;  ///< of the largest contact force: less is not drawn
+inline constexpr double kBrokenShown = 2.0;     ///< [s]
 inline constexpr double kGreenError = 1e-6;
 inline constexpr double kRedError = 1e-2;
 
@@ -45,6 +48,10 @@ double radius_of(const engine::Shape& shape);
 
 /// Half of what a shape covers along a direction of its own frame (unit) [m].
 double half_width(const engine::Shape& shape, const Eigen::Vector3d& along);
+/// Of a body in the world: the middle of its shape, and half of what it covers along a direction.
+Eigen::Vector3d middle_of(const engine::Body& body, const engine::BodyState& state);
+double half_width(const engine::Body& body, const engine::BodyState& state,
+                  const Eigen::Vector3d& along);
 
 /// Type and size of the marker of a body; a plane is a sheet, half as opaque.
 void set_shape(visualization_msgs::Marker* marker, const engine::Shape& shape);
@@ -89,6 +96,14 @@ void for_each_friction(const std::vector<engine::Contact>& contacts, Show show) 
   }
 }
 
+/// Where a scene is and how large the signs in it are. Planes do not count.
+struct Extent {
+  Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();  ///< [m]
+  double sign = 0.0;   ///< length of arrows [m]
+  double width = 0.0;  ///< of lines, at most [m]
+  double diagonal() const { return (high - low).norm(); }
+};
+
 /// The largest force of distance joints in the last seconds, beside which forces are drawn. It is
 /// looked for ten times a second, and at every call until there is one.
 class ForceScale {
@@ -98,6 +113,13 @@ class ForceScale {
   double tension() const { return axial_[0]; }                         ///< the largest one [N]
   double compression() const { return axial_[1]; }                     ///< [N]
   double contact_reference() const { return contact_; }                ///< [N]
+  /// Of the body that is held by it, along it [m].
+  double contact_thickness() const { return thickness_; }
+  /// Of its arrow, which comes out of what it holds and would hide it [m].
+  double contact_length(const Extent& extent) const {
+    constexpr double kOut = 1.3;
+    return std::max(extent.sign, kOut * thickness_);
+  }
   /// The largest one where it slides, or sticks [N].
   double friction(bool sticks) const { return friction_[sticks ? 1 : 0]; }
   /// Of the reference, from -1 to 1.
@@ -105,18 +127,19 @@ class ForceScale {
 
  private:
   std::array<double, 2> axial_{};
-  double contact_ = 0.0;
+  double contact_ = 0.0, thickness_ = 0.0;
   std::array<double, 2> friction_{};
   ros::Time stamp_;
 };
 
-/// Where a scene is and how large the signs in it are. Planes do not count.
-struct Extent {
-  Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();  ///< [m]
-  double sign = 0.0;   ///< length of arrows [m]
-  double width = 0.0;  ///< of lines, at most [m]
-  double diagonal() const { return (high - low).norm(); }
-};
+/// Unit.
+Eigen::Vector3d down(const engine::World& world);
+
+/// Of the force on A: that on the body that is held, which is the one that moves, else the upper
+/// one.
+double sign_of_held(const engine::World& world, const engine::Contact& contact,
+                    const Eigen::Vector3d& down);
+
 Extent extent_of(const engine::World& world);
 /// Of a sheet around a place that reaches twice as far as the scene [m].
 double width_around(const Extent& extent, const Eigen::Vector3d& place);

@@ -16,11 +16,10 @@ namespace {
 using Eigen::Vector3d;
 using visualization_msgs::Marker;
 
-constexpr double kBrokenShown = 2.0;     // [s]
-constexpr double kWidthOfLength = 0.1;   // of a constraint: its width, at most
-constexpr float kDarkStripe = 0.6F;      // of a rope's colour
-constexpr double kLeastArrow = 0.2;      // of the longest one: that of a small contact force
-constexpr double kLeastFriction = 0.02;  // of the longest arrow: less is not drawn
+constexpr double kWidthOfLength = 0.1;  // of a constraint: its width, at most
+constexpr float kDarkStripe = 0.6F;     // of a rope's colour
+constexpr double kLeastArrow = 0.2;     // of the longest one: that of a small contact force
+constexpr double kSlender = 0.025;      // width of an arrow by its length
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
 std::int32_t number(engine::JointId id) { return static_cast<std::int32_t>(id.value); }
@@ -92,26 +91,11 @@ void add_sheave(const Vector3d& at, const Vector3d& down, const Vector3d& over, 
   add_circle(at + u + along, u, radius * v.normalized(), lines);
 }
 
-Vector3d down(const engine::World& world) {
-  const Vector3d& gravity = world.options().gravity;
-  return gravity.isZero(0.0) ? Vector3d(-Vector3d::UnitZ()) : gravity.normalized();
-}
-
 bool is_at(const geometry_msgs::Pose& pose, const engine::BodyState& state) {
   return pose.position.x == state.position.x() && pose.position.y == state.position.y() &&
          pose.position.z == state.position.z() && pose.orientation.x == state.orientation.x() &&
          pose.orientation.y == state.orientation.y() &&
          pose.orientation.z == state.orientation.z() && pose.orientation.w == state.orientation.w();
-}
-
-// Of the force on A: that on the body that is held, which is the one that moves, else the upper
-// one.
-double sign_of_held(const engine::World& world, const engine::Contact& contact,
-                    const Vector3d& down) {
-  const bool a_moves = world.body(contact.body_a).type == engine::BodyType::kDynamic;
-  const bool b_moves = world.body(contact.body_b).type == engine::BodyType::kDynamic;
-  const bool holds_a = a_moves != b_moves ? a_moves : contact.normal.dot(down) <= 0.0;
-  return holds_a ? 1.0 : -1.0;
 }
 
 // In the middle of what sticks, moved against a direction to the last of it.
@@ -418,10 +402,11 @@ void Markers::add_motor(const engine::World& world, const Seen& seen, const Show
 // On what is held. The longest arrow is the largest force of the last seconds.
 void Markers::add_contacts(const engine::World& world) {
   if (world.contacts().empty()) return;
+  const double longest = forces_->contact_length(extent_);
   const auto add = [&](MarkerSet::Namespace* where, std::int32_t id,
                        const std_msgs::ColorRGBA& of) -> Lines* {
     ShownMarker& marker = where->add(id, Marker::LINE_LIST);
-    marker.scale.x = 0.4 * extent_.width;
+    marker.scale.x = std::max(0.4 * extent_.width, kSlender * longest);
     marker.color = of;
     marker.points.clear();
     return &marker.points;
@@ -429,21 +414,20 @@ void Markers::add_contacts(const engine::World& world) {
   Lines* const normal = add(&contacts_, 0, colour(1.0, 1.0, 1.0));
   Lines* friction[] = {nullptr, nullptr};
   const double most = forces_->contact_reference();
-  const double scale = most > 0.0 ? extent_.sign / most : 0.0;
+  const double scale = most > 0.0 ? longest / most : 0.0;
   const Vector3d down = constraint_sim::down(world);
   for (const engine::Contact& contact : world.contacts()) {
     const double sign = sign_of_held(world, contact, down);
-    const double length =
-        std::clamp(scale * contact.normal_force, kLeastArrow * extent_.sign, extent_.sign);
+    const double length = std::clamp(scale * contact.normal_force, kLeastArrow * longest, longest);
     add_arrow(contact.position, sign * contact.normal, length, 0.3 * length, normal);
   }
   for_each_friction(world.contacts(), [&](const ShownFriction& shown) {
     const double force = shown.force.norm();
-    if (!(scale * force > kLeastFriction * extent_.sign)) return;
+    if (!(scale * force > kLeastFriction * longest)) return;
     Lines*& lines = friction[shown.sticks ? 1 : 0];
     if (lines == nullptr)
       lines = add(&friction_, shown.sticks ? 1 : 0, friction_colour(shown.sticks));
-    const double reach = std::min(scale * force, extent_.sign);
+    const double reach = std::min(scale * force, longest);
     const double sign = sign_of_held(world, *shown.first, down);
     const Vector3d way = sign / force * shown.force;
     const Vector3d place = behind_all(shown, way);

@@ -11,7 +11,7 @@ using Eigen::Vector3d;
 
 constexpr double kSeconds = 3.0;  // [s] of the motion that is to be seen
 constexpr int kMostSteps = 600;
-constexpr double kLegend = 0.1;  // of the scene's diagonal: room for some lines above it
+constexpr double kLegend = 0.2;  // of the diagonal of what is seen: room for some lines above it
 constexpr double kShare = 0.85;  // of the window that is filled, at most
 // rviz looks with 45 degrees from top to bottom; its view in the shipped window is so wide
 const double kHalfHeight = std::tan(0.125 * 3.14159265358979323846);
@@ -49,7 +49,7 @@ Extent seen_extent(engine::World world) {
     seen.low = seen.low.cwiseMin(now.low.cwiseMax(first.low - around));
     seen.high = seen.high.cwiseMax(now.high.cwiseMin(first.high + around));
   }
-  seen.high.z() += kLegend * first.diagonal();
+  seen.high.z() += kLegend * seen.diagonal();
   return seen;
 }
 

@@ -181,6 +181,21 @@ class Hands(unittest.TestCase):
         self.send(InteractiveMarkerFeedback.MOUSE_UP, "a")
         support.wait_until(lambda: not self.is_held(), "the release")
 
+    def test_a_viewer_that_dies_in_a_drag_keeps_nobody_from_the_next_scene(self):
+        """Nor does it keep a client that has no MOUSE_DOWN to send."""
+        self.load(self.weightless(self.ball("a", 1, 0)), "a")
+        call("unpause_physics")
+        def grips():
+            self.send(InteractiveMarkerFeedback.POSE_UPDATE, "a", 0.5)
+            return self.is_held()
+        self.send(InteractiveMarkerFeedback.MOUSE_DOWN, "a")
+        support.wait_until(grips, "the grip")
+        support.wait_until(lambda: not self.is_held(), "the release")
+        self.load(self.weightless(self.ball("a", 1, 0)), "a")
+        time.sleep(11)  # a viewer is gone after ten
+        support.wait_until(grips, "the grip of another client")
+        support.wait_until(lambda: not self.is_held(), "its release")
+
     def test_fix_release_push_join_and_remove(self):
         self.load("bodies:\n" + self.ball("a", 1, 0) + self.ball("b", 1, 1), "b")
         self.menu("a", "Fix here")

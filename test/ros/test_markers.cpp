@@ -13,6 +13,7 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "counted_allocations.h"
+#include "ros/labels.h"
 #include "ros/markers.h"
 #include "ros/parameters.h"
 #include "ros/robots.h"
@@ -323,6 +324,92 @@ TEST(Markers, StaticBodiesAreMutedAndColoursAreTheBodies) {
   EXPECT_FLOAT_EQ(own.g, 0.9F);
   EXPECT_FLOAT_EQ(own.a, 0.5F);
 }
+
+// A ball that rests would hide an arrow from its contact to anywhere in it.
+TEST(Markers, TheLargestContactForceComesOutOfWhatItHolds) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: floor, type: static, shape: {plane: {}}}, {name: ball, mass: 1,"
+      " shape: {sphere: {radius: 0.5}}, position: [0, 0, 0.5]}]");
+  run(&world, 0.1);
+  const MarkerArray array = Listener().hear(world);
+  const Marker* normal = find(array, "contacts", 0);
+  ASSERT_NE(normal, nullptr);
+  double top = 0.0;
+  for (const auto& point : normal->points) top = std::max(top, point.z);
+  EXPECT_NEAR(top, 1.3, 1e-9);
+}
+
+// ---- labels
+
+/// Its lines, and where the highest one is [m].
+std::vector<std::string> legend_of(Labels* labels, ForceScale* forces, const engine::World& world,
+                                   double* top = nullptr) {
+  const ros::Time stamp(100.0 + world.time());
+  forces->update(world, stamp);
+  std::vector<std::string> lines;
+  for (const Marker& marker : array_of(labels->update(world, *forces, stamp, true)).markers) {
+    if (marker.ns != "legend" || marker.action != Marker::ADD) continue;
+    lines.push_back(marker.text);
+    if (top != nullptr) *top = marker.pose.position.z;
+  }
+  return lines;
+}
+
+TEST(Labels, TellForTwoSecondsWhatBroke) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]}]\n"
+      "constraints: [{name: rod, anchor_a: [0, 0, 2], body_b: bob, break_force: 5}]");
+  Labels labels("world");
+  ForceScale forces;
+  const auto tells = [&] {
+    const auto lines = legend_of(&labels, &forces, world);
+    return std::count(lines.begin(), lines.end(), "grey: broken") == 1;
+  };
+  EXPECT_FALSE(tells());
+  run(&world, 0.1);
+  EXPECT_TRUE(world.joint_state(world.find_joint("rod")).broken);
+  EXPECT_TRUE(tells());
+  run(&world, 1.8);
+  EXPECT_TRUE(tells());
+  run(&world, 0.3);
+  EXPECT_FALSE(tells());
+  labels.forget();  // who comes later has seen nothing break
+  EXPECT_FALSE(tells());
+}
+
+TEST(Labels, HaveTheLegendAboveShapesThatAreOffTheirBodies) {
+  const engine::World world = engine::load_scene(
+      "bodies: [{name: mast, mass: 1, inertia: [1, 1, 1], shape: {box: {size: [0.1, 0.1, 2]}},"
+      " shape_pose: {position: [0, 0, 3], orientation: [0, 0, 0, 1]}}]\n"
+      "constraints: [{name: foot, type: ball, body_b: mast}]");
+  Labels labels("world");
+  ForceScale forces;
+  double top = 0.0;
+  EXPECT_EQ(legend_of(&labels, &forces, world, &top).size(), 1u);
+  EXPECT_GT(top, 4.0);
+}
+
+TEST(Labels, HaveLargerLettersWhereTheSceneGoesFar) {
+  engine::World world = engine::load_scene(
+      "world: {gravity: [0, 0, 0]}\n"
+      "bodies: [{name: a, mass: 1, shape: {sphere: {radius: 0.1}}}]");
+  Labels labels("world");
+  ForceScale forces;
+  const auto height = [&] {
+    const ros::Time stamp(100.0 + world.time());
+    return array_of(labels.update(world, forces, stamp, true)).markers.back().scale.z;
+  };
+  const double at_rest = height();
+  EXPECT_EQ(height(), at_rest);
+  engine::BodyState state = world.state(world.find_body("a"));
+  state.linear_velocity.x() = 0.5;
+  world.set_state(world.find_body("a"), state);
+  EXPECT_GT(height(), at_rest);
+  run(&world, 5.0);
+  EXPECT_DOUBLE_EQ(height(), 2.0 * at_rest);  // at most
+}
+
+// ---- contacts
 
 // A block on a slope of 0.4 rad that friction holds, and one that slides down.
 TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {

@@ -22,7 +22,7 @@ namespace constraint_sim::engine {
 /// nothing is kept from one span to the next but impulses, which add up.
 class ContactEvents {
  public:
-  static constexpr std::size_t kMostLaws = 32;  ///< more coordinates are left to others
+  static constexpr std::size_t kMostLaws = 32;        ///< more coordinates are left to others
   static constexpr std::uint32_t kMostEvents = 5000;  ///< in a step
   /// [m] an overlap of less is one of rounding, or of what another method has left, and closed.
   static constexpr double kMostOverlap = 1e-7;

@@ -325,7 +325,8 @@ class EquationsOfMotion : public IslandModel {
     std::size_t row, unknown;
     double sign;
   };
-  /// Two rows on one body, or one with itself on both. The mass counts negative where it is A of one and B of the other.
+  /// Two rows on one body, or one with itself on both. The mass counts negative where it is A of
+  /// one and B of the other.
   struct LinearCoupling {
     std::size_t i, j;
     double inverse_mass;

@@ -519,6 +519,7 @@ TEST(Pulley, TellsWhatALengthOfZeroLoses) {
     }
     EXPECT_NEAR(energy - world.energy(), told, 1e-4 * told + 1e-9) << h;
     largest = std::max(largest, told);
+    if (kSanitizedShare > 1 && largest > 0.5) break;
   }
   EXPECT_GT(largest, 0.5);  // some of them pass it so
 }

@@ -341,29 +341,31 @@ TEST(Markers, TheLargestContactForceComesOutOfWhatItHolds) {
 
 // ---- labels
 
-/// Its lines, and where the highest one is [m].
-std::vector<std::string> legend_of(Labels* labels, ForceScale* forces, const engine::World& world,
-                                   double* top = nullptr) {
-  const ros::Time stamp(100.0 + world.time());
-  forces->update(world, stamp);
-  std::vector<std::string> lines;
-  for (const Marker& marker : array_of(labels->update(world, *forces, stamp, true)).markers) {
-    if (marker.ns != "legend" || marker.action != Marker::ADD) continue;
-    lines.push_back(marker.text);
-    if (top != nullptr) *top = marker.pose.position.z;
+class LabelsTest : public testing::Test {
+ protected:
+  std::vector<Marker> shown(const engine::World& world) {
+    const ros::Time stamp(100.0 + world.time());
+    forces_.update(world, stamp);
+    return array_of(labels_.update(world, forces_, stamp, true)).markers;
   }
-  return lines;
-}
+  std::vector<Marker> legend_of(const engine::World& world) {
+    std::vector<Marker> lines;
+    for (const Marker& marker : shown(world))
+      if (marker.ns == "legend" && marker.action == Marker::ADD) lines.push_back(marker);
+    return lines;
+  }
+  Labels labels_{"world"};
+  ForceScale forces_;
+};
 
-TEST(Labels, TellForTwoSecondsWhatBroke) {
+TEST_F(LabelsTest, TellForTwoSecondsWhatBroke) {
   engine::World world = engine::load_scene(
       "bodies: [{name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]}]\n"
       "constraints: [{name: rod, anchor_a: [0, 0, 2], body_b: bob, break_force: 5}]");
-  Labels labels("world");
-  ForceScale forces;
   const auto tells = [&] {
-    const auto lines = legend_of(&labels, &forces, world);
-    return std::count(lines.begin(), lines.end(), "grey: broken") == 1;
+    const std::vector<Marker> lines = legend_of(world);
+    return std::count_if(lines.begin(), lines.end(),
+                         [](const Marker& line) { return line.text == "grey: broken"; }) == 1;
   };
   EXPECT_FALSE(tells());
   run(&world, 0.1);
@@ -373,32 +375,25 @@ TEST(Labels, TellForTwoSecondsWhatBroke) {
   EXPECT_TRUE(tells());
   run(&world, 0.3);
   EXPECT_FALSE(tells());
-  labels.forget();  // who comes later has seen nothing break
+  labels_.forget();  // who comes later has seen nothing break
   EXPECT_FALSE(tells());
 }
 
-TEST(Labels, HaveTheLegendAboveShapesThatAreOffTheirBodies) {
+TEST_F(LabelsTest, HaveTheLegendAboveShapesThatAreOffTheirBodies) {
   const engine::World world = engine::load_scene(
       "bodies: [{name: mast, mass: 1, inertia: [1, 1, 1], shape: {box: {size: [0.1, 0.1, 2]}},"
       " shape_pose: {position: [0, 0, 3], orientation: [0, 0, 0, 1]}}]\n"
       "constraints: [{name: foot, type: ball, body_b: mast}]");
-  Labels labels("world");
-  ForceScale forces;
-  double top = 0.0;
-  EXPECT_EQ(legend_of(&labels, &forces, world, &top).size(), 1u);
-  EXPECT_GT(top, 4.0);
+  const std::vector<Marker> lines = legend_of(world);
+  ASSERT_EQ(lines.size(), 1u);
+  EXPECT_GT(lines.front().pose.position.z, 4.0);
 }
 
-TEST(Labels, HaveLargerLettersWhereTheSceneGoesFar) {
+TEST_F(LabelsTest, HaveLargerLettersWhereTheSceneGoesFar) {
   engine::World world = engine::load_scene(
       "world: {gravity: [0, 0, 0]}\n"
       "bodies: [{name: a, mass: 1, shape: {sphere: {radius: 0.1}}}]");
-  Labels labels("world");
-  ForceScale forces;
-  const auto height = [&] {
-    const ros::Time stamp(100.0 + world.time());
-    return array_of(labels.update(world, forces, stamp, true)).markers.back().scale.z;
-  };
+  const auto height = [&] { return shown(world).back().scale.z; };
   const double at_rest = height();
   EXPECT_EQ(height(), at_rest);
   engine::BodyState state = world.state(world.find_body("a"));

@@ -3,11 +3,14 @@
 // Simbody: error-controlled Runge-Kutta-Merson, with rods as constraints between bodies in
 // Cartesian coordinates, and with pins and balls in joint coordinates, where gears and racks are
 // couplers of coordinates and screws joints of their own. Contacts are compliant:
-// Hertz's and a penalty at the corners of boxes.
+// Hertz's and a penalty at the corners of boxes. What acts one way goes by handlers of events.
+// Its stepper with rigid contacts and impulses is left out: as Debian builds it, it prints
+// pages a step.
 
 #include <Simbody.h>
 
 #include "../tree.h"
+#include "simbody_laws.h"
 
 namespace constraint_sim::report {
 namespace {
@@ -38,13 +41,13 @@ class SimbodySimulation : public Simulation {
  public:
   SimbodySimulation(const Problem& problem, const Variant& variant, double tick, double accuracy)
       : problem_(problem), tick_(tick), matter_(system_), forces_(system_), integrator_(system_) {
-    check_without_laws(problem);
     if (problem.has_shapes()) {
       check_shapes();
       contacts_ = std::make_unique<Contacts>(&system_);
     }
     SimTK::Force::UniformGravity(forces_, matter_, vec(problem.gravity));
     bodies_.resize(problem.bodies.size());
+    centres_.assign(bodies_.size(), Vector3d::Zero());
     if (variant.has_joint_coordinates)
       add_tree();
     else
@@ -53,6 +56,7 @@ class SimbodySimulation : public Simulation {
       if (!problem.bodies[i].force.isZero(0.0))
         SimTK::Force::ConstantForce(forces_, bodies_[i], SimTK::Vec3(0),
                                     vec(problem.bodies[i].force));
+    add_springs_and_ropes();
     SimTK::State state = system_.realizeTopology();
     system_.realizeModel(state);
     if (variant.has_joint_coordinates)
@@ -60,14 +64,23 @@ class SimbodySimulation : public Simulation {
     else
       start_bodies(&state);
     integrator_.setAccuracy(accuracy);
-    integrator_.initialize(state);
+    if (laws_.empty()) {
+      integrator_.initialize(state);
+      return;
+    }
+    laws_.settle(&state);
+    stepper_ = std::make_unique<SimTK::TimeStepper>(system_, integrator_);
+    stepper_->initialize(state);
   }
 
   /// Its steps are as long as the accuracy permits, and end on ticks.
   void advance(long ticks, double time) override {
     for (long i = ticks - 1; i >= 0; --i) {
       const double end = time - static_cast<double>(i) * tick_;
-      while (integrator_.getTime() < end) integrator_.stepTo(end);
+      if (stepper_ != nullptr)
+        stepper_->stepTo(end);
+      else
+        while (integrator_.getTime() < end) integrator_.stepTo(end);
     }
   }
 
@@ -148,20 +161,80 @@ class SimbodySimulation : public Simulation {
             SimTK::MobilizedBody::Free(matter_.updGround(), rigid(added, Vector3d::Zero()));
     }
     for (const Joint& joint : problem_.joints) {
-      if (joint.kind == JointKind::kSpring) {
-        SimTK::Force::TwoPointLinearSpring(forces_, body(joint.a), vec(joint.anchor_a),
-                                           body(joint.b), vec(joint.anchor_b), joint.stiffness,
-                                           length_of(joint));
-      } else if (joint.rate != 0.0) {
-        throw Unsupported("motors");
-      } else if (joint.kind == JointKind::kBall) {
+      if (joint.kind == JointKind::kBall) {
         SimTK::Constraint::Ball(body(joint.a), vec(joint.anchor_a), body(joint.b),
                                 vec(joint.anchor_b));
-      } else {
-        SimTK::Constraint::Rod(body(joint.a), vec(joint.anchor_a), body(joint.b),
-                               vec(joint.anchor_b), length_of(joint));
+      } else if (joint.kind == JointKind::kRod) {
+        if (joint.rate != 0.0) throw Unsupported("motors of rods");
+        SimTK::Constraint::Rod rod(body(joint.a), vec(joint.anchor_a), body(joint.b),
+                                   vec(joint.anchor_b), length_of(joint));
+        if (joint.break_force > 0.0)
+          add(std::make_unique<SimbodyBreaking>(matter_, rod, joint.break_force));
       }
     }
+  }
+
+  void add(std::unique_ptr<SimbodyLaw> law) { laws_.add(std::move(law), &system_); }
+
+  /// Of a body's frame.
+  SimTK::Vec3 station(int i, const Vector3d& anchor) const {
+    return vec(i == kWorld ? anchor : anchor + centres_[static_cast<std::size_t>(i)]);
+  }
+
+  void add_springs_and_ropes() {
+    for (const Joint& joint : problem_.joints) {
+      if (joint.kind == JointKind::kSpring)
+        SimTK::Force::TwoPointLinearSpring(forces_, body(joint.a), station(joint.a, joint.anchor_a),
+                                           body(joint.b), station(joint.b, joint.anchor_b),
+                                           joint.stiffness, length_of(joint));
+      else if (joint.is_rope())
+        add_rope(joint);
+      else if (joint.kind == JointKind::kFreeLength)
+        throw Unsupported("pulleys");
+    }
+  }
+
+  void add_rope(const Joint& rope) {
+    if (rope.rate != 0.0) throw Unsupported("winches");
+    SimTK::MobilizedBody& a = body(rope.a);
+    SimTK::MobilizedBody& b = body(rope.b);
+    const SimTK::Vec3 at_a = station(rope.a, rope.anchor_a), at_b = station(rope.b, rope.anchor_b);
+    SimTK::Constraint::Rod taut(a, at_a, b, at_b, rope.upper);
+    taut.setDisabledByDefault(true);
+    const auto along = [=](const SimTK::State& state) {
+      return b.findStationLocationInGround(state, at_b) -
+             a.findStationLocationInGround(state, at_a);
+    };
+    const auto gap = [=](const SimTK::State& state) { return rope.upper - along(state).norm(); };
+    const auto rate = [=](const SimTK::State& state) {
+      const SimTK::Vec3 speed =
+          b.findStationVelocityInGround(state, at_b) - a.findStationVelocityInGround(state, at_a);
+      return -dot(SimTK::UnitVec3(along(state)), speed);
+    };
+    add(std::make_unique<SimbodyStop>(matter_, taut, SimbodyStop::Gap{gap, rate, 1.0},
+                                      rope.restitution));
+  }
+
+  /// Of the coordinate of a joint that body `i` hangs on.
+  void add_laws(const Joint& joint, std::size_t i) {
+    SimTK::MobilizedBody hung = bodies_[i];
+    const SimTK::MobilizerQIndex q(0);
+    for (const double side : {1.0, -1.0}) {
+      const double limit = side > 0.0 ? joint.upper : joint.lower;
+      if (!std::isfinite(limit)) continue;
+      SimTK::Constraint::ConstantCoordinate there(hung, q, limit);
+      there.setDisabledByDefault(true);
+      const auto gap = [=](const SimTK::State& state) {
+        return side * (limit - hung.getOneQ(state, 0));
+      };
+      const auto rate = [=](const SimTK::State& state) { return -side * hung.getOneU(state, 0); };
+      add(std::make_unique<SimbodyStop>(matter_, there, SimbodyStop::Gap{gap, rate, side},
+                                        joint.restitution));
+    }
+    if (joint.friction > 0.0)
+      add(std::make_unique<SimbodyDrive>(&matter_, &forces_, &hung, 0.0, joint.friction));
+    if (joint.max_force > 0.0)
+      add(std::make_unique<SimbodyDrive>(&matter_, &forces_, &hung, joint.rate, joint.max_force));
   }
 
   double length_of(const Joint& joint) const {
@@ -198,17 +271,14 @@ class SimbodySimulation : public Simulation {
   }
 
   void add_tree() {
-    for (const Joint& joint : problem_.joints)
-      if (joint.kind == JointKind::kFreeLength) throw Unsupported("pulleys");
-    tree_ = tree_of(problem_);
-    std::vector<Vector3d> centres(bodies_.size(), Vector3d::Zero());
+    tree_ = tree_of(problem_, nullptr, true);
     // pins turn about z, ours about y
     const SimTK::Rotation axis =
         problem_.is_planar ? SimTK::Rotation(-SimTK::Pi / 2.0, SimTK::XAxis) : SimTK::Rotation();
     for (const Link& link : tree_) {
       const auto i = static_cast<std::size_t>(link.body);
       const Body& added = problem_.bodies[i];
-      centres[i] = link.centre;
+      centres_[i] = link.centre;
       if (added.is_static) {
         bodies_[i] = fixed(added);
         continue;
@@ -226,11 +296,12 @@ class SimbodySimulation : public Simulation {
       Quaterniond turn = added.start.orientation;
       if (link.parent != kWorld) {
         const auto parent = static_cast<std::size_t>(link.parent);
-        at += centres[parent];
+        at += centres_[parent];
         turn = problem_.bodies[parent].start.orientation.conjugate() * turn;
       }
       if (link.joint != nullptr) {
         add_on_axes(link, at, i);
+        add_laws(*link.joint, i);
         continue;
       }
       const SimTK::Transform in_parent(rotation(turn) * axis, vec(at)),
@@ -355,7 +426,10 @@ class SimbodySimulation : public Simulation {
   SimTK::GeneralForceSubsystem forces_;
   std::unique_ptr<Contacts> contacts_;
   SimTK::RungeKuttaMersonIntegrator integrator_;
+  SimbodyLaws laws_;
+  std::unique_ptr<SimTK::TimeStepper> stepper_;  // where there are laws, else none
   std::vector<SimTK::MobilizedBody> bodies_;
+  std::vector<Vector3d> centres_;  // of mass, in the bodies' frames
   std::vector<Link> tree_;
 };
 

@@ -4,6 +4,17 @@
 enable_testing()
 set(registered_tests)
 
+# Where tests find things, in a header for those that ask: for all others the compiler's command is
+# the same in every folder, and ccache knows them.
+set(test_paths ${CMAKE_CURRENT_BINARY_DIR}/test_paths)
+file(GENERATE OUTPUT ${test_paths}/test_paths.h CONTENT "#pragma once
+#define CONSTRAINT_SIM_SOURCE_DIR \"${CMAKE_CURRENT_SOURCE_DIR}\"
+#define CONSTRAINT_SIM_SCENE_DIR CONSTRAINT_SIM_SOURCE_DIR \"/config/scenes\"
+#define CONSTRAINT_SIM_ROBOT_DIR CONSTRAINT_SIM_SOURCE_DIR \"/config/robots\"
+#define CONSTRAINT_SIM_RUN \"$<TARGET_FILE:constraint_sim_run>\"
+#define CONSTRAINT_SIM_REPORT \"$<TARGET_FILE:constraint_sim_report_engine>\"
+")
+
 # A gtest program that is run as a test.
 function(constraint_sim_add_gtest name)
   if(CONSTRAINT_SIM_ROS)
@@ -21,8 +32,7 @@ function(constraint_sim_add_gtest name)
     # Ten times slower: long tests take a part of their steps and scenes.
     target_compile_definitions(${name} PRIVATE CONSTRAINT_SIM_SANITIZED)
   endif()
-  target_compile_definitions(${name} PRIVATE
-    CONSTRAINT_SIM_SCENE_DIR="${CMAKE_CURRENT_SOURCE_DIR}/config/scenes")
+  target_include_directories(${name} PRIVATE ${test_paths})
   set(registered_tests ${registered_tests} "gtest\t${name}\t$<TARGET_FILE:${name}>" PARENT_SCOPE)
 endfunction()
 
@@ -46,8 +56,6 @@ file(GLOB sim_tests CONFIGURE_DEPENDS test/sim/*.cpp)
 constraint_sim_add_gtest(engine_tests ${engine_tests})
 target_include_directories(engine_tests PRIVATE bench)  # problems.h
 target_link_libraries(engine_tests constraint_sim_engine nlohmann_json::nlohmann_json)
-target_compile_definitions(engine_tests PRIVATE
-  CONSTRAINT_SIM_RUN="$<TARGET_FILE:constraint_sim_run>")
 add_dependencies(engine_tests constraint_sim_run)
 
 constraint_sim_add_gtest(sim_tests ${sim_tests})
@@ -58,16 +66,11 @@ if(TARGET constraint_sim_urdf)
   constraint_sim_add_gtest(urdf_tests ${urdf_tests})
   target_include_directories(urdf_tests PRIVATE bench test/engine)  # support.h
   target_link_libraries(urdf_tests constraint_sim_urdf constraint_sim_stepper)
-  target_compile_definitions(urdf_tests PRIVATE
-    CONSTRAINT_SIM_ROBOT_DIR="${CMAKE_CURRENT_SOURCE_DIR}/config/robots")
 endif()
 
 constraint_sim_add_gtest(report_tests test/report/test_report.cpp)
 target_include_directories(report_tests PRIVATE bench)
 target_link_libraries(report_tests constraint_sim_report_common constraint_sim_engine)
-target_compile_definitions(report_tests PRIVATE
-  CONSTRAINT_SIM_SOURCE_DIR="${CMAKE_CURRENT_SOURCE_DIR}"
-  CONSTRAINT_SIM_REPORT="$<TARGET_FILE:constraint_sim_report_engine>")
 add_dependencies(report_tests constraint_sim_report_engine)
 
 if(CONSTRAINT_SIM_ROS)
@@ -78,8 +81,6 @@ if(CONSTRAINT_SIM_ROS)
     test/engine/counted_allocations.cpp)
   target_include_directories(markers_test PRIVATE test/engine)
   target_link_libraries(markers_test constraint_sim_ros)
-  target_compile_definitions(markers_test PRIVATE
-    CONSTRAINT_SIM_SOURCE_DIR="${CMAKE_CURRENT_SOURCE_DIR}")
 
   if(TARGET constraint_sim_panel)
     constraint_sim_add_gtest(panel_test test/ros/test_motors.cpp src/panel/motors.cpp)

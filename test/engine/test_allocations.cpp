@@ -7,6 +7,7 @@
 #include "counted_allocations.h"
 #include "problems.h"
 #include "support.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -6,6 +6,7 @@
 #include "engine/constraints/law.h"
 #include "random_joints.h"
 #include "support.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {

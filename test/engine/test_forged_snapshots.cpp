@@ -6,6 +6,7 @@
 #include "engine/snapshot_checks.h"
 #include "sanitized.h"
 #include "support.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {

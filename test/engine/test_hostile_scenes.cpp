@@ -17,6 +17,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "memory_peak.h"
 #include "sanitized.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -18,6 +18,7 @@
 #include "engine/option_values.h"
 #include "engine/validate.h"
 #include "support.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {

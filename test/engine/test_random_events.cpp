@@ -6,6 +6,7 @@
 #include "event_costs.h"
 #include "judge_events.h"
 #include "support.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine::random_events {
 namespace {

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/scene.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {

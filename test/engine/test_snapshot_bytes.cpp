@@ -15,6 +15,7 @@
 #include "redundant_cases.h"
 #include "sanitized.h"
 #include "support.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -10,6 +10,7 @@
 #include "random_scenes.h"
 #include "redundant_cases.h"
 #include "support.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -3,6 +3,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint.h"
 #include "support.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -14,6 +14,7 @@
 #include "problems.h"
 #include "report/measures.h"
 #include "report/tree.h"
+#include "test_paths.h"
 
 namespace constraint_sim::report {
 namespace {

@@ -19,6 +19,7 @@
 #include "ros/robots.h"
 #include "ros/scenes.h"
 #include "ros/view.h"
+#include "test_paths.h"
 
 namespace constraint_sim {
 namespace {

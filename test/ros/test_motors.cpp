@@ -9,6 +9,7 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "panel/motors.h"
+#include "test_paths.h"
 
 namespace constraint_sim::panel {
 namespace {

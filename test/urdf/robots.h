@@ -9,6 +9,7 @@
 #include <string>
 
 #include "support.h"
+#include "test_paths.h"
 #include "urdf/robot.h"
 
 namespace constraint_sim {

@@ -288,7 +288,6 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
 
 // Adds to an island what an attempt came to; false where it was not done.
 bool World::Impl::note(std::size_t i, const IntegrationResult& progress) {
-  if (progress.substeps + progress.rejected == 0) return progress.done;
   Island& island = islands[i];
   island.local_error += progress.local_error;
   island.substeps += static_cast<std::uint32_t>(progress.substeps);

@@ -19,9 +19,10 @@ bool World::Impl::report_islands(const std::vector<int>& smooth) {
   watch.integrated_corrections = 0.0;
   for (const int index : smooth) {
     Island& island = islands[at(index)];
-    const IslandParts& parts = island_parts[at(index)];
+    IslandParts& parts = island_parts[at(index)];
     report.projected_energy += parts.projected_energy;
     watch.integrated_corrections += parts.correction_work;
+    parts.energy.corrections += parts.correction_work;
     report.changes += parts.changes;
     any_stiff = any_stiff || parts.is_to_be_asked;
     any_changed = any_changed || parts.changes > 0;

@@ -66,7 +66,7 @@ CONSTRAINT_SIM_FIELDS(AppliedWrench, a, b, c)
 CONSTRAINT_SIM_FIELDS(OneSidedState, a, b, c, d)
 CONSTRAINT_SIM_FIELDS(IslandMemory, a, b, c, d, e, f, g, h, i, j)
 CONSTRAINT_SIM_FIELDS(Island, a, b, c, d, e, f, g, h, i, j, k, l)
-CONSTRAINT_SIM_FIELDS(WatchedEnergy, a, b, c, d, e, f)
+CONSTRAINT_SIM_FIELDS(WatchedEnergy, a, b, c, d, e, f, g)
 CONSTRAINT_SIM_FIELDS(Watch::Open, a, b, c, d)
 CONSTRAINT_SIM_FIELDS(Watch, a, b, c, d, e, f, g, h, i, j, k)
 CONSTRAINT_SIM_FIELDS(StepReport, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v,

@@ -136,8 +136,9 @@ double World::Impl::look_at_island(std::size_t i, double* allowed) {
   const Energy now = energy(parts.members.bodies, parts.members.joints);
   WatchedEnergy& watched = island_parts[i].energy;
   watched.most_kinetic = std::max(watched.most_kinetic, now.kinetic);
-  const double gain = now.kinetic + now.potential - watched.before;
+  const double gain = now.kinetic + now.potential - watched.before - watched.corrections;
   watched.before = now.kinetic + now.potential;
+  watched.corrections = 0.0;
   if (allowed == nullptr) return gain;
 
   double mass = 0.0, moment = 0.0;  // Σ m |x|

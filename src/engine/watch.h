@@ -14,6 +14,7 @@ struct WatchedEnergy {
   double before = 0.0;        ///< when last looked at [J]
   double gain = 0.0;          ///< without a cause, since it was least; by impulses, since then [J]
   double most_kinetic = 0.0;  ///< since the last edit [J]
+  double corrections = 0.0;   ///< work of corrections where it was integrated, since [J]
   bool was_driven = false;    ///< when last looked at
   bool was_by_impulses = false;
   bool has_changed = false;  ///< to or from impulses, since

@@ -208,6 +208,24 @@ TEST_P(ContactEventsAt, ABoxOnASlopeStaysOrSlides) {
   }
 }
 
+// what a box is lifted by as it begins within the floor is booked, though nothing moves then: m g
+// times the overlap, and no energy that rises without a cause
+TEST_P(ContactEventsAt, ABoxThatBeginsInTheFloorIsLiftedAtACostThatIsBooked) {
+  constexpr double kOverlap = 5e-8;
+  World world(by_events(GetParam()));
+  add_floor(&world, 0.5);
+  const BodyId id = world.add_body(with_surface(
+      make_body("box", Box{{0.4, 0.4, 0.4}}, 1e6, {0.0, 0.0, 0.2 - kOverlap}), 0.5, 0.0));
+  double lifted = 0.0;
+  for (int i = 0; i < 40; ++i) {
+    world.step();
+    lifted += world.report().correction_work;
+    EXPECT_EQ(world.report().energy_rise, 0.0) << world.time();
+  }
+  EXPECT_NEAR(world.state(id).position.z(), 0.2, kPlace);
+  EXPECT_NEAR(lifted, 1e6 * kGravity * kOverlap, 1e6 * kGravity * kPlace);
+}
+
 TEST_P(ContactEventsAt, ABounceAndARestWithoutFrictionAreClosed) {
   World world(by_events(GetParam()));
   add_floor(&world, 0.0, 1.0);

@@ -21,7 +21,6 @@ constexpr double kOut = 0.2;            // of the axis: what of it comes out of 
 constexpr double kRing = 0.7;           // of the axis: radius of a motor's ring, around the body
 constexpr double kAroundWheel = 1.2;    // of a wheel: the same
 constexpr double kSmallWheel = 0.5;     // of the axis: radius of a wheel that touches no other
-constexpr double kThumb = 0.5;          // of the axis: length of the arrow through that
 constexpr double kLevel = 0.1;          // sine of the slope of an axis that counts as level
 constexpr double kNearer = 0.1;         // of the axis: what counts as nearer
 constexpr double kWeld = 0.4;           // of the axis: half of the cube whose diagonals are a weld
@@ -342,13 +341,7 @@ void draw_motor(const engine::World& world, const engine::Joint& joint, const Jo
   if (motor.is_angle) {
     const double z = height_of_ring(world, joint, size);
     if (marker->is_drawn_for({sign * size.axis, z, radius_of_ring(size)})) return;
-    add_turning_arrow(radius_of_ring(size), z, positive, &marker->points);
-    // which also tells where the ring is seen from its side
-    const double length = kThumb * size.axis;
-    const double start = positive == (z > 0.0) ? z : z + std::copysign(length, z);
-    add_arrow(start * Vector3d::UnitZ(), sign * Vector3d::UnitZ(), length, 0.4 * length,
-              &marker->points);
-    return;
+    return add_turning_arrow(radius_of_ring(size), z, positive, &marker->points);
   }
   // out of the body that moves, which would hide it
   const double start = positive ? size.behind : size.before;
@@ -378,12 +371,8 @@ Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint, con
     }
     const double upright = z.dot(up);
     const double across_up = std::sqrt(std::max(1.0 - upright * upright, 0.0));
-    if (motor) {  // above the ring and the tip of its arrow
-      const double ring = height_of_ring(world, joint, size);
-      const double tip = ring + std::copysign(kThumb * size.axis, ring);
-      return place + ring * z +
-             std::max((tip - ring) * upright, radius_of_ring(size) * across_up) * up;
-    }
+    if (motor)  // above the ring
+      return place + height_of_ring(world, joint, size) * z + radius_of_ring(size) * across_up * up;
     if (is_on_sheet(joint.kind)) {
       const Eigen::Matrix3d axes = orientation_of(world, joint).toRotationMatrix();
       const double x = axes.col(0).dot(up), y = axes.col(1).dot(up);

@@ -21,6 +21,7 @@ constexpr double kOut = 0.2;            // of the axis: what of it comes out of 
 constexpr double kRing = 0.7;           // of the axis: radius of a motor's ring, around the body
 constexpr double kAroundWheel = 1.2;    // of a wheel: the same
 constexpr double kSmallWheel = 0.5;     // of the axis: radius of a wheel that touches no other
+constexpr double kSlant = 0.45;         // sine of the angle at which scenes are seen from above
 constexpr double kLevel = 0.1;          // sine of the slope of an axis that counts as level
 constexpr double kNearer = 0.1;         // of the axis: what counts as nearer
 constexpr double kWeld = 0.4;           // of the axis: half of the cube whose diagonals are a weld
@@ -220,6 +221,8 @@ double height_of_ring(const engine::World& world, const engine::Joint& joint,
 
 }  // namespace
 
+bool slides(JointKind kind) { return slides_along_axis(kind) || is_on_sheet(kind); }
+
 Eigen::Quaterniond orientation_of(const engine::World& world, const engine::Joint& joint) {
   return world.state(joint.body_a).orientation * joint.frame_a;
 }
@@ -238,7 +241,7 @@ JointSize size_of(const engine::World& world, const engine::Joint& joint) {
   return size;
 }
 
-void find_wheels(const engine::World& world, const engine::Joint& gear, JointSize* first,
+bool find_wheels(const engine::World& world, const engine::Joint& gear, JointSize* first,
                  JointSize* second) {
   const engine::Coupling& coupling = gear.coupling;
   const Wheel a = wheel_of(world, coupling.first, first);
@@ -250,21 +253,23 @@ void find_wheels(const engine::World& world, const engine::Joint& gear, JointSiz
     if (const auto found = radii(a, b, coupling.ratio)) {
       const double tooth = 2.0 * kPi * std::min(found->first, found->second) / kTeethOfSmaller;
       set_teeth(found->first, tooth, first);
-      return set_teeth(found->second, tooth, second);
+      set_teeth(found->second, tooth, second);
+      return true;
     }
   // q₁ + ratio q₂ in metres or radians
   if (a.turns && b.joint.kind == JointKind::kSlider &&
       find_rack(world, a, b, 1.0 / std::abs(coupling.ratio)))
-    return;
+    return true;
   if (b.turns && a.joint.kind == JointKind::kSlider &&
       find_rack(world, b, a, std::abs(coupling.ratio)))
-    return;
+    return true;
   for (const Wheel* wheel : {&a, &b}) {
     const double radius = kSmallWheel * wheel->size->axis;
     if (!wheel->turns || wheel->size->wheel > 0.0) continue;
     set_teeth(radius, 2.0 * kPi * radius / kTeethOfSmaller, wheel->size);
     wheel->size->touches = false;
   }
+  return false;
 }
 
 std::int32_t type_of_sign(const engine::Joint& joint, const JointSize& size) {
@@ -371,8 +376,9 @@ Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint, con
     }
     const double upright = z.dot(up);
     const double across_up = std::sqrt(std::max(1.0 - upright * upright, 0.0));
-    if (motor)  // above the ring
-      return place + height_of_ring(world, joint, size) * z + radius_of_ring(size) * across_up * up;
+    if (motor)  // above the ring, and above its farther part as it is seen
+      return place + height_of_ring(world, joint, size) * z +
+             radius_of_ring(size) * (across_up + kSlant * std::abs(upright)) * up;
     if (is_on_sheet(joint.kind)) {
       const Eigen::Matrix3d axes = orientation_of(world, joint).toRotationMatrix();
       const double x = axes.col(0).dot(up), y = axes.col(1).dot(up);

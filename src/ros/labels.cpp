@@ -23,6 +23,7 @@ constexpr double kMostHeightOfSign = 0.5;      // as large as this
 constexpr double kHeightOfScene = 0.015;       // for this share of the scene's diagonal
 constexpr double kHeightOfLegend = 0.02;       // of the scene's diagonal
 constexpr double kShares[] = {0.5, 0.7, 0.3};  // of a length, where labels of neighbours are
+constexpr double kAboveFoot = 0.2;             // the same of one that stands
 constexpr double kLineSpacing = 1.4;
 constexpr double kAhead = 0.3;       // [s]
 constexpr double kMostGrowth = 2.0;  // of letters, by the motion
@@ -64,22 +65,22 @@ bool is_fixed(const engine::World& world, engine::BodyId id) {
   return id == engine::kWorldBody || world.body(id).type == engine::BodyType::kStatic;
 }
 
-// Of a length between what moves and what does not: its end at the latter, where a label rests.
+bool is_length(const engine::Joint& joint) {
+  const Look look = look_of(joint);
+  return look != Look::kJoint && look != Look::kCoupling;
+}
+
+// Of a length between what moves and what does not: its end at the latter.
 std::optional<Vector3d> fixed_end(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
-  const Look look = look_of(joint);
-  if (look == Look::kJoint || look == Look::kCoupling) return std::nullopt;
   const bool is_a = is_fixed(world, joint.body_a);
-  if (is_a == is_fixed(world, joint.body_b)) return std::nullopt;
+  if (!is_length(joint) || is_a == is_fixed(world, joint.body_b)) return std::nullopt;
   return is_a ? world.anchors(id).p_a : world.anchors(id).p_b;
 }
 
-// Whether that is the foot of a line that stands rather than lies.
-bool is_below(const engine::World& world, engine::JointId id) {
-  const std::optional<Vector3d> end = fixed_end(world, id);
-  if (!end) return false;
-  const auto& anchors = world.anchors(id);
-  const double rise = anchors.p_a.z() + anchors.p_b.z() - 2.0 * end->z();
+// Whether a line stands on that end rather than lies.
+bool stands(const engine::World::Anchors& anchors, const Vector3d& end) {
+  const double rise = anchors.p_a.z() + anchors.p_b.z() - 2.0 * end.z();
   return rise > 0.5 * (anchors.p_b - anchors.p_a).norm();
 }
 
@@ -102,7 +103,7 @@ bool has_arm_outside(const engine::World& world, const engine::Joint& joint) {
   return false;
 }
 
-Vector3d place_of(const engine::World& world, engine::JointId id, bool is_middle) {
+Vector3d place_of(const engine::World& world, engine::JointId id, bool is_broken) {
   const engine::Joint& joint = world.joint(id);
   if (engine::couples_joints(joint.kind)) {
     const auto& first = world.anchors(joint.coupling.first);
@@ -110,9 +111,13 @@ Vector3d place_of(const engine::World& world, engine::JointId id, bool is_middle
     const bool is_pulley = joint.kind == engine::JointKind::kPulley;  // drawn between upper ends
     return is_pulley ? 0.5 * (first.p_a + second.p_a) : 0.5 * (first.p_b + second.p_b);
   }
-  const double share =
-      is_middle ? 0.5 : kShares[id.value % 3];  // parallel ones are often added one by one
-  return (1.0 - share) * world.anchors(id).p_a + share * world.anchors(id).p_b;
+  const auto& anchors = world.anchors(id);
+  double share = kShares[id.value % 3];  // parallel ones are often added one by one
+  if (is_broken)
+    share = 0.5;                                    // in its gap
+  else if (const auto foot = fixed_end(world, id))  // which are farther apart than what they bear
+    share = *foot == anchors.p_a ? kAboveFoot : 1.0 - kAboveFoot;
+  return (1.0 - share) * anchors.p_a + share * anchors.p_b;
 }
 
 // Of bodies and what joins them; extents have the spheres around bodies.
@@ -216,6 +221,7 @@ JointSize Labels::size_in_gear(const engine::World& world, engine::JointId id) c
 
 void Labels::find_all_wheels(const engine::World& world) {
   wheels_.clear();
+  touch_.clear();
   for (const engine::JointId id : world.joint_ids()) {
     const engine::Joint& joint = world.joint(id);
     if (joint.kind != engine::JointKind::kGear) continue;
@@ -223,7 +229,7 @@ void Labels::find_all_wheels(const engine::World& world) {
       return wheels_.try_emplace(of.value, size_of(world, world.joint(of))).first->second;
     };
     JointSize& first = size(joint.coupling.first);
-    find_wheels(world, joint, &first, &size(joint.coupling.second));
+    if (find_wheels(world, joint, &first, &size(joint.coupling.second))) touch_.insert(id.value);
   }
 }
 
@@ -238,7 +244,6 @@ std::vector<Labels::Line> Labels::lines_of(const engine::World& world, const For
         joint.break_force > 0.0 ? " beyond " + newtons(joint.break_force) : std::string();
     return {{"forces", broken_colour(), "broke" + beyond}};
   }
-  Line name{kNames, colour(0.8, 0.9, 0.8), joint.name};
   std::vector<Line> lines;
   const std::string rope = look == Look::kRope || look == Look::kCoupling ? "rope " : "";
   if (is_slack(joint, state))
@@ -260,12 +265,12 @@ std::vector<Labels::Line> Labels::lines_of(const engine::World& world, const For
   if (const double error = shown_error(look, state); error > kToldError)
     lines.push_back(
         {"errors", kOffColour, shown("off by %.2g m", error) + (state.closing ? ", closing" : "")});
-  lines.insert(is_below(world, id) ? lines.end() : lines.begin(), name);  // which may be left out
+  lines.insert(lines.begin(), {kNames, colour(0.8, 0.9, 0.8), joint.name});  // may be left out
   return lines;
 }
 
-// Beyond the end of a length that does not move: above it, or below the foot of one that stands.
-// Else beside its line; above the axis of a joint, or at the tip of its motor's arrow.
+// Above the end of a length that does not move; else beside its line. Above the axis of a joint, or
+// the tip of its motor's arrow.
 void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
                            engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
@@ -274,13 +279,11 @@ void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
   const double line = kLineSpacing * height_;
   const double rise = static_cast<double>(lines.size() - 1) * line;
   const auto motor = shown_motor(joint, world.joint_state(id));
-  // in line with its arrow
-  const bool is_at_tip = look == Look::kJoint && motor && !motor->is_angle;
-  const std::optional<Vector3d> end = fixed_end(world, id);
   const bool is_broken = world.joint_state(id).broken;
-  const bool is_beside =
-      is_broken || is_at_tip || (!end && look != Look::kJoint && look != Look::kCoupling);
-  const bool is_left = !is_at_tip && id.value % 2 == 1;  // neighbours are on both sides
+  std::optional<Vector3d> end = fixed_end(world, id);
+  if (is_broken || (end && stands(world.anchors(id), *end))) end.reset();
+  const bool is_beside = is_broken || (is_length(joint) && !end);
+  const bool is_left = id.value % 2 == 1;  // neighbours are on both sides
   Vector3d place = place_of(world, id, is_broken);
   if (look == Look::kJoint)
     place = end_of_sign(world, joint, size_in_gear(world, id), motor, world.anchors(id).p_a,
@@ -295,7 +298,7 @@ void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
   if (is_beside) {
     place.z() += is_broken ? 0.0 : line;  // the name, and the next one beside the line
   } else if (end) {
-    place = free_place(lines, *end, is_below(world, id));
+    place = free_place(lines, *end);
   } else {
     place.z() += kAbove * height_ + rise;
   }
@@ -307,9 +310,9 @@ void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
   }
 }
 
-// Of the first of these lines beyond an end, farther from it where there are others already. The
-// outermost one, the name, is left out in the shipped configuration, and may come over others.
-Vector3d Labels::free_place(const std::vector<Line>& lines, const Vector3d& end, bool is_below) {
+// Of the first of these lines above an end, farther from it where there are others already. The
+// first one, the name, is left out in the shipped configuration, and may come over others.
+Vector3d Labels::free_place(const std::vector<Line>& lines, const Vector3d& end) {
   const double line_height = kLineSpacing * height_;
   const double height = static_cast<double>(lines.size() - 1) * line_height;
   Block block{end, 0.0, 0.0, 0.0};
@@ -317,22 +320,21 @@ Vector3d Labels::free_place(const std::vector<Line>& lines, const Vector3d& end,
     if (line.ns != kNames)
       block.half = std::max(block.half, 0.5 * kLetter * height_ * kWidthOfLetter *
                                             static_cast<double>(line.text.size()));
-  const double gap = kAbove * height_ - 0.5 * line_height;
-  block.low = is_below ? end.z() - gap - height : end.z() + gap;
+  block.low = end.z() + kAbove * height_ - 0.5 * line_height;
   const auto hides = [&](const Block& other) {
     return (other.end - block.end).head<2>().norm() < block.half + other.half &&
            block.low < other.high - 1e-9 && other.low < block.low + height - 1e-9;
   };
   for (auto other = blocks_.begin(); other != blocks_.end();)
     if (hides(*other)) {
-      block.low = is_below ? other->low - height : other->high;
+      block.low = other->high;
       other = blocks_.begin();
     } else {
       ++other;
     }
   block.high = block.low + height;
   blocks_.push_back(block);
-  return {end.x(), end.y(), block.high + (is_below ? -0.5 : 0.5) * line_height};
+  return {end.x(), end.y(), block.high + 0.5 * line_height};
 }
 
 void Labels::add_text(const char* ns, std::int32_t id, const Vector3d& place,
@@ -369,7 +371,8 @@ Labels::Told Labels::told(const engine::World& world, const ForceScale& forces) 
     told.is_off = told.is_off || shown_error(look, state) > kToldError;
     told.has_signs = told.has_signs || (look == Look::kJoint && !drives);
     told.has_arms = told.has_arms || (look == Look::kJoint && has_arm_outside(world, joint));
-    told.has_gears = told.has_gears || joint.kind == engine::JointKind::kGear;
+    told.has_gears =
+        told.has_gears || (joint.kind == engine::JointKind::kGear && touch_.count(id.value) == 0);
     const auto force = axial_force(joint, state);
     if (!force || is_slack(joint, state)) continue;
     const double share = forces.share(*force);
@@ -378,6 +381,7 @@ Labels::Told Labels::told(const engine::World& world, const ForceScale& forces) 
     told.is_unloaded = told.is_unloaded || std::abs(share) <= kLeastLoad;
   }
   const double most = forces.contact_reference();
+  if (!(most > 0.0)) return told;
   for (const engine::Contact& contact : world.contacts())
     if (contact.normal_force > kNoForce * most)
       told.normal = std::max(told.normal, contact.normal_force);
@@ -405,7 +409,7 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
   };
   add_green(now.is_unloaded, "no force");
   add_green(now.has_arms, "arms to joints");
-  add_green(now.has_gears, "dashed, gears");
+  add_green(now.has_gears, "dashed: gears");
   const bool has_friction = now.friction[0] > 0.0 || now.friction[1] > 0.0;
   const bool is_long = world.body_ids().size() > kMost || world.joint_ids().size() > kMost;
   const Entry entries[] = {
@@ -430,7 +434,7 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
   place.z() = top_of(world);
   for (const auto& [of, size] : wheels_)  // which may be larger than their bodies
     place.z() = std::max(place.z(), world.anchors(engine::JointId{of}).p_b.z() + size.wheel);
-  if (now.normal > 0.0) place.z() += forces.contact_length(extent) - forces.contact_thickness();
+  if (now.normal > 0.0) place.z() += forces.contact_reach(extent);
   place.z() = std::max(place.z() + kLineSpacing * height_, top_) + kLineSpacing * height;
   std::int32_t id = 0;
   for (const Entry& entry : entries) {

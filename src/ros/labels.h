@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -35,7 +36,7 @@ class Labels {
     std_msgs::ColorRGBA colour;
     std::string text;
   };
-  /// Lines of text beyond the end of a length [m].
+  /// Lines of text above the end of a length [m].
   struct Block {
     Eigen::Vector3d end;
     double half;  ///< of its width
@@ -50,8 +51,7 @@ class Labels {
   std::vector<Line> lines_of(const engine::World& world, const ForceScale& forces,
                              engine::JointId id) const;
   void add_labels_of(const engine::World& world, const ForceScale& forces, engine::JointId id);
-  Eigen::Vector3d free_place(const std::vector<Line>& lines, const Eigen::Vector3d& end,
-                             bool is_below);
+  Eigen::Vector3d free_place(const std::vector<Line>& lines, const Eigen::Vector3d& end);
   Told told(const engine::World& world, const ForceScale& forces) const;
   void add_legend(const engine::World& world, const ForceScale& forces);
   void find_broken(const engine::World& world, double now);
@@ -64,6 +64,7 @@ class Labels {
   double now_ = 0.0;                               // [s]
   std::optional<Extent> seen_;  // where the scene was, and will be in a second as it moves
   std::map<Number, JointSize> wheels_;
+  std::set<Number> touch_;  // gears
   std::vector<Block> blocks_;
   double top_ = 0.0;                              // of the labels of constraints [m]
   double height_ = 0.0, height_of_legend_ = 0.0;  // of letters [m]

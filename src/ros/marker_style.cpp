@@ -196,11 +196,8 @@ double sign_of_held(const engine::World& world, const engine::Contact& contact,
 
 namespace {
 
-double thickness_of_held(const engine::World& world, const engine::Contact& contact) {
-  const bool holds_a = sign_of_held(world, contact, down(world)) > 0.0;
-  const engine::BodyId held = holds_a ? contact.body_a : contact.body_b;
-  if (radius_of_ball(world.body(held)) > 0.0) return 0.0;
-  return 2.0 * half_width(world.body(held), world.state(held), contact.normal);
+engine::BodyId held_by(const engine::World& world, const engine::Contact& contact) {
+  return sign_of_held(world, contact, down(world)) > 0.0 ? contact.body_a : contact.body_b;
 }
 
 }  // namespace
@@ -230,10 +227,15 @@ void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
     contact_ = contact.normal_force;
     largest_contact = &contact;
   }
-  if (largest_contact != nullptr) thickness_ = thickness_of_held(world, *largest_contact);
+  if (largest_contact != nullptr) {
+    const engine::BodyId held = held_by(world, *largest_contact);
+    thickness_ = 2.0 * half_width(world.body(held), world.state(held), largest_contact->normal);
+    is_on_ball_ = radius_of_ball(world.body(held)) > 0.0;
+  }
   for_each_friction(world.contacts(), [&](const ShownFriction& friction) {
     const double force = friction.force.norm();
-    if (std::isfinite(force)) contact_ = std::max(contact_, force);
+    if (std::isfinite(force) && force > kNoForce * reference())
+      contact_ = std::max(contact_, force);
   });
 }
 

@@ -112,8 +112,10 @@ class ForceScale {
   void update(const engine::World& world, const ros::Time& stamp);
   double reference() const { return axial_; }            ///< of distance joints [N]
   double contact_reference() const { return contact_; }  ///< [N]
-  /// What the body that is held by it hides of its arrow [m].
-  double contact_thickness() const { return thickness_; }
+  /// What is seen of its arrow [m].
+  double contact_reach(const Extent& extent) const {
+    return contact_length(extent) - (is_on_ball_ ? 0.0 : thickness_);
+  }
   /// Of its arrow, which comes out of what it holds and would hide it [m].
   double contact_length(const Extent& extent) const {
     constexpr double kOut = 1.3;
@@ -123,7 +125,9 @@ class ForceScale {
   double share(double force) const;
 
  private:
-  double axial_ = 0.0, contact_ = 0.0, thickness_ = 0.0;
+  double axial_ = 0.0, contact_ = 0.0;
+  double thickness_ = 0.0;  // of the body that the largest contact force holds, along it [m]
+  bool is_on_ball_ = false;
   ros::Time stamp_;
 };
 

@@ -20,6 +20,7 @@ constexpr double kWidthOfLength = 0.1;  // of a constraint: its width, at most
 constexpr double kGap = 0.3;            // of the length of what is broken
 constexpr float kDarkStripe = 0.6F;     // of a rope's colour
 constexpr double kLeastArrow = 0.2;     // of the longest one: that of a small contact force
+constexpr double kHead = 0.2;           // of the arrow of a force
 constexpr double kSlender = 0.025;      // width of an arrow by its length
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
@@ -163,8 +164,8 @@ void Markers::find_looks(const engine::World& world) {
          {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}})
       if (body != engine::kWorldBody) look.arm = std::max(look.arm, anchor.norm());
     if (joint.kind == engine::JointKind::kGear)
-      find_wheels(world, joint, &coupled_look(joint.coupling.first).size,
-                  &coupled_look(joint.coupling.second).size);
+      look.touches = find_wheels(world, joint, &coupled_look(joint.coupling.first).size,
+                                 &coupled_look(joint.coupling.second).size);
     if (joint.kind != engine::JointKind::kPulley) continue;
     coupled_look(joint.coupling.first).pulley = id;
     JointLook& second = coupled_look(joint.coupling.second);
@@ -249,6 +250,7 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
                              const ros::Time& stamp) {
   const engine::JointState& state = world.joint_state(look.id);
   if ((state.broken || !broken_since_.empty()) && !is_drawn(look, state.broken, stamp)) return;
+  if (look.touches && !(shown_error(look.look, state) > kToldError)) return;
   const engine::Joint& joint = world.joint(look.id);
   const double force = look.pulley ? look.tackle * world.joint_state(*look.pulley).force
                                    : axial_force(joint, state).value_or(0.0);
@@ -313,7 +315,8 @@ void Markers::draw_parts(const Seen& seen, ShownMarker* marker) const {
   place_in_world(marker);
   marker->is_drawn_for({-2.0, 0.0, 0.0});
   marker->points.clear();
-  marker->scale.x = 0.7 * std::min(extent_.width, kWidthOfLength * part.norm());
+  const double width = 0.7 * std::min(extent_.width, kWidthOfLength * part.norm());
+  marker->scale = to_vector({width, 0.0, 0.0});
   add_line(seen.p_a, seen.p_a + part, &marker->points);
   add_line(seen.p_b - part, seen.p_b, &marker->points);
 }
@@ -381,7 +384,9 @@ void Markers::draw_arms(const engine::World& world, const Seen& seen, ShownMarke
     lines[2 * line + 1] = point_at(to);
   };
   std::size_t line = 0;
-  set(line++, seen.p_a, seen.p_b);
+  const bool is_open =
+      !slides(seen.joint.kind) || shown_error(seen.look.look, seen.state) > kToldError;
+  set(line++, is_open ? seen.p_a : seen.p_b, seen.p_b);
   if (seen.joint.body_a != engine::kWorldBody)
     set(line++, world.state(seen.joint.body_a).position, seen.p_a);
   if (seen.joint.body_b != engine::kWorldBody)
@@ -440,7 +445,7 @@ void Markers::add_contacts(const engine::World& world) {
     const Vector3d from = contact.position + 2.0 * radius_of_ball(world.body(held)) * way;
     const double length = std::clamp(scale * contact.normal_force, kLeastArrow * longest, longest);
     if (normal == nullptr) normal = add(&contacts_, 0, colour(1.0, 1.0, 1.0));
-    add_arrow(from, way, length, 0.3 * length, normal);
+    add_arrow(from, way, length, kHead * length, normal);
   }
   for_each_friction(world.contacts(), [&](const ShownFriction& shown) {
     const double force = shown.force.norm();
@@ -456,7 +461,7 @@ void Markers::add_contacts(const engine::World& world) {
     const Vector3d place = behind_all(shown, way) + ball * way;
     // outside of what is held, which would hide it: from the contact, or to it
     const bool is_inwards = way.dot(world.state(held).position - place) > 0.0;
-    add_arrow(is_inwards ? place - reach * way : place, way, reach, 0.3 * reach, lines);
+    add_arrow(is_inwards ? place - reach * way : place, way, reach, kHead * reach, lines);
   });
 }
 

@@ -42,7 +42,8 @@ class Markers {
     bool is_grip = false;
     bool is_drawn = false;
     bool has_motor = false;
-    double arm = 0.0;  ///< the longer one, from a body's centre to its anchor [m]
+    bool touches = false;  ///< a gear, whose wheels say what it couples
+    double arm = 0.0;      ///< the longer one, from a body's centre to its anchor [m]
     JointSize size;
     std::optional<engine::JointId> pulley;  ///< whose rope this length is a part of
     double tackle = 1.0;                    ///< so many times its force

@@ -518,8 +518,9 @@ TEST_F(LabelsTest, TellTheForcesOfNow) {
             (Texts{"rope 9.81 N", "cyan: tension, at most 9.81 N"}));
 }
 
-// In the colour of their lines, and never one over the other.
-TEST_F(LabelsTest, AreBeyondTheFixedEndsOfLengths) {
+// Of lines that hang: above their upper ends, in the colour of the line, and never one over the
+// other. Of legs: beside them, above the foot by a fifth of their length.
+TEST_F(LabelsTest, AreWhereTheirLineIsFixed) {
   for (const char* name : {"newtons_cradle", "stewart_platform"}) {
     engine::World world = load_world(name, "", Parameters(), Caller::kParameter);
     run(&world, 0.1);
@@ -530,11 +531,13 @@ TEST_F(LabelsTest, AreBeyondTheFixedEndsOfLengths) {
     for (const Marker& label : labels) {
       if (label.ns == "forces") forces.push_back(&label);
       if (label.ns != "forces" && label.ns != "motor_rates") continue;
-      const Vector3d end = world.joint({static_cast<std::uint32_t>(label.id)}).anchor_a;
+      const auto anchors = world.anchors({static_cast<std::uint32_t>(label.id)});
+      const Vector3d end = stands ? 0.8 * anchors.p_a + 0.2 * anchors.p_b : anchors.p_a;
       const auto& at = label.pose.position;
-      EXPECT_EQ(at.x, end.x());
-      EXPECT_EQ(at.y, end.y());
-      EXPECT_GT(stands ? end.z() - at.z : at.z - end.z(), 0.5 * label.scale.z);
+      EXPECT_NEAR(at.x, end.x(), 1e-12);
+      EXPECT_NEAR(at.y, end.y(), 1e-12);
+      EXPECT_LT(std::abs(at.z - end.z()), (stands ? 1.5 : 4.0) * label.scale.z);
+      EXPECT_TRUE(stands || at.z - end.z() > 0.5 * label.scale.z);
       const Marker* line = find(markers, "constraints", label.id);
       if (label.ns == "forces") {
         EXPECT_EQ(label.color, line->color);
@@ -543,7 +546,7 @@ TEST_F(LabelsTest, AreBeyondTheFixedEndsOfLengths) {
     EXPECT_GE(forces.size(), 5u);
     for (const Marker* one : forces)
       for (const Marker* other : forces) {
-        if (one == other) continue;
+        if (one == other || stands) continue;
         const auto &a = one->pose.position, &b = other->pose.position;
         const double height = one->scale.z;
         const double width = 0.5 * height * static_cast<double>(one->text.size());
@@ -721,6 +724,25 @@ TEST(Markers, WheelsOfGearsTouch) {
   EXPECT_NEAR(ring.wheel, 0.6, 1e-12);
   EXPECT_TRUE(ring.wheel_is_on_a);
   EXPECT_EQ(ring.teeth, 30);
+}
+
+// What its wheels show needs no line between them; what does not mesh does.
+TEST(Markers, OfGearsAreLinesOnlyWhereNoWheelsTouch) {
+  const auto is_drawn = [](const std::string& scene, const char* name) {
+    const engine::World world = load_world(scene, "", Parameters(), Caller::kParameter);
+    const auto id = static_cast<std::int32_t>(world.find_joint(name).value);
+    return find(Listener().hear(world), "constraints", id) != nullptr;
+  };
+  EXPECT_FALSE(is_drawn("gear_train", "ring_mesh"));
+  EXPECT_FALSE(is_drawn("gear_train", "outer_mesh"));
+  const engine::World apart = engine::load_scene(
+      "bodies: [{name: a, mass: 1, shape: {box: {size: [0.1, 0.1, 0.1]}}},"
+      " {name: b, mass: 1, shape: {box: {size: [0.1, 0.1, 0.1]}}, position: [9, 0, 0]}]\n"
+      "constraints: [{name: h, type: hinge, body_b: a, axis_a: [0, 0, 1]},"
+      " {name: i, type: hinge, body_b: b, anchor_a: [9, 0, 0], axis_a: [0, 0, 1]},"
+      " {name: g, type: gear, joints: [h, i], ratio: 1}]");
+  const auto id = static_cast<std::int32_t>(apart.find_joint("g").value);
+  EXPECT_NE(find(Listener().hear(apart), "constraints", id), nullptr);
 }
 
 // ---- the view

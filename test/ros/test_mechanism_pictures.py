@@ -102,7 +102,8 @@ class Mechanisms(InRviz):
     def write_legend(self, name, texts):
         """Of what lies: rviz would draw it before the scene."""
         path = self.screenshot(name)
-        command = ["convert", path, "-gravity", "North", "-pointsize", "26"]
+        font = subprocess.check_output(["fc-match", "-f", "%{file}", "sans"])
+        command = ["convert", path, "-gravity", "North", "-font", font, "-pointsize", "26"]
         lines = [marker for marker in texts.markers if marker.ns == "legend"]
         for row, line in enumerate(reversed(lines)):
             rgb = ",".join(str(round(255 * part)) for part in (line.color.r, line.color.g, line.color.b))

@@ -76,7 +76,7 @@ class Pictures(InRviz):
 
     def test_kinds_of_constraints(self):
         self.show("kinds.png", "kinds.yaml", [TENSION, COMPRESSION, SLACK, MOTOR, CONTACT, RED])
-        self.shrink("kinds.png", 1000, 1.2)
+        self.shrink("kinds.png", 1000, 1.35)
 
     def test_scenes_with_events(self):
         for scene, (steps, signs) in EVENTS.items():

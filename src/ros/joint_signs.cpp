@@ -21,6 +21,7 @@ constexpr double kOut = 0.2;            // of the axis: what of it comes out of 
 constexpr double kRing = 0.7;           // of the axis: radius of a motor's ring, around the body
 constexpr double kAroundWheel = 1.2;    // of a wheel: the same
 constexpr double kSmallWheel = 0.5;     // of the axis: radius of a wheel that touches no other
+constexpr double kHeadOfRing = 1.2;     // of the ring: where its head ends
 constexpr double kSlant = 0.45;         // sine of the angle at which scenes are seen from above
 constexpr double kLevel = 0.1;          // sine of the slope of an axis that counts as level
 constexpr double kNearer = 0.1;         // of the axis: what counts as nearer
@@ -378,7 +379,7 @@ Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint, con
     const double across_up = std::sqrt(std::max(1.0 - upright * upright, 0.0));
     if (motor)  // above the ring, and above its farther part as it is seen
       return place + height_of_ring(world, joint, size) * z +
-             radius_of_ring(size) * (across_up + kSlant * std::abs(upright)) * up;
+             radius_of_ring(size) * (kHeadOfRing * across_up + kSlant * std::abs(upright)) * up;
     if (is_on_sheet(joint.kind)) {
       const Eigen::Matrix3d axes = orientation_of(world, joint).toRotationMatrix();
       const double x = axes.col(0).dot(up), y = axes.col(1).dot(up);

@@ -23,7 +23,7 @@ constexpr double kMostHeightOfSign = 0.5;      // as large as this
 constexpr double kHeightOfScene = 0.015;       // for this share of the scene's diagonal
 constexpr double kHeightOfLegend = 0.02;       // of the scene's diagonal
 constexpr double kShares[] = {0.5, 0.7, 0.3};  // of a length, where labels of neighbours are
-constexpr double kAboveFoot = 0.2;             // the same of one that stands
+constexpr double kOfLeg[] = {0.4, 0.1};        // the same of one that stands, from its foot
 constexpr double kLineSpacing = 1.4;
 constexpr double kAhead = 0.3;       // [s]
 constexpr double kMostGrowth = 2.0;  // of letters, by the motion
@@ -116,7 +116,7 @@ Vector3d place_of(const engine::World& world, engine::JointId id, bool is_broken
   if (is_broken)
     share = 0.5;                                    // in its gap
   else if (const auto foot = fixed_end(world, id))  // which are farther apart than what they bear
-    share = *foot == anchors.p_a ? kAboveFoot : 1.0 - kAboveFoot;
+    share = *foot == anchors.p_a ? kOfLeg[id.value % 2] : 1.0 - kOfLeg[id.value % 2];
   return (1.0 - share) * anchors.p_a + share * anchors.p_b;
 }
 
@@ -242,7 +242,7 @@ std::vector<Labels::Line> Labels::lines_of(const engine::World& world, const For
   if (state.broken) {
     const std::string beyond =
         joint.break_force > 0.0 ? " beyond " + newtons(joint.break_force) : std::string();
-    return {{"forces", broken_colour(), "broke" + beyond}};
+    return {{"forces", colour(0.8, 0.8, 0.8), "broke" + beyond}};
   }
   std::vector<Line> lines;
   const std::string rope = look == Look::kRope || look == Look::kCoupling ? "rope " : "";
@@ -260,7 +260,7 @@ std::vector<Labels::Line> Labels::lines_of(const engine::World& world, const For
     else  // as its arrows
       told = (motor->rate < 0.0 ? "in " : "out ") + shown("%.3g m/s", std::abs(motor->rate));
     if (state.saturated) told += ", at its limit";
-    lines.push_back({"motor_rates", motor_colour(state.saturated), told});
+    lines.push_back({"motor_rates", motor_colour(false), told});
   }
   if (const double error = shown_error(look, state); error > kToldError)
     lines.push_back(

@@ -103,11 +103,11 @@ class Mechanisms(InRviz):
         """Of what lies: rviz would draw it before the scene."""
         path = self.screenshot(name)
         font = subprocess.check_output(["fc-match", "-f", "%{file}", "sans"])
-        command = ["convert", path, "-gravity", "North", "-font", font, "-pointsize", "26"]
+        command = ["convert", path, "-gravity", "NorthWest", "-font", font, "-pointsize", "26"]
         lines = [marker for marker in texts.markers if marker.ns == "legend"]
         for row, line in enumerate(reversed(lines)):
             rgb = ",".join(str(round(255 * part)) for part in (line.color.r, line.color.g, line.color.b))
-            command += ["-fill", "rgb(%s)" % rgb, "-annotate", "+0+%d" % (90 + 36 * row), line.text]
+            command += ["-fill", "rgb(%s)" % rgb, "-annotate", "+60+%d" % (100 + 36 * row), line.text]
         subprocess.check_call(command + [path])
 
     def test_each_mechanism_is_drawn_whole(self):

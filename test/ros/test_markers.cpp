@@ -519,7 +519,7 @@ TEST_F(LabelsTest, TellTheForcesOfNow) {
 }
 
 // Of lines that hang: above their upper ends, in the colour of the line, and never one over the
-// other. Of legs: beside them, by turns a tenth and two fifths above their feet.
+// other. Of legs: beside them, a fifth of their length above their feet.
 TEST_F(LabelsTest, AreWhereTheirLineIsFixed) {
   for (const char* name : {"newtons_cradle", "stewart_platform"}) {
     engine::World world = load_world(name, "", Parameters(), Caller::kParameter);
@@ -532,7 +532,7 @@ TEST_F(LabelsTest, AreWhereTheirLineIsFixed) {
       if (label.ns == "forces") forces.push_back(&label);
       if (label.ns != "forces" && label.ns != "motor_rates") continue;
       const auto anchors = world.anchors({static_cast<std::uint32_t>(label.id)});
-      const double share = stands ? (label.id % 2 == 1 ? 0.1 : 0.4) : 0.0;
+      const double share = stands ? 0.2 : 0.0;
       const Vector3d end = (1.0 - share) * anchors.p_a + share * anchors.p_b;
       const auto& at = label.pose.position;
       EXPECT_NEAR(at.x, end.x(), 1e-12);

@@ -21,7 +21,8 @@ constexpr double kOut = 0.2;            // of the axis: what of it comes out of 
 constexpr double kRing = 0.7;           // of the axis: radius of a motor's ring, around the body
 constexpr double kAroundWheel = 1.2;    // of a wheel: the same
 constexpr double kSmallWheel = 0.5;     // of the axis: radius of a wheel that touches no other
-constexpr double kThumb = 0.5;          // of the axis: length of the arrow through that
+constexpr double kHeadOfRing = 1.2;     // of the ring: where its head ends
+constexpr double kSlant = 0.45;         // sine of the angle at which scenes are seen from above
 constexpr double kLevel = 0.1;          // sine of the slope of an axis that counts as level
 constexpr double kNearer = 0.1;         // of the axis: what counts as nearer
 constexpr double kWeld = 0.4;           // of the axis: half of the cube whose diagonals are a weld
@@ -221,6 +222,8 @@ double height_of_ring(const engine::World& world, const engine::Joint& joint,
 
 }  // namespace
 
+bool slides(JointKind kind) { return slides_along_axis(kind) || is_on_sheet(kind); }
+
 Eigen::Quaterniond orientation_of(const engine::World& world, const engine::Joint& joint) {
   return world.state(joint.body_a).orientation * joint.frame_a;
 }
@@ -239,7 +242,7 @@ JointSize size_of(const engine::World& world, const engine::Joint& joint) {
   return size;
 }
 
-void find_wheels(const engine::World& world, const engine::Joint& gear, JointSize* first,
+bool find_wheels(const engine::World& world, const engine::Joint& gear, JointSize* first,
                  JointSize* second) {
   const engine::Coupling& coupling = gear.coupling;
   const Wheel a = wheel_of(world, coupling.first, first);
@@ -251,21 +254,23 @@ void find_wheels(const engine::World& world, const engine::Joint& gear, JointSiz
     if (const auto found = radii(a, b, coupling.ratio)) {
       const double tooth = 2.0 * kPi * std::min(found->first, found->second) / kTeethOfSmaller;
       set_teeth(found->first, tooth, first);
-      return set_teeth(found->second, tooth, second);
+      set_teeth(found->second, tooth, second);
+      return true;
     }
   // q₁ + ratio q₂ in metres or radians
   if (a.turns && b.joint.kind == JointKind::kSlider &&
       find_rack(world, a, b, 1.0 / std::abs(coupling.ratio)))
-    return;
+    return true;
   if (b.turns && a.joint.kind == JointKind::kSlider &&
       find_rack(world, b, a, std::abs(coupling.ratio)))
-    return;
+    return true;
   for (const Wheel* wheel : {&a, &b}) {
     const double radius = kSmallWheel * wheel->size->axis;
     if (!wheel->turns || wheel->size->wheel > 0.0) continue;
     set_teeth(radius, 2.0 * kPi * radius / kTeethOfSmaller, wheel->size);
     wheel->size->touches = false;
   }
+  return false;
 }
 
 std::int32_t type_of_sign(const engine::Joint& joint, const JointSize& size) {
@@ -342,13 +347,7 @@ void draw_motor(const engine::World& world, const engine::Joint& joint, const Jo
   if (motor.is_angle) {
     const double z = height_of_ring(world, joint, size);
     if (marker->is_drawn_for({sign * size.axis, z, radius_of_ring(size)})) return;
-    add_turning_arrow(radius_of_ring(size), z, positive, &marker->points);
-    // which also tells where the ring is seen from its side
-    const double length = kThumb * size.axis;
-    const double start = positive == (z > 0.0) ? z : z + std::copysign(length, z);
-    add_arrow(start * Vector3d::UnitZ(), sign * Vector3d::UnitZ(), length, 0.4 * length,
-              &marker->points);
-    return;
+    return add_turning_arrow(radius_of_ring(size), z, positive, &marker->points);
   }
   // out of the body that moves, which would hide it
   const double start = positive ? size.behind : size.before;
@@ -378,12 +377,9 @@ Vector3d end_of_sign(const engine::World& world, const engine::Joint& joint, con
     }
     const double upright = z.dot(up);
     const double across_up = std::sqrt(std::max(1.0 - upright * upright, 0.0));
-    if (motor) {  // above the ring and the tip of its arrow
-      const double ring = height_of_ring(world, joint, size);
-      const double tip = ring + std::copysign(kThumb * size.axis, ring);
-      return place + ring * z +
-             std::max((tip - ring) * upright, radius_of_ring(size) * across_up) * up;
-    }
+    if (motor)  // above the ring, and above its farther part as it is seen
+      return place + height_of_ring(world, joint, size) * z +
+             radius_of_ring(size) * (kHeadOfRing * across_up + kSlant * std::abs(upright)) * up;
     if (is_on_sheet(joint.kind)) {
       const Eigen::Matrix3d axes = orientation_of(world, joint).toRotationMatrix();
       const double x = axes.col(0).dot(up), y = axes.col(1).dot(up);

@@ -27,10 +27,12 @@ struct JointSize {
 };
 JointSize size_of(const engine::World& world, const engine::Joint& joint);
 /// What a gear couples is drawn as two wheels that touch, or as a wheel on its rack, where their
-/// places and the ratio fit; else each as a small wheel.
-void find_wheels(const engine::World& world, const engine::Joint& gear, JointSize* first,
+/// places and the ratio fit; else each as a small wheel. Whether they touch.
+bool find_wheels(const engine::World& world, const engine::Joint& gear, JointSize* first,
                  JointSize* second);
 
+/// Along its axis or its plane: then its anchors are apart without an error.
+bool slides(engine::JointKind kind);
 Eigen::Quaterniond orientation_of(const engine::World& world, const engine::Joint& joint);
 
 /// The type of the marker that draw_joint() draws into.

@@ -17,11 +17,13 @@ namespace {
 using Eigen::Vector3d;
 using visualization_msgs::Marker;
 
-constexpr double kHeightOfSign = 0.3;          // letters beside arrows
-constexpr double kTellsError = 1e-4;           // [m]
+constexpr const char* kNames = "constraint_names";
+constexpr double kHeightOfSign = 0.3;          // letters beside arrows,
+constexpr double kMostHeightOfSign = 0.5;      // as large as this
+constexpr double kHeightOfScene = 0.015;       // for this share of the scene's diagonal
 constexpr double kHeightOfLegend = 0.02;       // of the scene's diagonal
-constexpr double kTellsForce = 0.01;           // of the largest one: less has no line of the legend
 constexpr double kShares[] = {0.5, 0.7, 0.3};  // of a length, where labels of neighbours are
+constexpr double kOfLeg = 0.2;                 // the same of one that stands, from its foot
 constexpr double kLineSpacing = 1.4;
 constexpr double kAhead = 0.3;       // [s]
 constexpr double kMostGrowth = 2.0;  // of letters, by the motion
@@ -29,7 +31,10 @@ constexpr double kMostGrowth = 2.0;  // of letters, by the motion
 constexpr double kAbove = 0.9;  // from a part to the middle of the text above it
 // widths of a space, which rviz draws as wide as an A
 constexpr double kLetter = 0.8;
-constexpr double kBeside = 2.8;  // from a line to the text beside it
+constexpr double kBeside = 1.6;         // from a line to the text beside it
+constexpr double kWidthOfLetter = 0.7;  // of its height: that of a space
+
+const std_msgs::ColorRGBA kOffColour = colour(1.0, 0.5, 0.45);  // letters are thin
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
 std::int32_t number(engine::JointId id) { return static_cast<std::int32_t>(id.value); }
@@ -43,6 +48,10 @@ std::string shown(const char* format, double value) {
 // Without a sign where there is nothing to tell it of.
 std::string signed_value(double value) { return shown(value == 0.0 ? "%.3g" : "%+.3g", value); }
 
+std::string newtons(double force) {
+  return force < 1e3 ? shown("%.3g N", force) : shown("%.3g kN", 1e-3 * force);
+}
+
 // rviz centres texts about their place: as many spaces before it as it is wide put it beside a
 // line, on the right in every view; behind it on the left.
 std::string beside(const std::string& text, bool is_left = false) {
@@ -52,7 +61,49 @@ std::string beside(const std::string& text, bool is_left = false) {
   return is_left ? text + space : space + text;
 }
 
-Vector3d place_of(const engine::World& world, engine::JointId id) {
+bool is_fixed(const engine::World& world, engine::BodyId id) {
+  return id == engine::kWorldBody || world.body(id).type == engine::BodyType::kStatic;
+}
+
+bool is_length(const engine::Joint& joint) {
+  const Look look = look_of(joint);
+  return look != Look::kJoint && look != Look::kCoupling;
+}
+
+// Of a length between what moves and what does not: its end at the latter.
+std::optional<Vector3d> fixed_end(const engine::World& world, engine::JointId id) {
+  const engine::Joint& joint = world.joint(id);
+  const bool is_a = is_fixed(world, joint.body_a);
+  if (!is_length(joint) || is_a == is_fixed(world, joint.body_b)) return std::nullopt;
+  return is_a ? world.anchors(id).p_a : world.anchors(id).p_b;
+}
+
+// Whether a line stands on that end rather than lies.
+bool stands(const engine::World::Anchors& anchors, const Vector3d& end) {
+  const double rise = anchors.p_a.z() + anchors.p_b.z() - 2.0 * end.z();
+  return rise > 0.5 * (anchors.p_b - anchors.p_a).norm();
+}
+
+// A body hides its arm to an anchor within its shape.
+bool has_arm_outside(const engine::World& world, const engine::Joint& joint) {
+  for (const auto& [id, anchor] :
+       {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}}) {
+    if (id == engine::kWorldBody || anchor.isZero(0.0)) continue;
+    const engine::Body& body = world.body(id);
+    Vector3d place = anchor;
+    if (body.shape_pose)
+      place = body.shape_pose->orientation.conjugate() * (anchor - body.shape_pose->position);
+    constexpr double kOut = 1.01;  // which is seen
+    if (const auto* box = std::get_if<engine::Box>(&body.shape)) {
+      if (((place.cwiseAbs() - kOut * 0.5 * box->size).array() > 0.0).any()) return true;
+    } else if (place.norm() > kOut * radius_of(body.shape)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+Vector3d place_of(const engine::World& world, engine::JointId id, bool is_broken) {
   const engine::Joint& joint = world.joint(id);
   if (engine::couples_joints(joint.kind)) {
     const auto& first = world.anchors(joint.coupling.first);
@@ -60,8 +111,13 @@ Vector3d place_of(const engine::World& world, engine::JointId id) {
     const bool is_pulley = joint.kind == engine::JointKind::kPulley;  // drawn between upper ends
     return is_pulley ? 0.5 * (first.p_a + second.p_a) : 0.5 * (first.p_b + second.p_b);
   }
-  const double share = kShares[id.value % 3];  // parallel ones are often added one by one
-  return (1.0 - share) * world.anchors(id).p_a + share * world.anchors(id).p_b;
+  const auto& anchors = world.anchors(id);
+  double share = kShares[id.value % 3];  // parallel ones are often added one by one
+  if (is_broken)
+    share = 0.5;                                    // in its gap
+  else if (const auto foot = fixed_end(world, id))  // which are farther apart than what they bear
+    share = *foot == anchors.p_a ? kOfLeg : 1.0 - kOfLeg;
+  return (1.0 - share) * anchors.p_a + share * anchors.p_b;
 }
 
 // Of bodies and what joins them; extents have the spheres around bodies.
@@ -89,9 +145,9 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
   set_.begin(stamp, for_newcomer);
   const Extent extent = extent_of(world);
   const double larger = growth(world, extent);
-  height_ = larger * kHeightOfSign * extent.sign;
-  height_of_legend_ =
-      larger * std::max(kHeightOfSign * extent.sign, kHeightOfLegend * extent.diagonal());
+  height_ = larger * std::clamp(kHeightOfScene * extent.diagonal(), kHeightOfSign * extent.sign,
+                                kMostHeightOfSign * extent.sign);
+  height_of_legend_ = std::max(height_, larger * kHeightOfLegend * extent.diagonal());
   std::vector<engine::BodyId> bodies = world.body_ids();
   bodies.resize(std::min(bodies.size(), kMost));
   for (const engine::BodyId id : bodies) {
@@ -106,30 +162,39 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
     add_text("body_names", number(id), place, colour(0.9, 0.9, 0.9), world.body(id).name);
   }
   find_all_wheels(world);
+  find_broken(world, stamp.toSec());
+  blocks_.clear();
+  top_ = -std::numeric_limits<double>::infinity();
   const std::vector<engine::JointId>& joints = world.joint_ids();
   for (std::size_t i = 0; i < std::min(joints.size(), kMost); ++i)
-    if (!world.joint_state(joints[i]).broken && world.joint(joints[i]).enabled &&
-        !is_grip(world.joint(joints[i])))
-      add_labels_of(world, joints[i]);
-  add_legend(world, forces, is_any_broken_shown(world, stamp.toSec()));
+    if (world.joint(joints[i]).enabled && !is_grip(world.joint(joints[i])) &&
+        (!world.joint_state(joints[i]).broken || shows_broken(joints[i])))
+      add_labels_of(world, forces, joints[i]);
+  add_legend(world, forces);
   return set_.finish();
 }
 
 void Labels::forget() {
   set_.forget();
   seen_.reset();
-  broken_.reset();
   broke_.reset();
 }
 
 // Markers show for a while what broke before the eyes of a viewer.
-bool Labels::is_any_broken_shown(const engine::World& world, double now) {
-  const auto broken = static_cast<std::size_t>(
-      std::count_if(world.joint_ids().begin(), world.joint_ids().end(),
-                    [&](engine::JointId id) { return world.joint_state(id).broken; }));
-  if (broken_ && broken > *broken_) broke_ = now;
-  broken_ = broken;
-  return broken > 0 && broke_ && std::abs(now - *broke_) < kBrokenShown;
+void Labels::find_broken(const engine::World& world, double now) {
+  now_ = now;
+  const double since = broke_ ? now : -std::numeric_limits<double>::infinity();
+  if (!broke_) broke_.emplace();
+  for (const engine::JointId id : world.joint_ids())
+    if (world.joint_state(id).broken)
+      broke_->try_emplace(id.value, since);
+    else
+      broke_->erase(id.value);
+}
+
+bool Labels::shows_broken(engine::JointId id) const {
+  const auto found = broke_->find(id.value);
+  return found != broke_->end() && std::abs(now_ - found->second) < kBrokenShown;
 }
 
 // A scene is looked at from where all of its motion is seen: the farther it goes, the larger its
@@ -156,6 +221,7 @@ JointSize Labels::size_in_gear(const engine::World& world, engine::JointId id) c
 
 void Labels::find_all_wheels(const engine::World& world) {
   wheels_.clear();
+  touch_.clear();
   for (const engine::JointId id : world.joint_ids()) {
     const engine::Joint& joint = world.joint(id);
     if (joint.kind != engine::JointKind::kGear) continue;
@@ -163,22 +229,62 @@ void Labels::find_all_wheels(const engine::World& world) {
       return wheels_.try_emplace(of.value, size_of(world, world.joint(of))).first->second;
     };
     JointSize& first = size(joint.coupling.first);
-    find_wheels(world, joint, &first, &size(joint.coupling.second));
+    if (find_wheels(world, joint, &first, &size(joint.coupling.second))) touch_.insert(id.value);
   }
 }
 
-// Beside the line of what has a length, one below the other so that each namespace can be left
-// out; above the axis of a joint, or at the tip of its motor's arrow, one above the other.
-void Labels::add_labels_of(const engine::World& world, engine::JointId id) {
+// From top to bottom.
+std::vector<Labels::Line> Labels::lines_of(const engine::World& world, const ForceScale& forces,
+                                           engine::JointId id) const {
   const engine::Joint& joint = world.joint(id);
   const engine::JointState& state = world.joint_state(id);
   const Look look = look_of(joint);
-  const auto motor = shown_motor(joint, state);
-  // in line with its arrow
-  const bool is_at_tip = look == Look::kJoint && motor && !motor->is_angle;
-  const bool is_left = !is_at_tip && id.value % 2 == 1;  // neighbours are on both sides
-  const bool is_above = !is_at_tip && (look == Look::kJoint || look == Look::kCoupling);
-  Vector3d place = place_of(world, id);
+  if (state.broken) {
+    const std::string beyond =
+        joint.break_force > 0.0 ? " beyond " + newtons(joint.break_force) : std::string();
+    return {{"forces", colour(0.8, 0.8, 0.8), "broke" + beyond}};
+  }
+  std::vector<Line> lines;
+  const std::string rope = look == Look::kRope || look == Look::kCoupling ? "rope " : "";
+  if (is_slack(joint, state))
+    lines.push_back({"forces", slack_colour(), "slack rope"});
+  else if (const auto force = axial_force(joint, state))
+    lines.push_back(
+        {"forces", constraint_colour(forces.share(*force), 0.0), rope + newtons(std::abs(*force))});
+  if (const auto motor = shown_motor(joint, state)) {
+    std::string told = motor->force != 0.0
+                           ? signed_value(motor->force) + (motor->is_angle ? " N m" : " N")
+                           : signed_value(motor->rate) + (motor->is_angle ? " rad/s" : " m/s");
+    if (look == Look::kJoint)
+      told = world.body(joint.body_b).name + " " + told;
+    else  // as its arrows
+      told = (motor->rate < 0.0 ? "in " : "out ") + shown("%.3g m/s", std::abs(motor->rate));
+    if (state.saturated) told += ", at its limit";
+    lines.push_back({"motor_rates", motor_colour(false), told});
+  }
+  if (const double error = shown_error(look, state); error > kToldError)
+    lines.push_back(
+        {"errors", kOffColour, shown("off by %.2g m", error) + (state.closing ? ", closing" : "")});
+  lines.insert(lines.begin(), {kNames, colour(0.8, 0.9, 0.8), joint.name});  // may be left out
+  return lines;
+}
+
+// Above the end of a length that does not move; else beside its line. Above the axis of a joint, or
+// the tip of its motor's arrow.
+void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
+                           engine::JointId id) {
+  const engine::Joint& joint = world.joint(id);
+  const Look look = look_of(joint);
+  const std::vector<Line> lines = lines_of(world, forces, id);
+  const double line = kLineSpacing * height_;
+  const double rise = static_cast<double>(lines.size() - 1) * line;
+  const auto motor = shown_motor(joint, world.joint_state(id));
+  const bool is_broken = world.joint_state(id).broken;
+  std::optional<Vector3d> end = fixed_end(world, id);
+  if (is_broken || (end && stands(world.anchors(id), *end))) end.reset();
+  const bool is_beside = is_broken || (is_length(joint) && !end);
+  const bool is_left = id.value % 2 == 1;  // neighbours are on both sides
+  Vector3d place = place_of(world, id, is_broken);
   if (look == Look::kJoint)
     place = end_of_sign(world, joint, size_in_gear(world, id), motor, world.anchors(id).p_a,
                         world.anchors(id).p_b, Vector3d::UnitZ());
@@ -189,41 +295,46 @@ void Labels::add_labels_of(const engine::World& world, engine::JointId id) {
                       world.anchors(of).p_a, world.anchors(of).p_b, -Vector3d::UnitZ());
       place.z() = std::min(place.z(), low.z() - 2.0 * kAbove * height_);
     }
-  place.z() += is_above ? kAbove * height_ : kLineSpacing * height_;
-  const auto add = [&](const char* ns, const std_msgs::ColorRGBA& of, const std::string& text) {
-    add_text(ns, number(id), place, of, is_above ? text : beside(text, is_left));
-    place.z() += (is_above ? 1.0 : -1.0) * kLineSpacing * height_;
-  };
-  const auto add_motor = [&] {
-    if (!motor) return;
-    std::string text = motor->force != 0.0
-                           ? signed_value(motor->force) + (motor->is_angle ? " N m" : " N")
-                           : signed_value(motor->rate) + (motor->is_angle ? " rad/s" : " m/s");
-    if (look == Look::kJoint) text = world.body(joint.body_b).name + " " + text;
-    if (state.saturated) text += ", at its limit";
-    add("motor_rates", motor_colour(state.saturated), text);
-  };
-  const auto add_error = [&] {
-    if (const double error = shown_error(look, state); error > kTellsError)
-      add("errors", colour(1.0, 0.5, 0.45),  // letters are thin
-          shown("off by %.2g m", error) + (state.closing ? ", closing" : ""));
-  };
-  const auto add_name = [&] { add("constraint_names", colour(0.8, 0.9, 0.8), joint.name); };
-  if (is_above) {
-    add_motor();
-    add_error();
-    return add_name();
+  if (is_beside) {
+    place.z() += is_broken ? 0.0 : line;  // the name, and the next one beside the line
+  } else if (end) {
+    place = free_place(lines, *end);
+  } else {
+    place.z() += kAbove * height_ + rise;
   }
-  add_name();
-  if (is_slack(joint, state))
-    add("forces", colour(0.75, 0.68, 0.55), "slack");
-  else if (const auto force = axial_force(joint, state); force && *force == 0.0)
-    add("forces", constraint_colour(0.0, 0.0), "0 N");
-  else if (force)
-    add("forces", constraint_colour(*force < 0.0 ? -1.0 : 1.0, 0.0),
-        shown("%.3g N", std::abs(*force)) + (*force < 0.0 ? " tension" : " compression"));
-  add_motor();
-  add_error();
+  for (const Line& each : lines) {
+    add_text(each.ns, number(id), place, each.colour,
+             is_beside ? beside(each.text, is_left) : each.text);
+    top_ = std::max(top_, place.z());
+    place.z() -= line;
+  }
+}
+
+// Of the first of these lines above an end, farther from it where there are others already. The
+// first one, the name, is left out in the shipped configuration, and may come over others.
+Vector3d Labels::free_place(const std::vector<Line>& lines, const Vector3d& end) {
+  const double line_height = kLineSpacing * height_;
+  const double height = static_cast<double>(lines.size() - 1) * line_height;
+  Block block{end, 0.0, 0.0, 0.0};
+  for (const Line& line : lines)
+    if (line.ns != kNames)
+      block.half = std::max(block.half, 0.5 * kLetter * height_ * kWidthOfLetter *
+                                            static_cast<double>(line.text.size()));
+  block.low = end.z() + kAbove * height_ - 0.5 * line_height;
+  const auto hides = [&](const Block& other) {
+    return (other.end - block.end).head<2>().norm() < block.half + other.half &&
+           block.low < other.high - 1e-9 && other.low < block.low + height - 1e-9;
+  };
+  for (auto other = blocks_.begin(); other != blocks_.end();)
+    if (hides(*other)) {
+      block.low = other->high;
+      other = blocks_.begin();
+    } else {
+      ++other;
+    }
+  block.high = block.low + height;
+  blocks_.push_back(block);
+  return {end.x(), end.y(), block.high + 0.5 * line_height};
 }
 
 void Labels::add_text(const char* ns, std::int32_t id, const Vector3d& place,
@@ -235,60 +346,87 @@ void Labels::add_text(const char* ns, std::int32_t id, const Vector3d& place,
   marker.text = text;
 }
 
+// What of the signs is to be seen now, and the largest forces of now [N].
+struct Labels::Told {
+  bool is_unloaded = false, has_arms = false, has_gears = false, has_signs = false,
+       has_motors = false, is_off = false, is_broken = false;
+  double tension = 0.0, compression = 0.0, normal = 0.0;
+  double friction[2] = {0.0, 0.0};  // where it slides, or sticks
+};
+
+Labels::Told Labels::told(const engine::World& world, const ForceScale& forces) const {
+  Told told;
+  for (const engine::JointId id : world.joint_ids()) {
+    const engine::Joint& joint = world.joint(id);
+    const engine::JointState& state = world.joint_state(id);
+    if (!joint.enabled || is_grip(joint)) continue;
+    if (state.broken) {
+      told.is_broken = told.is_broken || shows_broken(id);
+      continue;
+    }
+    const Look look = look_of(joint);
+    const auto motor = shown_motor(joint, state);
+    const bool drives = motor && motor->direction() != 0.0;
+    told.has_motors = told.has_motors || drives;
+    told.is_off = told.is_off || shown_error(look, state) > kToldError;
+    told.has_signs = told.has_signs || (look == Look::kJoint && !drives);
+    told.has_arms = told.has_arms || (look == Look::kJoint && has_arm_outside(world, joint));
+    told.has_gears =
+        told.has_gears || (joint.kind == engine::JointKind::kGear && touch_.count(id.value) == 0);
+    const auto force = axial_force(joint, state);
+    if (!force || is_slack(joint, state)) continue;
+    const double share = forces.share(*force);
+    if (share < -kLeastLoad) told.tension = std::max(told.tension, -*force);
+    if (share > kLeastLoad) told.compression = std::max(told.compression, *force);
+    told.is_unloaded = told.is_unloaded || std::abs(share) <= kLeastLoad;
+  }
+  const double most = forces.contact_reference();
+  if (!(most > 0.0)) return told;
+  for (const engine::Contact& contact : world.contacts())
+    if (contact.normal_force > kNoForce * most)
+      told.normal = std::max(told.normal, contact.normal_force);
+  for_each_friction(world.contacts(), [&](const ShownFriction& friction) {
+    const double force = friction.force.norm();
+    double& largest = told.friction[friction.sticks ? 1 : 0];
+    if (force > kLeastFriction * most) largest = std::max(largest, force);
+  });
+  return told;
+}
+
 // Above the scene, line by line in the colours that it tells of, as far as they are there.
-void Labels::add_legend(const engine::World& world, const ForceScale& forces, bool has_broken) {
+void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
   const Extent extent = extent_of(world);
-  struct Line {
+  struct Entry {
     bool is_used;
     std_msgs::ColorRGBA colour;
     std::string text;
   };
-  bool has_joints = false, has_motors = false, has_rings = false, has_axes = false,
-       has_errors = false, has_lengths = false;
-  for (const engine::JointId id : world.joint_ids()) {
-    const engine::Joint& joint = world.joint(id);
-    const engine::JointState& state = world.joint_state(id);
-    if (state.broken || !joint.enabled) continue;
-    has_joints = true;
-    const Look look = look_of(joint);
-    const auto motor = shown_motor(joint, state);
-    has_motors = has_motors || motor;
-    has_rings = has_rings || (motor && motor->is_angle);
-    has_axes = has_axes || (look == Look::kJoint && engine::has_frames(joint.kind));
-    has_lengths = has_lengths || axial_force(joint, state);
-    has_errors = has_errors || shown_error(look, state) > kTellsError;
-  }
-  const auto has = [&](engine::ContactState state) {
-    const double most = forces.friction(state == engine::ContactState::kSticking);
-    if (!(most > kLeastFriction * forces.contact_reference())) return false;
-    return std::any_of(world.contacts().begin(), world.contacts().end(),
-                       [&](const auto& contact) { return contact.state == state; });
+  const Told now = told(world, forces);
+  const auto at_most = [](double force) { return ", at most " + newtons(force); };
+  std::string green;
+  const auto add_green = [&](bool is_used, const char* what) {
+    if (is_used) green += (green.empty() ? "green: " : "; ") + std::string(what);
   };
-  const auto at_most = [](double force) { return shown(", at most %.3g N", force); };
-  const auto is_told = [&](double force) {
-    return has_lengths && force > kTellsForce * forces.reference();
-  };
+  add_green(now.is_unloaded, "no force");
+  add_green(now.has_arms, "arms to joints");
+  add_green(now.has_gears, "dashed: gears");
+  const bool has_friction = now.friction[0] > 0.0 || now.friction[1] > 0.0;
   const bool is_long = world.body_ids().size() > kMost || world.joint_ids().size() > kMost;
-  const Line lines[] = {
-      {has_errors, colour(1.0, 0.5, 0.45), "red: off by 10 mm or more"},
-      {has_joints, constraint_colour(0.0, 0.0), has_lengths ? "green: no force" : "green: holds"},
-      {has_axes, colour(0.8, 0.8, 0.85), "light grey: axes and rails of joints"},
-      {has_broken, colour(0.6, 0.6, 0.6), "grey: broken"},
-      {is_told(forces.compression()), constraint_colour(1.0, 0.0),
-       "yellow: compression" + at_most(forces.compression())},
-      {is_told(forces.tension()), constraint_colour(-1.0, 0.0),
-       "cyan: tension" + at_most(forces.tension())},
-      {has_motors, motor_colour(false),
-       std::string("pink: driven by a motor") +
-           (has_rings ? ", rings by the right-hand rule" : "")},
-      {!world.contacts().empty(), colour(1.0, 1.0, 1.0),
-       "white: contact" + (forces.contact_reference() > 0.0
-                               ? shown(", longest at %.3g N", forces.contact_reference())
-                               : std::string())},
-      {has(engine::ContactState::kSlipping), friction_colour(false),
-       "orange: friction where it slides" + at_most(forces.friction(false))},
-      {has(engine::ContactState::kSticking), friction_colour(true),
-       "violet: friction where it sticks" + at_most(forces.friction(true))},
+  const Entry entries[] = {
+      {now.is_off, kOffColour, "red: off by 0.1 to 10 mm or more"},
+      {!green.empty(), constraint_colour(0.0, 0.0), green},
+      {now.has_signs, colour(0.8, 0.8, 0.85), "light grey: joints, their axes and rails"},
+      {now.is_broken, broken_colour(), "grey, in two parts: broken"},
+      {now.compression > 0.0, constraint_colour(1.0, 0.0),
+       "yellow: compression" + at_most(now.compression)},
+      {now.tension > 0.0, constraint_colour(-1.0, 0.0), "cyan: tension" + at_most(now.tension)},
+      {now.has_motors, motor_colour(false), "pink: motors, with the rate that is set"},
+      {now.normal > 0.0, colour(1.0, 1.0, 1.0),
+       "white: contact forces" + at_most(now.normal) + (has_friction ? ", friction to scale" : "")},
+      {now.friction[0] > 0.0, friction_colour(false),
+       "orange: friction where it slides" + at_most(now.friction[0])},
+      {now.friction[1] > 0.0, friction_colour(true),
+       "violet: friction where it sticks, in sum" + at_most(now.friction[1]).substr(1)},
       {is_long, colour(0.9, 0.9, 0.9),
        "labels of the first " + std::to_string(kMost) + " bodies and constraints only"}};
   const double height = height_of_legend_;
@@ -296,14 +434,13 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces, bo
   place.z() = top_of(world);
   for (const auto& [of, size] : wheels_)  // which may be larger than their bodies
     place.z() = std::max(place.z(), world.anchors(engine::JointId{of}).p_b.z() + size.wheel);
-  if (!world.contacts().empty())
-    place.z() += forces.contact_length(extent) - forces.contact_thickness();
-  place.z() += 2.0 * kLineSpacing * height_ + kLineSpacing * height;
+  if (now.normal > 0.0) place.z() += forces.contact_reach(extent);
+  place.z() = std::max(place.z() + kLineSpacing * height_, top_) + kLineSpacing * height;
   std::int32_t id = 0;
-  for (const Line& line : lines) {
+  for (const Entry& entry : entries) {
     ++id;
-    if (!line.is_used) continue;
-    add_text("legend", id, place, line.colour, line.text, height);
+    if (!entry.is_used) continue;
+    add_text("legend", id, place, entry.colour, entry.text, height);
     place.z() += kLineSpacing * height;
   }
 }

@@ -5,7 +5,9 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
+#include <vector>
 
 #include "constraint_sim/engine/world.h"
 #include "ros/joint_signs.h"
@@ -15,7 +17,7 @@
 namespace constraint_sim {
 
 /// Texts beside what Markers draws, on a topic of their own, for they cost more than what they
-/// name: `body_names`, `constraint_names`, `forces` [N], `motor_rates`, `errors` of constraints
+/// name: `body_names`, `constraint_names`, `forces`, `motor_rates`, `errors` of constraints
 /// that are off, and a `legend` of the colours above the scene.
 class Labels {
  public:
@@ -29,20 +31,42 @@ class Labels {
   void forget();
 
  private:
+  struct Line {
+    const char* ns;
+    std_msgs::ColorRGBA colour;
+    std::string text;
+  };
+  /// Lines of text above the end of a length [m].
+  struct Block {
+    Eigen::Vector3d end;
+    double half;  ///< of its width
+    double low, high;
+  };
+  struct Told;
+
   void add_text(const char* ns, std::int32_t id, const Eigen::Vector3d& place,
                 const std_msgs::ColorRGBA& colour, const std::string& text, double height = 0.0);
   JointSize size_in_gear(const engine::World& world, engine::JointId id) const;
   void find_all_wheels(const engine::World& world);
-  void add_labels_of(const engine::World& world, engine::JointId id);
-  void add_legend(const engine::World& world, const ForceScale& forces, bool has_broken);
-  bool is_any_broken_shown(const engine::World& world, double now);
+  std::vector<Line> lines_of(const engine::World& world, const ForceScale& forces,
+                             engine::JointId id) const;
+  void add_labels_of(const engine::World& world, const ForceScale& forces, engine::JointId id);
+  Eigen::Vector3d free_place(const std::vector<Line>& lines, const Eigen::Vector3d& end);
+  Told told(const engine::World& world, const ForceScale& forces) const;
+  void add_legend(const engine::World& world, const ForceScale& forces);
+  void find_broken(const engine::World& world, double now);
+  bool shows_broken(engine::JointId id) const;
   double growth(const engine::World& world, const Extent& extent);
 
   MarkerSet set_;
-  std::optional<std::size_t> broken_;  // joints, at the last look
-  std::optional<double> broke_;        // when there were more of them [s]
-  std::optional<Extent> seen_;         // where the scene was, and will be in a second as it moves
-  std::map<decltype(engine::JointId::value), JointSize> wheels_;
+  using Number = decltype(engine::JointId::value);
+  std::optional<std::map<Number, double>> broke_;  // what is broken: when that was seen [s]
+  double now_ = 0.0;                               // [s]
+  std::optional<Extent> seen_;  // where the scene was, and will be in a second as it moves
+  std::map<Number, JointSize> wheels_;
+  std::set<Number> touch_;  // gears
+  std::vector<Block> blocks_;
+  double top_ = 0.0;                              // of the labels of constraints [m]
   double height_ = 0.0, height_of_legend_ = 0.0;  // of letters [m]
 };
 

@@ -16,7 +16,7 @@ constexpr int kPartsOfTurn = 10;
 constexpr double kStraightEnd = 0.1;  // share of a spring's length
 constexpr int kArcParts = 18;
 constexpr double kArc = 1.5 * kPi;  // [rad]
-constexpr double kHeadOfArc = 0.7;  // [rad]
+constexpr double kHeadOfArc = 0.5;  // [rad]
 constexpr int kThreadTurns = 10;
 constexpr int kPartsOfThread = 8;       // of a turn
 constexpr double kRootOfThread = 0.65;  // radius between the crests, of theirs
@@ -84,11 +84,10 @@ void add_turning_arrow(double radius, double z, bool positive, Lines* lines) {
   const double begin = kArc - kHeadOfArc;  // of the head, which is flat and as an arrow's feathers
   for (int i = 0; i < kArcParts; ++i)
     add_line(at(kArc * i / kArcParts, 1.0), at(kArc * (i + 1) / kArcParts, 1.0), lines);
-  const Vector3d tip = at(kArc, 1.0), up(0.0, 0.0, 0.3 * radius);
-  for (const Vector3d& end : {at(begin, 1.35), at(begin, 0.65), Vector3d(at(begin, 1.0) + up),
+  const Vector3d tip = at(kArc, 1.0), up(0.0, 0.0, 0.2 * radius);
+  for (const Vector3d& end : {at(begin, 1.2), at(begin, 0.8), Vector3d(at(begin, 1.0) + up),
                               Vector3d(at(begin, 1.0) - up)})
     add_line(tip, end, lines);
-  add_line(at(begin, 1.35), at(begin, 0.65), lines);
 }
 
 void add_circle(const Vector3d& middle, const Vector3d& u, const Vector3d& v, Lines* lines) {

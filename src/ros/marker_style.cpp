@@ -59,6 +59,11 @@ double half_width(const engine::Body& body, const engine::BodyState& state,
   return half_width(body.shape, turned.conjugate() * along);
 }
 
+double radius_of_ball(const engine::Body& body) {
+  const auto* sphere = std::get_if<engine::Sphere>(&body.shape);
+  return sphere != nullptr ? sphere->radius : 0.0;
+}
+
 Look look_of(const engine::Joint& joint) {
   if (engine::couples_joints(joint.kind)) return Look::kCoupling;
   const engine::DistanceJoint* distance = engine::if_distance(joint);
@@ -149,15 +154,13 @@ std_msgs::ColorRGBA body_colour(const engine::Body& body) {
 }
 
 std_msgs::ColorRGBA constraint_colour(double share, double error) {
-  // small ones show as well
-  const double load = std::sqrt(std::sqrt(std::min(std::abs(share), 1.0)));
   const double red =
-      error > kGreenError
-          ? std::min(std::log(error / kGreenError) / std::log(kRedError / kGreenError), 1.0)
+      error > kToldError
+          ? std::min(std::log(error / kToldError) / std::log(kRedError / kToldError), 1.0)
           : 0.0;
   Eigen::Vector3d rgb(0.2, 0.8, 0.2);
-  rgb += load *
-         ((share < 0.0 ? Eigen::Vector3d(0.1, 0.85, 1.0) : Eigen::Vector3d(1.0, 0.9, 0.1)) - rgb);
+  if (share < -kLeastLoad) rgb = {0.1, 0.85, 1.0};
+  if (share > kLeastLoad) rgb = {1.0, 0.9, 0.1};
   rgb += red * (Eigen::Vector3d(1.0, 0.28, 0.25) - rgb);
   return colour(rgb.x(), rgb.y(), rgb.z());
 }
@@ -169,6 +172,10 @@ std_msgs::ColorRGBA motor_colour(bool saturated) {
 std_msgs::ColorRGBA friction_colour(bool sticks) {
   return sticks ? colour(0.75, 0.6, 1.0) : colour(1.0, 0.6, 0.2);
 }
+
+std_msgs::ColorRGBA slack_colour() { return colour(0.75, 0.68, 0.55); }
+
+std_msgs::ColorRGBA broken_colour() { return colour(0.65, 0.65, 0.65); }
 
 Eigen::Vector3d friction_of(const engine::Contact& contact) {
   return contact.force - contact.normal_force * contact.normal;
@@ -189,10 +196,8 @@ double sign_of_held(const engine::World& world, const engine::Contact& contact,
 
 namespace {
 
-double thickness_of_held(const engine::World& world, const engine::Contact& contact) {
-  const bool holds_a = sign_of_held(world, contact, down(world)) > 0.0;
-  const engine::BodyId held = holds_a ? contact.body_a : contact.body_b;
-  return 2.0 * half_width(world.body(held), world.state(held), contact.normal);
+engine::BodyId held_by(const engine::World& world, const engine::Contact& contact) {
+  return sign_of_held(world, contact, down(world)) > 0.0 ? contact.body_a : contact.body_b;
 }
 
 }  // namespace
@@ -209,16 +214,12 @@ void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
   if (passed >= 0.0 && passed < kForcesPeriod && !awaits_some) return;
   stamp_ = stamp;
   const double kept = std::exp(-std::max(passed, 0.0) / kForgets);
-  for (double& largest : axial_) largest = world.joint_ids().empty() ? 0.0 : kept * largest;
+  axial_ = world.joint_ids().empty() ? 0.0 : kept * axial_;
   contact_ *= kept;
-  for (double& largest : friction_) largest *= kept;
   for (const engine::JointId id : world.joint_ids())
     if (const auto force = axial_force(world.joint(id), world.joint_state(id));
-        force && !is_grip(world.joint(id)))
-      if (std::isfinite(*force)) {
-        double& largest = axial_[*force > 0.0 ? 1 : 0];
-        largest = std::max(largest, std::abs(*force));
-      }
+        force && std::isfinite(*force) && !is_grip(world.joint(id)))
+      axial_ = std::max(axial_, std::abs(*force));
   const engine::Contact* largest_contact = nullptr;
   for (const engine::Contact& contact : world.contacts()) {
     const double least = std::max(contact_, kNoForce * reference());
@@ -226,13 +227,15 @@ void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
     contact_ = contact.normal_force;
     largest_contact = &contact;
   }
-  if (largest_contact != nullptr) thickness_ = thickness_of_held(world, *largest_contact);
+  if (largest_contact != nullptr) {
+    const engine::BodyId held = held_by(world, *largest_contact);
+    thickness_ = 2.0 * half_width(world.body(held), world.state(held), largest_contact->normal);
+    is_on_ball_ = radius_of_ball(world.body(held)) > 0.0;
+  }
   for_each_friction(world.contacts(), [&](const ShownFriction& friction) {
     const double force = friction.force.norm();
-    if (!std::isfinite(force)) return;
-    double& largest = friction_[friction.sticks ? 1 : 0];
-    largest = std::max(largest, force);
-    contact_ = std::max(contact_, force);
+    if (std::isfinite(force) && force > kNoForce * reference())
+      contact_ = std::max(contact_, force);
   });
 }
 

@@ -6,7 +6,6 @@
 
 #include <Eigen/Core>
 #include <algorithm>
-#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -36,12 +35,12 @@ struct ShownMotor {
 };
 std::optional<ShownMotor> shown_motor(const engine::Joint& joint, const engine::JointState& state);
 
-/// Errors up to the first are green, from the second on red [m].
 inline constexpr double kNoForce = 1e-9;        ///< of the largest force: less is rounding
+inline constexpr double kLeastLoad = 1e-3;      ///< of the largest one: less is shown as none
 inline constexpr double kLeastFriction = 0.02;  ///< of the largest contact force: less is not drawn
 inline constexpr double kBrokenShown = 2.0;     ///< [s]
-inline constexpr double kGreenError = 1e-6;
-inline constexpr double kRedError = 1e-2;
+inline constexpr double kToldError = 1e-4;      ///< where constraints turn towards red [m]
+inline constexpr double kRedError = 1e-2;       ///< from which on they are red [m]
 
 /// About the centre of mass [m]; 0 of points and planes.
 double radius_of(const engine::Shape& shape);
@@ -58,11 +57,13 @@ void set_shape(visualization_msgs::Marker* marker, const engine::Shape& shape);
 
 std_msgs::ColorRGBA colour(double r, double g, double b, double a = 1.0);
 std_msgs::ColorRGBA body_colour(const engine::Body& body);
-/// Green without load, cyan in tension (share -1), yellow in compression (share 1), and over the
-/// logarithm of the error to red.
+/// Green without load, cyan in tension, yellow in compression at any share of the largest force;
+/// over the logarithm of the error to red.
 std_msgs::ColorRGBA constraint_colour(double share, double error);
 std_msgs::ColorRGBA motor_colour(bool saturated);
 std_msgs::ColorRGBA friction_colour(bool sticks);
+std_msgs::ColorRGBA slack_colour();
+std_msgs::ColorRGBA broken_colour();
 
 /// Along the surface, on A [N].
 Eigen::Vector3d friction_of(const engine::Contact& contact);
@@ -104,31 +105,29 @@ struct Extent {
   double diagonal() const { return (high - low).norm(); }
 };
 
-/// The largest force of distance joints in the last seconds, beside which forces are drawn. It is
-/// looked for ten times a second, and at every call until there is one.
+/// The largest forces in the last seconds, of distance joints and of contacts, beside which forces
+/// are drawn. They are looked for ten times a second, and at every call until there are some.
 class ForceScale {
  public:
   void update(const engine::World& world, const ros::Time& stamp);
-  double reference() const { return std::max(axial_[0], axial_[1]); }  ///< [N]
-  double tension() const { return axial_[0]; }                         ///< the largest one [N]
-  double compression() const { return axial_[1]; }                     ///< [N]
-  double contact_reference() const { return contact_; }                ///< [N]
-  /// Of the body that is held by it, along it [m].
-  double contact_thickness() const { return thickness_; }
+  double reference() const { return axial_; }            ///< of distance joints [N]
+  double contact_reference() const { return contact_; }  ///< [N]
+  /// What is seen of its arrow [m].
+  double contact_reach(const Extent& extent) const {
+    return contact_length(extent) - (is_on_ball_ ? 0.0 : thickness_);
+  }
   /// Of its arrow, which comes out of what it holds and would hide it [m].
   double contact_length(const Extent& extent) const {
     constexpr double kOut = 1.3;
     return std::max(extent.sign, kOut * thickness_);
   }
-  /// The largest one where it slides, or sticks [N].
-  double friction(bool sticks) const { return friction_[sticks ? 1 : 0]; }
   /// Of the reference, from -1 to 1.
   double share(double force) const;
 
  private:
-  std::array<double, 2> axial_{};
-  double contact_ = 0.0, thickness_ = 0.0;
-  std::array<double, 2> friction_{};
+  double axial_ = 0.0, contact_ = 0.0;
+  double thickness_ = 0.0;  // of the body that the largest contact force holds, along it [m]
+  bool is_on_ball_ = false;
   ros::Time stamp_;
 };
 
@@ -139,6 +138,9 @@ Eigen::Vector3d down(const engine::World& world);
 /// one.
 double sign_of_held(const engine::World& world, const engine::Contact& contact,
                     const Eigen::Vector3d& down);
+
+/// Of a ball, which hides what begins at its contact: arrows begin where they leave it; else 0 [m].
+double radius_of_ball(const engine::Body& body);
 
 Extent extent_of(const engine::World& world);
 /// Of a sheet around a place that reaches twice as far as the scene [m].

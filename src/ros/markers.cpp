@@ -17,8 +17,10 @@ using Eigen::Vector3d;
 using visualization_msgs::Marker;
 
 constexpr double kWidthOfLength = 0.1;  // of a constraint: its width, at most
+constexpr double kGap = 0.3;            // of the length of what is broken
 constexpr float kDarkStripe = 0.6F;     // of a rope's colour
 constexpr double kLeastArrow = 0.2;     // of the longest one: that of a small contact force
+constexpr double kHead = 0.2;           // of the arrow of a force
 constexpr double kSlender = 0.025;      // width of an arrow by its length
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
@@ -162,8 +164,8 @@ void Markers::find_looks(const engine::World& world) {
          {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}})
       if (body != engine::kWorldBody) look.arm = std::max(look.arm, anchor.norm());
     if (joint.kind == engine::JointKind::kGear)
-      find_wheels(world, joint, &coupled_look(joint.coupling.first).size,
-                  &coupled_look(joint.coupling.second).size);
+      look.touches = find_wheels(world, joint, &coupled_look(joint.coupling.first).size,
+                                 &coupled_look(joint.coupling.second).size);
     if (joint.kind != engine::JointKind::kPulley) continue;
     coupled_look(joint.coupling.first).pulley = id;
     JointLook& second = coupled_look(joint.coupling.second);
@@ -248,6 +250,7 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
                              const ros::Time& stamp) {
   const engine::JointState& state = world.joint_state(look.id);
   if ((state.broken || !broken_since_.empty()) && !is_drawn(look, state.broken, stamp)) return;
+  if (look.touches && !(shown_error(look.look, state) > kToldError)) return;
   const engine::Joint& joint = world.joint(look.id);
   const double force = look.pulley ? look.tackle * world.joint_state(*look.pulley).force
                                    : axial_force(joint, state).value_or(0.0);
@@ -261,10 +264,14 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
   const std::optional<ShownMotor> motor =
       look.has_motor && !state.broken ? shown_motor(joint, state) : std::nullopt;
   const bool drives = motor && motor->direction() != 0.0;
-  ShownMarker& marker = constraints_.add(seen.number, type_of(look.look));
+  const bool is_in_parts =
+      state.broken && look.look != Look::kJoint && look.look != Look::kCoupling;
+  ShownMarker& marker =
+      constraints_.add(seen.number, is_in_parts ? Marker::LINE_LIST : type_of(look.look));
   marker.scale.x = extent_.width;
-  marker.color = state.broken ? colour(0.6, 0.6, 0.6, 0.6)
-                              : constraint_colour(seen.load, shown_error(look.look, state));
+  marker.color =
+      state.broken ? broken_colour() : constraint_colour(seen.load, shown_error(look.look, state));
+  if (is_in_parts) return draw_parts(seen, &marker);
   switch (look.look) {
     case Look::kCoupling:
       draw_coupling(world, seen, &marker);
@@ -302,12 +309,24 @@ void Markers::draw_coupling(const engine::World& world, const Seen& seen,
   stripe(kRopeParts, darker(marker->color), marker);
 }
 
+// What is left of a length at both ends.
+void Markers::draw_parts(const Seen& seen, ShownMarker* marker) const {
+  const Vector3d part = 0.5 * (1.0 - kGap) * (seen.p_b - seen.p_a);
+  place_in_world(marker);
+  marker->is_drawn_for({-2.0, 0.0, 0.0});
+  marker->points.clear();
+  const double width = 0.7 * std::min(extent_.width, kWidthOfLength * part.norm());
+  marker->scale = to_vector({width, 0.0, 0.0});
+  add_line(seen.p_a, seen.p_a + part, &marker->points);
+  add_line(seen.p_b - part, seen.p_b, &marker->points);
+}
+
 // Between the anchors: the thicker, the larger the force.
 void Markers::draw_length(const engine::World& world, const Seen& seen, ShownMarker* marker) const {
   const Vector3d way = seen.p_b - seen.p_a;
   const double length = way.norm();
   const double widest = std::min(extent_.width, kWidthOfLength * length);
-  const double width = widest * (0.7 + 0.3 * std::abs(seen.load));
+  const double width = widest * (0.6 + 0.4 * std::abs(seen.load));
   if (seen.look.look == Look::kRope) {
     marker->scale.x = 0.6 * width;
     return draw_rope(world, seen, length, marker);
@@ -338,12 +357,12 @@ void Markers::draw_length(const engine::World& world, const Seen& seen, ShownMar
 void Markers::draw_rope(const engine::World& world, const Seen& seen, double length,
                         ShownMarker* marker) const {
   const engine::JointState& state = seen.state;
-  const bool slack = is_slack(seen.joint, state) && !state.broken;
+  const bool slack = is_slack(seen.joint, state);
   const double longest =
       slack ? std::max(seen.joint.distance.max_length + state.travel, length) : length;
   const Vector3d way = seen.p_b - seen.p_a;
   if (slack || !(length > 0.0)) {
-    if (slack) marker->color = colour(0.75, 0.68, 0.55);
+    if (slack) marker->color = slack_colour();
     place_in_world(marker);
     marker->pose.position = point_at(seen.p_a);
     marker->is_drawn_for({-1.0, 0.0, 0.0});
@@ -353,8 +372,7 @@ void Markers::draw_rope(const engine::World& world, const Seen& seen, double len
     draw_along(Look::kRope, length, 0.0, marker,
                [](double l, double, Lines* lines) { add_straight(l, lines); });
   }
-  // nowhere as dark as what is behind it
-  stripe(kRopeParts, state.broken ? marker->color : darker(marker->color), marker);
+  stripe(kRopeParts, darker(marker->color), marker);
 }
 
 // No length to see: arms from the centres of the bodies, and what the error leaves open.
@@ -366,7 +384,9 @@ void Markers::draw_arms(const engine::World& world, const Seen& seen, ShownMarke
     lines[2 * line + 1] = point_at(to);
   };
   std::size_t line = 0;
-  set(line++, seen.p_a, seen.p_b);
+  const bool is_open =
+      !slides(seen.joint.kind) || shown_error(seen.look.look, seen.state) > kToldError;
+  set(line++, is_open ? seen.p_a : seen.p_b, seen.p_b);
   if (seen.joint.body_a != engine::kWorldBody)
     set(line++, world.state(seen.joint.body_a).position, seen.p_a);
   if (seen.joint.body_b != engine::kWorldBody)
@@ -411,15 +431,21 @@ void Markers::add_contacts(const engine::World& world) {
     marker.points.clear();
     return &marker.points;
   };
-  Lines* const normal = add(&contacts_, 0, colour(1.0, 1.0, 1.0));
+  Lines* normal = nullptr;
   Lines* friction[] = {nullptr, nullptr};
   const double most = forces_->contact_reference();
-  const double scale = most > 0.0 ? longest / most : 0.0;
+  if (!(most > 0.0)) return;
+  const double scale = longest / most;
   const Vector3d down = constraint_sim::down(world);
   for (const engine::Contact& contact : world.contacts()) {
+    if (!(contact.normal_force > kNoForce * most)) continue;
     const double sign = sign_of_held(world, contact, down);
+    const engine::BodyId held = sign > 0.0 ? contact.body_a : contact.body_b;
+    const Vector3d way = sign * contact.normal;
+    const Vector3d from = contact.position + 2.0 * radius_of_ball(world.body(held)) * way;
     const double length = std::clamp(scale * contact.normal_force, kLeastArrow * longest, longest);
-    add_arrow(contact.position, sign * contact.normal, length, 0.3 * length, normal);
+    if (normal == nullptr) normal = add(&contacts_, 0, colour(1.0, 1.0, 1.0));
+    add_arrow(from, way, length, kHead * length, normal);
   }
   for_each_friction(world.contacts(), [&](const ShownFriction& shown) {
     const double force = shown.force.norm();
@@ -430,11 +456,12 @@ void Markers::add_contacts(const engine::World& world) {
     const double reach = std::min(scale * force, longest);
     const double sign = sign_of_held(world, *shown.first, down);
     const Vector3d way = sign / force * shown.force;
-    const Vector3d place = behind_all(shown, way);
-    // outside of what is held, which would hide it: from the contact, or to it
     const engine::BodyId held = sign > 0.0 ? shown.first->body_a : shown.first->body_b;
+    const double ball = radius_of_ball(world.body(held));
+    const Vector3d place = behind_all(shown, way) + ball * way;
+    // outside of what is held, which would hide it: from the contact, or to it
     const bool is_inwards = way.dot(world.state(held).position - place) > 0.0;
-    add_arrow(is_inwards ? place - reach * way : place, way, reach, 0.3 * reach, lines);
+    add_arrow(is_inwards ? place - reach * way : place, way, reach, kHead * reach, lines);
   });
 }
 

@@ -20,7 +20,8 @@ namespace constraint_sim {
 /// What rviz draws, with the ids of the world, in fixed namespaces: `bodies`; `constraints` (rods
 /// as cylinders; ropes striped, hanging through while slack; coils, struts, arms); `joints`, the
 /// solid of what turns or slides where; `motors` as arrows; `contacts` and `friction`, each one
-/// marker for all; `visuals` of robots. A constraint that breaks is grey for two seconds.
+/// marker for all; `visuals` of robots. A constraint that breaks is grey, in two parts, for two
+/// seconds.
 class Markers {
  public:
   Markers(const std::string& frame, Robots& robots) : set_(frame), robots_(robots) {}
@@ -41,7 +42,8 @@ class Markers {
     bool is_grip = false;
     bool is_drawn = false;
     bool has_motor = false;
-    double arm = 0.0;  ///< the longer one, from a body's centre to its anchor [m]
+    bool touches = false;  ///< a gear, whose wheels say what it couples
+    double arm = 0.0;      ///< the longer one, from a body's centre to its anchor [m]
     JointSize size;
     std::optional<engine::JointId> pulley;  ///< whose rope this length is a part of
     double tackle = 1.0;                    ///< so many times its force
@@ -68,6 +70,7 @@ class Markers {
   void add_grip(const engine::World& world, engine::JointId id);
   void add_constraint(const engine::World& world, const JointLook& look, const ros::Time& stamp);
   bool is_drawn(const JointLook& look, bool is_broken, const ros::Time& stamp);
+  void draw_parts(const Seen& seen, ShownMarker* marker) const;
   void draw_length(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
   void draw_rope(const engine::World& world, const Seen& seen, double length,
                  ShownMarker* marker) const;

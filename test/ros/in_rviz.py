@@ -102,4 +102,4 @@ class InRviz(unittest.TestCase):
         middle = "%dx%d+0+0" % (1232 / zoom, 690 / zoom)
         subprocess.check_call(["convert", path, "-crop", "1232x690+24+70", "+repage",
                                "-gravity", "center", "-crop", middle, "+repage",
-                               "-resize", "%dx" % width, "-colors", "64", "PNG8:" + path])
+                               "-resize", "%dx" % width, "+dither", "-colors", "128", "PNG8:" + path])

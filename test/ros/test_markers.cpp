@@ -294,6 +294,13 @@ TEST(Markers, OfWhatBreaksAreGreyForTwoSeconds) {
       EXPECT_EQ(marker->action, Marker::ADD);
       EXPECT_EQ(marker->color.r, marker->color.g);
       EXPECT_EQ(marker->color.g, marker->color.b);
+      ASSERT_EQ(marker->points.size(), 4u);  // two parts, from the anchors on
+      const auto length = [&](std::size_t i, std::size_t j) {
+        const auto &p = marker->points[i], &q = marker->points[j];
+        return Vector3d(q.x - p.x, q.y - p.y, q.z - p.z).norm();
+      };
+      EXPECT_NEAR(length(0, 1) + length(1, 2) + length(2, 3), length(0, 3), 1e-9);
+      EXPECT_NEAR(length(1, 2), 0.3 * length(0, 3), 1e-9);
     } else if (!is_gone) {
       ASSERT_NE(marker, nullptr);
       EXPECT_EQ(marker->action, Marker::DELETE);
@@ -326,18 +333,73 @@ TEST(Markers, StaticBodiesAreMutedAndColoursAreTheBodies) {
   EXPECT_FLOAT_EQ(own.a, 0.5F);
 }
 
-// A ball that rests would hide an arrow from its contact to anywhere in it.
 TEST(Markers, TheLargestContactForceComesOutOfWhatItHolds) {
   engine::World world = engine::load_scene(
-      "bodies: [{name: floor, type: static, shape: {plane: {}}}, {name: ball, mass: 1,"
-      " shape: {sphere: {radius: 0.5}}, position: [0, 0, 0.5]}]");
+      "bodies: [{name: floor, type: static, shape: {plane: {}}}, {name: block, mass: 1,"
+      " shape: {box: {size: [1, 1, 1]}}, position: [0, 0, 0.5]}]");
   run(&world, 0.1);
   const MarkerArray array = Listener().hear(world);
   const Marker* normal = find(array, "contacts", 0);
   ASSERT_NE(normal, nullptr);
   double top = 0.0;
   for (const auto& point : normal->points) top = std::max(top, point.z);
-  EXPECT_NEAR(top, 1.3, 1e-9);
+  EXPECT_NEAR(top, 1.3, 1e-6);
+}
+
+// A ball that slides, which hides all that is less than its radius from its middle.
+TEST(Markers, ForcesOnABallAreSeenAroundIt) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: floor, type: static, shape: {plane: {}}, friction: 0.5},"
+      " {name: ball, mass: 1, shape: {sphere: {radius: 0.5}}, position: [0, 0, 0.5],"
+      " linear_velocity: [5, 0, 0], friction: 0.5},"
+      " {name: pebble, mass: 1e-3, shape: {sphere: {radius: 0.5}}, position: [5, 0, 0.5],"
+      " linear_velocity: [5, 0, 0], friction: 0.5}]");
+  run(&world, 0.05);
+  ASSERT_EQ(world.contacts().size(), 2u);
+  const MarkerArray array = Listener().hear(world);
+  for (const char* ns : {"contacts", "friction"}) {
+    const Marker* marker = find(array, ns, 0);
+    ASSERT_NE(marker, nullptr) << ns;
+    for (const auto& point : marker->points)
+      for (const char* name : {"ball", "pebble"})
+        EXPECT_GT(
+            (Vector3d(point.x, point.y, point.z) - world.state(world.find_body(name)).position)
+                .norm(),
+            0.5 - 1e-6)  // the ball dips into the floor by rounding
+            << ns << name;
+  }
+}
+
+TEST(Markers, ContactsWithoutAForceHaveNoArrow) {
+  engine::World world = engine::load_scene(
+      "world: {gravity: [0, 0, 0]}\n"
+      "bodies: [{name: a, mass: 1, shape: {sphere: {radius: 0.5}}},"
+      " {name: b, mass: 1, shape: {sphere: {radius: 0.5}}, position: [1, 0, 0]}]");
+  world.step();
+  EXPECT_EQ(find(Listener().hear(world), "contacts", 0), nullptr);
+}
+
+// Rods that bear 9.81 N and a hundredth of that, and one that bears nothing.
+TEST(Markers, TheKindOfLoadIsAColourAndItsAmountAWidth) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: a, mass: 1, shape: {point: {}}, position: [0, 0, 1]},"
+      " {name: b, mass: 0.01, shape: {point: {}}, position: [1, 0, 1]},"
+      " {name: c, mass: 0.01, shape: {point: {}}, position: [2, 0, 3]},"
+      " {name: d, mass: 1e-9, shape: {point: {}}, position: [3, 0, 1]}]\n"
+      "constraints: [{name: heavy, anchor_a: [0, 0, 2], body_b: a},"
+      " {name: light, anchor_a: [1, 0, 2], body_b: b},"
+      " {name: pushed, anchor_a: [2, 0, 2], body_b: c},"
+      " {name: idle, anchor_a: [3, 0, 2], body_b: d}]");
+  world.step();
+  const MarkerArray array = Listener().hear(world);
+  const auto marker = [&](const char* name) {
+    return *find(array, "constraints", static_cast<std::int32_t>(world.find_joint(name).value));
+  };
+  EXPECT_EQ(marker("light").color, marker("heavy").color);
+  EXPECT_EQ(marker("heavy").color, constraint_colour(-1.0, 0.0));
+  EXPECT_EQ(marker("pushed").color, constraint_colour(1.0, 0.0));
+  EXPECT_EQ(marker("idle").color, constraint_colour(0.0, 0.0));
+  EXPECT_GT(marker("heavy").scale.x, 1.5 * marker("light").scale.x);
 }
 
 // ---- labels
@@ -355,6 +417,19 @@ class LabelsTest : public testing::Test {
       if (marker.ns == "legend" && marker.action == Marker::ADD) lines.push_back(marker);
     return lines;
   }
+  // of these namespaces, in their order
+  std::vector<std::string> texts_of(const engine::World& world,
+                                    const std::vector<std::string>& namespaces) {
+    std::vector<std::string> texts;
+    for (const Marker& marker : shown(world)) {
+      if (marker.action != Marker::ADD ||
+          std::find(namespaces.begin(), namespaces.end(), marker.ns) == namespaces.end())
+        continue;
+      const std::size_t first = marker.text.find_first_not_of(' ');
+      texts.push_back(marker.text.substr(first, marker.text.find_last_not_of(' ') + 1 - first));
+    }
+    return texts;
+  }
   Labels labels_{"world"};
   ForceScale forces_;
 };
@@ -364,9 +439,8 @@ TEST_F(LabelsTest, TellForTwoSecondsWhatBroke) {
       "bodies: [{name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]}]\n"
       "constraints: [{name: rod, anchor_a: [0, 0, 2], body_b: bob, break_force: 5}]");
   const auto tells = [&] {
-    const std::vector<Marker> lines = legend_of(world);
-    return std::count_if(lines.begin(), lines.end(),
-                         [](const Marker& line) { return line.text == "grey: broken"; }) == 1;
+    const std::vector<std::string> texts = texts_of(world, {"legend", "forces"});
+    return texts == std::vector<std::string>{"broke beyond 5 N", "grey, in two parts: broken"};
   };
   EXPECT_FALSE(tells());
   run(&world, 0.1);
@@ -388,6 +462,114 @@ TEST_F(LabelsTest, HaveTheLegendAboveShapesThatAreOffTheirBodies) {
   const std::vector<Marker> lines = legend_of(world);
   ASSERT_EQ(lines.size(), 1u);
   EXPECT_GT(lines.front().pose.position.z, 4.0);
+}
+
+TEST_F(LabelsTest, TellInTheLegendWhatIsThere) {
+  using Texts = std::vector<std::string>;
+  const auto legend = [&](const std::string& scene) {
+    engine::World world = engine::load_scene(scene);
+    world.step();
+    labels_.forget();
+    forces_ = ForceScale();
+    return texts_of(world, {"legend"});
+  };
+  const std::string bob =
+      "bodies: [{name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]}]\n";
+  EXPECT_EQ(legend(bob), Texts());
+  EXPECT_EQ(legend(bob + "constraints: [{name: rod, anchor_a: [0, 0, 2], body_b: bob}]"),
+            Texts{"cyan: tension, at most 9.81 N"});
+  EXPECT_EQ(legend(bob + "constraints: [{name: rod, body_b: bob}]"),
+            Texts{"yellow: compression, at most 9.81 N"});
+  EXPECT_EQ(
+      legend("world: {gravity: [0, 0, 0]}\n" + bob + "constraints: [{name: rod, body_b: bob}]"),
+      Texts{"green: no force"});
+  EXPECT_EQ(legend(bob + "constraints: [{name: hinge, type: hinge, body_b: bob,"
+                         " anchor_a: [0, 0, 1], axis_a: [0, 1, 0], motor: {bias: 1}}]"),
+            Texts{"pink: motors, with the rate that is set"});
+  // an arm within its body is not seen
+  EXPECT_EQ(legend(bob + "constraints: [{name: ball, type: ball, body_b: bob,"
+                         " anchor_a: [0, 0, 1.1], anchor_b: [0, 0, 0.1]}]"),
+            Texts{"light grey: joints, their axes and rails"});
+  EXPECT_EQ(legend(bob + "constraints: [{name: ball, type: ball, body_b: bob,"
+                         " anchor_a: [0, 0, 1.5], anchor_b: [0, 0, 0.5]}]"),
+            (Texts{"green: arms to joints", "light grey: joints, their axes and rails"}));
+  EXPECT_EQ(legend("world: {gravity: [0, 0, 0]}\n"
+                   "bodies: [{name: a, mass: 1, shape: {sphere: {radius: 0.5}}},"
+                   " {name: b, mass: 1, shape: {sphere: {radius: 0.5}}, position: [1, 0, 0]}]"),
+            Texts());  // they touch
+}
+
+// A ball that goes round by 3 m/s pulls with 9 N more than one at rest. That was, and is told no
+// more.
+TEST_F(LabelsTest, TellTheForcesOfNow) {
+  engine::World world = engine::load_scene(
+      "world: {time_step: 0.0001}\n"
+      "bodies: [{name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1],"
+      " linear_velocity: [3, 0, 0]}]\n"
+      "constraints: [{name: rope, type: rope, anchor_a: [0, 0, 2], body_b: bob, max_length: 1}]");
+  using Texts = std::vector<std::string>;
+  world.step();
+  EXPECT_EQ(texts_of(world, {"legend", "forces"}),
+            (Texts{"rope 18.8 N", "cyan: tension, at most 18.8 N"}));
+  engine::BodyState rest = world.state(world.find_body("bob"));
+  rest.linear_velocity.setZero();
+  world.set_state(world.find_body("bob"), rest);
+  world.step();
+  EXPECT_EQ(texts_of(world, {"legend", "forces"}),
+            (Texts{"rope 9.81 N", "cyan: tension, at most 9.81 N"}));
+}
+
+// Of lines that hang: above their upper ends, in the colour of the line, and never one over the
+// other. Of legs: beside them, a fifth of their length above their feet.
+TEST_F(LabelsTest, AreWhereTheirLineIsFixed) {
+  for (const char* name : {"newtons_cradle", "stewart_platform"}) {
+    engine::World world = load_world(name, "", Parameters(), Caller::kParameter);
+    run(&world, 0.1);
+    const bool stands = std::string(name) == "stewart_platform";
+    const std::vector<Marker> labels = shown(world);
+    const MarkerArray markers = Listener().hear(world);
+    std::vector<const Marker*> forces;
+    for (const Marker& label : labels) {
+      if (label.ns == "forces") forces.push_back(&label);
+      if (label.ns != "forces" && label.ns != "motor_rates") continue;
+      const auto anchors = world.anchors({static_cast<std::uint32_t>(label.id)});
+      const double share = stands ? 0.2 : 0.0;
+      const Vector3d end = (1.0 - share) * anchors.p_a + share * anchors.p_b;
+      const auto& at = label.pose.position;
+      EXPECT_NEAR(at.x, end.x(), 1e-12);
+      EXPECT_NEAR(at.y, end.y(), 1e-12);
+      EXPECT_LT(std::abs(at.z - end.z()), (stands ? 1.5 : 4.0) * label.scale.z);
+      EXPECT_TRUE(stands || at.z - end.z() > 0.5 * label.scale.z);
+      const Marker* line = find(markers, "constraints", label.id);
+      if (label.ns == "forces") {
+        EXPECT_EQ(label.color, line->color);
+      }
+    }
+    EXPECT_GE(forces.size(), 5u);
+    for (const Marker* one : forces)
+      for (const Marker* other : forces) {
+        if (one == other || stands) continue;
+        const auto &a = one->pose.position, &b = other->pose.position;
+        const double height = one->scale.z;
+        const double width = 0.5 * height * static_cast<double>(one->text.size());
+        EXPECT_TRUE(std::hypot(a.x - b.x, a.y - b.y) > width || std::abs(a.z - b.z) > height)
+            << name << one->id << other->id;
+      }
+  }
+}
+
+TEST_F(LabelsTest, TellWhichWayAMotorDrivesALength) {
+  for (const char* type : {"rope, max_length: 1", "distance, length: 1"}) {
+    for (const double rate : {0.05, -0.05}) {
+      engine::World world = engine::load_scene(
+          "bodies: [{name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]}]\n"
+          "constraints: [{name: winch, anchor_a: [0, 0, 2], body_b: bob, motor: {bias: " +
+          std::to_string(rate) + "}, type: " + type + "}]");
+      world.step();
+      EXPECT_EQ(texts_of(world, {"motor_rates"}),
+                std::vector<std::string>{rate < 0.0 ? "in 0.05 m/s" : "out 0.05 m/s"});
+    }
+  }
 }
 
 TEST_F(LabelsTest, HaveLargerLettersWhereTheSceneGoesFar) {
@@ -462,8 +644,8 @@ TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
 // ---- joints
 
 // The ring of a motor: its points follow each other as a point of a body that it turns does, at the
-// upper end of the axis, out of the body of 0.4 m by 0.2 m by 0.6 m. The arrow through it is along
-// the angular velocity.
+// upper end of the axis, out of the body of 0.4 m by 0.2 m by 0.6 m. No arrow points along the
+// axis, which would say that it slides.
 TEST(Markers, AMotorsArrowTurnsAsItsBody) {
   for (const char* axis : {"[0, 0, 1]", "[0, 0, -1]", "[1, 0, 0]", "[1, 2, -3]"}) {
     for (const double rate : {0.5, -0.5}) {
@@ -497,9 +679,10 @@ TEST(Markers, AMotorsArrowTurnsAsItsBody) {
       }
       EXPECT_GT(runs, 15) << axis << rate;
       const Vector3d along = turning.normalized();
-      const std::size_t arrow = marker->points.size() - 10;
-      EXPECT_NEAR((place(arrow + 1) - place(arrow)).normalized().dot(along), 1.0, 1e-9)
-          << axis << rate;
+      for (std::size_t i = 0; i < marker->points.size(); i += 2) {
+        const Vector3d line = place(i + 1) - place(i);
+        EXPECT_LT(std::abs(line.dot(along)), 0.7 * line.norm()) << axis << rate;
+      }
       double inside = 0.0;  // where the body ends along the axis
       for (int i = 0; i < 8; ++i)
         inside =
@@ -543,6 +726,25 @@ TEST(Markers, WheelsOfGearsTouch) {
   EXPECT_NEAR(ring.wheel, 0.6, 1e-12);
   EXPECT_TRUE(ring.wheel_is_on_a);
   EXPECT_EQ(ring.teeth, 30);
+}
+
+// What its wheels show needs no line between them; what does not mesh does.
+TEST(Markers, OfGearsAreLinesOnlyWhereNoWheelsTouch) {
+  const auto is_drawn = [](const std::string& scene, const char* name) {
+    const engine::World world = load_world(scene, "", Parameters(), Caller::kParameter);
+    const auto id = static_cast<std::int32_t>(world.find_joint(name).value);
+    return find(Listener().hear(world), "constraints", id) != nullptr;
+  };
+  EXPECT_FALSE(is_drawn("gear_train", "ring_mesh"));
+  EXPECT_FALSE(is_drawn("gear_train", "outer_mesh"));
+  const engine::World apart = engine::load_scene(
+      "bodies: [{name: a, mass: 1, shape: {box: {size: [0.1, 0.1, 0.1]}}},"
+      " {name: b, mass: 1, shape: {box: {size: [0.1, 0.1, 0.1]}}, position: [9, 0, 0]}]\n"
+      "constraints: [{name: h, type: hinge, body_b: a, axis_a: [0, 0, 1]},"
+      " {name: i, type: hinge, body_b: b, anchor_a: [9, 0, 0], axis_a: [0, 0, 1]},"
+      " {name: g, type: gear, joints: [h, i], ratio: 1}]");
+  const auto id = static_cast<std::int32_t>(apart.find_joint("g").value);
+  EXPECT_NE(find(Listener().hear(apart), "constraints", id), nullptr);
 }
 
 // ---- the view

@@ -30,7 +30,7 @@ MECHANISMS = {
     "gripper": ((0, 0, 0.94), 0.32, 1.0, 0),
     "stewart_platform": ((0, 0, 0.6), 3.0, 1.0, 0),
 }
-WIDTHS = {"joints.yaml": 900, "stewart_platform": 640, "gear_train": 640}  # of fine pictures; else 480
+WIDTHS = {"joints.yaml": 1000, "stewart_platform": 900}  # of fine pictures; else 720
 JOINTS = {"joints.yaml": ((0.2, 0.7, 0.95), 5.0, 0.5, 0)}
 # of the configuration [m], and what a click of the wheel makes of it
 DISTANCE, NEARER, FARTHER = 6.5, 0.88, 1.12
@@ -99,12 +99,23 @@ class Mechanisms(InRviz):
         return [numpy.ptp(numpy.flatnonzero(is_drawn.any(axis=axis))) / is_drawn.shape[1 - axis]
                 if is_drawn.any() else 0.0 for axis in (0, 1)]
 
+    def write_legend(self, name, texts):
+        """Of what lies: rviz would draw it before the scene."""
+        path = self.screenshot(name)
+        font = subprocess.check_output(["fc-match", "-f", "%{file}", "sans"])
+        command = ["convert", path, "-gravity", "NorthWest", "-font", font, "-pointsize", "26"]
+        lines = [marker for marker in texts.markers if marker.ns == "legend"]
+        for row, line in enumerate(reversed(lines)):
+            rgb = ",".join(str(round(255 * part)) for part in (line.color.r, line.color.g, line.color.b))
+            command += ["-fill", "rgb(%s)" % rgb, "-annotate", "+60+%d" % (100 + 36 * row), line.text]
+        subprocess.check_call(command + [path])
+
     def test_each_mechanism_is_drawn_whole(self):
         with self.showing(from_the_front()):
             self.show({name: of for name, of in MECHANISMS.items() if of[-1] == 0})
 
     def test_each_mechanism_that_lies_is_drawn_whole(self):
-        """Its legend would be in front of it."""
+        """Its legend would be in front of it, and is written at its edge."""
         with self.showing(from_the_front(legend="false")):
             self.show({name: of for name, of in MECHANISMS.items() if of[-1] != 0})
 
@@ -125,7 +136,7 @@ class Mechanisms(InRviz):
                 self.assertTrue(answer.success, answer.status_message)
                 tick = support.properties().time_step
                 self.assertTrue(call("step", steps=round(seconds / tick)).success)
-                self.labels.present(what="texts")  # which come more rarely than what moves
+                texts = self.labels.present(what="texts")  # which come more rarely than what moves
                 views = []
 
                 def is_still():
@@ -137,7 +148,9 @@ class Mechanisms(InRviz):
                 is_seen = self.is_drawn(views[-1])
                 for border in (is_seen[0], is_seen[-1], is_seen[:, 0], is_seen[:, -1]):
                     self.assertFalse(border.any())
-                self.shrink(name, WIDTHS.get(scene, 480))
+                if turn != 0:
+                    self.write_legend(name, texts)
+                self.shrink(name, WIDTHS.get(scene, 720))
 
 
 if __name__ == "__main__":

@@ -13,20 +13,20 @@ from visualization_msgs.msg import MarkerArray
 
 # as they are drawn, not shaded
 TENSION, COMPRESSION, SLACK = (26, 217, 255), (255, 230, 26), (191, 173, 140)
-MOTOR, CONTACT = (255, 102, 217), (255, 255, 255)
+MOTOR, LIMITED, CONTACT = (255, 102, 217), (191, 51, 140), (255, 255, 255)
 FRICTION = (144, 125, 179)  # of what sticks, through a floor that is half opaque
 RED = (226, 64, 57)  # which is drawn by rods, in their light
 BELOW = 230  # rows of the view, under the legend, which is written in these colours
 
 SLIDING = (255, 153, 51)  # friction of what slides
 STUCK = (191, 153, 255)
-BROKEN = (102, 102, 102)  # half opaque, before the background
+BROKEN = (166, 166, 166)
 
 # scenes that go from event to event: after how many steps their pictures are taken, and what they show
 EVENTS = {"safety_rope": (75, [TENSION, BROKEN]), "breaking_rod": (50, [BROKEN]),
           "rocking_block": (40, [CONTACT, STUCK]), "newtons_cradle": (95, [TENSION]),
           "ball_on_incline": (10, [CONTACT, SLIDING]),
-          "weak_winch": (60, [TENSION, MOTOR, CONTACT, SLIDING])}
+          "weak_winch": (140, [TENSION, LIMITED, CONTACT, SLIDING])}
 
 
 class Pictures(InRviz):
@@ -48,7 +48,7 @@ class Pictures(InRviz):
             if steps:  # from what has been seen whole
                 self.assertTrue(call("step", steps=steps).success)
                 labels = support.Listener(support.NODE + "/labels", MarkerArray)
-                texts = ["grey: broken"] if BROKEN in signs else []
+                texts = ["grey, in two parts: broken"] if BROKEN in signs else []
                 labels.present(lambda m: set(texts) <= {x.text for x in m.markers}, "texts of now")
 
         def missing():
@@ -76,12 +76,13 @@ class Pictures(InRviz):
 
     def test_kinds_of_constraints(self):
         self.show("kinds.png", "kinds.yaml", [TENSION, COMPRESSION, SLACK, MOTOR, CONTACT, RED])
+        self.shrink("kinds.png", 1000, 1.35)
 
     def test_scenes_with_events(self):
         for scene, (steps, signs) in EVENTS.items():
             with self.subTest(scene):
                 self.show(scene + ".png", scene, signs, steps=steps, filled=0.02)
-                self.shrink(scene + ".png", 480, 2 if scene == "ball_on_incline" else 1)
+                self.shrink(scene + ".png", 720, 1.15 if scene == "ball_on_incline" else 1)
 
     def test_contact_forces(self):
         self.show("contact_forces.png", "slope.yaml", [CONTACT, FRICTION], steps=60)

@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 // Forces are followed to the tolerance of 1e-10 m/s, and a force that grows with some 10 N/s is
 // found to 1e-12 of it.
 constexpr double kBreaks = 1e-11;  // [s]
-constexpr double kFalls = 3e-10;   // [m] a gap of less than 1e-10 m is none
+constexpr double kFalls = 1e-9;    // [m] what parts with less than 1e-9 m/s touches
 
 class BreakingBesideContactsAt : public testing::TestWithParam<double> {};
 

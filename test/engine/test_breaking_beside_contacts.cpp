@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 // Forces are followed to the tolerance of 1e-10 m/s, and a force that grows with some 10 N/s is
 // found to 1e-12 of it.
 constexpr double kBreaks = 1e-11;  // [s]
-constexpr double kFalls = 1e-9;    // [m] what parts with less than 1e-9 m/s touches
+constexpr double kFalls = 1e-10;   // [m]
 
 class BreakingBesideContactsAt : public testing::TestWithParam<double> {};
 
@@ -74,9 +74,10 @@ TEST_P(BreakingBesideContactsAt, ARodBreaksAboveABoxOnTheFloor) {
 }
 
 // A ball slides along a shelf that is welded to the world at its end and bears so much of a moment.
-// Then both fall, and neither turns.
+// Then both fall, and neither turns. Not at the end of a tick, where a force is its bound to 1e-9
+// of it.
 TEST_P(BreakingBesideContactsAt, AShelfBreaksUnderABallThatSlides) {
-  constexpr double kShelf = 3.0, kBall = 2.0, kSpeed = 1.0, kWhere = 0.563;
+  constexpr double kShelf = 3.0, kBall = 2.0, kSpeed = 1.0, kWhere = 0.56347;
   World world(by_events(GetParam()));
   const BodyId shelf =
       world.add_body(make_body("shelf", Box{{1.0, 0.4, 0.1}}, kShelf, {0.5, 0.0, 0.0}));

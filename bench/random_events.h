@@ -3,10 +3,10 @@
 // Random scenes of few bodies that go from event to event, and a judge of them. Mechanisms have
 // ropes, struts, limits with and without restitution, friction, motors with a force limit and
 // springs; what touches are spheres and boxes on a floor and each other with friction and
-// restitution, in joints, and with the same laws. A scene is made from its kind and seed alone.
-// Oracles: energy, which nothing but a motor can raise; joints, limits and gaps, which hold to
-// rounding; events in the order of time; the same bits of a copy, of a snapshot and with threads;
-// and the same motion of the scene moved, turned and added in another order.
+// restitution, in joints, and with the same laws; some joints can break. A scene is made from its
+// kind and seed alone. Oracles: energy, which nothing but a motor can raise; joints, limits and
+// gaps, which hold to rounding; events in the order of time; the same bits of a copy, of a snapshot
+// and with threads; and the same motion of the scene moved, turned and added in another order.
 
 #include <array>
 #include <string>
@@ -249,6 +249,17 @@ inline Scene touching(unsigned seed, Kind kind) {
   return scene;
 }
 
+/// Some joints bear no more than so many times the weight of all, and its moment at half a metre.
+inline void let_joints_break(Scene* scene) {
+  Draw draw(scene->seed + 1000003);  // of its own, so that the others are what they were
+  for (Joint& joint : scene->parts.joints) {
+    if (draw.below(3) > 0) continue;
+    const double bears = scene->largest * std::pow(10.0, draw());
+    joint.break_force = bears;
+    if (joint.kind != JointKind::kDistance && draw.below(2) == 0) joint.break_torque = 0.5 * bears;
+  }
+}
+
 inline Scene scene_of(Kind kind, unsigned seed) {
   Scene scene{kind, seed, {}, options(1.0 / 60)};
   if (touches(kind)) {
@@ -259,6 +270,7 @@ inline Scene scene_of(Kind kind, unsigned seed) {
   }
   for (const Body& body : scene.parts.bodies)
     if (body.type == BodyType::kDynamic) scene.largest += body.mass * kGravity;
+  let_joints_break(&scene);
   return scene;
 }
 

@@ -111,6 +111,16 @@ class Contact(TypedDict):
     state: str           # closed, sticking or slipping
 
 
+class Event(TypedDict):
+    kind: str                  # broken, rope_taut, ..., contact_began, contact_ended, hit
+    time: float                # simulated [s]
+    body_a: str                # that touch, or that the joint connects; 'world' for the world
+    body_b: str
+    joint: Optional[str]       # whose it is; None of a contact
+    coordinate: Optional[int]  # of the joint; None of a length, of what broke, of a contact
+    impulse: float             # of the impact that it came with [N s or N m s]
+
+
 class StepReport:
     """What one step did. A copy: it keeps its values when the world steps on."""
     @property
@@ -350,6 +360,7 @@ class World:
 
     def islands(self) -> List[Island]: ...
     def contacts(self) -> List[Contact]: ...
+    def events(self) -> List[Event]: ...  # of the last step
     def unresolved_bodies(self) -> List[str]: ...
     def explain(self) -> str: ...
     def left_out(self) -> List[str]: ...

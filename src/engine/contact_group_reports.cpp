@@ -97,13 +97,14 @@ void World::Impl::tell_contact_groups(const JointStep& step) {
     const auto joint_of = [&](std::size_t coordinate) {
       return at(equations.joints[equations.coordinates[coordinate].joint].index);
     };
-    for (std::size_t c = 0; c < equations.coordinates.size(); ++c)
-      by_events.write(c, &joint_states[joint_of(c)]);
-    for (const ContactEquations::BodyJoint& joint : equations.joints)
-      read_smooth_joint(at(joint.index), step, joint.impulse, 0.0);
     const auto body_of = [&](std::size_t place) { return equations.bodies[place].index; };
     for (const ContactEvents::Told& told : by_events.told()) {
       const double t = std::min(told.time, span_ends.back());  // to rounding after the tick
+      if (told.joint >= 0) {
+        const std::size_t j = at(equations.joints[at(told.joint)].index);
+        events.push_back({told.kind, t, joints[j].body_a, joints[j].body_b, joint_ids[j]});
+        continue;
+      }
       if (told.pair < 0) {
         const std::size_t j = joint_of(at(told.coordinate));
         const OneSidedLaw& law = equations.coordinates[at(told.coordinate)].law;
@@ -114,6 +115,12 @@ void World::Impl::tell_contact_groups(const JointStep& step) {
       const ContactEvents::Pair& pair = by_events.pairs()[at(told.pair)];
       events.push_back({told.kind, t, body_ids[at(body_of(pair.a))], body_ids[at(body_of(pair.b))],
                         std::nullopt, -1, told.impulse});
+    }
+    for (std::size_t c = 0; c < equations.coordinates.size(); ++c)
+      by_events.write(c, &joint_states[joint_of(c)]);
+    for (const ContactEquations::BodyJoint& joint : equations.joints) {
+      if (joint.is_broken) joint_states[at(joint.index)].broken = true;
+      read_smooth_joint(at(joint.index), step, joint.impulse, 0.0);
     }
     add_group_contacts(by_events);
   }

@@ -38,9 +38,7 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 /// Whether events carry what acts of a joint beside contacts.
 bool can_be_beside_contacts(const Joint& joint) {
-  if (couples(joint.kind) || is_custom(joint.kind) || joint.break_force > 0.0 ||
-      joint.break_torque > 0.0 || !is_switchable(joint))
-    return false;
+  if (couples(joint.kind) || is_custom(joint.kind) || !is_switchable(joint)) return false;
   if (has_length(joint.kind)) return length_spring(joint).is_none() || !joint.motor.is_moving();
   return !any_coordinate(joint, [](const CoordinateLaw& law) {
     return law.motor && law.motor->is_rigid() && law.motor->position;

@@ -26,6 +26,7 @@ const std::vector<Broadphase::Pair>& World::Impl::find_pairs() {
   const StageTimer timer(clock, Stage::kBroadphase, &report.stage_times);
   proxies.clear();
   fast_bodies.clear();
+  jointed_pairs.clear();
   find_fast_speed();
   if (follows_contacts()) find_group_reach();
   for (const int body : moving_shapes) {

@@ -19,12 +19,11 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr double kFastShare = 0.25;  // of the smaller thickness, that is moved by in a step
-constexpr double kNear = 1e-9;       // of it, within which a hit happens
-constexpr double kInstant = 1e-9;    // of a step, that a hit takes
-constexpr double kMostTurn = 0.5;    // [rad] of a body in a part of a step
-constexpr int kMostAdvances = 100;   // towards one hit
-constexpr int kMostLegs = 1000;      // parts of a step
+constexpr double kNear = 1e-9;      // of it, within which a hit happens
+constexpr double kInstant = 1e-9;   // of a step, that a hit takes
+constexpr double kMostTurn = 0.5;   // [rad] of a body in a part of a step
+constexpr int kMostAdvances = 100;  // towards one hit
+constexpr int kMostLegs = 1000;     // parts of a step
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
@@ -50,11 +49,6 @@ struct Reach {
     return std::hypot(cylinder.radius, 0.5 * cylinder.length);
   }
 };
-
-double reach_of(const Body& body, double distance = 0.0) {
-  const double arm = body.shape_pose ? body.shape_pose->position.norm() : 0.0;
-  return std::visit(Reach{distance}, body.shape) + arm;
-}
 
 /// Where a step of impulses of length t leaves a body that nothing but gravity acts on.
 BodyState moved(const BodyState& state, const MassProperties& mass, const Vector3d& gravity,
@@ -88,6 +82,11 @@ const TouchingPair* find(const std::vector<TouchingPair>& pairs, const std::pair
 }  // namespace
 
 double thickness(const Shape& shape) { return std::visit(Thickness{}, shape); }
+
+double reach_of(const Body& body, double distance) {
+  const double arm = body.shape_pose ? body.shape_pose->position.norm() : 0.0;
+  return std::visit(Reach{distance}, body.shape) + arm;
+}
 
 double extent(const Body& body) {
   const auto* sphere = std::get_if<Sphere>(&body.shape);
@@ -177,17 +176,17 @@ std::optional<double> World::Impl::time_of_hit(const Broadphase::Pair& pair,
   return t;  // so far they are apart, and from here it is looked again
 }
 
+bool World::Impl::is_touching(const Broadphase::Pair& pair) const {
+  return find(touching, pair) != nullptr;
+}
+
 // Adds pairs without points, of fast bodies that hit something and of all that they may hit then.
 void World::Impl::find_hits(const std::vector<Broadphase::Pair>& near) {
   const double h = options.time_step;
-  // a joint leads its bodies along curves, and closes errors in each part of a step anew
-  const auto has_joints = [&](int body) {
-    return is_movable(at(body)) && !island_parts[at(island_of[at(body)])].members.joints.empty();
-  };
+  list_jointed_pairs(near);
   // boxes are wider for groups by events
   const auto is_open = [&](const Broadphase::Pair& pair) {
-    return !has_joints(pair.first) && !has_joints(pair.second) && is_fast(pair, h) &&
-           find(touching, pair) == nullptr &&
+    return !has_joints(pair) && is_fast(pair, h) && find(touching, pair) == nullptr &&
            !std::binary_search(unpaired.begin(), unpaired.end(), pair) &&
            (!follows_contacts() || gap_of(pair) <= swept(pair.first, h) + swept(pair.second, h));
   };
@@ -313,9 +312,7 @@ bool World::Impl::collide_group(const std::vector<Broadphase::Pair>& near, doubl
 // hold, whatever corner comes round; 0 for one about to hit.
 double World::Impl::time_to_watch(const TouchingPair& pair) const {
   if (pair.manifold.count == 0) return 0.0;
-  for (const int body : {pair.a, pair.b})  // joints hold a body back: as contacts always had it
-    if (is_movable(at(body)) && !island_parts[at(island_of[at(body)])].members.joints.empty())
-      return kInfinity;
+  if (has_joints(pair.ends())) return kInfinity;  // which hold it back: as contacts always had it
   const BodyState& a = states[at(pair.a)];
   const BodyState& b = states[at(pair.b)];
   const Body& body_a = bodies[at(pair.a)];
@@ -386,18 +383,19 @@ void World::Impl::advance_group(const Tick& tick, double done, double duration) 
     wrench.duration *= share;
     wrenches_now.push_back(wrench);
   }
-  const ImpulseStep step{span_from(tick.start + done, duration),
-                         fast_group.bodies,
-                         fast_group.joints,
-                         joint_ends,
-                         is_in_loop,
-                         wrenches_now,
-                         stop,
-                         clock};
+  JointStep span = span_from(tick.start + done, duration);
+  if (!joint_sums.empty()) span.beta *= share;  // errors close in all parts as they do in a step
+  const ImpulseStep step{
+      span, fast_group.bodies, fast_group.joints, joint_ends, is_in_loop, wrenches_now, stop,
+      clock};
   const std::uint32_t contacts_before = report.contacts;
   book(sequential_impulses.advance(*this, step, this));
   report.contacts = contacts_before;  // each is counted once, with the hits
   report.correction_work += sequential_impulses.finish(*this, step, this);
+  for (std::size_t k = 0; k < joint_sums.size(); ++k) {
+    const std::size_t j = at(fast_group.joints[k]);
+    joint_sums[k].add(joints[j], duration, &joint_states[j]);
+  }
 }
 
 void World::Impl::advance_fast_group(const Tick& tick) {
@@ -410,21 +408,33 @@ void World::Impl::advance_fast_group(const Tick& tick) {
   of_others.assign(others, touching.end());
   touching.erase(others, touching.end());
   hits.clear();
+  const bool is_on_joints =
+      std::any_of(touching.begin(), touching.end(), [this](const TouchingPair& pair) {
+        return pair.manifold.count == 0 && has_joints(pair.ends());
+      });
+
+  joint_sums.assign(is_on_joints ? fast_group.joints.size() : 0, {});
 
   const double h = options.time_step;
   const std::vector<BodyState> at_start = states;  // of what moves by itself
-  bool is_any_left = false;
+  bool is_any_left = false, was_hit = false;
   std::uint32_t found = 0;
   double done = 0.0;
+  std::vector<double> ways;
   for (int leg = 0; done < h && !is_set(stop); ++leg) {
     for (const int body : kinematic)
       states[at(body)] = moved(at_start[at(body)], MassProperties{}, Vector3d::Zero(), done);
     const double left = h - done;
     const std::vector<Broadphase::Pair> near = pairs_of_group(left, &is_any_left);
+    ways.clear();
     const bool is_any_hit = collide_group(near, left);
     double duration = left;
-    if (found == kMostHits || leg == kMostLegs) {
+    if ((found == kMostHits && !is_on_joints) || leg == kMostLegs) {
       is_any_left = true;
+    } else if (is_on_joints) {
+      found += is_any_hit && !was_hit ? 1 : 0;  // what sweeps leave goes on closing
+      was_hit = is_any_hit;
+      duration = std::max(kInstant * h, time_on_joints(near, left, &ways));
     } else if (is_any_hit) {
       ++found;
       duration = std::min(left, kInstant * h);
@@ -439,10 +449,15 @@ void World::Impl::advance_fast_group(const Tick& tick) {
     }
     const bool is_last = duration >= left;
     advance_group(tick, done, is_last ? left : duration);
+    is_any_left = is_any_left || has_outrun(near, ways, is_last ? left : duration);
     gather_hits();
     done = is_last ? h : done + duration;
   }
   for (const int body : kinematic) states[at(body)] = at_start[at(body)];
+  for (std::size_t k = 0; k < joint_sums.size(); ++k) {
+    const std::size_t j = at(fast_group.joints[k]);
+    joint_sums[k].finish(joints[j], state_a(j), state_b(j), h, &joint_states[j]);
+  }
   for (TouchingPair& pair : hits)
     for (Manifold::Point& point : pair.manifold.points) point.depth = std::max(point.depth, 0.0);
   report.hits += found;

@@ -168,6 +168,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
       if (is_integrated(at(j))) finish_span(joints[at(j)], span, joint_states[at(j)]);
     had_wrenches = !loads.empty();
   }
+  if (!jointed_pairs.empty()) catch_what_passes();
   if (!contact_groups.empty()) take_out_group_contacts();
   if (report_islands(smooth)) list_by_method();
   report.islands = by_method->islands;
@@ -414,7 +415,7 @@ void World::Impl::refuse_island(std::size_t i, MethodReason why) {
   islands[i].method = Method::kSequentialImpulses;
   islands[i].why = why;
   island_parts[i].projected_energy = island_parts[i].correction_work = 0.0;
-  learn_from_refusal(why, step_count, &island_parts[i]);
+  if (why != MethodReason::kContact) learn_from_refusal(why, step_count, &island_parts[i]);
   any_refused = true;
   ++island_parts[i].changes;
   island_parts[i].energy.has_changed = true;

@@ -174,6 +174,7 @@ void World::Impl::advance_by_impulses(const Tick& tick, const Carried& by_method
   acting_wrenches.clear();
   if (!wrenches.empty()) find_acting_wrenches(tick);
   if (any_custom_forces) find_custom_forces(tick, by_method);
+  if (!jointed_pairs.empty()) add_jointed_pairs();
   if (!fast_bodies.empty() && is_any_about_to_hit()) {
     find_fast_group(by_method);
     advance_fast_group(tick);
@@ -298,6 +299,7 @@ void World::Impl::note_if_broken(std::size_t j) {
 
 // A joint that broke in this step, and what couples it, which is read after it.
 void World::Impl::give_up(std::size_t j) {
+  forget_impulses(&joint_states[j]);
   tell_broken(j);
   for (const std::size_t coupling : couplings_of(j)) {
     joint_states[coupling].broken = true;

@@ -12,6 +12,7 @@
 #include "constraint_sim/engine/world.h"
 #include "engine/broadphase.h"
 #include "engine/constraints/joint.h"
+#include "engine/constraints/joint_sum.h"
 #include "engine/islands.h"
 #include "engine/method_choice.h"
 #include "engine/methods/island_motion.h"
@@ -163,8 +164,11 @@ struct World::Impl : Model, State, IslandLists {
   double thinnest = 0.0;                      // [m] of all shapes
   double fast_square = 0.0;                   // of the speed from which bodies are fast [m²/s²]
   std::vector<int> fast_bodies;               // that may pass through a shape in this step
+  // pairs of these with joints, that are apart
+  std::vector<Broadphase::Pair> jointed_pairs;
   FastGroup fast_group;                       // of those that hit something, carried to each hit
   FastGroup slow_group;                       // what else impulses carry, where there is a group
+  std::vector<JointSum> joint_sums;           // of the group
   std::vector<TouchingPair> hits;             // of the group, with the impulses of all its hits
   std::vector<ActingWrench> acting_wrenches;  // on bodies that impulses carry
   SequentialImpulses sequential_impulses;
@@ -377,6 +381,16 @@ struct World::Impl : Model, State, IslandLists {
   void sweep(double duration, Proxy* proxy) const;
   void find_hits(const std::vector<Broadphase::Pair>& near);
   std::optional<double> time_of_hit(const Broadphase::Pair& pair, double duration) const;
+  bool has_joints(const Broadphase::Pair& pair) const;
+  bool is_touching(const Broadphase::Pair& pair) const;
+  void list_jointed_pairs(const std::vector<Broadphase::Pair>& near);
+  bool passes(const Broadphase::Pair& pair) const;
+  void catch_what_passes();
+  void add_jointed_pairs();
+  double time_on_joints(const std::vector<Broadphase::Pair>& near, double left,
+                        std::vector<double>* ways) const;
+  bool has_outrun(const std::vector<Broadphase::Pair>& near, const std::vector<double>& ways,
+                  double duration) const;
   void find_fast_group(const Carried& by_method);
   void advance_fast_group(const Tick& tick);
   bool collide_group(const std::vector<Broadphase::Pair>& near, double left);

@@ -49,6 +49,18 @@ py::dict contact_dict(const engine::World& world, const engine::Contact& contact
   return dict;
 }
 
+py::dict event_dict(const engine::World& world, const engine::Event& event) {
+  py::dict dict;
+  dict["kind"] = engine::name(event.kind);
+  dict["time"] = event.time;
+  dict["body_a"] = body_name(world, event.body_a);
+  dict["body_b"] = body_name(world, event.body_b);
+  dict["joint"] = event.joint ? py::cast(world.joint(*event.joint).name) : py::none();
+  dict["coordinate"] = event.coordinate >= 0 ? py::cast(event.coordinate) : py::none();
+  dict["impulse"] = event.impulse;
+  return dict;
+}
+
 // ---- the world
 
 using Class = WorldClass;
@@ -248,6 +260,18 @@ void define_lists(Class* world) {
       },
       "Contact points of the last step: bodies, position [m], normal from B to A, depth [m], "
       "normal_force [N], force of both normal and friction on A [N], state.");
+  world->def(
+      "events",
+      [](const SharedWorld& self) {
+        py::list list;
+        for (const engine::Event& event : self.read().events())
+          list.append(event_dict(self.read(), event));
+        return list;
+      },
+      "What happened within the last step, in the order of time: kind ('broken', 'rope_taut', "
+      "'rope_slack', 'limit_reached', 'limit_left', 'saturated', 'released', 'slips', 'sticks', "
+      "'contact_began', 'contact_ended', 'hit'), time [s], bodies, joint or None of a contact, "
+      "coordinate of the joint or None, impulse of an impact [N s or N m s].");
   world->def(
       "unresolved_bodies",
       [](const SharedWorld& self) {

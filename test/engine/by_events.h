@@ -27,6 +27,26 @@ inline Body with_surface(Body body, double friction, double restitution) {
   return body;
 }
 
+/// A plane through a point, in which nothing is where `normal` does not point to.
+inline Body plane(const std::string& name, const Eigen::Vector3d& point,
+                  const Eigen::Vector3d& normal, double friction, double restitution) {
+  Body body;
+  body.name = name;
+  body.type = BodyType::kStatic;
+  body.shape = Plane{};
+  body.state.position = point;
+  body.state.orientation = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), normal);
+  return with_surface(body, friction, restitution);
+}
+
+/// Those of one kind.
+inline std::vector<Event> of_kind(const std::vector<Event>& events, EventKind kind) {
+  std::vector<Event> found;
+  for (const Event& event : events)
+    if (event.kind == kind) found.push_back(event);
+  return found;
+}
+
 inline bool is_by_impulses(const World& world) {
   return world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)] > 0;
 }

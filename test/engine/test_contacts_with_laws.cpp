@@ -11,26 +11,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-/// A plane through a point, in which nothing is where `normal` does not point to.
-Body plane(const std::string& name, const Vector3d& point, const Vector3d& normal, double friction,
-           double restitution) {
-  Body body;
-  body.name = name;
-  body.type = BodyType::kStatic;
-  body.shape = Plane{};
-  body.state.position = point;
-  body.state.orientation = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), normal);
-  return with_surface(body, friction, restitution);
-}
-
-/// Those of one kind.
-std::vector<Event> of_kind(const std::vector<Event>& events, EventKind kind) {
-  std::vector<Event> found;
-  for (const Event& event : events)
-    if (event.kind == kind) found.push_back(event);
-  return found;
-}
-
 /// A slider along x from the world to a body.
 Joint slider_along_x(BodyId body, const Vector3d& place) {
   Joint joint;

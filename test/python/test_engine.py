@@ -358,6 +358,30 @@ def test_plan_and_reports():
     assert contact['state'] == 'closed'  # without friction
 
 
+def test_events_of_the_last_step():
+    """A ball falls by 1 m onto a floor, e = 0, beside a bob whose rod bears half of 3 m g."""
+    world = engine.World(time_step=1 / 60, tolerance=1e-10)
+    world.add_body('floor', type='static', shape=engine.Plane())
+    world.add_body('ball', shape=engine.Sphere(0.1), mass=2.0, position=(0, 0, 1.1))
+    world.add_body('bob', mass=1.0, position=(5, 0, 8))
+    world.add_joint('rod', anchor_a=(4, 0, 8), body_b='bob', break_force=1.5 * 9.81)
+    assert world.events() == []
+    told = {}
+    for _ in range(60):
+        world.step()
+        told.update({event['kind']: event for event in world.events()})
+    assert set(told) == {'contact_began', 'broken'}
+    hit, broken = told['contact_began'], told['broken']
+    fall = (2 / 9.81) ** 0.5  # rounding of the time and of the impulse is left
+    assert hit['time'] == pytest.approx(fall, abs=1e-12)
+    assert hit['impulse'] == pytest.approx(2.0 * 9.81 * fall, abs=1e-11)
+    assert {hit['body_a'], hit['body_b']} == {'floor', 'ball'}
+    assert hit['joint'] is None and hit['coordinate'] is None
+    assert (broken['joint'], broken['body_a'], broken['body_b']) == ('rod', 'world', 'bob')
+    assert broken['coordinate'] is None and broken['impulse'] == 0.0
+    assert 0.0 < broken['time'] < 1.0 and world.joint_state('rod')['broken']
+
+
 def test_failed_physics_is_reported_not_raised():
     # 1e20 m is the bound: six ticks of 1e16 m stay below it, the seventh does not
     world = engine.World(gravity=(0.0, 0.0, 0.0))
@@ -561,6 +585,9 @@ def test_typed_dicts_of_the_stubs_have_the_keys_there_are():
     hinged.add_joint('door', type='hinge', **BAR_END)
     assert keys['CoordinateState'] == set(hinged.joint_state('door')['coordinates'][0])
     assert keys['Island'] == set(world.islands()[0])
+    world.add_joint('taut', body_a='world', body_b='bob', break_force=1e-3)
+    world.step()
+    assert keys['Event'] == set(world.events()[0])
 
 
 def test_python_knows_every_key_of_a_scene():

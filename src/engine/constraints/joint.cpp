@@ -11,6 +11,7 @@
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/joint_parts.h"
+#include "engine/constraints/joint_sum.h"
 #include "engine/constraints/law.h"
 
 namespace constraint_sim::engine {
@@ -203,6 +204,12 @@ bool breaks(const Joint& joint, const BodyState& a, const BodyState& b, const Ro
          (joint.break_torque > 0.0 && wrench.torque.norm() > joint.break_torque);
 }
 
+bool is_overloaded(const Joint& joint, const BodyState& a, const BodyState& b,
+                   const RowVector& impulse, double h, const JointState& state) {
+  if (!has_length(joint.kind)) return breaks(joint, a, b, impulse, h, state);
+  return joint.break_force > 0.0 && std::abs(state.force) > joint.break_force;
+}
+
 bool is_closed(const JointState& state, const JointStep& step) {
   if (step.closing_time > 0.0) return step.t + step.h >= state.closing_since + step.closing_time;
   return std::abs(state.error) <= std::max(kFits, kClosedShare * std::abs(state.initial_error));
@@ -252,16 +259,39 @@ void finish(const Joint& joint, const BodyState& a, const BodyState& b, const Jo
   if (state.closing) state.closing = !is_closed(state, step);
   if (is_custom_force(joint.kind))
     state.force = custom_wrench(joint, a, b, step.t + step.h).j3.norm();
-  if (is_distance ? joint.break_force > 0.0 && std::abs(state.force) > joint.break_force
-                  : breaks(joint, a, b, impulse, step.h, state)) {
-    state.broken = true;
-    forget_impulses(&state);
-  }
+  if (is_overloaded(joint, a, b, impulse, step.h, state)) state.broken = true;
 }
 
 void forget_impulses(JointState* state) {
   state->impulse.setZero();
   state->coupling.impulse = 0.0;
+}
+
+void JointSum::add(const Joint& joint, double h, JointState* state) {
+  const JointKindInfo& kind = info(joint.kind);
+  state->broken = false;
+  rows += state->impulse;
+  coupled_rows += state->coupling.impulse;
+  coupled += h * state->coupling.effort;
+  if (has_length(joint.kind)) {
+    done[0] += h * state->force;
+    return;
+  }
+  done.head(kind.rows) += state->impulse.head(kind.rows);
+  for (int i = 0; i < kind.coordinates; ++i)
+    done[kind.rows + i] += h * state->coordinates[at(i)].effort;
+}
+
+void JointSum::finish(const Joint& joint, const BodyState& a, const BodyState& b, double h,
+                      JointState* state) const {
+  state->impulse = rows;
+  state->coupling.impulse = coupled_rows;
+  state->coupling.effort = coupled / h;
+  if (has_length(joint.kind))
+    state->force = done[0] / h;
+  else
+    note_force(joint, done, h, *state);
+  state->broken = is_overloaded(joint, a, b, done, h, *state);
 }
 
 MovingFrame frame_where_met(const Joint& joint, const BodyState& a, const BodyState& b,

@@ -225,6 +225,17 @@ void ContactEquations::add_impulses(double weight, std::size_t stage) {
     joints[j].impulse += weight * stages_[stage].joint[j];
 }
 
+void ContactEquations::break_joint(std::size_t j) {
+  joints[j].is_broken = true;
+  joints[j].has_rows = false;
+  for (Coordinate& of : coordinates) {
+    if (of.joint != j) continue;
+    of.is_prescribed = of.is_one_sided = false;
+    of.state = {};
+    of.law.soft = {};
+  }
+}
+
 void ContactEquations::keep() {
   kept_ = stages_[0];
   kept_contacts_.clear();

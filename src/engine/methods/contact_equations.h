@@ -49,7 +49,8 @@ class ContactEquations {
     int index;         ///< in the world
     std::size_t a, b;  ///< bodies here
     Joint joint;
-    bool has_rows = true;       ///< those of its kind; else its coordinates alone
+    bool has_rows = true;  ///< those of its kind; else its coordinates alone
+    bool is_broken = false;
     PrescribedMotion course{};  ///< in this span
     RowVector impulse = RowVector::Zero();
   };
@@ -134,6 +135,10 @@ class ContactEquations {
   double held_force(std::size_t coordinate, std::size_t stage) const {
     return stages_[stage].coordinate[coordinate];
   }
+  /// Force of a joint in a stage, along its functions.
+  const RowVector& joint_force(std::size_t joint, std::size_t stage) const {
+    return stages_[stage].joint[joint];
+  }
   /// A coordinate now; `J` of its gradient.
   struct Reading {
     double q = 0.0, rate = 0.0, acceleration = 0.0;
@@ -145,6 +150,8 @@ class ContactEquations {
   Prescribed limit(const Coordinate& coordinate, bool upper_one) const;
   Prescribed zeta(const Coordinate& coordinate) const;
   double scale() const { return scale_; }
+  /// From now on nothing of a joint acts.
+  void break_joint(std::size_t joint);
   /// What a substep that is taken again goes on from, beside the numbers: impulses and stage 0.
   void keep();
   void restore();

@@ -382,9 +382,11 @@ bool ContactEvents::finish_event(Span* span, const Watched& watched, std::size_t
   const std::vector<ContactEquations::Contact> before = equations_.contacts;
   note_positions();
   const std::size_t watches = watched_.before.size();
-  const std::uint32_t impacts = impacts_;
+  const std::uint32_t impacts = impacts_, breaks = breaks_;
+  if (watched.kind == Watched::Kind::kBreak) break_joint(*span, watched.joint);
   if (!settle(span, watched, false)) return false;
-  bool is_changed = impacts != impacts_ || watched.kind == Watched::Kind::kSlip;
+  bool is_changed =
+      impacts != impacts_ || breaks != breaks_ || watched.kind == Watched::Kind::kSlip;
   for (std::size_t c = 0; c < before.size(); ++c)
     is_changed = is_changed || before[c].acts != equations_.contacts[c].acts ||
                  before[c].feature.id != equations_.contacts[c].feature.id;

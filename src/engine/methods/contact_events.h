@@ -66,6 +66,7 @@ class ContactEvents {
     int pair;        ///< −1 of a joint
     int coordinate;  ///< of equations(), of a joint
     double impulse;  ///< of an impact [N s or N m s]
+    int joint = -1;  ///< of equations(), one that broke
   };
   const std::vector<Told>& told() const { return told_; }
   const std::vector<Pair>& pairs() const { return pairs_; }
@@ -88,10 +89,12 @@ class ContactEvents {
       kLimit,   ///< of a coordinate that is not at it
       kHeld,    ///< the force that holds one, to a bound
       kRate,    ///< of one that slips, or whose motor or limit gives way
+      kBreak,   ///< the force or torque of a joint, to what it bears
     };
     Kind kind = Kind::kNothing;
     std::size_t contact = 0;
-    std::size_t coordinate = 0;  ///< of the last three
+    std::size_t coordinate = 0;  ///< of the three before the last
+    std::size_t joint = 0;       ///< of the last
     signed char side = 0;  ///< of a force that holds: -1 of its lower bound, +1 of its upper one
 
     bool is_of_contact() const { return kind != Kind::kNothing && kind < Kind::kLimit; }
@@ -156,6 +159,7 @@ class ContactEvents {
   void watch_forces(std::size_t contact, std::vector<Watched>* list) const;
   void watch_held(std::size_t coordinate, std::vector<Watched>* list) const;
   void watch_coordinate(std::size_t coordinate, std::vector<Watched>* list) const;
+  void watch_breaking(std::size_t joint, std::vector<Watched>* list) const;
   void watch(std::vector<Watched>* list);
   bool take(Span* span, SubstepSpan* left, double tolerance, double* step);
   bool repeat(Span* span, double t, double h, bool is_start);
@@ -173,6 +177,8 @@ class ContactEvents {
   bool have_impact(const Hits& hits, const Of<char>& rests, double faster, Of<double>* hit);
   bool have_jam(Of<double>* hit);
   bool let_rest(const Of<double>& hit, Of<char>* rests, bool* is_settled);
+  void break_joint(const Span& span, std::size_t joint);
+  bool break_overloaded(Span* span);
   void note_bounds(const Span& span, const Watched& event);
   bool decide(const Watched& event);
   bool decide(const Watched& event, double least_slip);
@@ -201,7 +207,7 @@ class ContactEvents {
   std::vector<double> coordinate_acceleration_;  // the same of coordinates
   std::vector<OneSidedState> states_before_;     // of coordinates, where the event is
   WatchedSubstep<Watched> watched_;
-  std::uint32_t events_ = 0, impacts_ = 0, jams_ = 0;
+  std::uint32_t events_ = 0, impacts_ = 0, breaks_ = 0, jams_ = 0;
   int unchanged_ = 0;   // events that changed nothing
   int missed_ = 0;      // substeps that ended with boxes in each other, or too inexact
   double error_ = 0.0;  // of the substep that was repeated last, estimated [m]

@@ -52,7 +52,29 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   span->progress.projected += kinetic - equations_.kinetic_energy();
   span->progress.corrected += equations_.potential_energy() - potential;
   tell(span->all.t + span->left.t, before, hit, is_begin);
-  return true;
+  return break_overloaded(span);
+}
+
+void ContactEvents::break_joint(const Span& span, std::size_t joint) {
+  ++breaks_;
+  equations_.break_joint(joint);
+  told_.push_back(
+      {EventKind::kBroken, span.all.t + span.left.t, -1, -1, 0.0, static_cast<int>(joint)});
+}
+
+// What bears more than it can from one moment to the next, as where something else lets go, breaks
+// then: the one that is farthest beyond first, for it may spare the others.
+bool ContactEvents::break_overloaded(Span* span) {
+  std::vector<Watched> loads;
+  for (std::size_t j = 0; j < equations_.joints.size(); ++j) watch_breaking(j, &loads);
+  const auto worst =
+      std::min_element(loads.begin(), loads.end(), [](const Watched& left, const Watched& right) {
+        return left.value / left.tolerance < right.value / right.tolerance;
+      });
+  if (worst == loads.end() || worst->value >= -worst->tolerance) return true;
+  ++events_;
+  break_joint(*span, worst->joint);
+  return settle(span, {}, false);
 }
 
 // Contacts that share a force have their bounds at the same time: one after the other gives way,

@@ -89,6 +89,36 @@ void ContactEvents::watch_coordinate(std::size_t c, std::vector<Watched>* list) 
               [&](const WatchedValue& value) { add(Watched::Kind::kRate, value); });
 }
 
+void ContactEvents::watch_breaking(std::size_t j, std::vector<Watched>* list) const {
+  const ContactEquations::BodyJoint& of = equations_.joints[j];
+  const Joint& joint = of.joint;
+  if (of.is_broken || (joint.break_force == 0.0 && joint.break_torque == 0.0)) return;
+  // force and torque; those of a stage as if bodies were where they are now
+  const auto loads = [&](std::size_t stage) {
+    const RowVector& force = equations_.joint_force(j, stage);
+    if (has_length(joint.kind)) return std::pair(std::abs(force[0]), 0.0);
+    const World::JointWrench wrench =
+        wrench_of(joint, equations_.state(of.a), equations_.state(of.b), force, 1.0);
+    return std::pair(wrench.force.norm(), wrench.torque.norm());
+  };
+  Watched watched;
+  watched.kind = Watched::Kind::kBreak;
+  watched.joint = j;
+  for (const bool is_torque : {false, true}) {
+    const double most = is_torque ? joint.break_torque : joint.break_force;
+    if (most == 0.0) continue;
+    const auto margin = [&](std::size_t stage) {
+      return most - (is_torque ? loads(stage).second : loads(stage).first);
+    };
+    watched.value = margin(0);
+    watched.tolerance = kForceShare * most;
+    watched.early = 0.0;
+    for (std::size_t i = 1; has_stages_ && watched.early == 0.0 && i < DormandPrince8::kStages; ++i)
+      if (margin(i) < -watched.tolerance) watched.early = DormandPrince8::kC[i];
+    list->push_back(watched);
+  }
+}
+
 // In an order that depends on what contacts and coordinates do alone.
 void ContactEvents::watch(std::vector<Watched>* list) {
   list->clear();
@@ -131,6 +161,7 @@ void ContactEvents::watch(std::vector<Watched>* list) {
   }
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c)
     if (equations_.coordinates[c].is_one_sided) watch_coordinate(c, list);
+  for (std::size_t j = 0; j < equations_.joints.size(); ++j) watch_breaking(j, list);
 }
 
 }  // namespace constraint_sim::engine

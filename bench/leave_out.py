@@ -10,6 +10,9 @@ the files and functions of LEFT_OUT.
     leave_out.py build/engine/constraint_sim_run --check  COUNTS     fails when one grew by over 3 %
     leave_out.py build/engine/constraint_sim_run --update COUNTS     takes these for right
     leave_out.py build/engine/constraint_sim_run --profile           where they are spent, by file
+    leave_out.py build/engine/constraint_sim_run --against dfc5a42   growth since that commit's counts
+
+Of counts that are known, COUNTS may stand in place of the program with --against: nothing is run.
 
 The program has to know its source lines (-g1). Counts hang on the compiler, which the file names;
 with another one only what is left out is checked.
@@ -253,17 +256,43 @@ def compiler():
                           check=True).stdout.splitlines()[0]
 
 
+def counts_in(text):
+    """The compiler and the instructions of each scene."""
+    lines = text.splitlines()
+    return lines[0][2:], {row['scene']: int(row['instructions'])
+                          for row in csv.DictReader(lines[1:])}
+
+
 def compare(path, rows):
-    lines = path.read_text().splitlines()
-    if lines[0] != f'# {compiler()}':
-        print(f'{path} is of another compiler ({lines[0][2:]}): counts are not compared')
+    of, expected = counts_in(path.read_text())
+    if of != compiler():
+        print(f'{path} is of another compiler ({of}): counts are not compared')
         return []
-    expected = {row['scene']: int(row['instructions']) for row in csv.DictReader(lines[1:])}
     grown = [f'{row["scene"]}: {row["instructions"]} instructions a step, were {expected[row["scene"]]}'
              for row in rows if row['instructions'] > expected[row['scene']] * (1 + MOST_GROWTH)]
     if grown:
         grown.append('if that is on purpose, take them over with --update')
     return grown
+
+
+def older_counts(where):
+    """Of a file, or of the file that a commit has."""
+    if os.path.exists(where):
+        return counts_in(pathlib.Path(where).read_text())
+    return counts_in(subprocess.run(
+        ['git', '-C', ROOT, 'show', f'{where}:bench/instructions.csv'], text=True,
+        stdout=subprocess.PIPE, check=True).stdout)
+
+
+def print_growth(where, rows, of):
+    older, before = older_counts(where)
+    if older != of:
+        print(f'{where} is of another compiler ({older})')
+    print(f'| scene | instructions a step | in {where} | growth |\n| --- | ---: | ---: | ---: |')
+    for row in rows:
+        was = before.get(row['scene'])
+        growth = f'{row["instructions"] / was - 1:+.2%}' if was else ''
+        print(f'| {row["scene"]} | {row["instructions"]} | {was or ""} | {growth} |')
 
 
 def print_profile(rows):
@@ -277,11 +306,18 @@ def print_profile(rows):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('program', help='constraint_sim_run')
+    parser.add_argument('program', help='constraint_sim_run, or with --against counts')
     parser.add_argument('--check', metavar='COUNTS', type=pathlib.Path)
     parser.add_argument('--update', metavar='COUNTS', type=pathlib.Path)
     parser.add_argument('--profile', action='store_true')
+    parser.add_argument('--against', metavar='COUNTS or COMMIT')
     options = parser.parse_args()
+
+    if options.against and options.program.endswith('.csv'):
+        of, counts = counts_in(pathlib.Path(options.program).read_text())
+        print_growth(options.against, [{'scene': scene, 'instructions': n}
+                                       for scene, n in counts.items()], of)
+        return
 
     with tempfile.TemporaryDirectory() as folder, \
             concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
@@ -292,6 +328,8 @@ def main():
 
     if options.profile:
         print_profile(rows)
+    elif options.against:
+        print_growth(options.against, rows, compiler())
     else:
         print('| scene | what it is | instructions a step | left out |\n'
               '| --- | --- | ---: | --- |')

@@ -44,8 +44,8 @@ Jacobian along(const JointVectors& vectors, const Eigen::Vector3d& n) {
 
 Jacobian sum_of_jacobians(const std::array<AngleForm::Term, 2>& terms,
                           const JointVectors& vectors) {
-  return combined(terms[0].weight, jacobian(terms[0].form, vectors), terms[1].weight,
-                  jacobian(terms[1].form, vectors));
+  return combined(terms[0].weight, product_jacobian(terms[0].form, vectors), terms[1].weight,
+                  product_jacobian(terms[1].form, vectors));
 }
 
 }  // namespace
@@ -60,7 +60,7 @@ Jacobian combined(double weight_a, const Jacobian& a, double weight_b, const Jac
 }
 
 CosineAndSine<double> values(const AngleForm& form, const JointVectors& vectors) {
-  const auto evaluate = [&](RowForm row) { return value(row, vectors); };
+  const auto evaluate = [&](RowForm row) { return product_value(row, vectors); };
   return {sum(form.c, evaluate), sum(form.s, evaluate)};
 }
 
@@ -69,15 +69,17 @@ CosineAndSine<Jacobian> jacobians(const AngleForm& form, const JointVectors& vec
 }
 
 double value(const ScalarForm& form, const JointVectors& vectors) {
+  if (form.is_product) return product_value(form.product, vectors);
   if (form.is_length) return vectors.d.norm();
-  if (!form.is_angle) return value(form.product, vectors);
+  if (!form.is_angle) return vectors.custom->value(vectors);
   const CosineAndSine<double> at = values(form.angle, vectors);
   return std::atan2(at.s, at.c);
 }
 
 Jacobian jacobian(const ScalarForm& form, const JointVectors& vectors) {
+  if (form.is_product) return product_jacobian(form.product, vectors);
   if (form.is_length) return along(vectors, unit(vectors.d));
-  if (!form.is_angle) return jacobian(form.product, vectors);
+  if (!form.is_angle) return vectors.custom->jacobian(vectors);
   const CosineAndSine<double> at = values(form.angle, vectors);
   const CosineAndSine<Jacobian> J = jacobians(form.angle, vectors);
   const double square = at.c * at.c + at.s * at.s;
@@ -85,26 +87,28 @@ Jacobian jacobian(const ScalarForm& form, const JointVectors& vectors) {
 }
 
 double rate(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion) {
+  if (form.is_product) return product_rate(form.product, vectors, motion);
   if (form.is_length) return unit(vectors.d).dot(motion.d_dot);
-  if (!form.is_angle) return rate(form.product, vectors, motion);
+  if (!form.is_angle) return vectors.custom->rate(vectors, motion);
   const CosineAndSine<double> at = values(form.angle, vectors);
-  const auto evaluate = [&](RowForm row) { return rate(row, vectors, motion); };
+  const auto evaluate = [&](RowForm row) { return product_rate(row, vectors, motion); };
   return (at.c * sum(form.angle.s, evaluate) - at.s * sum(form.angle.c, evaluate)) /
          (at.c * at.c + at.s * at.s);
 }
 
 // (c γ_s − s γ_c − 2 φ̇ (c ċ + s ṡ))/(c² + s²); (‖ḋ‖² + d·β_d − ℓ̇²)/ℓ
 double gamma(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion) {
+  if (form.is_product) return product_gamma(form.product, vectors, motion);
   if (form.is_length) {
     const Eigen::Vector3d n = unit(vectors.d);
     const double across = (motion.d_dot - n.dot(motion.d_dot) * n).squaredNorm();
     const double length = vectors.d.norm();
     return n.dot(motion.d_bias) + (length > 0.0 ? across / length : 0.0);
   }
-  if (!form.is_angle) return gamma(form.product, vectors, motion);
+  if (!form.is_angle) return vectors.custom->gamma(vectors, motion);
   const CosineAndSine<double> at = values(form.angle, vectors);
-  const auto rate_of = [&](RowForm row) { return rate(row, vectors, motion); };
-  const auto gamma_of = [&](RowForm row) { return gamma(row, vectors, motion); };
+  const auto rate_of = [&](RowForm row) { return product_rate(row, vectors, motion); };
+  const auto gamma_of = [&](RowForm row) { return product_gamma(row, vectors, motion); };
   const double c_dot = sum(form.angle.c, rate_of), s_dot = sum(form.angle.s, rate_of);
   const double square = at.c * at.c + at.s * at.s;
   const double phi_dot = (at.c * s_dot - at.s * c_dot) / square;
@@ -116,13 +120,12 @@ double gamma(const ScalarForm& form, const JointVectors& vectors, const JointMot
 Jacobian discrete_gradient(const ScalarForm& form, const JointVectors& start,
                            const JointVectors& end) {
   const JointVectors mean = between(start, end, 0.5);
+  if (form.is_product) return product_jacobian(form.product, mean);
   if (form.is_length) {
     const double length = start.d.norm() + end.d.norm();
     return along(mean, length > 0.0 ? Eigen::Vector3d(2.0 / length * mean.d) : unit(mean.d));
   }
-  if (!form.is_angle && form.product.is_custom())
-    return start.custom->discrete_gradient(start, end);
-  if (!form.is_angle) return jacobian(form.product, mean);
+  if (!form.is_angle) return start.custom->discrete_gradient(start, end);
   const CosineAndSine<double> at_start = values(form.angle, start),
                               at_end = values(form.angle, end);
   const CosineAndSine<Jacobian> J = jacobians(form.angle, mean);

@@ -27,12 +27,13 @@ struct LengthForm {};
 struct ScalarForm {
   bool is_angle = false;
   bool is_length = false;
-  RowForm product;  ///< unless an angle; of a length ½ d·d
+  RowForm product;          ///< unless an angle; of a length ½ d·d
+  bool is_product = false;  ///< neither an angle, a length nor custom
   AngleForm angle;
 
-  constexpr ScalarForm() = default;
+  constexpr ScalarForm() : ScalarForm(RowForm{}) {}
   // NOLINTNEXTLINE(google-explicit-constructor): a row is one
-  constexpr ScalarForm(RowForm form) : product(form) {}
+  constexpr ScalarForm(RowForm form) : product(form), is_product(!form.is_custom()) {}
   constexpr explicit ScalarForm(AngleForm form) : is_angle(true), angle(form) {}
   constexpr explicit ScalarForm(LengthForm /*form*/) : is_length(true) {}
 

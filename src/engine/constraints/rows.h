@@ -39,4 +39,12 @@ double gamma(RowForm row, const JointVectors& vectors, const JointMotion& motion
 /// between two axes.
 Eigen::Vector3d direction(RowForm row, const JointVectors& vectors);
 
+// The same of rows that are known to be products: methods go through these, and no look at whether
+// a row is custom costs them an instruction.
+
+double product_value(RowForm row, const JointVectors& vectors);
+Jacobian product_jacobian(RowForm row, const JointVectors& vectors);
+double product_rate(RowForm row, const JointVectors& vectors, const JointMotion& motion);
+double product_gamma(RowForm row, const JointVectors& vectors, const JointMotion& motion);
+
 }  // namespace constraint_sim::engine

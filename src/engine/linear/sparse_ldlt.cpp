@@ -309,8 +309,10 @@ int SparseLdlt::eliminate(const Supernode& node, double least) {
     if (column[k] < smallest_pivot_ * entry) smallest_pivot_ = column[k] / entry;
     if (column[k] < least * entry)
       column[k] = leave_out(node.first + k, entry, column[k], &left_out);
-    inverse = column[k] != 0.0 ? 1.0 / column[k] : 0.0;  // 0 of a row left out, or empty
-    for (std::size_t i = k + 1; i < rows; ++i) column[i] *= inverse;
+    const double factor =
+        column[k] != 0.0 ? 1.0 / column[k] : 0.0;  // 0 of a row left out, or empty
+    inverse = factor;
+    for (std::size_t i = k + 1; i < rows; ++i) column[i] *= factor;
   }
   return left_out;
 }

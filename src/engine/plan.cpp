@@ -226,6 +226,10 @@ std::string to_string(const StepWarning& warning) {
   if (warning.kind == StepWarning::Kind::kUnclosed)
     return "constraint " + quoted(warning.whose) + ": its error of " + amount +
            " m is not being closed";
+  if (warning.kind == StepWarning::Kind::kHitsLeft && warning.amount < kMostHits)
+    return "body " + quoted(warning.whose) +
+           ": it, or what it touches, hit what had its step already, and may pass through it: take "
+           "a shorter time_step";
   if (warning.kind == StepWarning::Kind::kHitsLeft)
     return "body " + quoted(warning.whose) + ": it and what it hits met " + amount +
            " times in a step, and may pass through each other: take a shorter time_step";

@@ -172,6 +172,8 @@ class StepReport:
     @property
     def changes(self) -> int: ...
     @property
+    def handed_over(self) -> int: ...  # islands whose contacts go from events to impulses
+    @property
     def substeps(self) -> int: ...
     @property
     def events(self) -> int: ...  # at which a one-sided row began or ceased to act

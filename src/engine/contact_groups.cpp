@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 
 #include "engine/constraints/contact.h"
 #include "engine/constraints/one_sided_law.h"
@@ -27,8 +26,12 @@ struct Few {
   double work;
 };
 // Where the world chooses, groups have that work together, and each at least some of its own.
-constexpr Few kAskedFor{32, 64, 2e4}, kChosen{8, 32, 1e3};
+constexpr Few kAskedFor{32, 64, 2e4}, kChosen{8, 48, 1e3};
 constexpr double kLeastWork = 100;
+constexpr double kBack = 0.85;  // of these bodies and points come back from impulses
+// What impulses leave of contacts at rest is ½ g h² to g h² in each of those that bear each other;
+// what is closed is that much, and a share of the thinner shape, and moves by no more in a step.
+constexpr double kSunk = 4.0, kSunkShare = 0.01;
 
 const Few& few(const WorldOptions& options) {
   return options.method == Method::kAuto ? kChosen : kAskedFor;
@@ -102,88 +105,29 @@ bool keeps_energy(const Body& body) {
 
 bool World::Impl::follows_contacts() const { return engine::follows_contacts(options); }
 
-// One that is hit gets up to twice as fast as what hits it.
-void World::Impl::find_group_reach() {
-  group_reach = 0.0;
-  for (const int body : moving_shapes)
-    group_reach = std::max(group_reach, 2.0 * travel(body, options.time_step));
-  group_reach += kTouching;
-}
+std::size_t World::Impl::most_bodies_of_group() const { return few(options).bodies; }
 
-double World::Impl::gap_of(const Broadphase::Pair& pair) const {
-  const auto [a, b] = pair;
-  const PlacedShape of_a(bodies[at(a)], states[at(a)]), of_b(bodies[at(b)], states[at(b)]);
-  return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap;
-}
-
-// what is easily told of it: shapes are within spheres, or on the other side of a plane
-double World::Impl::least_gap(std::size_t a, std::size_t b) const {
-  if (std::holds_alternative<Plane>(bodies[a].shape)) std::swap(a, b);
-  const Vector3d apart = states[a].position - states[b].position;
-  if (!std::holds_alternative<Plane>(bodies[b].shape))
-    return apart.norm() - extent(bodies[a]) - extent(bodies[b]);
-  if (bodies[b].shape_pose) return -std::numeric_limits<double>::infinity();
-  return apart.dot(states[b].orientation * Vector3d::UnitZ()) - extent(bodies[a]);
-}
-
-// the gap of a pair that may touch within the step
-std::optional<double> World::Impl::gap_to_watch(const Broadphase::Pair& pair) const {
-  const bool both_move = is_movable(at(pair.first)) && is_movable(at(pair.second));
-  const double reach = (both_move ? 2.0 : 1.0) * group_reach;
-  if (least_gap(at(pair.first), at(pair.second)) > reach ||
-      std::binary_search(unpaired.begin(), unpaired.end(), pair))
-    return std::nullopt;
-  const double gap = gap_of(pair);
-  if (gap > reach) return std::nullopt;
-  return gap;
-}
-
-// what sleeps and may be touched is awake
-bool World::Impl::wake_approached(const std::vector<Broadphase::Pair>& near) {
-  for (const Broadphase::Pair& pair : near) {
-    if (!(asleep[at(pair.first)] || asleep[at(pair.second)]) || !gap_to_watch(pair)) continue;
-    wake(at(pair.first));
-    wake(at(pair.second));
-  }
-  return any_waking;
-}
-
-// Islands that pairs connect, directly or by others.
+// Islands that pairs connect, directly or by others, as grow_reach() has found them.
 void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near) {
   contact_groups.clear();
-  if (!follows_contacts() || near.empty()) return;
-  std::vector<int>& leader = group_of;
-  leader.resize(islands.size());
-  std::iota(leader.begin(), leader.end(), 0);
-  const auto find = [&](int i) {
-    while (leader[at(i)] != i) i = leader[at(i)] = leader[at(leader[at(i)])];
-    return i;
-  };
-  watched_pairs.clear();
-  for (const Broadphase::Pair& pair : near) {
-    const std::optional<double> gap = gap_to_watch(pair);
-    if (!gap) continue;
-    watched_pairs.push_back({pair, *gap});
-    const int a = island_of[at(pair.first)], b = island_of[at(pair.second)];
-    if (a >= 0 && b >= 0) leader[at(std::max(find(a), find(b)))] = std::min(find(a), find(b));
-  }
-  if (watched_pairs.empty()) return;
-  for (int i = 0; i < static_cast<int>(islands.size()); ++i) leader[at(i)] = find(i);
-  list_group_sizes();
-
+  if (!follows_contacts() || near.empty() || watched_pairs.empty()) return;
   for (const auto& [pair, gap] : watched_pairs) {
     const int island = std::max(island_of[at(pair.first)], island_of[at(pair.second)]);
-    GroupSize& size = group_sizes[at(leader[at(island)])];
-    const bool is_few = size.bodies <= few(options).bodies && size.points <= few(options).points;
-    if (size.overlaps || !(is_few || size.is_elastic)) continue;
+    GroupSize& size = group_sizes[at(leader_of[at(island)])];
+    if (!(is_few(size) || size.is_elastic))
+      size.left_for = MethodReason::kManyContacts;
+    else if (size.overlaps && !size.is_settled)
+      size.left_for = MethodReason::kOverlap;
+    if (size.left_for != MethodReason::kContact) continue;
     if (size.group < 0) {
       size.group = static_cast<int>(contact_groups.size());
-      contact_groups.emplace_back().is_few = is_few;
+      contact_groups.emplace_back().is_few = is_few(size);
+      contact_groups.back().closes = size.overlaps;
     }
     contact_groups[at(size.group)].pairs.push_back(pair);
   }
   for (const int i : awake_islands) {
-    const int group = group_sizes[at(leader[at(i)])].group;
+    const int group = group_sizes[at(leader_of[at(i)])].group;
     if (group >= 0) contact_groups[at(group)].islands.push_back(i);
   }
   for (ContactGroup& group : contact_groups)
@@ -198,24 +142,44 @@ void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near)
     for (const int i : contact_groups[g].islands) group_of[at(i)] = static_cast<int>(g);
 }
 
-// How many there are of what could be a group, by its first island: most of what touches in a heap
-// is too much, and told without a list of its own.
-void World::Impl::list_group_sizes() {
-  group_sizes.assign(islands.size(), GroupSize{});
-  for (const auto& [pair, gap] : watched_pairs) {
-    const int island = std::max(island_of[at(pair.first)], island_of[at(pair.second)]);
-    GroupSize& size = group_sizes[at(group_of[at(island)])];
-    size.points +=
-        ContactEvents::most_points(bodies[at(pair.first)].shape, bodies[at(pair.second)].shape);
-    size.overlaps = size.overlaps || gap < -ContactEvents::kMostOverlap;
-  }
-  for (const int i : awake_islands) {
-    GroupSize& size = group_sizes[at(group_of[at(i)])];
-    const std::vector<int>& members = island_parts[at(i)].members.bodies;
-    size.bodies += members.size();
-    size.is_elastic =
-        size.is_elastic && members.size() == 1 && is_elastic_sphere(at(members.front()));
-  }
+// those that were handed over come back when there are fewer, so that they do not come and go
+bool World::Impl::is_few(const GroupSize& size) const {
+  const double share = size.was_handed ? kBack : 1.0;
+  return static_cast<double>(size.bodies) <= share * static_cast<double>(few(options).bodies) &&
+         static_cast<double>(size.points) <= share * static_cast<double>(few(options).points);
+}
+
+// Whether an overlap is what impulses leave at rest, or less.
+bool World::Impl::is_settled(const Broadphase::Pair& pair, double gap) const {
+  const double h = options.time_step;
+  const auto [a, b] = pair;
+  const double share =
+      kSunkShare * std::min(thickness(bodies[at(a)].shape), thickness(bodies[at(b)].shape));
+  const auto is_slow = [&](int body) {
+    Twist motion;
+    motion << states[at(body)].linear_velocity, states[at(body)].angular_velocity;
+    if (any_corrections) motion -= corrections[at(body)];
+    const double turned = is_movable(at(body)) ? extent(bodies[at(body)]) : 0.0;
+    return h * (motion.head<3>().norm() + turned * motion.tail<3>().norm()) <= share;
+  };
+  return -gap <= std::min(share, kSunk * h * h * options.gravity.norm()) && is_slow(a) &&
+         is_slow(b);
+}
+
+// of an island in contact that is in no group
+MethodReason World::Impl::why_left(std::size_t island) const {
+  if (watched_pairs.empty()) return MethodReason::kContact;
+  return group_sizes[at(leader_of[island])].left_for;
+}
+
+// whether it is in no group, and touches something
+bool World::Impl::is_left_in_contact(std::size_t island) const {
+  if (is_in_group(island)) return false;
+  const auto is_of_it = [&](int body) { return island_of[at(body)] == static_cast<int>(island); };
+  return std::any_of(watched_pairs.begin(), watched_pairs.end(), [&](const auto& watched) {
+    const auto& [pair, gap] = watched;
+    return gap <= kTouching && (is_of_it(pair.first) || is_of_it(pair.second));
+  });
 }
 
 // who is in a group, as islands were sorted
@@ -256,7 +220,7 @@ bool World::Impl::can_be_in_group(std::size_t i) const {
 
 // The group with its equations; false where it is left to others.
 bool World::Impl::compile_group(ContactGroup* group) {
-  if (compile_spheres(group)) return true;
+  if (!group->closes && compile_spheres(group)) return true;
   if (!group->is_few) return false;
   ContactEquations equations;
   std::vector<int> place(bodies.size(), -1);
@@ -302,7 +266,7 @@ bool World::Impl::compile_group(ContactGroup* group) {
                      std::min(thickness(body_a.shape), thickness(body_b.shape))});
   }
   group->events = std::make_shared<ContactEvents>(std::move(equations), std::move(pairs));
-  return group->events->begin(states);
+  return group->events->begin(states, group->closes);
 }
 
 bool World::Impl::is_elastic_sphere(std::size_t body) const {
@@ -345,8 +309,8 @@ bool World::Impl::compile_spheres(ContactGroup* group) {
   };
   const bool is_all = std::count_if(bodies.begin(), bodies.end(), can_touch) ==
                       static_cast<std::ptrdiff_t>(spheres.size() + planes.size());
-  const double most_speed =
-      is_all ? std::numeric_limits<double>::infinity() : group_reach / options.time_step;
+  const double most_speed = is_all ? std::numeric_limits<double>::infinity()
+                                   : reach[at(spheres.front().body)] / options.time_step;
   group->spheres =
       std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes), most_speed);
   if (group->spheres->begin(states, ContactEvents::kMostOverlap)) return true;

@@ -12,35 +12,9 @@ using Eigen::Vector3d;
 
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
-void widen(double margin, Proxy* proxy) {
-  proxy->box.min -= Vector3d::Constant(margin);
-  proxy->box.max += Vector3d::Constant(margin);
-}
-
 }  // namespace
 
 // ---- 1. broadphase
-
-const std::vector<Broadphase::Pair>& World::Impl::find_pairs() {
-  if (moving_shapes.empty()) return broadphase.pairs();
-  const StageTimer timer(clock, Stage::kBroadphase, &report.stage_times);
-  proxies.clear();
-  fast_bodies.clear();
-  jointed_pairs.clear();
-  find_fast_speed();
-  if (follows_contacts()) find_group_reach();
-  for (const int body : moving_shapes) {
-    proxies.push_back(proxy(body));
-    const bool is_fast_one = is_fast(body);
-    if (is_fast_one) fast_bodies.push_back(body);
-    if (is_fast_one) sweep(options.time_step, &proxies.back());
-    if (follows_contacts()) widen(group_reach, &proxies.back());
-  }
-  report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
-  report.broadphase_tests = broadphase.tests();
-  if (broadphase.is_full()) fail(Failure::kTooManyPairs);
-  return broadphase.pairs();
-}
 
 Proxy World::Impl::proxy(int body) const {
   const auto i = at(body);
@@ -56,7 +30,7 @@ const std::vector<TouchingPair>& World::Impl::find_contacts(
     return touching;
   collide_pairs(near);
   if (!fast_bodies.empty()) find_hits(near);
-  while (wake_touched() || (follows_contacts() && wake_approached(broadphase.pairs()))) {
+  while (wake_touched() || (follows_contacts() && wake_approached())) {
     std::swap(touching, touching_before);  // back to the contacts of the step before
     contacts_are_new = false;
     spread_waking();

@@ -218,6 +218,8 @@ void add(Fnv1a& hash, const IslandMemory& memory, const std::string& first_body)
         memory.touched_until, memory.inconsistent_until, std::uint64_t{memory.gradient_iterations}})
     hash.add(value);
   if (memory.contacts_refused_until > 0) hash.add(memory.contacts_refused_until);
+  if (memory.left_for != MethodReason::kSmooth)
+    hash.add(static_cast<std::uint64_t>(memory.left_for));
   hash.add(memory.substep_cost);
 }
 

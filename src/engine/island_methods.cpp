@@ -52,9 +52,15 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
     const bool was_in_group = island.why == MethodReason::kFewContacts;
     MethodChoice choice = choose(parts.nature, in_contact[i], parts, step_count, options);
     if (is_in_group(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
+    if (is_in_group(i)) parts.left_for = MethodReason::kSmooth;
+    if (choice.why == MethodReason::kContact) choice.why = why_left(i);
+    if (was_in_group && !parts.is_fresh && is_left_in_contact(i)) {
+      choice = {Method::kSequentialImpulses, why_left(i)};
+      hand_over(i, choice.why);
+    }
     remember_choice(choice, in_contact[i], step_count, &parts);
     any_refused = any_refused || choice.why == MethodReason::kRefused ||
-                  choice.why == MethodReason::kContactsGivenUp;
+                  step_count < parts.contacts_refused_until;
     any_stiff = any_stiff || choice.why == MethodReason::kInconsistent ||
                 (choice.why == MethodReason::kStiff && parts.nature != MethodReason::kStiff);
     island.local_error = 0.0;
@@ -407,6 +413,13 @@ void World::Impl::switch_method(std::size_t i, Method method, MethodReason why) 
   island_parts[i].is_to_be_asked = true;
 }
 
+// from events to impulses
+void World::Impl::hand_over(std::size_t i, MethodReason why) {
+  learn_from_handover(why, step_count, options, &island_parts[i]);
+  ++report.handed_over;
+  if (!report.handed_over_body) report.handed_over_body = islands[i].first_body;
+}
+
 // the other method takes this step, from its start, and some more
 void World::Impl::refuse_island(std::size_t i, MethodReason why) {
   for (const int body : island_parts[i].members.bodies) states[at(body)] = states_before[at(body)];
@@ -415,7 +428,10 @@ void World::Impl::refuse_island(std::size_t i, MethodReason why) {
   islands[i].method = Method::kSequentialImpulses;
   islands[i].why = why;
   island_parts[i].projected_energy = island_parts[i].correction_work = 0.0;
-  if (why != MethodReason::kContact) learn_from_refusal(why, step_count, &island_parts[i]);
+  if (why == MethodReason::kContactsGivenUp)
+    hand_over(i, why);
+  else if (why != MethodReason::kContact)
+    learn_from_refusal(step_count, &island_parts[i]);
   any_refused = true;
   ++island_parts[i].changes;
   island_parts[i].energy.has_changed = true;

@@ -1,6 +1,7 @@
 #include "engine/method_choice.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace constraint_sim::engine {
 namespace {
@@ -16,6 +17,8 @@ constexpr double kCalmShare = 0.5;
 constexpr std::uint64_t kCalmFor = 50;  // [steps]
 // How long an island that could not be integrated is left to the other method [steps].
 constexpr std::uint64_t kRefusedFor = 100;
+// How long contacts that events have left are not by events [s].
+constexpr double kHandedOverFor = 0.5;
 // How long constraints that were inconsistent have to be consistent [steps].
 constexpr std::uint64_t kInconsistentFor = 3;
 // Where gradients are given up at once: substeps would cost less than this share of them.
@@ -66,6 +69,10 @@ const char* to_string(MethodReason why) {
       return "near few others";
     case MethodReason::kContactsGivenUp:
       return "its contacts could not be followed by events";
+    case MethodReason::kManyContacts:
+      return "in contact, with too many for events";
+    case MethodReason::kOverlap:
+      return "in contact, too deep for events";
   }
   return "";
 }
@@ -112,7 +119,10 @@ MethodChoice choose(MethodReason nature, bool in_contact, const IslandMemory& me
   MethodReason why = nature;
   if (in_contact && !is_by_impulses(why)) why = MethodReason::kContact;
   if (step < memory.refused_until) why = MethodReason::kRefused;
-  if (step < memory.contacts_refused_until) why = MethodReason::kContactsGivenUp;
+  if (step < memory.contacts_refused_until) {
+    if (memory.left_for == MethodReason::kContactsGivenUp || why == MethodReason::kContact)
+      why = memory.left_for;
+  }
   if (!is_by_impulses(why)) {
     if (step < memory.inconsistent_until)
       why = MethodReason::kInconsistent;
@@ -179,9 +189,15 @@ void learn_from_gradients(int iterations, double frequency, bool is_simple, std:
   memory->is_stiff = memory->is_stiff && step < memory->stiff_until;
 }
 
-void learn_from_refusal(MethodReason why, std::uint64_t step, IslandMemory* memory) {
-  (why == MethodReason::kContactsGivenUp ? memory->contacts_refused_until : memory->refused_until) =
-      step + kRefusedFor;
+void learn_from_refusal(std::uint64_t step, IslandMemory* memory) {
+  memory->refused_until = step + kRefusedFor;
+}
+
+void learn_from_handover(MethodReason why, std::uint64_t step, const WorldOptions& options,
+                         IslandMemory* memory) {
+  memory->contacts_refused_until =
+      step + static_cast<std::uint64_t>(std::ceil(kHandedOverFor / options.time_step));
+  memory->left_for = why;
 }
 
 void learn_from_inconsistency(std::uint64_t step, IslandMemory* memory) {

@@ -20,8 +20,10 @@ struct IslandMemory {
   std::uint64_t stiff_until = 0;    ///< step before which it is not asked again
   std::uint64_t refused_until = 0;  ///< step
   std::uint64_t contacts_refused_until = 0;  ///< step before which its contacts are not by events
-  std::uint64_t touched_until = 0;           ///< step until which its last contact counts as near
-  std::uint64_t inconsistent_until = 0;      ///< step
+  /// Why they were handed over to impulses; kSmooth: they were not, or are back.
+  MethodReason left_for = MethodReason::kSmooth;
+  std::uint64_t touched_until = 0;        ///< step until which its last contact counts as near
+  std::uint64_t inconsistent_until = 0;   ///< step
   std::uint32_t gradient_iterations = 0;  ///< Newton's, of the last tick by gradients; 0: none yet
   /// Evaluations that substeps took per radian of h ω, when they were last found stiff; 0: never.
   double substep_cost = 0.0;
@@ -37,7 +39,7 @@ struct IslandMemory {
     return !is_stiff &&
            (quiet_for | stiff_until | refused_until | contacts_refused_until | touched_until |
             inconsistent_until | gradient_iterations) == 0 &&
-           stiff_ticks == 0 && substep_cost == 0.0;
+           left_for == MethodReason::kSmooth && stiff_ticks == 0 && substep_cost == 0.0;
   }
   /// The steps are counted from another one.
   void move(std::uint64_t from, std::uint64_t to) {
@@ -110,7 +112,11 @@ void learn_from_gradients(int iterations, double frequency, bool is_simple, std:
                           const WorldOptions& options, IslandMemory* memory);
 
 /// An island that was refused is left to impulses for a while.
-void learn_from_refusal(MethodReason why, std::uint64_t step, IslandMemory* memory);
+void learn_from_refusal(std::uint64_t step, IslandMemory* memory);
+
+/// The same of one whose contacts were by events until now, for a reason.
+void learn_from_handover(MethodReason why, std::uint64_t step, const WorldOptions& options,
+                         IslandMemory* memory);
 
 /// An island with inconsistent constraints stays with their method until they can be met, and a
 /// little longer, so that what comes and goes does not change the method in every step.

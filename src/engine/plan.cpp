@@ -226,9 +226,10 @@ std::string to_string(const StepWarning& warning) {
   if (warning.kind == StepWarning::Kind::kUnclosed)
     return "constraint " + quoted(warning.whose) + ": its error of " + amount +
            " m is not being closed";
-  if (warning.kind == StepWarning::Kind::kHitsLeft && warning.amount == 0.0)
+  if (warning.kind == StepWarning::Kind::kHitsLeft && warning.amount < kMostHits)
     return "body " + quoted(warning.whose) +
-           ": it may pass through what it meets within a step: take a shorter time_step";
+           ": it, or what it touches, may pass through what it meets within a step: take a shorter "
+           "time_step";
   if (warning.kind == StepWarning::Kind::kHitsLeft)
     return "body " + quoted(warning.whose) + ": it and what it hits met " + amount +
            " times in a step, and may pass through each other: take a shorter time_step";

@@ -228,7 +228,7 @@ TouchingPair read_contact(const YamlElement& item, const World& world) {
 
 IslandMemory read_island(const YamlElement& item) {
   item.expect_keys({"first_body", "quiet_for", "is_stiff", "stiff_ticks", "stiff_until",
-                    "refused_until", "contacts_refused_until", "touched_until",
+                    "refused_until", "contacts_refused_until", "left_for", "touched_until",
                     "inconsistent_until", "gradient_iterations", "substep_cost"});
   const auto read = [&](const char* key, std::uint64_t* target) {
     if (const auto value = item.find(key)) *target = value->count();
@@ -241,6 +241,11 @@ IslandMemory read_island(const YamlElement& item) {
   read("stiff_until", &memory.stiff_until);
   read("refused_until", &memory.refused_until);
   read("contacts_refused_until", &memory.contacts_refused_until);
+  std::uint64_t left_for = 0;
+  read("left_for", &left_for);
+  if (left_for > static_cast<std::uint64_t>(MethodReason::kOverlap))
+    item.at("left_for").fail("there is no such reason");
+  memory.left_for = static_cast<MethodReason>(left_for);
   read("touched_until", &memory.touched_until);
   read("inconsistent_until", &memory.inconsistent_until);
   std::uint64_t iterations = 0;

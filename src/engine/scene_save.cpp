@@ -394,6 +394,8 @@ void write_islands(YAML::Emitter* out, const World& world) {
     write(out, "refused_until", memory.refused_until);
     if (memory.contacts_refused_until > 0)
       write(out, "contacts_refused_until", memory.contacts_refused_until);
+    if (memory.left_for != MethodReason::kSmooth)
+      write(out, "left_for", static_cast<std::uint64_t>(memory.left_for));
     write(out, "touched_until", memory.touched_until);
     write(out, "inconsistent_until", memory.inconsistent_until);
     write(out, "gradient_iterations", std::uint64_t{memory.gradient_iterations});

@@ -18,7 +18,7 @@ namespace {
 // What a snapshot begins with: another format, compiler or Eigen makes other bits.
 const std::string& build() {
   static const std::string kBuild =
-      "constraint_sim snapshot 3, compiled by " __VERSION__ " with Eigen " +
+      "constraint_sim snapshot 4, compiled by " __VERSION__ " with Eigen " +
       std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
       std::to_string(EIGEN_MINOR_VERSION) + "\n";
   return kBuild;
@@ -42,7 +42,7 @@ constexpr long kCount<BodyType> = static_cast<long>(BodyType::kKinematic) + 1;
 template <>
 constexpr long kCount<Failure> = static_cast<long>(Failure::kCustom) + 1;
 template <>
-constexpr long kCount<MethodReason> = static_cast<long>(MethodReason::kContactsGivenUp) + 1;
+constexpr long kCount<MethodReason> = static_cast<long>(MethodReason::kOverlap) + 1;
 template <>
 constexpr long kCount<Hold> = static_cast<long>(Hold::kDrive) + 1;
 template <>

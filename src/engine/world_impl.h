@@ -88,6 +88,7 @@ struct ContactGroup {
   std::shared_ptr<ElasticSpheres> spheres;  ///< or these
   bool has_failed = false;                  ///< in this step: others carry them
   bool is_few = false;                      ///< enough for `events`
+  bool closes = false;                      ///< overlaps, which `events` do
 };
 
 /// What each method carries in a step; made anew when that changes.
@@ -194,16 +195,22 @@ struct World::Impl : Model, State, IslandLists {
   /// Of islands that pairs connect, by the first one of them.
   struct GroupSize {
     std::size_t bodies = 0, points = 0;
-    bool overlaps = false, is_elastic = true;
-    int group = -1;  ///< that was made of them
+    double reach = 0.0;  ///< [m] of the one that may get furthest
+    bool has_pairs = false, overlaps = false, is_elastic = true;
+    bool is_settled = true;   ///< as far as overlaps go: they are what impulses leave at rest
+    bool was_handed = false;  ///< one of them was handed over to impulses, and is not back
+    MethodReason left_for = MethodReason::kContact;  ///< where it is not by events
+    int group = -1;                                  ///< that was made of them
   };
   std::vector<std::pair<Broadphase::Pair, double>> watched_pairs;  // with their gaps [m]
   std::vector<GroupSize> group_sizes;
   std::vector<ContactGroup> contact_groups;
+  std::vector<int> leader_of;          // of islands: the first one that pairs connect with it
   std::vector<int> group_of;           // of islands; -1: none
   std::vector<BodyId> grouped_bodies;  // whatever is edited after the step
   bool had_groups = false;             // in the step before
-  double group_reach = 0.0;            // [m] that anybody may get to in this step, whoever hits it
+  std::vector<double> reach;           // [m] of bodies in this step, whoever hits them
+  std::vector<double> own_reach;       // [m] where nobody does
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
@@ -309,6 +316,7 @@ struct World::Impl : Model, State, IslandLists {
   void compile_island(IslandParts* parts);
   void compile_island(IslandParts* parts, const std::vector<int>& open_points);
   const std::vector<Broadphase::Pair>& find_pairs();
+  void find_overlapping();
   Proxy proxy(int body) const;
   const std::vector<TouchingPair>& find_contacts(const std::vector<Broadphase::Pair>& near);
   void collide_pairs(const std::vector<Broadphase::Pair>& near);
@@ -348,13 +356,21 @@ struct World::Impl : Model, State, IslandLists {
   bool is_in_group(std::size_t island) const {
     return !contact_groups.empty() && group_of[island] >= 0;
   }
-  void find_group_reach();
+  void begin_reach();
+  bool grow_reach();
+  void watch_pairs();
+  std::size_t most_bodies_of_group() const;
   double gap_of(const Broadphase::Pair& pair) const;
   double least_gap(std::size_t a, std::size_t b) const;
   std::optional<double> gap_to_watch(const Broadphase::Pair& pair) const;
-  bool wake_approached(const std::vector<Broadphase::Pair>& near);
+  bool wake_approached();
   void find_contact_groups(const std::vector<Broadphase::Pair>& near);
   void list_group_sizes();
+  bool is_settled(const Broadphase::Pair& pair, double gap) const;
+  bool is_few(const GroupSize& size) const;
+  MethodReason why_left(std::size_t island) const;
+  bool is_left_in_contact(std::size_t island) const;
+  void hand_over(std::size_t island, MethodReason why);
   void list_grouped_bodies();
   bool is_elastic_sphere(std::size_t body) const;
   bool suits_group(const IslandMembers& members, MethodReason nature,

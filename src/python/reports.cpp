@@ -61,6 +61,8 @@ void define_step_report(py::module* module) {
       .def_property_readonly("islands", &islands_of, "islands advanced by each method")
       .def_readonly("asleep", &Report::asleep, "islands at rest, left out")
       .def_readonly("changes", &Report::changes, "changes of method")
+      .def_readonly("handed_over", &Report::handed_over,
+                    "islands whose contacts go from events to impulses")
       .def_readonly("substeps", &Report::substeps, "of all islands")
       .def_readonly("rejected", &Report::rejected, "rejected substeps")
       .def_readonly("iterations", &Report::iterations, "sweeps over the rows, and Newton's")

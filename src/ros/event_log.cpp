@@ -55,6 +55,15 @@ std::string hitting_too_often(const World& world) {
   return warning_of(world, engine::StepWarning::Kind::kHitsLeft);
 }
 
+std::string handing_over(const World& world) {
+  const engine::StepReport& report = world.report();
+  std::string why;
+  for (const engine::Island& island : world.islands())
+    if (report.handed_over_body == island.first_body) why = engine::to_string(island.why);
+  return "contacts of '" + world.body(*report.handed_over_body).name +
+         "' and what it touches go from event_driven to sequential_impulses: " + why;
+}
+
 bool is_beyond_range(const engine::StepReport& report) {
   return !std::isfinite(report.energy + report.energy_drift + report.max_constraint_error +
                         report.max_penetration + report.local_error);
@@ -77,6 +86,8 @@ const Reported kReported[] = {
      "energy no longer rises without a cause"},
     {[](const engine::StepReport& report) { return report.hits_left_body.has_value(); },
      hitting_too_often, "fast bodies no longer hit more often than a tick looks for"},
+    {[](const engine::StepReport& report) { return report.handed_over > 0; }, handing_over,
+     "no more contacts go from event_driven to sequential_impulses"},
     {is_beyond_range,
      [](const World&) {
        return std::string(

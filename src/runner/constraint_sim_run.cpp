@@ -144,6 +144,7 @@ struct Outcome {
   double accumulated_local_error = 0.0;             ///< sum of the steps' estimates [m]
   double correction_work = 0.0, driven_work = 0.0;  ///< sums over all steps [J]
   double solver_residual = 0.0;                     ///< largest of all steps [m/s]
+  std::uint64_t handed_over = 0;                    ///< islands, from events to impulses
   std::set<std::string> methods;
   std::set<std::string> unresolved_bodies;
   std::map<std::pair<StepWarning::Kind, std::string>, StepWarning>
@@ -176,6 +177,7 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
     outcome.correction_work += report.correction_work;
     outcome.driven_work += report.driven_work;
     outcome.solver_residual = std::max(outcome.solver_residual, report.solver_residual);
+    outcome.handed_over += report.handed_over;
     for (std::size_t i = 0; i < kMethodCount; ++i)
       if (report.islands[i] > 0) outcome.methods.insert(name(static_cast<Method>(i)));
     if (report.unresolved_bodies > 0)
@@ -253,6 +255,7 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
       {"failure", to_string(world.report().failure)},
       {"failed_body", failed_body(world)},
       {"methods", outcome.methods},
+      {"handed_over", outcome.handed_over},
       {"unresolved_bodies", outcome.unresolved_bodies},
       {"left_out", engine::left_out(world)},
       {"warnings", warnings_of(world, outcome)},
@@ -271,6 +274,9 @@ void print_summary(const World& world, const Outcome& outcome) {
   std::printf("sum of local errors    %.3g m\n", outcome.accumulated_local_error);
   std::printf("energy drift           %.3g of the largest kinetic energy\n", outcome.energy_drift);
   std::printf("method                 %s\n", methods.empty() ? "none" : methods.c_str());
+  if (outcome.handed_over > 0)
+    std::printf("handed over            %llu times from events to impulses\n",
+                static_cast<unsigned long long>(outcome.handed_over));
   if (!outcome.unresolved_bodies.empty())
     std::printf("not resolved           %zu light bodies; the report names them\n",
                 outcome.unresolved_bodies.size());

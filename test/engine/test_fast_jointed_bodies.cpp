@@ -196,7 +196,8 @@ TEST(FastJointedBodies, WhatIsLeftIsTold) {
   world.step();
   ASSERT_EQ(step_warnings(world).size(), 1u);
   EXPECT_EQ(to_string(step_warnings(world)[0]),
-            "body 'ball0': it may pass through what it meets within a step: take a shorter "
+            "body 'ball0': it, or what it touches, may pass through what it meets within a step: "
+            "take a shorter "
             "time_step");
 }
 

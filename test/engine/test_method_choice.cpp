@@ -57,7 +57,8 @@ TEST(MethodChoice, EveryReasonHasOneMethod) {
       {MethodReason::kFriction, kEvents},        {MethodReason::kBreaks, kEvents},
       {MethodReason::kLimitedSpring, kImpulses}, {MethodReason::kManyRows, kImpulses},
       {MethodReason::kRefused, kImpulses},       {MethodReason::kAskedFor, kGradients},
-      {MethodReason::kFewContacts, kEvents},     {MethodReason::kContactsGivenUp, kImpulses}};
+      {MethodReason::kFewContacts, kEvents},     {MethodReason::kContactsGivenUp, kImpulses},
+      {MethodReason::kManyContacts, kImpulses},  {MethodReason::kOverlap, kImpulses}};
   for (const auto& [why, method] : cases)
     EXPECT_EQ(method_for(why, with(kGradients)), method) << to_string(why);
   EXPECT_EQ(method_for(MethodReason::kAskedFor, with(kImpulses)), kImpulses);
@@ -112,6 +113,31 @@ TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
     EXPECT_EQ(memory.touched_until > kNow, c.in_contact) << c.what;
     if (choice.method == kImpulses) {
       EXPECT_EQ(memory.inconsistent_until, 0u) << c.what;
+    }
+  }
+}
+
+// What events gave up is by impulses for half a second, whatever the tick; what they left because
+// there was too much of it only as long as it touches anything.
+TEST(MethodChoice, WhatEventsHaveLeftStaysAwayForHalfASecond) {
+  for (const double h : {0.1, 0.01, 0.001}) {
+    WorldOptions options = with(kAuto);
+    options.time_step = h;
+    const auto steps = static_cast<std::uint64_t>(std::lround(0.5 / h));
+    for (const MethodReason why : {MethodReason::kContactsGivenUp, MethodReason::kManyContacts}) {
+      IslandMemory memory;
+      learn_from_handover(why, kNow, options, &memory);
+      EXPECT_EQ(memory.contacts_refused_until, kNow + steps) << h;
+      const auto is_told = [&](bool in_contact, std::uint64_t step) {
+        return choose(MethodReason::kSmooth, in_contact, memory, step, options).why;
+      };
+      EXPECT_EQ(is_told(true, kNow + steps - 1), why) << h;
+      EXPECT_EQ(is_told(true, kNow + steps), MethodReason::kContact) << h;
+      const bool is_given_up = why == MethodReason::kContactsGivenUp;
+      EXPECT_EQ(is_told(false, kNow + 1), is_given_up ? why : MethodReason::kSmooth) << h;
+      IslandMemory moved = memory;
+      moved.move(kNow + steps, 0);  // it is remembered that it was handed over
+      EXPECT_EQ(moved.left_for, why);
     }
   }
 }

@@ -25,6 +25,8 @@ enum class MethodReason {
   kManyRows,         ///< more limits, motors and friction than events are worth
   kFewContacts,      ///< may touch others within the step, and these are few: by events
   kContactsGivenUp,  ///< the same, but events found no answer, or did not come to an end
+  kManyContacts,     ///< touches others, and there are too many bodies or points for events
+  kOverlap,          ///< touches others, deeper than events begin with
 };
 
 /// In words.

@@ -114,16 +114,18 @@ struct StepReport {
   // what it cost
   std::array<std::uint32_t, kMethodCount> islands{};  ///< advanced by each method
   std::uint32_t asleep = 0;                           ///< islands at rest, that were left out
-  std::uint32_t changes = 0;           ///< of islands' methods, since the step before or within it
-  std::uint32_t substeps = 0;          ///< of all islands
-  std::uint32_t rejected = 0;          ///< substeps tried without result
-  std::uint32_t iterations = 0;        ///< sweeps over the rows, and Newton's of stiff islands
-  std::uint32_t events = 0;            ///< at which a one-sided row began or ceased to act
-  std::uint32_t hits = 0;              ///< of fast bodies, at their times within the step
-  std::uint32_t rows = 0;              ///< scalar equations solved
-  std::uint32_t contacts = 0;          ///< contact points, but for those of islands at rest
-  std::uint64_t broadphase_tests = 0;  ///< box against box
-  std::uint32_t candidate_pairs = 0;   ///< that the broadphase let through
+  std::uint32_t changes = 0;      ///< of islands' methods, since the step before or within it
+  std::uint32_t handed_over = 0;  ///< islands whose contacts go from events to impulses
+  std::optional<BodyId> handed_over_body;  ///< the first one of the first of these
+  std::uint32_t substeps = 0;              ///< of all islands
+  std::uint32_t rejected = 0;              ///< substeps tried without result
+  std::uint32_t iterations = 0;            ///< sweeps over the rows, and Newton's of stiff islands
+  std::uint32_t events = 0;                ///< at which a one-sided row began or ceased to act
+  std::uint32_t hits = 0;                  ///< of fast bodies, at their times within the step
+  std::uint32_t rows = 0;                  ///< scalar equations solved
+  std::uint32_t contacts = 0;              ///< contact points, but for those of islands at rest
+  std::uint64_t broadphase_tests = 0;      ///< box against box
+  std::uint32_t candidate_pairs = 0;       ///< that the broadphase let through
   std::array<double, kStageCount> stage_times{};  ///< [s]; zero unless a clock was given
 };
 

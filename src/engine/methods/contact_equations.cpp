@@ -73,6 +73,16 @@ void ContactEquations::scatter_state(std::vector<BodyState>* states) const {
     (*states)[static_cast<std::size_t>(bodies[i].index)] = states_[i];
 }
 
+void ContactEquations::displace(const VectorXd& change, double* y) {
+  for (std::size_t i = 0; i < movable; ++i) {
+    double* const body = y + kNumbers * i;
+    Vector(body) += change.segment<3>(6 * index(i));
+    Eigen::Map<Eigen::Quaterniond> q(body + kQ);
+    q = rotation(change.segment<3>(6 * index(i) + 3)) * Eigen::Quaterniond(q);
+  }
+  place(y);
+}
+
 // ---- a System
 
 void ContactEquations::derivative(std::size_t stage, double t, const double* y, double* dydt) {

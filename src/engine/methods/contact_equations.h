@@ -86,6 +86,8 @@ class ContactEquations {
   std::vector<double>& numbers() { return y_; }
   /// Moves to these numbers.
   void place(const double* y);
+  /// Adds a change of places, (Δx, Δφ) of one movable body after the other, to the numbers.
+  void displace(const Eigen::VectorXd& change, double* y);
   /// Moves to a time since `origin` [s], at which bodies stay where they are.
   void set_time(double t) { t_ = t; }
   double time() const { return t_; }

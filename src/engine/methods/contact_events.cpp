@@ -130,19 +130,20 @@ void ContactEvents::add_contacts() {
   }
 }
 
-bool ContactEvents::begin(const std::vector<BodyState>& states) {
+bool ContactEvents::begin(const std::vector<BodyState>& states, bool closes) {
+  closes_ = closes;
   equations_.gather_state(states);
   add_contacts();
   equations_.gather_state(states);  // with what contacts have of stages
   depth_.assign(pairs_.size(), 0.0);
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     if (pairs_[p].is_of_boxes()) depth_[p] = -gap_of_boxes(pairs_[p]);
-    if (depth_[p] > kMostOverlap) return false;
+    if (!closes && depth_[p] > kMostOverlap) return false;
   }
-  return std::all_of(equations_.contacts.begin(), equations_.contacts.end(),
-                     [&](const ContactEquations::Contact& contact) {
-                       return equations_.motion(contact).gap >= -kMostOverlap;
-                     });
+  return closes || std::all_of(equations_.contacts.begin(), equations_.contacts.end(),
+                               [&](const ContactEquations::Contact& contact) {
+                                 return equations_.motion(contact).gap >= -kMostOverlap;
+                               });
 }
 
 bool ContactEvents::has_touched(std::size_t contact) const {
@@ -224,6 +225,7 @@ IntegrationResult ContactEvents::advance(const SmoothSpan& all, const Integrator
       body.torque += load.torque;
     }
   }
+  if (closes_ && !close_overlaps(&span, states)) return span.progress;
   const std::size_t n = equations_.size();
   numbers_.assign(StageMemory::kRows * n, 0.0);
   std::copy(equations_.numbers().begin(), equations_.numbers().end(), numbers_.begin());

@@ -47,8 +47,9 @@ class ContactEvents {
   /// In how many points two shapes may touch.
   static std::size_t most_points(const Shape& a, const Shape& b);
 
-  /// Finds the contacts, open. False where two shapes overlap by more than kMostOverlap.
-  bool begin(const std::vector<BodyState>& states);
+  /// Finds the contacts, open. False where two shapes overlap by more than kMostOverlap, unless the
+  /// first span `closes` such overlaps.
+  bool begin(const std::vector<BodyState>& states, bool closes);
   /// As method.h says. Not done: too many events, or no answer to one; the states are then those of
   /// any time within the span. `joint_step`, `joint_states`: of the span, of all joints.
   /// `most_work` may be done in the step.
@@ -143,6 +144,9 @@ class ContactEvents {
     IntegrationResult progress;
   };
 
+  double find_overlaps(double margin);
+  double beyond_limits() const;
+  bool close_overlaps(Span* span, std::vector<BodyState>* states);
   void begin_joints(const Span& span, const JointStep& step, const std::vector<JointState>& states);
   void note_positions();
   void give_way(std::size_t coordinate);
@@ -202,6 +206,7 @@ class ContactEvents {
   double step_ = 0.0;                 // what the next substep is tried with [s]
   bool has_stages_ = false;           // of the last substep
   bool has_begun_ = false;            // the first span
+  bool closes_ = false;               // overlaps, in the next span
   ContactEquations::Accelerations rates_;
   std::vector<Eigen::Vector3d> acceleration_;    // ẇ of contacts, as decide() found it
   std::vector<double> coordinate_acceleration_;  // the same of coordinates

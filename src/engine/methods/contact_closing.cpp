@@ -1,0 +1,91 @@
+// What another method has left of overlaps, closed before a group goes on by events: the least
+// change Σ m ‖Δx‖² + Δφ·I Δφ of positions after which no shape is in another one and the joints
+// hold. Overlaps are those of the narrowphase, linearised anew in each round; what of them acts is
+// the cone problem of impulses without friction, with gaps in place of velocities.
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/linear/cone_problem.h"
+#include "engine/methods/contact_events.h"
+#include "engine/methods/law_events.h"
+#include "engine/narrowphase.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Index;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr int kMostRounds = 10;   // each leaves about the square of what there was
+constexpr double kClosed = 1e-9;  // [m] of overlap, that events close themselves
+constexpr double kNear = 2.0;  // of the largest overlap: points that far apart could be pushed in
+
+}  // namespace
+
+double ContactEvents::find_overlaps(double margin) {
+  equations_.contacts.clear();
+  double deepest = 0.0;
+  for (const Pair& pair : pairs_) {
+    const BodyState &a = equations_.state(pair.a), &b = equations_.state(pair.b);
+    const Manifold manifold = collide(pair.shape_a, a, pair.shape_b, b, margin);
+    for (std::size_t k = 0; k < static_cast<std::size_t>(manifold.count); ++k) {
+      const Manifold::Point& point = manifold.points[k];
+      const Vector3d on_a = point.position - point.depth * manifold.normal;
+      ContactEquations::Contact& contact = equations_.contacts.emplace_back();
+      contact.a = pair.a;
+      contact.b = pair.b;
+      contact.feature.on_a = a.orientation.conjugate() * (on_a - a.position);
+      contact.feature.on_b = b.orientation.conjugate() * (point.position - b.position);
+      contact.feature.axis = b.orientation.conjugate() * manifold.normal;
+      deepest = std::max(deepest, point.depth);
+    }
+  }
+  return deepest;
+}
+
+// by what coordinates are beyond what holds them one way
+double ContactEvents::beyond_limits() const {
+  double most = 0.0;
+  for (const ContactEquations::Coordinate& of : equations_.coordinates) {
+    if (!of.is_one_sided) continue;
+    const double q = equations_.read(of, nullptr).q;
+    most = std::max(
+        {most, equations_.limit(of, false).value - q, q - equations_.limit(of, true).value});
+  }
+  return most;
+}
+
+// False where it does not come to an end, or would push a joint beyond what holds it.
+bool ContactEvents::close_overlaps(Span* span, std::vector<BodyState>* states) {
+  double* const y = equations_.numbers().data();
+  const double before = equations_.kinetic_energy() + equations_.potential_energy();
+  const double beyond = std::max(beyond_limits(), kTouching);
+  double deepest = find_overlaps(0.0);
+  for (int round = 0; deepest > kClosed; ++round) {
+    if (round == kMostRounds || is_set(span->all.stop)) return false;
+    find_overlaps(kNear * deepest);
+    std::vector<std::size_t> all(equations_.contacts.size());
+    for (std::size_t c = 0; c < all.size(); ++c) all[c] = c;
+    const ContactEquations::Responses responses = equations_.responses(all, {});
+    ConeProblem problem;
+    problem.A = responses.A;
+    problem.b = VectorXd::Zero(problem.A.rows());
+    problem.contacts.resize(all.size());
+    for (std::size_t c = 0; c < all.size(); ++c)
+      problem.b[3 * static_cast<Index>(c)] = equations_.motion(equations_.contacts[c]).gap;
+    VectorXd p;
+    if (!solve(problem, &p)) return false;
+    equations_.displace(responses.velocity * p, y);
+    equations_.contacts.clear();
+    if (!equations_.project(0.0, y)) return false;
+    deepest = find_overlaps(0.0);
+  }
+  if (beyond_limits() > beyond) return false;
+  span->progress.corrected += equations_.kinetic_energy() + equations_.potential_energy() - before;
+  equations_.scatter_state(states);
+  return begin(*states, false);
+}
+
+}  // namespace constraint_sim::engine

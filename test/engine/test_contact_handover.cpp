@@ -1,0 +1,155 @@
+// Contacts that go from events to impulses and back. Oracles: closed forms of what is lifted; the
+// energy less what was booked, which nothing can raise; counts of changes; the same bits of a copy
+// and of a snapshot.
+
+#include "by_events.h"
+#include "constraint_sim/engine/snapshot.h"
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+WorldOptions by_auto(double time_step) {
+  WorldOptions options = engine::options(time_step);
+  options.method = Method::kAuto;
+  options.sleep_after = INFINITY;
+  return options;
+}
+
+Body box_at(const std::string& name, const Vector3d& position, double mass = 1.0) {
+  return with_surface(make_body(name, Box{{0.4, 0.4, 0.4}}, mass, position), 0.5, 0.0);
+}
+
+bool is_by_events(const World& world) {
+  const std::vector<Island> islands = world.islands();
+  return std::all_of(islands.begin(), islands.end(),
+                     [](const Island& island) { return island.why == MethodReason::kFewContacts; });
+}
+
+// Reach was that of the fastest body of all: two metres either way of a bird at 50 m/s.
+TEST(ContactHandover, WhatIsFastFarAwayChangesNothing) {
+  std::array<std::uint64_t, 2> hashes{};
+  for (const double speed : {0.0, 50.0}) {
+    World world(by_auto(0.01));
+    world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));
+    std::vector<BodyId> boxes;
+    for (int i = 0; i < 8; ++i)
+      boxes.push_back(world.add_body(
+          box_at("box" + std::to_string(i), {3.0 * (i % 2), 0.5 * std::floor(0.5 * i), 0.2})));
+    Body bird = make_body("bird", Sphere{0.1}, 1.0, {100.0, 0.0, 50.0});
+    bird.state.linear_velocity.y() = speed;
+    world.add_body(bird);
+    for (int i = 0; i < 20; ++i) {
+      EXPECT_FALSE(world.step().failed);
+      EXPECT_FALSE(is_by_impulses(world)) << speed << ", " << world.time();
+    }
+    for (const BodyId box : boxes) EXPECT_EQ(world.state(box).position.z(), 0.2) << speed;
+  }
+}
+
+// One that is far from all but one of a row moves that one against its neighbour, and so on: all
+// that may be hit within the step are one group.
+TEST(ContactHandover, GroupsReachAsFarAsTheirFastestDrives) {
+  World world(by_auto(0.01));
+  WorldOptions options = world.options();
+  options.gravity.setZero();
+  world.set_options(options);
+  for (int i = 0; i < 4; ++i) {
+    Body ball = with_surface(
+        make_body("ball" + std::to_string(i), Sphere{0.1}, 1.0, {0.35 * i, 0.0, 0.0}), 0.1, 1.0);
+    if (i == 0) ball.state.linear_velocity.x() = 50.0;
+    world.add_body(ball);
+  }
+  world.step();
+  EXPECT_EQ(world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)], 0u);
+  // 0.15 m between them each: 0.45 m of the way at 50 m/s
+  EXPECT_NEAR(world.state(world.find_body("ball3")).position.x(), 3 * 0.35 + 50.0 * 0.01 - 0.45,
+              1e-12);
+}
+
+// By impulses before, for ever: m g d is what lifting it costs.
+TEST(ContactHandover, WhatIsPutDownTooDeepIsLiftedAndBooked) {
+  for (const double depth : {1e-6, 1e-5, 1e-4, 1e-3}) {
+    World world(by_auto(0.01));
+    world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));
+    const BodyId below = world.add_body(box_at("below", {0.0, 0.0, 0.2 - depth}, 2.0));
+    const BodyId above = world.add_body(box_at("above", {0.02, 0.01, 0.6 - 3.0 * depth}, 1.0));
+    const double before = world.energy();
+    const StepReport& report = world.step();
+    EXPECT_TRUE(is_by_events(world)) << depth;
+    EXPECT_NEAR(world.state(below).position.z(), 0.2, 2e-9) << depth;
+    EXPECT_NEAR(world.state(above).position.z(), 0.6, 4e-9) << depth;
+    EXPECT_NEAR(report.correction_work, kGravity * (2.0 * depth + 3.0 * depth), 1e-7) << depth;
+    EXPECT_NEAR(world.energy() - report.correction_work, before, 1e-10) << depth;
+    for (int i = 0; i < 100; ++i) {
+      world.step();
+      EXPECT_EQ(world.report().energy_rise, 0.0);
+      EXPECT_TRUE(is_by_events(world)) << depth;
+    }
+    EXPECT_LT(world.state(above).linear_velocity.norm(), 1e-12);
+  }
+}
+
+// Deeper than impulses leave anything at rest is not lifted in one step.
+TEST(ContactHandover, WhatIsMuchTooDeepIsLeftAndToldSo) {
+  World world(by_auto(0.01));
+  world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));
+  world.add_body(box_at("box", {0.0, 0.0, 0.19}));
+  world.step();
+  EXPECT_EQ(world.islands().front().why, MethodReason::kOverlap);
+  EXPECT_EQ(world.report().handed_over, 0u);  // it never was by events
+  for (int i = 0; i < 500; ++i) world.step();
+  EXPECT_TRUE(is_by_events(world));
+}
+
+// Six balls lie in a row; three more are thrown past them, near enough to be a group of nine, which
+// is too many: that goes to impulses, and is back by events once those three have gone. What was
+// done from outside is booked, so energy less the books never rises; and a copy and a snapshot, in
+// each tenth of a second, go on with the same bits.
+TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
+  for (const double h : {0.02, 0.01, 0.005}) {
+    World world(by_auto(h));
+    world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));
+    double weight = 0.0;
+    const auto add = [&](const std::string& name, const Vector3d& at, double speed) {
+      Body ball = with_surface(make_body(name, Sphere{0.1}, 1.0, at), 0.5, 0.0);
+      ball.state.linear_velocity.y() = speed;
+      weight += kGravity * ball.mass;
+      world.add_body(ball);
+    };
+    for (int i = 0; i < 6; ++i) add("lies" + std::to_string(i), {0.2001 * i, 0.0, 0.1}, 0.0);
+    for (int i = 0; i < 3; ++i) add("flies" + std::to_string(i), {0.4 * i, -3.0, 0.45}, 10.0);
+    unsigned handed_over = 0, switches = 0;
+    bool was_by_impulses = false;
+    double booked = 0.0, least = world.energy();
+    World copy = world, again = world;
+    for (int i = 0; world.time() < 10.0; ++i) {
+      const StepReport& report = world.step();
+      handed_over += report.handed_over;
+      const bool is_now = is_by_impulses(world);
+      switches += is_now != was_by_impulses;
+      was_by_impulses = is_now;
+      booked += report.correction_work + report.driven_work;
+      EXPECT_LT(world.energy() - booked, least + 1e-9 * weight) << h << ", " << world.time();
+      least = std::min(least, world.energy() - booked);
+      for (World* each : {&copy, &again})
+        if (i > 0) each->step();
+      ASSERT_EQ(i > 0 ? copy.state_hash() : 0, i > 0 ? world.state_hash() : 0) << world.time();
+      ASSERT_EQ(i > 0 ? again.state_hash() : 0, i > 0 ? world.state_hash() : 0) << world.time();
+      if (i % 10 != 0) continue;
+      copy = world;
+      again = read_snapshot(write_snapshot(world));
+    }
+    EXPECT_GE(handed_over, 6u) << h;
+    EXPECT_GE(switches, 2u) << h;
+    EXPECT_LE(switches, 6u) << h;  // once for those that lie, and for each that comes down
+    EXPECT_TRUE(!is_by_impulses(world)) << h;
+    for (int i = 0; i < 6; ++i)
+      EXPECT_NEAR(world.state(world.find_body("lies" + std::to_string(i))).position.z(), 0.1, 1e-9);
+  }
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

@@ -253,6 +253,32 @@ void RowSolver::lose_self_stress(std::vector<Row>& rows, std::vector<LoopRow>* l
   }
 }
 
+[[gnu::always_inline]] inline double RowSolver::wanted_correction(const Row& row, const Response& r,
+                                                                  double J_V, double J_W) const {
+  const double lower = row.lower == 0.0 ? 0.0 : row.lower - row.impulse;
+  const double upper = row.upper == 0.0 ? 0.0 : row.upper - row.impulse;
+  return std::clamp(wanted_impulse(row, row.correction_impulse, correction_target(row, J_V), J_W,
+                                   r.effective_mass),
+                    lower, upper);
+}
+
+[[gnu::always_inline]] inline void RowSolver::correct(Row& row, const Response& r, double J_V) {
+  const double b = wanted_correction(row, r, J_V, velocity_along(row, r, corrections_));
+  if (b == row.correction_impulse) return;
+  push(row, r, b - row.correction_impulse, &corrections_);
+  row.correction_impulse = b;
+}
+
+[[gnu::always_inline]] inline void RowSolver::solve_row(Row& row, const Response& r) {
+  const double J_V = velocity_along(row, r, velocities_);
+  const double p = std::clamp(wanted_impulse(row, row.impulse, row.target, J_V, r.effective_mass),
+                              row.lower, row.upper);
+  const double change = p - row.impulse;
+  if (change != 0.0) push(row, r, change, &velocities_);
+  row.impulse = p;
+  if (r.corrects) correct(row, r, J_V + change * r.K);
+}
+
 RowSolver::Outcome RowSolver::solve(const std::vector<int>& moved, std::vector<Row>& rows,
                                     int iterations, StopFlag stop) {
   Row* const end = rows.data() + rows.size();
@@ -274,32 +300,6 @@ RowSolver::Outcome RowSolver::solve(const std::vector<int>& moved, std::vector<R
   Outcome outcome = account(moved, rows);
   if (limit_energy(moved, rows)) outcome = account(moved, rows);
   return outcome;
-}
-
-[[gnu::always_inline]] inline double RowSolver::wanted_correction(const Row& row, const Response& r,
-                                                                  double J_V, double J_W) const {
-  const double lower = row.lower == 0.0 ? 0.0 : row.lower - row.impulse;
-  const double upper = row.upper == 0.0 ? 0.0 : row.upper - row.impulse;
-  return std::clamp(wanted_impulse(row, row.correction_impulse, correction_target(row, J_V), J_W,
-                                   r.effective_mass),
-                    lower, upper);
-}
-
-[[gnu::always_inline]] inline void RowSolver::correct(Row& row, const Response& r, double J_V) {
-  const double b = wanted_correction(row, r, J_V, velocity_along(row, r, corrections_));
-  if (b == row.correction_impulse) return;
-  push(row, r, b - row.correction_impulse, &corrections_);
-  row.correction_impulse = b;
-}
-
-void RowSolver::solve_row(Row& row, const Response& r) {
-  const double J_V = velocity_along(row, r, velocities_);
-  const double p = std::clamp(wanted_impulse(row, row.impulse, row.target, J_V, r.effective_mass),
-                              row.lower, row.upper);
-  const double change = p - row.impulse;
-  if (change != 0.0) push(row, r, change, &velocities_);
-  row.impulse = p;
-  if (r.corrects) correct(row, r, J_V + change * r.K);
 }
 
 // A row of two parts, which get the same impulse.

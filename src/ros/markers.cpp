@@ -421,7 +421,13 @@ void Markers::add_motor(const engine::World& world, const Seen& seen, const Show
 
 // On what is held. The longest arrow is the largest force of the last seconds.
 void Markers::add_contacts(const engine::World& world) {
-  if (world.contacts().empty()) return;
+  const double most = forces_->contact_reference();
+  const double least = kNoForce * most;
+  const auto has_force = [least](const engine::Contact& contact) {
+    return contact.normal_force > least;
+  };
+  const std::vector<engine::Contact>& contacts = world.contacts();
+  if (!(most > 0.0) || std::none_of(contacts.begin(), contacts.end(), has_force)) return;
   const double longest = forces_->contact_length(extent_);
   const auto add = [&](MarkerSet::Namespace* where, std::int32_t id,
                        const std_msgs::ColorRGBA& of) -> Lines* {
@@ -433,12 +439,10 @@ void Markers::add_contacts(const engine::World& world) {
   };
   Lines* normal = nullptr;
   Lines* friction[] = {nullptr, nullptr};
-  const double most = forces_->contact_reference();
-  if (!(most > 0.0)) return;
   const double scale = longest / most;
   const Vector3d down = constraint_sim::down(world);
-  for (const engine::Contact& contact : world.contacts()) {
-    if (!(contact.normal_force > kNoForce * most)) continue;
+  for (const engine::Contact& contact : contacts) {
+    if (!has_force(contact)) continue;
     const double sign = sign_of_held(world, contact, down);
     const engine::BodyId held = sign > 0.0 ? contact.body_a : contact.body_b;
     const Vector3d way = sign * contact.normal;
@@ -447,7 +451,7 @@ void Markers::add_contacts(const engine::World& world) {
     if (normal == nullptr) normal = add(&contacts_, 0, colour(1.0, 1.0, 1.0));
     add_arrow(from, way, length, kHead * length, normal);
   }
-  for_each_friction(world.contacts(), [&](const ShownFriction& shown) {
+  for_each_friction(contacts, [&](const ShownFriction& shown) {
     const double force = shown.force.norm();
     if (!(scale * force > kLeastFriction * longest)) return;
     Lines*& lines = friction[shown.sticks ? 1 : 0];

@@ -256,7 +256,9 @@ inline void let_joints_break(Scene* scene) {
     if (draw.below(3) > 0) continue;
     const double bears = scene->largest * std::pow(10.0, draw());
     joint.break_force = bears;
-    if (joint.kind != JointKind::kDistance && draw.below(2) == 0) joint.break_torque = 0.5 * bears;
+    const bool is_length =
+        joint.kind == JointKind::kDistance || joint.kind == JointKind::kFreeDistance;
+    if (!is_length && draw.below(2) == 0) joint.break_torque = 0.5 * bears;
   }
 }
 

@@ -370,7 +370,7 @@ void validate(const Joint& joint) {
   if (is_custom_force(joint.kind) && joint.break_force + joint.break_torque > 0.0)
     refuse("break_force", "a custom force does not break, got " + shortest(joint.break_force) +
                               " and a break_torque of " + shortest(joint.break_torque));
-  if (has_length(joint.kind) && joint.break_torque > 0.0)
+  if ((has_length(joint.kind) || joint.kind == free_length()) && joint.break_torque > 0.0)
     refuse("break_torque", "a distance joint has no torque, got " + shortest(joint.break_torque));
 }
 

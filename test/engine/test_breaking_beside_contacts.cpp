@@ -135,5 +135,17 @@ TEST_P(BreakingBesideContactsAt, AnImpactCountsInTheMeanOfTheTick) {
   }
 }
 
+// as scenes have it: what would be saved could not be loaded
+TEST(Breaking, ALengthBearsNoTorque) {
+  World world(by_events(1.0 / 60));
+  Joint joint = hang("length", world.add_body(make_body("bob", Sphere{0.1}, 1.0, {1.0, 0.0, 0.0})));
+  joint.break_torque = 1.0;
+  for (const JointKind kind : {JointKind::kDistance, free_length()}) {
+    joint.kind = kind;
+    EXPECT_EQ(refusal([&] { world.add_joint(joint); }),
+              "break_torque: a distance joint has no torque, got 1");
+  }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

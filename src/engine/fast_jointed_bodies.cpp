@@ -62,7 +62,7 @@ bool World::Impl::has_joints(const Broadphase::Pair& pair) const {
   return has(pair.first) || has(pair.second);
 }
 
-// those that are fast, and apart
+// those that are fast, and apart; what may be hit is awake
 void World::Impl::list_jointed_pairs(const std::vector<Broadphase::Pair>& near) {
   const double h = options.time_step;
   jointed_pairs.clear();
@@ -72,6 +72,8 @@ void World::Impl::list_jointed_pairs(const std::vector<Broadphase::Pair>& near) 
         gap_of(pair) > swept(pair.first, h) + swept(pair.second, h))
       continue;
     jointed_pairs.push_back(pair);
+    wake(at(pair.first));
+    wake(at(pair.second));
   }
 }
 

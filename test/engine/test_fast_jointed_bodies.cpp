@@ -188,6 +188,23 @@ TEST(FastJointedBodies, ARodBreaksByTheMeanOfTheTick) {
   }
 }
 
+// A plate of a kilogram that sleeps stops what comes, and goes with it.
+TEST(FastJointedBodies, WakeWhatTheyMayHit) {
+  WorldOptions options = by(Method::kSequentialImpulses, 1.0 / 240);
+  options.sleep_after = 0.01;
+  World world(options);
+  const BodyId plate =
+      world.add_body(make_body("plate", Box{{kPlate, 4.0, 4.0}}, 1.0, Vector3d(20.0, 0.0, 0.0)));
+  const std::vector<BodyId> balls = add_joined_balls(&world, 0.0, 0.0, 0.0);
+  run(world, 8);
+  EXPECT_EQ(world.report().asleep, 1u);
+  run(world, 8);
+  EXPECT_EQ(world.report().asleep, 0u);
+  // all three kilograms go on together, to what the sweeps leave
+  EXPECT_NEAR(world.state(plate).linear_velocity.x(), kSpeed * 2.0 / 3.0, 0.01 * kSpeed);
+  EXPECT_GT(world.state(plate).position.x(), world.state(balls[0]).position.x());
+}
+
 // along a plate, nearer than a step can be divided
 TEST(FastJointedBodies, WhatIsLeftIsTold) {
   World world(by(Method::kSequentialImpulses, 1.0 / 60));

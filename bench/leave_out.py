@@ -60,6 +60,7 @@ SCENES = (
     Scene('safety_rope', 'safety_rope', 40, 'a rope that is slack'),
     Scene('breaking_rod', 'breaking_rod', 40, 'a rod that breaks'),
     Scene('rocking_block', 'rocking_block', 30, 'a box on a floor, from corner to corner'),
+    Scene('newtons_cradle', 'newtons_cradle', 45, 'five balls on rods, and a blow'),
     Scene('ball_on_incline', 'ball_on_incline', 20, 'a ball that slides, then rolls'),
     Scene('weak_winch', 'weak_winch', 20, 'a motor at its force limit, and a contact'),
     Scene('chain_of_hinges', None, 20, 'ten bars, hinged by turns across each other'),

@@ -92,7 +92,7 @@ void World::Impl::tell_contact_groups(const JointStep& step) {
       tell_spheres(*group.spheres);
       continue;
     }
-    const ContactEvents& by_events = *group.events;
+    const ContactEvents& by_events = *group.events.get();
     const ContactEquations& equations = by_events.equations();
     const auto joint_of = [&](std::size_t coordinate) {
       return at(equations.joints[equations.coordinates[coordinate].joint].index);

@@ -1,7 +1,7 @@
 // Islands that may touch each other, or what does not move, within a step, and are few enough to be
 // carried from event to event together: between stages 2 and 3 of a step. Only with `method: auto`
 // and `event_driven`. A group has no memory: it is found anew in each step, from where the bodies
-// are.
+// are, and takes the storage of one of the step before.
 
 #include <algorithm>
 #include <cmath>
@@ -48,12 +48,13 @@ bool can_be_beside_contacts(const Joint& joint) {
   });
 }
 
-/// Adds the coordinates of a joint, the last one of `equations`, on which something acts.
-void add_coordinates(ContactEquations* equations) {
-  const std::size_t j = equations->joints.size() - 1;
+/// Adds the coordinates of a joint of `equations` on which something acts.
+void add_coordinates(std::size_t j, std::vector<OneSidedLaw>* of_joint,
+                     ContactEquations* equations) {
   ContactEquations::BodyJoint& of = equations->joints[j];
   const Joint& joint = of.joint;
-  std::vector<OneSidedLaw> laws;
+  std::vector<OneSidedLaw>& laws = *of_joint;
+  laws.clear();
   add_one_sided_laws(joint, j, &laws);
   const auto add = [&](const OneSidedLaw& law) -> ContactEquations::Coordinate& {
     ContactEquations::Coordinate& coordinate = equations->coordinates.emplace_back();
@@ -109,7 +110,7 @@ std::size_t World::Impl::most_bodies_of_group() const { return few(options).bodi
 
 // Islands that pairs connect, directly or by others, as grow_reach() has found them.
 void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near) {
-  contact_groups.clear();
+  clear_contact_groups();
   if (!follows_contacts() || near.empty() || watched_pairs.empty()) return;
   for (const auto& [pair, gap] : watched_pairs) {
     const int island = std::max(island_of[at(pair.first)], island_of[at(pair.second)]);
@@ -121,8 +122,10 @@ void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near)
     if (size.left_for != MethodReason::kContact) continue;
     if (size.group < 0) {
       size.group = static_cast<int>(contact_groups.size());
-      contact_groups.emplace_back().is_few = is_few(size);
-      contact_groups.back().closes = size.overlaps;
+      ContactGroup& group = add_contact_group();
+      group.is_few = is_few(size);
+      group.is_elastic = size.is_elastic;
+      group.closes = size.overlaps;
     }
     contact_groups[at(size.group)].pairs.push_back(pair);
   }
@@ -130,13 +133,13 @@ void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near)
     const int group = group_sizes[at(leader_of[at(i)])].group;
     if (group >= 0) contact_groups[at(group)].islands.push_back(i);
   }
-  for (ContactGroup& group : contact_groups)
-    if (!compile_group(&group)) group.events.reset();
-  const auto is_left = [](const ContactGroup& group) {
-    return group.events == nullptr && group.spheres == nullptr;
-  };
-  contact_groups.erase(std::remove_if(contact_groups.begin(), contact_groups.end(), is_left),
-                       contact_groups.end());
+  std::size_t kept = 0;
+  for (std::size_t g = 0; g < contact_groups.size(); ++g) {
+    if (!compile_group(&contact_groups[g])) continue;
+    if (kept != g) std::swap(contact_groups[kept], contact_groups[g]);
+    ++kept;
+  }
+  clear_contact_groups(kept);
   group_of.assign(islands.size(), -1);
   for (std::size_t g = 0; g < contact_groups.size(); ++g)
     for (const int i : contact_groups[g].islands) group_of[at(i)] = static_cast<int>(g);
@@ -182,6 +185,25 @@ bool World::Impl::is_left_in_contact(std::size_t island) const {
   });
 }
 
+// All but the first ones.
+void World::Impl::clear_contact_groups(std::size_t kept) {
+  while (contact_groups.size() > kept) {
+    unused_groups.push_back(std::move(contact_groups.back()));
+    contact_groups.pop_back();
+  }
+}
+
+ContactGroup& World::Impl::add_contact_group() {
+  if (unused_groups.empty()) return contact_groups.emplace_back();
+  ContactGroup& group = contact_groups.emplace_back(std::move(unused_groups.back()));
+  unused_groups.pop_back();
+  group.islands.clear();
+  group.pairs.clear();
+  group.spheres.reset();
+  group.has_failed = false;
+  return group;
+}
+
 // who is in a group, as islands were sorted
 void World::Impl::list_grouped_bodies() {
   grouped_bodies.clear();
@@ -220,53 +242,77 @@ bool World::Impl::can_be_in_group(std::size_t i) const {
 
 // The group with its equations; false where it is left to others.
 bool World::Impl::compile_group(ContactGroup* group) {
-  if (!group->closes && compile_spheres(group)) return true;
+  for (const int i : group->islands)
+    if (!can_be_in_group(at(i))) return false;
+  if (group->is_elastic && !group->closes && compile_spheres(group)) return true;
   if (!group->is_few) return false;
-  ContactEquations equations;
-  std::vector<int> place(bodies.size(), -1);
-  const auto add = [&](int body) {
-    if (place[at(body)] >= 0) return;
-    place[at(body)] = static_cast<int>(equations.bodies.size());
-    ContactEquations::Body& added = equations.bodies.emplace_back();
+  place_in_group.resize(bodies.size(), -1);
+  group->events.make();
+  ContactEquations& equations = group->events->equations();
+  const bool is_compiled = compile_events(*group);
+  for (const ContactEquations::Body& body : equations.bodies) place_in_group[at(body.index)] = -1;
+  return is_compiled && group->events->begin(states, group->closes);
+}
+
+std::size_t World::Impl::add_group_body(int body, ContactEquations* equations) {
+  int& place = place_in_group[at(body)];
+  if (place < 0) {
+    place = static_cast<int>(equations->bodies.size());
+    ContactEquations::Body& added = equations->bodies.emplace_back();
     added.index = body;
     added.mass = masses[at(body)];
-  };
-  for (const int i : group->islands) {
-    if (!can_be_in_group(at(i))) return false;
-    for (const int body : island_parts[at(i)].members.bodies) add(body);
   }
+  return at(place);
+}
+
+// Bodies, joints and pairs of a group.
+bool World::Impl::compile_events(const ContactGroup& group) {
+  ContactEquations& equations = group.events->equations();
+  equations.bodies.clear();
+  equations.coordinates.clear();
+  for (const int i : group.islands)
+    for (const int body : island_parts[at(i)].members.bodies) add_group_body(body, &equations);
   equations.movable = equations.bodies.size();
-  for (const int i : group->islands) {
+  std::size_t count = 0;
+  for (const int i : group.islands) {
     for (const int index : island_parts[at(i)].members.joints) {
+      if (count == equations.joints.size()) equations.joints.emplace_back();
+      ContactEquations::BodyJoint& joint = equations.joints[count];
       const auto [a, b] = joint_ends[at(index)];
-      add(static_cast<int>(a));
-      add(static_cast<int>(b));
-      ContactEquations::BodyJoint& joint = equations.joints.emplace_back();
       joint.index = index;
-      joint.a = at(place[a]);
-      joint.b = at(place[b]);
+      joint.a = add_group_body(static_cast<int>(a), &equations);
+      joint.b = add_group_body(static_cast<int>(b), &equations);
       joint.joint = joints[at(index)];
-      add_coordinates(&equations);
+      joint.has_rows = true;
+      joint.course = {};
+      joint.impulse.setZero();
+      add_coordinates(count, &group_laws, &equations);
+      ++count;
     }
   }
-  if (equations.coordinates.size() > ContactEvents::kMostLaws) return false;
-  std::vector<ContactEvents::Pair> pairs;
-  for (auto [a, b] : group->pairs) {
+  equations.joints.resize(count);
+  return equations.coordinates.size() <= ContactEvents::kMostLaws && add_group_pairs(group);
+}
+
+bool World::Impl::add_group_pairs(const ContactGroup& group) {
+  ContactEquations& equations = group.events->equations();
+  std::vector<ContactEvents::Pair>& pairs = group.events->pairs();
+  pairs.clear();
+  for (auto [a, b] : group.pairs) {
     if (is_moving_by_itself(at(a)) || is_moving_by_itself(at(b))) return false;
     if (!has_features(bodies[at(a)].shape, bodies[at(b)].shape)) std::swap(a, b);
     const Body& body_a = bodies[at(a)];
     const Body& body_b = bodies[at(b)];
     if (!has_features(body_a.shape, body_b.shape)) return false;
     if (body_a.shape_pose || body_b.shape_pose) return false;
-    add(a);
-    add(b);
     const ContactSurface surface(body_a, body_b);
-    pairs.push_back({at(place[at(a)]), at(place[at(b)]), body_a.shape, body_b.shape,
-                     surface.friction, surface.restitution, 0, 0,
+    const std::size_t place_a = add_group_body(a, &equations);
+    const std::size_t place_b = add_group_body(b, &equations);
+    pairs.push_back({place_a, place_b, body_a.shape, body_b.shape, surface.friction,
+                     surface.restitution, 0, 0,
                      std::min(thickness(body_a.shape), thickness(body_b.shape))});
   }
-  group->events = std::make_shared<ContactEvents>(std::move(equations), std::move(pairs));
-  return group->events->begin(states, group->closes);
+  return true;
 }
 
 bool World::Impl::is_elastic_sphere(std::size_t body) const {
@@ -280,10 +326,8 @@ bool World::Impl::compile_spheres(ContactGroup* group) {
   std::vector<ElasticSpheres::Sphere> spheres;
   for (const int i : group->islands) {
     const IslandMembers& members = island_parts[at(i)].members;
-    if (!can_be_in_group(at(i)) || members.bodies.size() != 1 || !members.joints.empty())
-      return false;
+    if (!members.joints.empty()) return false;
     const int body = members.bodies.front();
-    if (!is_elastic_sphere(at(body))) return false;
     const auto is_on_it = [&](const Wrench& wrench) { return wrench.body == body_ids[at(body)]; };
     if (std::any_of(wrenches.begin(), wrenches.end(), is_on_it)) return false;
     spheres.push_back({body, 1.0 / masses[at(body)].inverse_mass,
@@ -323,7 +367,7 @@ double World::Impl::most_work_of(const ContactGroup& of) const {
   double left = few(options).work;
   if (options.method == Method::kEventDriven) return left;
   for (const ContactGroup& group : contact_groups)
-    if (&group != &of && group.events != nullptr) left -= group.events->work();
+    if (&group != &of && group.spheres == nullptr) left -= group.events->work();
   return std::max(left, kLeastWork);
 }
 

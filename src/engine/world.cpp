@@ -322,8 +322,9 @@ void World::Impl::tell_broken(std::size_t j) {
 }
 
 void World::Impl::sort_events() {
-  std::stable_sort(events.begin(), events.end(),
-                   [](const Event& l, const Event& r) { return l.time < r.time; });
+  const auto is_earlier = [](const Event& l, const Event& r) { return l.time < r.time; };
+  if (!std::is_sorted(events.begin(), events.end(), is_earlier))
+    std::stable_sort(events.begin(), events.end(), is_earlier);
 }
 
 void World::Impl::drop_spent_wrenches(double now) {

@@ -13,6 +13,7 @@
 #include "engine/broadphase.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_sum.h"
+#include "engine/constraints/one_sided_law.h"
 #include "engine/islands.h"
 #include "engine/method_choice.h"
 #include "engine/methods/island_motion.h"
@@ -53,6 +54,7 @@ struct IslandParts : IslandMemory {
   bool gives_way = false;  ///< has a spring with a force limit, whose energy is not ½ k C²
 };
 
+class ContactEquations;
 class ContactEvents;
 class ElasticSpheres;
 
@@ -80,15 +82,40 @@ struct FastGroup {
   bool is_empty() const { return bodies.empty(); }
 };
 
+/// Storage that steps use again. A copy of a world begins without: nothing goes by what is in it.
+template <class T>
+class Storage {
+ public:
+  Storage() = default;
+  Storage(const Storage& /*other*/) {}
+  Storage(Storage&&) noexcept = default;
+  Storage& operator=(const Storage& /*other*/) {
+    of_.reset();
+    return *this;
+  }
+  Storage& operator=(Storage&&) noexcept = default;
+  ~Storage() = default;
+
+  T* get() const { return of_.get(); }
+  T* operator->() const { return of_.get(); }
+  void make() {
+    if (of_ == nullptr) of_ = std::make_shared<T>();
+  }
+
+ private:
+  std::shared_ptr<T> of_;
+};
+
 /// Islands that may touch each other, or what does not move, within a step.
 struct ContactGroup {
   std::vector<int> islands;
   std::vector<Broadphase::Pair> pairs;
-  std::shared_ptr<ContactEvents> events;    ///< of this step alone
+  Storage<ContactEvents> events;            ///< of this step alone
   std::shared_ptr<ElasticSpheres> spheres;  ///< or these
   bool has_failed = false;                  ///< in this step: others carry them
   bool is_few = false;                      ///< enough for `events`
   bool closes = false;                      ///< overlaps, which `events` do
+  bool is_elastic = false;                  ///< all of them spheres for `spheres`
 };
 
 /// What each method carries in a step; made anew when that changes.
@@ -205,12 +232,15 @@ struct World::Impl : Model, State, IslandLists {
   std::vector<std::pair<Broadphase::Pair, double>> watched_pairs;  // with their gaps [m]
   std::vector<GroupSize> group_sizes;
   std::vector<ContactGroup> contact_groups;
-  std::vector<int> leader_of;          // of islands: the first one that pairs connect with it
-  std::vector<int> group_of;           // of islands; -1: none
-  std::vector<BodyId> grouped_bodies;  // whatever is edited after the step
-  bool had_groups = false;             // in the step before
-  std::vector<double> reach;           // [m] of bodies in this step, whoever hits them
-  std::vector<double> own_reach;       // [m] where nobody does
+  std::vector<ContactGroup> unused_groups;  // their storage is used again
+  std::vector<int> place_in_group;          // of bodies; -1: not in the one that is compiled
+  std::vector<OneSidedLaw> group_laws;      // of a joint
+  std::vector<int> leader_of;               // of islands: the first one that pairs connect with it
+  std::vector<int> group_of;                // of islands; -1: none
+  std::vector<BodyId> grouped_bodies;       // whatever is edited after the step
+  bool had_groups = false;                  // in the step before
+  std::vector<double> reach;                // [m] of bodies in this step, whoever hits them
+  std::vector<double> own_reach;            // [m] where nobody does
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
@@ -376,7 +406,12 @@ struct World::Impl : Model, State, IslandLists {
   bool suits_group(const IslandMembers& members, MethodReason nature,
                    const IslandMemory& memory) const;
   bool can_be_in_group(std::size_t i) const;
+  void clear_contact_groups(std::size_t kept = 0);
+  ContactGroup& add_contact_group();
   bool compile_group(ContactGroup* group);
+  bool compile_events(const ContactGroup& group);
+  std::size_t add_group_body(int body, ContactEquations* equations);
+  bool add_group_pairs(const ContactGroup& group);
   bool compile_spheres(ContactGroup* group);
   double most_work_of(const ContactGroup& of) const;
   void advance_contact_groups(const SmoothSpan& span);

@@ -45,21 +45,47 @@ TEST(Allocations, AreNoneInTheStepsOfSmoothScenes) {
   }
 }
 
-// As they are shipped, after so long that lists have had their longest. Groups of contacts that are
-// followed by events are compiled anew in each step: up to 206 allocations of the shipped ones.
+World shipped(const std::filesystem::path& name, bool may_sleep) {
+  World world = load_scene_file((CONSTRAINT_SIM_SCENE_DIR / name).string());
+  WorldOptions options = world.options();
+  if (!may_sleep) options.sleep_after = kInfinity;
+  world.set_options(options);
+  return world;
+}
+
+// As they are shipped, after so long that lists have had their longest. But who is awake is listed
+// anew where bodies fall asleep and wake, as balls of the cradle do from blow to blow; and what a
+// body may hit that moves far in a step, as the ball does by then, is in two lists of that step.
 TEST(Allocations, AreNoneInTheShippedScenes) {
   int scenes = 0;
   for (const auto& entry : std::filesystem::directory_iterator(CONSTRAINT_SIM_SCENE_DIR)) {
-    World world = load_scene_file(entry.path().string());
+    const std::filesystem::path name = entry.path().filename();
+    World world = shipped(name, name != "newtons_cradle.yaml");
     run(world, 1500);
-    const std::vector<Island> islands = world.islands();
-    const bool by_events = std::any_of(islands.begin(), islands.end(), [](const Island& island) {
-      return island.why == MethodReason::kFewContacts;
-    });
-    EXPECT_LE(allocations_in(world, 200), by_events ? 200 * 300 : 0) << entry.path();
+    EXPECT_LE(allocations_in(world, 200), name == "ball_on_incline.yaml" ? 400u : 0u) << name;
     ++scenes;
   }
   EXPECT_GE(scenes, 10);
+}
+
+// Steps in which bodies hit, slip and stick, and motors come to their limits: once storage has had
+// its largest. But events of several groups in one step are sorted with a buffer, and a cone
+// problem in which something is at a bound without leaving it is solved by passes that take
+// storage.
+TEST(Allocations, AreFewInStepsWithEvents) {
+  constexpr int kFirst = 10, kSteps = 1000;  // the first ones make islands again
+  for (const char* name : {"rocking_block.yaml", "newtons_cradle.yaml", "weak_winch.yaml"}) {
+    World world = shipped(name, false);
+    run(world, kSteps);
+    world.reset();
+    run(world, kFirst);
+    std::size_t events = 0;
+    for (int i = kFirst; i < kSteps; ++i) {
+      EXPECT_LE(allocations_in(world, 1), 200u) << name << ", step " << i;
+      events += world.report().events;
+    }
+    EXPECT_GT(events, 0u) << name;
+  }
 }
 
 TEST(Allocations, AreNoneWithMotorsSpringsAndTurningBodies) {

@@ -377,5 +377,23 @@ TEST(ContactEvents, ACopyAndASavedWorldGoOnWithTheSameBits) {
   EXPECT_EQ(saved.state(saved.find_body("box")).position, world.state(id).position);
 }
 
+// A copy begins without the storage of groups, its world goes on with what the steps before left in
+// it: in each step of scenes whose groups change.
+TEST(ContactEvents, GoOnWithTheSameBitsInStorageThatWasUsedBefore) {
+  for (const char* name : {"rocking_block", "newtons_cradle", "weak_winch", "two_boxes"}) {
+    World world = load_scene_file(std::string(CONSTRAINT_SIM_SCENE_DIR) + "/" + name + ".yaml");
+    for (int i = 0; i < 200; ++i) {
+      World fresh = world;
+      fresh.step();
+      world.step();
+      ASSERT_EQ(fresh.state_hash(), world.state_hash()) << name << ", step " << i;
+      ASSERT_EQ(fresh.events().size(), world.events().size()) << name << ", step " << i;
+      ASSERT_EQ(fresh.contacts().size(), world.contacts().size()) << name << ", step " << i;
+      for (std::size_t k = 0; k < world.contacts().size(); ++k)
+        ASSERT_EQ(fresh.contacts()[k].force, world.contacts()[k].force) << name << ", step " << i;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

@@ -195,14 +195,32 @@ bool is_outside(double at, double rate, double half) {
   return beyond >= -kBorder && outwards > -kMoves;  // there a corner is what meets
 }
 
+/// The nearest edges, in their order; of equally near ones the first.
+struct NearestEdges {
+  static constexpr std::ptrdiff_t kMost{kBoxEdges};
+
+  void add(double distance, const ContactFeature& feature) {
+    auto* const end = distances.begin() + count;
+    const auto place = std::upper_bound(distances.begin(), end, distance) - distances.begin();
+    if (place == kMost) return;
+    count = std::min(count + 1, kMost);
+    std::move_backward(distances.begin() + place, distances.begin() + count - 1,
+                       distances.begin() + count);
+    std::move_backward(features.begin() + place, features.begin() + count - 1,
+                       features.begin() + count);
+    distances[static_cast<std::size_t>(place)] = distance;
+    features[static_cast<std::size_t>(place)] = feature;
+  }
+
+  std::array<double, kBoxEdges> distances;
+  std::array<ContactFeature, kBoxEdges> features;
+  std::ptrdiff_t count = 0;
+};
+
 // Edges that face each other, the nearest ones first.
 void add_edges(const Box& box_a, const BodyState& a, const Box& box_b, const BodyState& b,
                std::vector<ContactFeature>* features) {
-  struct Found {
-    double distance;
-    ContactFeature feature;
-  };
-  std::vector<Found> found;
+  NearestEdges found;
   for (int i = 0; i < 12; ++i) {
     const Edge of_a(box_a, a, i);
     for (int j = 0; j < 12; ++j) {
@@ -234,14 +252,11 @@ void add_edges(const Box& box_a, const BodyState& a, const Box& box_b, const Bod
       feature.id = static_cast<std::uint32_t>(128 + 12 * i + j);
       const double beyond =
           std::max({0.0, std::abs(crossing.on_a) - of_a.half, std::abs(crossing.on_b) - of_b.half});
-      found.push_back({std::max(gap, 0.0) + beyond, feature});
+      found.add(std::max(gap, 0.0) + beyond, feature);
     }
   }
-  std::stable_sort(found.begin(), found.end(),
-                   [](const Found& l, const Found& r) { return l.distance < r.distance; });
-  if (found.size() > kBoxEdges) found.erase(found.begin() + kBoxEdges, found.end());
-  for (const Found& of : found) features->push_back(of.feature);
-  add_nothing(kBoxEdges - found.size(), features);
+  features->insert(features->end(), found.features.begin(), found.features.begin() + found.count);
+  add_nothing(kBoxEdges - static_cast<std::size_t>(found.count), features);
 }
 
 FeatureMargin nearer(const FeatureMargin& l, const FeatureMargin& r) {

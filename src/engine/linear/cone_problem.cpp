@@ -1,7 +1,6 @@
 #include "engine/linear/cone_problem.h"
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -17,12 +16,15 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-constexpr double kSingular = 1e-12;  // of the trace: a direction that nothing moves along
-constexpr double kDone = 1e-14;      // of the largest rate: rounding
-constexpr double kSolved = 1e-9;     // the same, of what rounding adds along what has no effect
+constexpr double kSingular = 1e-12;    // of the trace: a direction that nothing moves along
+constexpr double kDone = 1e-14;        // of the largest rate: rounding
+constexpr double kNearlyDone = 1e-12;  // the same, where another step takes off no more
+constexpr double kStrict = 1e-8;       // the same, of what leaves a bound
+constexpr double kSolved = 1e-9;       // the same, of what rounding adds along what has no effect
 constexpr int kMostSweeps = 1025;
 constexpr double kCompliance = 1e-6;  // beside one of 1 on average
 constexpr int kMostPasses = 4;
+constexpr int kMostTogether = 8;
 constexpr int kMostNewton = 40, kMostWorse = 6;
 constexpr int kMostBisections = 200;
 
@@ -105,231 +107,302 @@ bool solve_contact(const Matrix3d& A, const Vector3d& b, const ConeContact& cont
 
 namespace {
 
-/// A problem with the rates of each contact scaled so that its A has a trace of 3: masses of many
-/// orders are then alike. What is solved for is scaled the other way.
-class ScaledProblem {
- public:
-  explicit ScaledProblem(const ConeProblem& problem)
-      : scale_(problem.b.size()), scaled_{problem.A, problem.b, problem.contacts, problem.rows} {
-    for (Index i = 0; i < contacts(); ++i) {
-      const double trace = problem.A.block<3, 3>(3 * i, 3 * i).trace();
-      scale_.segment<3>(3 * i).setConstant(trace > 0.0 ? std::sqrt(3.0 / trace) : 0.0);
-    }
-    for (Index i = end_of_contacts(); i < scale_.size(); ++i) {
-      const double response = problem.A(i, i);
-      BoundedRow& row = scaled_.rows[row_at(i)];
-      scale_[i] = response > 0.0 ? std::sqrt(1.0 / response) : 0.0;
-      row.least = response > 0.0 ? row.least / scale_[i] : 0.0;
-      row.most = response > 0.0 ? row.most / scale_[i] : 0.0;
-    }
-    scaled_.A = scale_.asDiagonal() * problem.A * scale_.asDiagonal();
-    scaled_.b = scale_.cwiseProduct(problem.b);
-    size_ = scaled_.b.size() > 0 ? scaled_.b.lpNorm<Eigen::Infinity>() : 0.0;
-  }
-  Index contacts() const { return static_cast<Index>(scaled_.contacts.size()); }
-  Index end_of_contacts() const { return 3 * contacts(); }
-  /// Of `problem`, which this is; at its bounds to the bit.
-  VectorXd unscaled(const ConeProblem& problem, const VectorXd& p) const {
-    VectorXd all = scale_.cwiseProduct(p);
-    for (Index i = end_of_contacts(); i < p.size(); ++i) {
-      const BoundedRow &here = scaled_.rows[row_at(i)], &there = problem.rows[row_at(i)];
-      if (scale_[i] == 0.0) continue;
-      if (p[i] == here.most) all[i] = there.most;
-      if (p[i] == here.least) all[i] = there.least;
-    }
-    return all;
-  }
-  VectorXd start() const {
-    VectorXd p = VectorXd::Zero(scale_.size());
-    for (Index i = end_of_contacts(); i < p.size(); ++i) p[i] = within(i, 0.0);
-    return p;
-  }
-  double size() const { return size_; }
-
-  /// The same with rates that rise by so much of the impulse beyond p.
-  ScaledProblem with_compliance(double compliance, const VectorXd& p) const {
-    ScaledProblem other = *this;
-    other.scaled_.A.diagonal().array() += compliance;
-    other.scaled_.b -= compliance * p;
-    return other;
-  }
-
-  /// A solution from p on, or what is closest to one. False where it is not.
-  bool find(VectorXd* p) const {
-    VectorXd x = *p, tried = x;
-    double least = residual(x);
-    const auto consider = [&](const VectorXd& other) {
-      const double now = residual(other);
-      if (!(now < least)) return;
-      least = now;
-      *p = other;
-    };
-    for (int k = 0; least > kDone * size_ && k < kMostSweeps; ++k) {
-      if ((k & (k - 1)) == 0) {
-        tried = x;
-        polish(&tried);
-        consider(tried);
-      }
-      if (!sweep(k % 2 == 1, &x)) return false;
-      consider(x);
-    }
-    return least <= kSolved * size_;
-  }
-
- private:
-  /// One contact after the other, there or back. False where one has no answer.
-  bool sweep(bool back, VectorXd* p) const {
-    VectorXd u = rates(*p);
-    for (Index k = 0; k < contacts(); ++k) {
-      const Index i = 3 * (back ? contacts() - 1 - k : k);
-      const Matrix3d A = scaled_.A.block<3, 3>(i, i);
-      const Vector3d before = p->segment<3>(i);
-      Vector3d b = u.segment<3>(i) - A * before, now;
-      if (std::abs(b[0]) <= kSingular * size_ && A(0, 0) <= kSingular * A.trace()) b[0] = 0.0;
-      if (!solve_contact(A, b, contact(i), &now)) return false;
-      p->segment<3>(i) = now;
-      u += scaled_.A.middleCols<3>(i) * (now - before);
-    }
-    const Index end = p->size();
-    for (Index k = end_of_contacts(); k < end; ++k) {
-      const Index i = back ? end_of_contacts() + end - 1 - k : k;
-      const double before = (*p)[i];
-      if (scaled_.A(i, i) > 0.0) (*p)[i] = within(i, before - u[i] / scaled_.A(i, i));
-      u += scaled_.A.col(i) * ((*p)[i] - before);
-    }
-    return true;
-  }
-
- public:
-  /// How far p is from a solution, as a rate: the largest change of a contact's impulse by a step
-  /// along its rate, and back into its cone. 0 of a solution alone, and infinite where rounding of
-  /// what p does is more than a solution may be off.
-  double residual(const VectorXd& p) const {
-    if (p.size() > 0 && kEpsilon * p.lpNorm<Eigen::Infinity>() > kSolved * size_)
-      return std::numeric_limits<double>::infinity();
-    const VectorXd u = rates(p);
-    double worst = 0.0;
-    const auto consider = [&](double value) {
-      if (!(value <= worst)) worst = value;  // a NaN stays
-    };
-    for (Index i = 0; i < end_of_contacts(); i += 3) {
-      const ConeContact& of = contact(i);
-      if (of.slips || of.friction == 0.0) {
-        consider(std::abs(std::min(p[i], u[i])));
-        consider((p.segment<2>(i + 1) + of.friction * p[i] * of.direction).norm());
-        continue;
-      }
-      Vector3d rate = u.segment<3>(i);
-      rate[0] += of.friction * rate.tail<2>().norm();
-      const Vector3d here = p.segment<3>(i);
-      consider((here - into_cone(here - rate, of.friction)).norm());
-    }
-    for (Index i = end_of_contacts(); i < p.size(); ++i)
-      consider(std::abs(p[i] - within(i, p[i] - u[i])));
-    return worst;
-  }
-
-  /// Newton's method on which contacts are open, stick and slip, from p on. Leaves its best.
-  void polish(VectorXd* p) const {
-    VectorXd x = *p;
-    double before = residual(x), least = before;
-    for (int k = 0, worse = 0; least > kDone * size_ && k < kMostNewton && worse < kMostWorse;
-         ++k) {
-      if (!take_newton(&x)) return;
-      const double now = residual(x);
-      if (now < least) {
-        least = now;
-        *p = x;
-      }
-      worse += now > 0.5 * before ? 1 : 0;
-      before = now;
-    }
-  }
-
- private:
-  const ConeContact& contact(Index row) const {
-    return scaled_.contacts[static_cast<std::size_t>(row / 3)];
-  }
-  std::size_t row_at(Index i) const { return static_cast<std::size_t>(i - end_of_contacts()); }
-  double within(Index i, double x) const {
-    const BoundedRow& row = scaled_.rows[row_at(i)];
-    return std::min(std::max(x, row.least), row.most);
-  }
-  VectorXd rates(const VectorXd& p) const { return scaled_.b + scaled_.A * p; }
-
-  static Vector3d into_cone(const Vector3d& x, double mu) {
-    const double t = x.tail<2>().norm();
-    if (t <= mu * x[0]) return x;
-    if (mu * t <= -x[0]) return Vector3d::Zero();
-    Vector3d on;
-    on[0] = (x[0] + mu * t) / (1.0 + mu * mu);
-    on.tail<2>() = x.tail<2>() * (mu * on[0] / t);
-    return on;
-  }
-
-  // The equations of Alart and Curnier (Comput. Methods Appl. Mech. Eng. 92 (1991) 353), and the
-  // least step to where they hold.
-  bool take_newton(VectorXd* p) const {
-    const VectorXd u = rates(*p);
-    Eigen::MatrixXd J = Eigen::MatrixXd::Identity(p->size(), p->size());
-    VectorXd off = *p;
-    for (Index i = 0; i < end_of_contacts(); i += 3) {
-      const ConeContact& of = contact(i);
-      const double along = (*p)[i] - u[i];
-      const Vector2d across = p->segment<2>(i + 1) - u.segment<2>(i + 1);
-      if (along > 0.0) {
-        J.row(i) = scaled_.A.row(i);
-        off[i] = u[i];
-      }
-      if (of.slips || of.friction == 0.0) {
-        off.segment<2>(i + 1) += of.friction * (*p)[i] * of.direction;
-        J.block<2, 1>(i + 1, i) += of.friction * of.direction;
-      } else if (along > 0.0 && across.norm() <= of.friction * along) {
-        J.middleRows<2>(i + 1) = scaled_.A.middleRows<2>(i + 1);
-        off.segment<2>(i + 1) = u.segment<2>(i + 1);
-      } else if (along > 0.0) {
-        const double most = of.friction * std::max((*p)[i], 0.0), length = across.norm();
-        const Vector2d d = across / length;
-        const Matrix2d turn = most / length * (Matrix2d::Identity() - d * d.transpose());
-        off.segment<2>(i + 1) -= most * d;
-        J.block<2, 1>(i + 1, i) -= of.friction * d;
-        J.block<2, 2>(i + 1, i + 1) -= turn;
-        J.middleRows<2>(i + 1) += turn * scaled_.A.middleRows<2>(i + 1);
-      }
-    }
-    for (Index i = end_of_contacts(); i < p->size(); ++i) {
-      const double x = (*p)[i] - u[i], bound = within(i, x);
-      if (x == bound) {
-        J.row(i) = scaled_.A.row(i);
-        off[i] = u[i];
-      } else {
-        off[i] = (*p)[i] - bound;
-      }
-    }
-    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factors;
-    factors.setThreshold(kSingular);
-    factors.compute(J);
-    *p -= factors.solve(off);
-    return p->allFinite();
-  }
-
-  VectorXd scale_;
-  ConeProblem scaled_;
-  double size_;  // of the largest rate
-};
+Vector3d into_cone(const Vector3d& x, double mu) {
+  const double t = x.tail<2>().norm();
+  if (t <= mu * x[0]) return x;
+  if (mu * t <= -x[0]) return Vector3d::Zero();
+  Vector3d on;
+  on[0] = (x[0] + mu * t) / (1.0 + mu * mu);
+  on.tail<2>() = x.tail<2>() * (mu * on[0] / t);
+  return on;
+}
 
 }  // namespace
 
-// Where A is singular impulses are shared as those of least norm: a small compliance, taken away
-// again by passes from what the one before found.
-bool solve(const ConeProblem& problem, VectorXd* p) {
-  const ScaledProblem scaled(problem);
-  VectorXd x = scaled.start();
-  for (int pass = 0; pass < kMostPasses && scaled.residual(x) > kDone * scaled.size(); ++pass)
-    if (!scaled.with_compliance(kCompliance, x).find(&x)) break;
-  const bool is_found = scaled.find(&x);
-  *p = scaled.unscaled(problem, x);
+// Where A is singular impulses are shared as those of least norm: at once, or by a small compliance
+// that is taken away again by passes from what the one before found.
+bool ConeSolver::solve(const ConeProblem& problem, std::vector<double>* p) {
+  set(problem);
+  p->resize(problem.b.size());
+  bool is_found = find_together(p->data());
+  if (!is_found) {
+    start(p->data());
+    for (int pass = 0; pass < kMostPasses && residual(p->data()) > kDone * largest_rate_; ++pass)
+      if (!with_compliance(kCompliance, p->data()).find(p->data())) break;
+    is_found = find(p->data());
+  }
+  unscale(problem, p->data());
   return is_found;
+}
+
+void ConeSolver::set(const ConeProblem& problem) {
+  scaled_ = problem;
+  const auto n = problem.b.size();
+  scale_.resize(n);
+  const Matrix of(problem.A.data(), size(), size());
+  for (Index i = 0; i < end_of_contacts(); i += 3) {
+    const double trace = of.block<3, 3>(i, i).trace();
+    std::fill_n(scale_.begin() + i, 3, trace > 0.0 ? std::sqrt(3.0 / trace) : 0.0);
+  }
+  for (Index i = end_of_contacts(); i < size(); ++i) {
+    const double response = of(i, i);
+    BoundedRow& row = scaled_.rows[row_at(i)];
+    double& scale = scale_[static_cast<std::size_t>(i)];
+    scale = response > 0.0 ? std::sqrt(1.0 / response) : 0.0;
+    row.least = response > 0.0 ? row.least / scale : 0.0;
+    row.most = response > 0.0 ? row.most / scale : 0.0;
+  }
+  largest_rate_ = 0.0;
+  for (std::size_t j = 0; j < n; ++j) {
+    for (std::size_t i = 0; i < n; ++i) scaled_.A[n * j + i] *= scale_[i] * scale_[j];
+    scaled_.b[j] *= scale_[j];
+    largest_rate_ = std::max(largest_rate_, std::abs(scaled_.b[j]));
+  }
+}
+
+// of `problem`, which this is; at its bounds to the bit
+void ConeSolver::unscale(const ConeProblem& problem, double* p) const {
+  for (Index i = 0; i < size(); ++i) {
+    const double scale = scale_[static_cast<std::size_t>(i)], x = p[i];
+    p[i] = scale * x;
+    if (i < end_of_contacts() || scale == 0.0) continue;
+    const BoundedRow &here = scaled_.rows[row_at(i)], &there = problem.rows[row_at(i)];
+    if (x == here.most) p[i] = there.most;
+    if (x == here.least) p[i] = there.least;
+  }
+}
+
+void ConeSolver::start(double* p) const {
+  std::fill_n(p, end_of_contacts(), 0.0);
+  for (Index i = end_of_contacts(); i < size(); ++i) p[i] = within(i, 0.0);
+}
+
+double ConeSolver::within(Index i, double x) const {
+  const BoundedRow& row = scaled_.rows[row_at(i)];
+  return std::min(std::max(x, row.least), row.most);
+}
+
+const double* ConeSolver::rates(const double* p) {
+  u_ = scaled_.b;
+  Numbers u(u_.data(), size());
+  for (Index j = 0; j < size(); ++j)
+    if (p[j] != 0.0) u += A().col(j) * p[j];
+  return u_.data();
+}
+
+/// The same with rates that rise by so much of the impulse beyond p.
+ConeSolver ConeSolver::with_compliance(double compliance, const double* p) const {
+  ConeSolver other = *this;
+  const auto n = scaled_.b.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    other.scaled_.A[n * i + i] += compliance;
+    other.scaled_.b[i] -= compliance * p[i];
+  }
+  return other;
+}
+
+/// All that is pushed together acts, then what is so found, from step to step. False also where
+/// something is at a bound that would not leave it: others may then share what it has.
+bool ConeSolver::find_together(double* p) {
+  start(p);
+  double before = residual(p);
+  if (before <= kDone * largest_rate_) return true;
+  for (int k = 0; k < kMostTogether; ++k) {
+    take_newton(true, p);
+    const double now = residual(p);
+    const bool is_done =
+        now <= kDone * largest_rate_ ||
+        (now > 0.5 * before && std::max(now, before) <= kNearlyDone * largest_rate_);
+    if (is_done) return is_strict(p);
+    before = now;
+  }
+  return false;
+}
+
+/// Whether all that is at a bound would leave it if it were not there.
+bool ConeSolver::is_strict(const double* p) {
+  const double* const u = rates(p);
+  const double least = kStrict * largest_rate_;
+  for (Index i = 0; i < end_of_contacts(); i += 3) {
+    const ConeContact& of = contact(i);
+    if (p[i] <= 0.0 && !(u[i] > least)) return false;
+    const bool is_at_cone = std::hypot(p[i + 1], p[i + 2]) >= (1.0 - kStrict) * of.friction * p[i];
+    if (p[i] > 0.0 && !of.slips && of.friction > 0.0 && is_at_cone &&
+        !(std::hypot(u[i + 1], u[i + 2]) > least))
+      return false;
+  }
+  for (Index i = end_of_contacts(); i < size(); ++i) {
+    const BoundedRow& row = scaled_.rows[row_at(i)];
+    const bool is_at_bound = row.least < row.most && (p[i] == row.least || p[i] == row.most);
+    if (is_at_bound && !(std::abs(u[i]) > least)) return false;
+  }
+  return true;
+}
+
+/// A solution from p on, or what is closest to one. False where it is not.
+bool ConeSolver::find(double* p) {
+  std::vector<double> x(p, p + size()), tried;
+  double least = residual(p);
+  const auto consider = [&](const std::vector<double>& other) {
+    const double now = residual(other.data());
+    if (!(now < least)) return;
+    least = now;
+    std::copy(other.begin(), other.end(), p);
+  };
+  for (int k = 0; least > kDone * largest_rate_ && k < kMostSweeps; ++k) {
+    if ((k & (k - 1)) == 0) {
+      tried = x;
+      polish(tried.data());
+      consider(tried);
+    }
+    if (!sweep(k % 2 == 1, x.data())) return false;
+    consider(x);
+  }
+  return least <= kSolved * largest_rate_;
+}
+
+/// One contact after the other, there or back. False where one has no answer.
+bool ConeSolver::sweep(bool back, double* p) {
+  rates(p);
+  Numbers u(u_.data(), size()), all(p, size());
+  for (Index k = 0; k < end_of_contacts(); k += 3) {
+    const Index i = back ? end_of_contacts() - 3 - k : k;
+    const Matrix3d own = A().block<3, 3>(i, i);
+    const Vector3d before = all.segment<3>(i);
+    Vector3d b = u.segment<3>(i) - own * before, now;
+    if (std::abs(b[0]) <= kSingular * largest_rate_ && own(0, 0) <= kSingular * own.trace())
+      b[0] = 0.0;
+    if (!solve_contact(own, b, contact(i), &now)) return false;
+    all.segment<3>(i) = now;
+    u += A().middleCols<3>(i) * (now - before);
+  }
+  for (Index k = end_of_contacts(); k < size(); ++k) {
+    const Index i = back ? end_of_contacts() + size() - 1 - k : k;
+    const double before = p[i];
+    if (A()(i, i) > 0.0) p[i] = within(i, before - u[i] / A()(i, i));
+    u += A().col(i) * (p[i] - before);
+  }
+  return true;
+}
+
+/// How far p is from a solution, as a rate: the largest change of a contact's impulse by a step
+/// along its rate, and back into its cone. 0 of a solution alone, and infinite where rounding of
+/// what p does is more than a solution may be off.
+double ConeSolver::residual(const double* p) {
+  const ConstNumbers all(p, size());
+  if (size() > 0 && kEpsilon * all.lpNorm<Eigen::Infinity>() > kSolved * largest_rate_)
+    return std::numeric_limits<double>::infinity();
+  const double* const rate = rates(p);
+  const ConstNumbers u(rate, size());
+  double worst = 0.0;
+  const auto consider = [&](double value) {
+    if (!(value <= worst)) worst = value;  // a NaN stays
+  };
+  for (Index i = 0; i < end_of_contacts(); i += 3) {
+    const ConeContact& of = contact(i);
+    if (of.slips || of.friction == 0.0) {
+      consider(std::abs(std::min(p[i], u[i])));
+      consider((all.segment<2>(i + 1) + of.friction * p[i] * of.direction).norm());
+      continue;
+    }
+    Vector3d step = u.segment<3>(i);
+    step[0] += of.friction * step.tail<2>().norm();
+    const Vector3d here = all.segment<3>(i);
+    consider((here - into_cone(here - step, of.friction)).norm());
+  }
+  for (Index i = end_of_contacts(); i < size(); ++i)
+    consider(std::abs(p[i] - within(i, p[i] - u[i])));
+  return worst;
+}
+
+/// Newton's method on which contacts are open, stick and slip, from p on. Leaves its best.
+void ConeSolver::polish(double* p) {
+  std::vector<double> x(p, p + size());
+  double before = residual(p), least = before;
+  for (int k = 0, worse = 0; least > kDone * largest_rate_ && k < kMostNewton && worse < kMostWorse;
+       ++k) {
+    take_newton(false, x.data());
+    const double now = residual(x.data());
+    if (now < least) {
+      least = now;
+      std::copy(x.begin(), x.end(), p);
+    }
+    worse += now > 0.5 * before ? 1 : 0;
+    before = now;
+  }
+}
+
+// Of the equations of Alart and Curnier (Comput. Methods Appl. Mech. Eng. 92 (1991) 353), J p =
+// right where they hold to first order: the p of least norm, or else the least step to there.
+void ConeSolver::take_newton(bool is_of_least_norm, double* p) {
+  rates(p);
+  const Index n = size();
+  double* const J = factors_.resize(scaled_.b.size());
+  std::fill_n(J, n * n, 0.0);
+  off_.assign(p, p + n);
+  right_.assign(scaled_.b.size(), 0.0);
+  Numbers off(off_.data(), n), right(right_.data(), n), all(p, n);
+  for (Index i = 0; i < n; ++i) J[n * i + i] = 1.0;
+  for (Index i = 0; i < end_of_contacts(); i += 3) write_newton_contact(i, p, J);
+  for (Index i = end_of_contacts(); i < n; ++i) {
+    const double u = u_[static_cast<std::size_t>(i)], x = p[i] - u, bound = within(i, x);
+    if (x == bound) {
+      for (Index j = 0; j < n; ++j) J[n * j + i] = A()(i, j);
+      off[i] = u;
+      right[i] = -scaled_.b[static_cast<std::size_t>(i)];
+    } else {
+      off[i] = p[i] - bound;
+      right[i] = bound;
+    }
+  }
+  factors_.factor(kSingular);
+  factors_.solve(is_of_least_norm ? right_.data() : off_.data());
+  if (is_of_least_norm)
+    all = right;
+  else
+    all -= off;
+}
+
+// Rows i to i + 2, of a contact; J has there those of the identity.
+void ConeSolver::write_newton_contact(Index i, const double* p, double* J) {
+  const Index n = size();
+  const ConeContact& of = contact(i);
+  const double* const u = u_.data() + i;
+  const double along = p[i] - u[0];
+  const Vector2d across(p[i + 1] - u[1], p[i + 2] - u[2]);
+  const auto at = [&](Index k, Index column) -> double& { return J[n * column + i + k]; };
+  const auto is_zero = [&](Index k) {  // the rate is
+    const auto row = static_cast<std::size_t>(i + k);
+    for (Index j = 0; j < n; ++j) at(k, j) = A()(i + k, j);
+    off_[row] = u[k];
+    right_[row] = -scaled_.b[row];
+  };
+  if (along > 0.0) is_zero(0);
+  if (of.slips || of.friction == 0.0) {
+    for (Index k = 1; k < 3; ++k) {
+      off_[static_cast<std::size_t>(i + k)] += of.friction * p[i] * of.direction[k - 1];
+      at(k, i) += of.friction * of.direction[k - 1];
+    }
+  } else if (along > 0.0 && across.norm() <= of.friction * along) {
+    is_zero(1);
+    is_zero(2);
+  } else if (along > 0.0) {
+    const double most = of.friction * std::max(p[i], 0.0), length = across.norm();
+    const Vector2d d = across / length;
+    const Matrix2d turn = most / length * (Matrix2d::Identity() - d * d.transpose());
+    const Vector2d pushed = turn * Vector2d(scaled_.b[static_cast<std::size_t>(i + 1)],
+                                            scaled_.b[static_cast<std::size_t>(i + 2)]);
+    for (Index k = 1; k < 3; ++k) {
+      const auto row = static_cast<std::size_t>(i + k);
+      off_[row] -= most * d[k - 1];
+      right_[row] = (most - of.friction * p[i]) * d[k - 1] - pushed[k - 1];  // J p − off
+      for (Index j = 0; j < n; ++j)
+        at(k, j) += turn(k - 1, 0) * A()(i + 1, j) + turn(k - 1, 1) * A()(i + 2, j);
+      at(k, i) -= of.friction * d[k - 1];
+      at(k, i + 1) -= turn(k - 1, 0);
+      at(k, i + 2) -= turn(k - 1, 1);
+    }
+  }
 }
 
 }  // namespace constraint_sim::engine

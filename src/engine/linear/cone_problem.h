@@ -3,6 +3,8 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "engine/linear/least_norm_solver.h"
+
 namespace constraint_sim::engine {
 
 /// How a contact of a ConeProblem acts.
@@ -24,19 +26,64 @@ struct BoundedRow {
 /// and for each row
 ///   u = 0, or p at the least and u ≥ 0, or p at the most and u ≤ 0.
 struct ConeProblem {
-  Eigen::MatrixXd A;  ///< symmetric, positive semidefinite
-  Eigen::VectorXd b;
+  std::vector<double> A;  ///< symmetric, positive semidefinite
+  std::vector<double> b;
   std::vector<ConeContact> contacts;
   std::vector<BoundedRow> rows = {};
 };
 
 /// Solves it by Newton's method on which contacts are open, stick and slip (Alart and Curnier,
-/// Comput. Methods Appl. Mech. Eng. 92 (1991) 353), begun from sweeps over the contacts, each
-/// solved exactly (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235), and over the rows. Where
-/// A is singular p is about the one of least norm, rates of each contact scaled to a trace of 3 of
-/// its A. False where it does not get there: it has no solution, or friction and many contacts make
-/// it take too long.
-bool solve(const ConeProblem& problem, Eigen::VectorXd* p);
+/// Comput. Methods Appl. Mech. Eng. 92 (1991) 353): at first with all that is pushed together, each
+/// step to the p of least norm. Where that does not get there it is begun from sweeps over the
+/// contacts, each solved exactly (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235), and over
+/// the rows. Where A is singular p is about the one of least norm, rates of each contact scaled to
+/// a trace of 3 of its A. False where it does not get there: it has no solution, or friction and
+/// many contacts make it take too long.
+class ConeSolver {
+ public:
+  bool solve(const ConeProblem& problem, std::vector<double>* p);
+
+ private:
+  using Numbers = Eigen::Map<Eigen::VectorXd>;
+  using ConstNumbers = Eigen::Map<const Eigen::VectorXd>;
+  using Matrix = Eigen::Map<const Eigen::MatrixXd>;
+
+  void set(const ConeProblem& problem);
+  bool find_together(double* p);
+  bool is_strict(const double* p);
+  bool find(double* p);
+  bool sweep(bool back, double* p);
+  void polish(double* p);
+  void take_newton(bool is_of_least_norm, double* p);
+  void write_newton_contact(Eigen::Index i, const double* p, double* J);
+  double residual(const double* p);
+  ConeSolver with_compliance(double compliance, const double* p) const;
+  void start(double* p) const;
+  void unscale(const ConeProblem& problem, double* p) const;
+
+  Eigen::Index size() const { return static_cast<Eigen::Index>(scaled_.b.size()); }
+  Eigen::Index end_of_contacts() const {
+    return 3 * static_cast<Eigen::Index>(scaled_.contacts.size());
+  }
+  Matrix A() const { return {scaled_.A.data(), size(), size()}; }
+  /// Rates u = b + A p.
+  const double* rates(const double* p);
+  const ConeContact& contact(Eigen::Index row) const {
+    return scaled_.contacts[static_cast<std::size_t>(row / 3)];
+  }
+  std::size_t row_at(Eigen::Index i) const {
+    return static_cast<std::size_t>(i - end_of_contacts());
+  }
+  double within(Eigen::Index i, double x) const;
+
+  // The problem with the rates of each contact scaled so that its A has a trace of 3: masses of
+  // many orders are then alike. What is solved for is scaled the other way.
+  ConeProblem scaled_;
+  std::vector<double> scale_;
+  double largest_rate_ = 0.0;
+  LeastNormSolver factors_;
+  std::vector<double> x_, u_, off_, right_;  // scratch
+};
 
 /// The impulse of one contact on its own: A of 3×3, b of 3. False where no impulse along the normal
 /// moves it along the normal.

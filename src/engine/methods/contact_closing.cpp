@@ -4,7 +4,7 @@
 // the cone problem of impulses without friction, with gaps in place of velocities.
 
 #include <algorithm>
-#include <cmath>
+#include <limits>
 
 #include "engine/linear/cone_problem.h"
 #include "engine/methods/contact_events.h"
@@ -14,9 +14,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Index;
 using Eigen::Vector3d;
-using Eigen::VectorXd;
 
 constexpr int kMostRounds = 10;   // each leaves about the square of what there was
 constexpr double kClosed = 1e-9;  // [m] of overlap, that events close themselves
@@ -66,18 +64,18 @@ bool ContactEvents::close_overlaps(Span* span, std::vector<BodyState>* states) {
   for (int round = 0; deepest > kClosed; ++round) {
     if (round == kMostRounds || is_set(span->all.stop)) return false;
     find_overlaps(kNear * deepest);
-    std::vector<std::size_t> all(equations_.contacts.size());
-    for (std::size_t c = 0; c < all.size(); ++c) all[c] = c;
-    const ContactEquations::Responses responses = equations_.responses(all, {});
-    ConeProblem problem;
-    problem.A = responses.A;
-    problem.b = VectorXd::Zero(problem.A.rows());
-    problem.contacts.resize(all.size());
-    for (std::size_t c = 0; c < all.size(); ++c)
-      problem.b[3 * static_cast<Index>(c)] = equations_.motion(equations_.contacts[c]).gap;
-    VectorXd p;
-    if (!solve(problem, &p)) return false;
-    equations_.displace(responses.velocity * p, y);
+    responses_.clear();
+    for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
+      responses_.add(c, equations_.motion(equations_.contacts[c]));
+    equations_.find_responses(&responses_);
+    problem_.A = responses_.A;
+    problem_.b.assign(responses_.columns, 0.0);
+    problem_.contacts.clear();
+    problem_.rows.assign(responses_.columns, {0.0, std::numeric_limits<double>::infinity()});
+    for (const ContactEquations::Touching& touching : responses_.contacts)
+      problem_.b[touching.column] = touching.motion.gap;
+    if (!solver_.solve(problem_, &force_)) return false;
+    equations_.displace(responses_, force_.data(), y);
     equations_.contacts.clear();
     if (!equations_.project(0.0, y)) return false;
     deepest = find_overlaps(0.0);

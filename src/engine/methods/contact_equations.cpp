@@ -12,7 +12,6 @@ namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using Eigen::VectorXd;
 
 constexpr int kMostNewton = 12;
 constexpr double kStill = 1e-13;      // of gravity: less is rounding of forces that balance
@@ -40,19 +39,30 @@ void ContactEquations::gather_state(const std::vector<BodyState>& states) {
     Vector(y + kL) =
         apply_inertia(bodies[i].mass.inertia, state.orientation, state.angular_velocity);
   }
-  for (const Contact& contact : contacts)
+  place(y_.data());
+}
+
+void ContactEquations::prepare_stages() {
+  for (const Contact& contact : contacts) {
     scale_ = std::max({scale_, contact.feature.on_a.norm(), contact.feature.radius_a});
-  for (const Contact& contact : contacts)
     if (contact.feature.kind == ContactFeature::Kind::kPlaneOfA ||
         contact.feature.kind == ContactFeature::Kind::kEdges)
       scale_ = std::max(scale_, contact.feature.on_b.norm());
-  for (Stage& stage : stages_) {
-    stage.contact.assign(contacts.size(), Vector3d::Zero());
-    stage.normal.assign(contacts.size(), 0.0);
-    stage.coordinate.assign(coordinates.size(), 0.0);
-    stage.joint.assign(joints.size(), RowVector::Zero());
   }
-  place(y_.data());
+  for (Stage& stage : stages_) {
+    stage.contact.resize(contacts.size());
+    stage.normal.resize(contacts.size());
+    stage.coordinate.resize(coordinates.size());
+    stage.joint.resize(joints.size());
+    stage.clear();
+  }
+}
+
+void ContactEquations::Stage::clear() {
+  std::fill(contact.begin(), contact.end(), Vector3d::Zero());
+  std::fill(normal.begin(), normal.end(), 0.0);
+  std::fill(coordinate.begin(), coordinate.end(), 0.0);
+  std::fill(joint.begin(), joint.end(), RowVector::Zero());
 }
 
 void ContactEquations::place(const double* numbers) {
@@ -73,16 +83,6 @@ void ContactEquations::scatter_state(std::vector<BodyState>* states) const {
     (*states)[static_cast<std::size_t>(bodies[i].index)] = states_[i];
 }
 
-void ContactEquations::displace(const VectorXd& change, double* y) {
-  for (std::size_t i = 0; i < movable; ++i) {
-    double* const body = y + kNumbers * i;
-    Vector(body) += change.segment<3>(6 * index(i));
-    Eigen::Map<Eigen::Quaterniond> q(body + kQ);
-    q = rotation(change.segment<3>(6 * index(i) + 3)) * Eigen::Quaterniond(q);
-  }
-  place(y);
-}
-
 // ---- a System
 
 void ContactEquations::derivative(std::size_t stage, double t, const double* y, double* dydt) {
@@ -101,33 +101,30 @@ void ContactEquations::derivative(std::size_t stage, double t, const double* y, 
   add_held_rows();
   add_contact_rows(true, true);
   Stage& told = stages_[stage];
-  std::fill(told.contact.begin(), told.contact.end(), Vector3d::Zero());
-  std::fill(told.normal.begin(), told.normal.end(), 0.0);
-  std::fill(told.joint.begin(), told.joint.end(), RowVector::Zero());
-  std::fill(told.coordinate.begin(), told.coordinate.end(), 0.0);
+  told.clear();
   if (!rows_.empty()) factor_rows(stage == 0);
   std::vector<Vector3d>&push_linear = linear_, &push_angular = angular_;
   clear_motion(&push_linear, &push_angular);
   if (!coordinates.empty()) pull_coordinates(&told, &push_linear, &push_angular);
   if (!rows_.empty()) {
-    VectorXd right(index(rows_.size())), lambda;
+    std::vector<double>& lambda = lambda_;
+    lambda.resize(rows_.size());
     for (std::size_t i = 0; i < rows_.size(); ++i) {
-      const Row& row = rows_[i];
-      right[index(i)] = -row.gamma - along(row, row.J, linear, angular);
-      if (!coordinates.empty()) right[index(i)] -= along(row, row.J, push_linear, push_angular);
+      lambda[i] = -rows_[i].gamma - along(rows_[i], linear, angular);
+      if (!coordinates.empty()) lambda[i] -= along(rows_[i], push_linear, push_angular);
     }
-    if (!solve_rows(right, &lambda)) lambda.setConstant(right.size(), std::nan(""));
+    if (!solve_rows(&lambda)) std::fill(lambda.begin(), lambda.end(), std::nan(""));
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       const Row& row = rows_[i];
-      push(row, row.F, lambda[index(i)], &push_linear, &push_angular);
+      push(row, lambda[i], &push_linear, &push_angular);
       if (row.contact >= 0) {
         const auto c = static_cast<std::size_t>(row.contact);
-        told.contact[c] += lambda[index(i)] * row.along;
-        if (row.is_normal) told.normal[c] = lambda[index(i)];
+        told.contact[c] += lambda[i] * row.along;
+        if (row.is_normal) told.normal[c] = lambda[i];
       } else {
-        told.joint[static_cast<std::size_t>(row.joint)][row.function] += lambda[index(i)];
+        told.joint[static_cast<std::size_t>(row.joint)][row.function] += lambda[i];
         if (row.coordinate >= 0)
-          told.coordinate[static_cast<std::size_t>(row.coordinate)] = lambda[index(i)];
+          told.coordinate[static_cast<std::size_t>(row.coordinate)] = lambda[i];
       }
     }
   }
@@ -145,20 +142,18 @@ void ContactEquations::derivative(std::size_t stage, double t, const double* y, 
   }
 }
 
-// The least change M⁻¹ Jᵀ λ of positions or velocities that takes out what the rows are off by.
-bool ContactEquations::find_change(double Row::*by, std::vector<Vector3d>* linear,
-                                   std::vector<Vector3d>* angular) {
+// The least change M⁻¹ Jᵀ λ of positions or velocities that takes out what the rows are off by, in
+// linear_ and angular_.
+bool ContactEquations::find_change(double Row::*by) {
   factor_rows(true);
-  VectorXd right(index(rows_.size())), lambda;
+  lambda_.resize(rows_.size());
   for (std::size_t i = 0; i < rows_.size(); ++i) {
-    right[index(i)] = -(rows_[i].*by);
+    lambda_[i] = -(rows_[i].*by);
     rows_[i].reference = 0.0;
   }
-  if (!solve_rows(right, &lambda)) return false;
-  linear->assign(movable, Vector3d::Zero());
-  *angular = *linear;
-  for (std::size_t i = 0; i < rows_.size(); ++i)
-    push(rows_[i], rows_[i].J, lambda[index(i)], linear, angular);
+  if (!solve_rows(&lambda_)) return false;
+  clear_motion(&linear_, &angular_);
+  for (std::size_t i = 0; i < rows_.size(); ++i) push(rows_[i], lambda_[i], &linear_, &angular_);
   return true;
 }
 
@@ -178,36 +173,39 @@ bool ContactEquations::project(double t, double* y) {
     if (error <= kEpsilon * scale_) return true;
     if (!(error <= 0.5 * before) || k == kMostNewton) return error <= kProjected * scale_;
     before = error;
-    std::vector<Vector3d> linear, angular;
-    if (!find_change(&Row::value, &linear, &angular)) return false;
+    if (!find_change(&Row::value)) return false;
     for (std::size_t i = 0; i < movable; ++i) {
       double* const body = y + kNumbers * i;
-      Vector(body) += linear[i];
+      Vector(body) += linear_[i];
       Eigen::Map<Eigen::Quaterniond> q(body + kQ);
-      q = rotation(angular[i]) * Eigen::Quaterniond(q);
+      q = rotation(angular_[i]) * Eigen::Quaterniond(q);
     }
   }
 }
 
 // Velocities onto the rows that act, and the derivative there.
-bool ContactEquations::restart(double* y, double* dydt) {
+bool ContactEquations::restart(double* y, double* dydt, const double* known) {
   place(y);
   rows_.clear();
   add_joint_rows();
   add_held_rows();
   add_contact_rows(false, true);
-  if (!rows_.empty()) {
-    std::vector<Vector3d> linear, angular;
-    if (!find_change(&Row::rate, &linear, &angular)) return false;
+  const bool is_off =
+      std::any_of(rows_.begin(), rows_.end(), [](const Row& row) { return row.rate != 0.0; });
+  if (is_off) {
+    if (!find_change(&Row::rate)) return false;
     for (std::size_t i = 0; i < movable; ++i) {
       double* const body = y + kNumbers * i;
-      Vector(body + kV) += linear[i];
+      Vector(body + kV) += linear_[i];
       if (bodies[i].mass.can_turn())
         Vector(body + kL) +=
-            apply_inertia(bodies[i].mass.inertia, states_[i].orientation, angular[i]);
+            apply_inertia(bodies[i].mass.inertia, states_[i].orientation, angular_[i]);
     }
   }
-  derivative(0, t_, y, dydt);
+  if (known != nullptr && !is_off)
+    std::copy_n(known, size(), dydt);
+  else
+    derivative(0, t_, y, dydt);
   return true;
 }
 

@@ -1,8 +1,6 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/LU>
-#include <Eigen/QR>
 #include <array>
 #include <cstddef>
 #include <utility>
@@ -13,6 +11,7 @@
 #include "engine/constraints/contact_feature.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/one_sided_law.h"
+#include "engine/linear/least_norm_solver.h"
 #include "engine/mass_properties.h"
 #include "engine/methods/embedded_pairs.h"
 #include "engine/methods/equations_of_motion.h"
@@ -81,13 +80,16 @@ class ContactEquations {
 
   /// Where all bodies are; of immovable ones for good.
   void gather_state(const std::vector<BodyState>& states);
+  /// Room for what contacts, coordinates and joints do in stages; after the last one was added.
+  void prepare_stages();
   void scatter_state(std::vector<BodyState>* states) const;
   const BodyState& state(std::size_t body) const { return states_[body]; }
+  const std::vector<BodyState>& states() const { return states_; }
+  void set_states(const std::vector<BodyState>& states) { states_ = states; }
   std::vector<double>& numbers() { return y_; }
+  const std::vector<double>& numbers() const { return y_; }
   /// Moves to these numbers.
   void place(const double* y);
-  /// Adds a change of places, (Δx, Δφ) of one movable body after the other, to the numbers.
-  void displace(const Eigen::VectorXd& change, double* y);
   /// Moves to a time since `origin` [s], at which bodies stay where they are.
   void set_time(double t) { t_ = t; }
   double time() const { return t_; }
@@ -104,7 +106,8 @@ class ContactEquations {
     for (std::size_t j = 0; j < Pair::kStages; ++j)
       if (Pair::kA[Pair::kStages][j] != 0.0) add_impulses(h * Pair::kA[Pair::kStages][j], j);
   }
-  bool restart(double* y, double* dydt);
+  /// `known`: the derivative as things are, where it is known.
+  bool restart(double* y, double* dydt, const double* known = nullptr);
   double squared_size_of(const double* dy, double h) const;
   double rounding() const;
 
@@ -161,20 +164,44 @@ class ContactEquations {
   double kinetic_energy() const;
   double potential_energy() const;  ///< of gravity and of constant forces [J]
 
-  /// What unit impulses do while the joints hold: three columns a contact, one a coordinate.
-  struct Responses {
-    std::vector<std::size_t> contacts, coordinates;
-    std::vector<Eigen::Matrix3d> frames;  ///< of contacts: columns n, t1, t2
-    std::vector<char> is_free;            ///< coordinates that the joints leave free
-    Eigen::MatrixXd velocity;             ///< change of (v, ω) of bodies by unit impulses
-    Eigen::MatrixXd joints;               ///< impulses of joints' rows by unit impulses
-    std::vector<std::pair<std::size_t, int>> rows;  ///< joint and function of these
-    Eigen::MatrixXd A;  ///< change of the rates of these, along the frames
+  /// A contact that impulses act in.
+  struct Touching {
+    std::size_t contact;
+    ContactMotion motion;
+    Eigen::Matrix3d frame;   ///< columns n, t1, t2; of one without friction n alone
+    std::size_t column = 0;  ///< of its first unit impulse
+    bool is_rough = false;   ///< has friction, and three of them
+    /// An impulse or a rate along the frame, of those of all columns.
+    Eigen::Vector3d of(const double* all) const {
+      return is_rough ? Eigen::Vector3d(all[column], all[column + 1], all[column + 2])
+                      : Eigen::Vector3d(all[column], 0.0, 0.0);
+    }
   };
-  Responses responses(const std::vector<std::size_t>& contacts,
-                      const std::vector<std::size_t>& coordinates);
-  /// Adds impulses p to velocities, and to those of joints.
-  void apply(const Responses& responses, const Eigen::VectorXd& p, double* y);
+  /// What unit impulses do while the joints hold: three columns for each contact with friction,
+  /// then one for each of the others, then one for each coordinate.
+  struct Responses {
+    std::vector<Touching> contacts;
+    std::vector<std::size_t> coordinates;
+    std::size_t columns = 0, of_contacts = 0;  ///< of all, and of contacts
+    std::vector<char> is_free;                 ///< coordinates that the joints leave free
+    std::vector<double> velocity;              ///< of each column, the change of (v, ω) of bodies
+    std::vector<double> joints;                ///< and the impulses of joints' rows
+    std::vector<double> A;                     ///< and the change of the rates of all columns
+
+    void clear() {
+      contacts.clear();
+      coordinates.clear();
+    }
+    void add(std::size_t contact, const ContactMotion& motion) {
+      contacts.push_back({contact, motion, Eigen::Matrix3d::Zero()});
+    }
+  };
+  /// Of the contacts and coordinates that are in it. These have to stay until apply().
+  void find_responses(Responses* responses);
+  /// Adds impulses p to velocities, and to those of joints: those that were found last.
+  void apply(const Responses& responses, const double* p, double* y);
+  /// Moves bodies by p of these changes, as places and not as velocities.
+  void displace(const Responses& responses, const double* p, double* y);
 
  private:
   static constexpr std::size_t kV = 3, kQ = 6, kL = 10, kNumbers = 13;  // of a body, in the state
@@ -184,7 +211,9 @@ class ContactEquations {
 
   struct Row {
     std::size_t a, b;
-    Jacobian J, F;
+    Jacobian J;
+    Jacobian M_inv_F;          // what a force of one unit does
+    bool is_symmetric = true;  // F is J
     double gamma = 0.0, value = 0.0, rate = 0.0, reference = 0.0;
     int joint = -1, function = 0;    // of a joint
     int coordinate = -1;             // that one holds, beside
@@ -197,20 +226,25 @@ class ContactEquations {
     std::vector<double> normal;            // the same along normals
     std::vector<double> coordinate;        // what holds them
     std::vector<RowVector> joint;
+
+    void clear();
   };
 
   void add_joint_rows();
   void add_coordinate_row(std::size_t coordinate, const Prescribed& target);
   void add_held_rows();
   void add_contact_rows(bool with_slip, bool with_tangents);
-  double along(const Row& row, const Jacobian& J, const std::vector<Eigen::Vector3d>& linear,
+  void add_directions(Responses* responses);
+  Row& add_row(std::size_t a, std::size_t b, const Jacobian& J);
+  Jacobian accelerations(const Row& row, const Jacobian& F) const;
+  double response(const Row& of, const Row& to) const;
+  double along(const Row& row, const std::vector<Eigen::Vector3d>& linear,
                const std::vector<Eigen::Vector3d>& angular) const;
-  void push(const Row& row, const Jacobian& F, double amount, std::vector<Eigen::Vector3d>* linear,
+  void push(const Row& row, double amount, std::vector<Eigen::Vector3d>* linear,
             std::vector<Eigen::Vector3d>* angular) const;
-  bool solve_rows(const Eigen::VectorXd& right, Eigen::VectorXd* lambda);
+  bool solve_rows(std::vector<double>* lambda);
   void factor_rows(bool asks_rank);
-  bool find_change(double Row::*by, std::vector<Eigen::Vector3d>* linear,
-                   std::vector<Eigen::Vector3d>* angular);
+  bool find_change(double Row::*by);
   Prescribed target(const Coordinate& coordinate) const;
   double free_force(const Coordinate& coordinate, const Reading& now) const;
   void pull_coordinates(Stage* told, std::vector<Eigen::Vector3d>* linear,
@@ -224,14 +258,16 @@ class ContactEquations {
   std::vector<BodyState> states_;
   std::vector<Eigen::Matrix3d> inverse_inertia_;  // world
   std::vector<Row> rows_;
-  Eigen::MatrixXd A_;
-  Eigen::VectorXd weight_;        // that scale rows to a diagonal of one
+  std::vector<Row> directions_;   // of unit impulses
+  std::vector<double> weight_;    // that scale rows to a diagonal of one
+  std::vector<double> lambda_;    // forces of rows
   bool are_independent_ = false;  // rows, as restart() found them
-  Eigen::PartialPivLU<Eigen::MatrixXd> lu_;
-  Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> factors_;  // where they are not
+  LeastNormSolver factors_;
   std::array<Stage, DormandPrince8::kStages + 1> stages_;
   double scale_ = 0.0;  // [m] that rounding goes by
-  std::vector<Eigen::Vector3d> linear_, angular_, free_linear_, free_angular_;  // scratch
+  // scratch: of forces, of what is free, and of references
+  std::vector<Eigen::Vector3d> linear_, angular_, free_linear_, free_angular_;
+  std::vector<Eigen::Vector3d> reference_linear_, reference_angular_;
   Stage kept_;
   std::vector<Eigen::Vector3d> kept_contacts_;  // impulses
   std::vector<RowVector> kept_joints_;

@@ -1,6 +1,7 @@
 #include "engine/methods/contact_events.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 
@@ -24,17 +25,14 @@ constexpr int kMostMissed = 40;         // substeps in a step that are taken aga
 
 }  // namespace
 
-ContactEvents::ContactEvents(ContactEquations equations, std::vector<Pair> pairs)
-    : equations_(std::move(equations)), pairs_(std::move(pairs)) {}
-
 // ---- where things are
 
 // What of each pair can meet. Contacts that hold go on with their features, unless `all`. Those of
 // two boxes stay what they are within a substep.
 void ContactEvents::find_features(bool all, bool is_within) {
-  std::vector<ContactFeature> found;
+  std::vector<ContactFeature>& found = found_;
   for (const Pair& pair : pairs_) {
-    if (is_within && pair.is_of_boxes()) continue;
+    if (pair.has_fixed_features() || (is_within && pair.is_of_boxes())) continue;
     found.clear();
     add_features(pair.shape_a, equations_.state(pair.a), pair.shape_b, equations_.state(pair.b),
                  &found);
@@ -49,12 +47,14 @@ void ContactEvents::find_features(bool all, bool is_within) {
 // Edges that were there before are where they were.
 void ContactEvents::keep_places(const Pair& pair, bool all,
                                 std::vector<ContactFeature>* found) const {
-  std::vector<ContactFeature> edges(found->begin() + kBoxCorners, found->end());
-  std::vector<char> is_free(edges.size(), 1);
+  std::array<ContactFeature, kBoxEdges> edges;
+  std::array<char, kBoxEdges> is_free;
+  std::copy(found->begin() + kBoxCorners, found->end(), edges.begin());
+  is_free.fill(1);
   for (std::size_t k = 0; k < edges.size(); ++k) {
     const ContactEquations::Contact& contact = equations_.contacts[pair.first + kBoxCorners + k];
     if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
-    const auto same = std::find_if(edges.begin(), edges.end(), [&](const ContactFeature& edge) {
+    auto* const same = std::find_if(edges.begin(), edges.end(), [&](const ContactFeature& edge) {
       return edge.id == contact.feature.id;
     });
     if (same == edges.end() && (all || contact.acts == Acts::kOpen)) continue;
@@ -64,7 +64,7 @@ void ContactEvents::keep_places(const Pair& pair, bool all,
     (*found)[kBoxCorners + k] = *same;
     same->id = kTaken;
   }
-  auto next = edges.begin();
+  auto* next = edges.begin();
   for (std::size_t k = 0; k < edges.size(); ++k) {
     if (!is_free[k]) continue;
     while (next != edges.end() && next->id == kTaken) ++next;
@@ -78,7 +78,8 @@ void ContactEvents::keep_places(const Pair& pair, bool all,
 // Whether two boxes have met with something else than what was watched.
 bool ContactEvents::has_missed() {
   bool any = false;
-  std::vector<double> depth = depth_;
+  std::vector<double>& depth = depth_now_;
+  depth = depth_;
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     const Pair& pair = pairs_[p];
     if (!pair.is_of_boxes()) continue;
@@ -110,7 +111,7 @@ std::size_t ContactEvents::most_points(const Shape& a, const Shape& b) {
 void ContactEvents::add_contacts() {
   equations_.contacts.clear();
   pair_of_.clear();
-  std::vector<ContactFeature> found;
+  std::vector<ContactFeature>& found = found_;
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     Pair& pair = pairs_[p];
     found.clear();
@@ -132,9 +133,11 @@ void ContactEvents::add_contacts() {
 
 bool ContactEvents::begin(const std::vector<BodyState>& states, bool closes) {
   closes_ = closes;
+  done_ = {};
+  told_.clear();
+  for (AtBound* at : {&at_cone_, &at_zero_}) at->contacts.clear();
   equations_.gather_state(states);
   add_contacts();
-  equations_.gather_state(states);  // with what contacts have of stages
   depth_.assign(pairs_.size(), 0.0);
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     if (pairs_[p].is_of_boxes()) depth_[p] = -gap_of_boxes(pairs_[p]);
@@ -172,12 +175,12 @@ void ContactEvents::begin_joints(const Span& span, const JointStep& step,
     }
     const auto i = static_cast<std::size_t>(of.law.coordinate);
     const CoordinateState& now = states[static_cast<std::size_t>(joint.index)].coordinates[i];
-    if (!has_begun_) of.position = now.position;
+    if (!done_.spans) of.position = now.position;
     if (of.law.drive == 0.0) continue;
     of.motor = *joint.joint.coordinates[i].motor;
     if (of.motor.timeout > 0.0 && now.expires_at <= span.all.t) of.motor.bias = 0.0;
   }
-  has_begun_ = true;
+  done_.spans = true;
 }
 
 // whole turns are counted from one substep to the next
@@ -214,7 +217,6 @@ IntegrationResult ContactEvents::advance(const SmoothSpan& all, const Integrator
   most_work_ = most_work;
   Span span{all, accuracy, SubstepSpan(0.0, all.h), {}};
   equations_.gather_state(*states);
-  begin_joints(span, joint_step, joint_states);
   equations_.gravity = all.gravity;
   for (ContactEquations::Body& body : equations_.bodies) {
     body.force.setZero();
@@ -225,7 +227,20 @@ IntegrationResult ContactEvents::advance(const SmoothSpan& all, const Integrator
       body.torque += load.torque;
     }
   }
-  if (closes_ && !close_overlaps(&span, states)) return span.progress;
+  if (closes_) {
+    equations_.prepare_stages();
+    begin_joints(span, joint_step, joint_states);
+    span.progress.done = close_overlaps(&span, states);
+    if (!span.progress.done) return span.progress;
+  } else if (is_as_when_still(all)) {
+    done_.spans = true;
+    go_on_as_when_still(states);
+    return span.progress;
+  }
+  const bool is_first = !done_.spans && equations_.joints.empty();
+  if (is_first) note_beginning(all);
+  equations_.prepare_stages();
+  begin_joints(span, joint_step, joint_states);
   const std::size_t n = equations_.size();
   numbers_.assign(StageMemory::kRows * n, 0.0);
   std::copy(equations_.numbers().begin(), equations_.numbers().end(), numbers_.begin());
@@ -233,6 +248,7 @@ IntegrationResult ContactEvents::advance(const SmoothSpan& all, const Integrator
   watched_.is_muted.clear();
   bool is_done = settle(&span, {}, true);
   while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
+  if (is_done && is_first && span.progress.substeps + span.progress.rejected == 0) note_stillness();
   note_positions();
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) give_way(c);
   equations_.scatter_state(states);
@@ -282,7 +298,7 @@ bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double
   const auto acting = static_cast<double>(
       std::count_if(equations_.contacts.begin(), equations_.contacts.end(),
                     [](const auto& contact) { return contact.acts != Acts::kOpen; }));
-  work_ += 1.0 + acting * acting / 16.0;
+  done_.work += 1.0 + acting * acting / 16.0;
   const StageMemory memory(numbers_.data(), equations_.size());
   const SubstepLimits limits{tolerance, span->accuracy.most_attempts, span->all.stop};
   return span->accuracy.order == 5 ? take_substep<DormandPrince5>(equations_, memory, limits, *left,
@@ -293,7 +309,7 @@ bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double
 
 // A substep of h from where the last one started, which was at t.
 bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
-  if (work_ > most_work_) return false;
+  if (done_.work > most_work_) return false;
   const std::size_t n = equations_.size();
   std::copy(kept_.begin(), kept_.begin() + static_cast<std::ptrdiff_t>(n), numbers_.begin());
   std::copy(kept_.begin() + static_cast<std::ptrdiff_t>(n), kept_.end(), derivative());
@@ -312,7 +328,7 @@ bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
 }
 
 bool ContactEvents::advance_to_event(Span* span) {
-  if (is_set(span->all.stop) || work_ > most_work_) return false;
+  if (is_set(span->all.stop) || done_.work > most_work_) return false;
   find_features(false);
   set_directions();
   note_positions();
@@ -354,7 +370,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   if (is_poor || has_missed()) {
     step_ = 0.5 * (start.left - span->left.left);
     if (!go_to(0.0, true)) return false;
-    return ++missed_ <= kMostMissed;
+    return ++done_.missed <= kMostMissed;
   }
   if (event) return finish_event(span, watched_.after[event->which], event->which);
   if (watched_.is_muted.empty()) return true;
@@ -369,8 +385,8 @@ bool ContactEvents::end_jam(Span* span) {
   const bool any_slips = std::any_of(
       equations_.contacts.begin(), equations_.contacts.end(),
       [](const auto& contact) { return contact.acts == Acts::kSlips && contact.friction > 0.0; });
-  if (is_set(span->all.stop) || !any_slips || ++jams_ > kMostJams) return false;
-  ++events_;
+  if (is_set(span->all.stop) || !any_slips || ++done_.jams > kMostJams) return false;
+  ++done_.events;
   span->left.failures = 0;
   span->progress.is_inconsistent = false;
   equations_.restore();
@@ -379,28 +395,33 @@ bool ContactEvents::end_jam(Span* span) {
   return settle(span, {}, false, true);
 }
 
+// whether anything acts otherwise than before the last event
+bool ContactEvents::has_changed() const {
+  for (std::size_t c = 0; c < acts_before_.size(); ++c)
+    if (acts_before_[c] != equations_.contacts[c].acts ||
+        features_before_[c] != equations_.contacts[c].feature.id)
+      return true;
+  for (std::size_t c = 0; c < states_before_.size(); ++c)
+    if (!(states_before_[c] == equations_.coordinates[c].state)) return true;
+  return false;
+}
+
 bool ContactEvents::finish_event(Span* span, const Watched& watched, std::size_t which) {
-  if (++events_ > kMostEvents) return false;
-  const std::vector<ContactEquations::Contact> before = equations_.contacts;
+  if (++done_.events > kMostEvents) return false;
   note_positions();
   const std::size_t watches = watched_.before.size();
-  const std::uint32_t impacts = impacts_, breaks = breaks_;
+  const std::uint32_t impacts = done_.impacts, breaks = done_.breaks;
   if (watched.kind == Watched::Kind::kBreak) break_joint(*span, watched.joint);
   if (!settle(span, watched, false)) return false;
-  bool is_changed =
-      impacts != impacts_ || breaks != breaks_ || watched.kind == Watched::Kind::kSlip;
-  for (std::size_t c = 0; c < before.size(); ++c)
-    is_changed = is_changed || before[c].acts != equations_.contacts[c].acts ||
-                 before[c].feature.id != equations_.contacts[c].feature.id;
-  for (std::size_t c = 0; c < states_before_.size(); ++c)
-    is_changed = is_changed || !(states_before_[c] == equations_.coordinates[c].state);
+  const bool is_changed = impacts != done_.impacts || breaks != done_.breaks ||
+                          watched.kind == Watched::Kind::kSlip || has_changed();
   if (is_changed) {
     watched_.is_muted.clear();
     return true;
   }
   watched_.is_muted.resize(watches, 0);
   watched_.is_muted[which] = 1;
-  return ++unchanged_ <= kMostUnchanged;
+  return ++done_.unchanged <= kMostUnchanged;
 }
 
 }  // namespace constraint_sim::engine

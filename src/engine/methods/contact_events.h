@@ -19,7 +19,7 @@ namespace constraint_sim::engine {
 /// event: flight with the gaps as what is watched, impacts, contacts at rest as rows that stick or
 /// slip; and the one-sided laws of the joints' coordinates, as EventDriven has them. All follows
 /// from where the bodies are and how they move, and from what the states of joints say of motors;
-/// nothing is kept from one span to the next but impulses, which add up.
+/// nothing is kept from one span to the next but impulses, which add up, and storage.
 class ContactEvents {
  public:
   static constexpr std::size_t kMostLaws = 32;        ///< more coordinates are left to others
@@ -39,16 +39,19 @@ class ContactEvents {
     bool is_of_boxes() const {
       return std::holds_alternative<Box>(shape_a) && std::holds_alternative<Box>(shape_b);
     }
+    /// Whether the same features meet wherever the bodies are.
+    bool has_fixed_features() const { return !std::holds_alternative<Box>(shape_b); }
   };
 
-  /// Of bodies and joints as `equations` has them, without contacts.
-  ContactEvents(ContactEquations equations, std::vector<Pair> pairs);
+  /// What it is of, to be set before begin(): bodies and joints, without contacts, and pairs.
+  ContactEquations& equations() { return equations_; }
+  std::vector<Pair>& pairs() { return pairs_; }
 
   /// In how many points two shapes may touch.
   static std::size_t most_points(const Shape& a, const Shape& b);
 
-  /// Finds the contacts, open. False where two shapes overlap by more than kMostOverlap, unless the
-  /// first span `closes` such overlaps.
+  /// Finds the contacts, open, and forgets all that was done. False where two shapes overlap by
+  /// more than kMostOverlap, unless the first span `closes` such overlaps.
   bool begin(const std::vector<BodyState>& states, bool closes);
   /// As method.h says. Not done: too many events, or no answer to one; the states are then those of
   /// any time within the span. `joint_step`, `joint_states`: of the span, of all joints.
@@ -59,8 +62,8 @@ class ContactEvents {
                             std::vector<BodyState>* states);
 
   // ---- what was done since the beginning
-  std::uint32_t events() const { return events_; }
-  double work() const { return work_; }  ///< in substeps of a group of one point
+  std::uint32_t events() const { return done_.events; }
+  double work() const { return done_.work; }  ///< in substeps of a group of one point
   struct Told {
     EventKind kind;
     double time;     ///< simulated [s]
@@ -107,19 +110,36 @@ class ContactEvents {
     double rate;  ///< of the gap
     double restitution;
   };
+  struct ContactHit {
+    std::size_t contact;
+    ContactMotion motion;
+  };
   struct Hits {
-    std::vector<std::size_t> contacts;
+    std::vector<ContactHit> contacts;
     std::vector<LimitHit> limits;
 
     bool empty() const { return contacts.empty() && limits.empty(); }
+    void clear() {
+      contacts.clear();
+      limits.clear();
+    }
   };
   /// Which bounce no more, or what impulses they had.
   template <class Number>
   struct Of {
     std::vector<Number> contacts, coordinates;
 
-    Of(std::size_t contact_count, std::size_t coordinate_count)
-        : contacts(contact_count), coordinates(coordinate_count) {}
+    void reset(std::size_t contact_count, std::size_t coordinate_count) {
+      contacts.assign(contact_count, Number{});
+      coordinates.assign(coordinate_count, Number{});
+    }
+  };
+  /// What impacts start from.
+  struct BeforeImpacts {
+    std::vector<double> numbers;
+    std::vector<ContactEquations::Contact> contacts;
+    std::vector<ContactEquations::BodyJoint> joints;
+    std::vector<ContactEquations::Coordinate> coordinates;
   };
   /// A coordinate that moves as something that holds it.
   struct Candidate {
@@ -137,6 +157,25 @@ class ContactEvents {
       return std::find(contacts.begin(), contacts.end(), contact) != contacts.end();
     }
   };
+  /// What was done since the beginning.
+  struct Done {
+    std::uint32_t events = 0, impacts = 0, breaks = 0, jams = 0;
+    int unchanged = 0;   ///< events that changed nothing
+    int missed = 0;      ///< substeps that ended with boxes in each other, or too inexact
+    double work = 0.0;   ///< substeps that were taken, by what one costs
+    bool spans = false;  ///< any span
+  };
+  /// A span in which nothing moved: what it began with, and what contacts did.
+  struct Still {
+    bool is_known = false;
+    Eigen::Vector3d gravity{0, 0, 0};
+    double h = 0.0;
+    std::vector<double> numbers;  ///< of movable bodies
+    std::vector<ContactEquations::Body> bodies;
+    std::vector<BodyState> states;  ///< at its end
+    std::vector<Pair> pairs;
+    std::vector<ContactEquations::Contact> contacts;  ///< at its end
+  };
   struct Span {
     const SmoothSpan& all;
     const IntegratorOptions& accuracy;
@@ -147,12 +186,19 @@ class ContactEvents {
   double find_overlaps(double margin);
   double beyond_limits() const;
   bool close_overlaps(Span* span, std::vector<BodyState>* states);
+  // ---- spans in which nothing moves (contact_stillness.cpp)
+  bool is_as_when_still(const SmoothSpan& span) const;
+  void note_beginning(const SmoothSpan& span);
+  void note_stillness();
+  void go_on_as_when_still(std::vector<BodyState>* states);
+
   void begin_joints(const Span& span, const JointStep& step, const std::vector<JointState>& states);
   void note_positions();
   void give_way(std::size_t coordinate);
   void add_contacts();
   void find_features(bool all, bool is_within = false);
   void keep_places(const Pair& pair, bool all, std::vector<ContactFeature>* found) const;
+  bool has_changed() const;
   bool has_missed();
   double gap_of_boxes(const Pair& pair) const;
   double* derivative();
@@ -174,11 +220,12 @@ class ContactEvents {
   // ---- at events (contact_states.cpp)
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
   bool have_impacts(Of<double>* hit);
-  Hits find_hits(const Of<char>& rests) const;
+  void find_hits(const Of<char>& rests, Hits* hits) const;
   void add_touching_limits(const Of<char>& rests, bool only_slow,
                            std::vector<LimitHit>* hits) const;
   std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations::Coordinate& of) const;
   bool have_impact(const Hits& hits, const Of<char>& rests, double faster, Of<double>* hit);
+  bool does_work(const ContactEquations::Responses& responses) const;
   bool have_jam(Of<double>* hit);
   bool let_rest(const Of<double>& hit, Of<char>* rests, bool* is_settled);
   void break_joint(const Span& span, std::size_t joint);
@@ -187,13 +234,14 @@ class ContactEvents {
   bool decide(const Watched& event);
   bool decide(const Watched& event, double least_slip);
   bool find_candidates(std::vector<Candidate>* candidates);
-  void choose_acts(const ContactEquations::Responses& responses, const ConeProblem& problem,
-                   const Eigen::VectorXd& force);
-  void choose_holds(const Watched& event, const std::vector<Candidate>& candidates,
-                    const ContactEquations::Responses& responses, const ConeProblem& problem,
-                    const Eigen::VectorXd& force);
-  void take_forces(const std::vector<Candidate>& candidates,
-                   const ContactEquations::Responses& responses, const Eigen::VectorXd& force);
+  void begin_problem();
+  static void set_rate(const ContactEquations::Touching& of, const Eigen::Vector3d& rate,
+                       std::vector<double>* all);
+  void set_problem(double least_slip);
+  void choose_acts();
+  void find_solved_accelerations();
+  void choose_holds(const Watched& event);
+  void take_forces();
   bool is_within_bounds();
   void hold_coordinates(bool is_begin);
   void tell(double t, const std::vector<Acts>& before, const Of<double>& hit, bool is_begin);
@@ -205,22 +253,38 @@ class ContactEvents {
   std::vector<double> kept_;          // state and derivative where the substep starts
   double step_ = 0.0;                 // what the next substep is tried with [s]
   bool has_stages_ = false;           // of the last substep
-  bool has_begun_ = false;            // the first span
   bool closes_ = false;               // overlaps, in the next span
   ContactEquations::Accelerations rates_;
-  std::vector<Eigen::Vector3d> acceleration_;    // ẇ of contacts, as decide() found it
+  std::vector<double> gap_acceleration_;         // of contacts, as decide() found it
   std::vector<double> coordinate_acceleration_;  // the same of coordinates
   std::vector<OneSidedState> states_before_;     // of coordinates, where the event is
   WatchedSubstep<Watched> watched_;
-  std::uint32_t events_ = 0, impacts_ = 0, breaks_ = 0, jams_ = 0;
-  int unchanged_ = 0;   // events that changed nothing
-  int missed_ = 0;      // substeps that ended with boxes in each other, or too inexact
+  Done done_;
   double error_ = 0.0;  // of the substep that was repeated last, estimated [m]
-  double work_ = 0.0;   // substeps that were taken, by what one costs
   double most_work_ = 0.0;
-  std::vector<double> depth_;  // [m] of pairs of boxes, where the substep starts
-  AtBound at_cone_, at_zero_;  // of friction, and of the force along the normal
+  std::vector<double> depth_;      // [m] of pairs of boxes, where the substep starts,
+  std::vector<double> depth_now_;  // and where it ends
+  AtBound at_cone_, at_zero_;      // of friction, and of the force along the normal
   std::vector<Told> told_;
+  Still still_;  // the last one, where nothing has moved since
+
+  // storage of what is done at one event
+  ContactEquations::Responses responses_;
+  ConeProblem problem_;
+  ConeSolver solver_;
+  std::vector<double> force_, rate_, solved_;  // of the problem; rates before and after
+  std::vector<Candidate> held_;
+  Hits hits_;
+  Of<char> rests_;
+  Of<double> hit_;
+  BeforeImpacts before_impacts_;
+  std::vector<Acts> acts_before_;
+  std::vector<std::uint32_t> features_before_;  // their ids
+  std::vector<Watched> forces_;
+  std::vector<double> free_;     // a derivative: without what acts, or with all that was decided
+  bool has_derivative_ = false;  // it is the latter
+  std::vector<double> before_projection_;
+  std::vector<ContactFeature> found_;
 };
 
 }  // namespace constraint_sim::engine

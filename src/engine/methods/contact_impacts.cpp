@@ -14,46 +14,40 @@
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Index;
-using Eigen::VectorXd;
-
 constexpr double kNoWork = 1e-12;  // of the energy that impulses exchange: rounding
 constexpr double kJam = 1e-9;      // [m/s] that what jams is taken to approach with
 constexpr double kBounce = 1e-10;  // [m] of height: a lower bounce is none
 constexpr int kMostImpacts = 2000;
-
-Index index(std::size_t i) { return static_cast<Index>(i); }
 
 }  // namespace
 
 // Impacts one after the other until nothing is hit any more. What would bounce too low to be seen
 // has no restitution: then all is done again.
 bool ContactEvents::have_impacts(Of<double>* hit) {
-  const std::vector<double> start(numbers_.begin(), numbers_.begin() + index(equations_.size()));
-  const std::vector<ContactEquations::Contact> contacts = equations_.contacts;
-  const std::vector<ContactEquations::BodyJoint> joints = equations_.joints;
-  const std::vector<ContactEquations::Coordinate> coordinates = equations_.coordinates;
-  Of<char> rests(contacts.size(), coordinates.size());
-  for (bool is_settled = false; !is_settled;) {
-    int count = 0;
-    for (; count < kMostImpacts; ++count) {
-      const Hits hits = find_hits(rests);
-      if (hits.empty()) break;
-      if (!have_impact(hits, rests, 0.0, hit)) return false;
+  Of<char>& rests = rests_;
+  rests.reset(equations_.contacts.size(), equations_.coordinates.size());
+  find_hits(rests, &hits_);
+  if (hits_.empty()) return true;
+  before_impacts_.numbers.assign(numbers_.data(), numbers_.data() + equations_.size());
+  before_impacts_.contacts = equations_.contacts;
+  before_impacts_.joints = equations_.joints;
+  before_impacts_.coordinates = equations_.coordinates;
+  for (bool is_settled = false;;) {
+    for (int count = 0; !hits_.empty(); ++count) {
+      if (count == kMostImpacts || !have_impact(hits_, rests, 0.0, hit)) return false;
+      find_hits(rests, &hits_);
     }
-    if (count == kMostImpacts) return false;
-    if (count == 0) return true;
-    ++impacts_;
+    ++done_.impacts;
     if (!let_rest(*hit, &rests, &is_settled)) return false;
-    if (is_settled) break;
-    std::copy(start.begin(), start.end(), numbers_.begin());
-    equations_.contacts = contacts;
-    equations_.joints = joints;
-    equations_.coordinates = coordinates;
+    if (is_settled) return true;
+    std::copy(before_impacts_.numbers.begin(), before_impacts_.numbers.end(), numbers_.begin());
+    equations_.contacts = before_impacts_.contacts;
+    equations_.joints = before_impacts_.joints;
+    equations_.coordinates = before_impacts_.coordinates;
     equations_.place(numbers_.data());
-    *hit = Of<double>(contacts.size(), coordinates.size());
+    hit->reset(equations_.contacts.size(), equations_.coordinates.size());
+    find_hits(rests, &hits_);
   }
-  return true;
 }
 
 std::pair<std::size_t, std::size_t> ContactEvents::bodies_of(
@@ -86,8 +80,9 @@ void ContactEvents::add_touching_limits(const Of<char>& rests, bool only_slow,
 
 // What takes part in the next impact: of contacts and limits with a restitution the one that is hit
 // fastest with all others between the same two bodies, and all without. None where none is hit.
-ContactEvents::Hits ContactEvents::find_hits(const Of<char>& rests) const {
-  Hits hits;
+void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
+  Hits& hits = *found;
+  hits.clear();
   double fastest_rate = -kResting;
   std::pair<std::size_t, std::size_t> fastest;
   bool any_hit = false, any_bounce = false;
@@ -102,7 +97,7 @@ ContactEvents::Hits ContactEvents::find_hits(const Of<char>& rests) const {
     const ContactEquations::Contact& contact = equations_.contacts[c];
     const ContactMotion now = equations_.motion(contact);
     if (now.gap > kTouching) continue;
-    hits.contacts.push_back(c);
+    hits.contacts.push_back({c, now});
     consider(now.gap_rate(), contact.restitution > 0.0 && !rests.contacts[c], contact.a, contact.b);
   }
   add_touching_limits(rests, false, &hits.limits);
@@ -110,10 +105,13 @@ ContactEvents::Hits ContactEvents::find_hits(const Of<char>& rests) const {
     const auto [a, b] = bodies_of(equations_.coordinates[hit.coordinate]);
     consider(hit.rate, hit.restitution > 0.0, a, b);
   }
-  if (!any_hit) return {};
-  const auto waits = [&](std::size_t c) {
-    const ContactEquations::Contact& contact = equations_.contacts[c];
-    return contact.restitution > 0.0 && !rests.contacts[c] &&
+  if (!any_hit) {
+    hits.clear();
+    return;
+  }
+  const auto waits = [&](const ContactHit& hit) {
+    const ContactEquations::Contact& contact = equations_.contacts[hit.contact];
+    return contact.restitution > 0.0 && !rests.contacts[hit.contact] &&
            !(any_bounce &&
              std::minmax(contact.a, contact.b) == std::minmax(fastest.first, fastest.second));
   };
@@ -124,7 +122,6 @@ ContactEvents::Hits ContactEvents::find_hits(const Of<char>& rests) const {
   };
   hits.limits.erase(std::remove_if(hits.limits.begin(), hits.limits.end(), limit_waits),
                     hits.limits.end());
-  return hits;
 }
 
 // With less restitution where kinetic energy would rise, and where joints or friction leave no
@@ -133,65 +130,78 @@ ContactEvents::Hits ContactEvents::find_hits(const Of<char>& rests) const {
 bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double faster,
                                 Of<double>* hit) {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  std::vector<std::size_t> limits;
-  for (const LimitHit& of : hits.limits) limits.push_back(of.coordinate);
-  const ContactEquations::Responses responses = equations_.responses(hits.contacts, limits);
-  ConeProblem problem;
-  problem.A = responses.A;
-  const Index first = 3 * index(hits.contacts.size());
-  VectorXd rate(first + index(limits.size())), impulse;
-  for (std::size_t i = 0; i < hits.contacts.size(); ++i) {
-    const ContactEquations::Contact& contact = equations_.contacts[hits.contacts[i]];
-    rate.segment<3>(3 * index(i)) = responses.frames[i].transpose() * equations_.motion(contact).w;
-    problem.contacts.push_back({contact.friction, false, Eigen::Vector2d::Zero()});
-  }
-  for (std::size_t k = 0; k < limits.size(); ++k) {
+  ContactEquations::Responses& responses = responses_;
+  responses.clear();
+  for (const ContactHit& of : hits.contacts) responses.add(of.contact, of.motion);
+  for (const LimitHit& of : hits.limits) responses.coordinates.push_back(of.coordinate);
+  equations_.find_responses(&responses);
+  ConeProblem& problem = problem_;
+  begin_problem();
+  const std::size_t first = responses.of_contacts;
+  rate_.resize(responses.columns);
+  for (const ContactEquations::Touching& touching : responses.contacts)
+    set_rate(touching, touching.frame.transpose() * touching.motion.w, &rate_);
+  for (std::size_t k = 0; k < hits.limits.size(); ++k) {
     const LimitHit& of = hits.limits[k];
-    rate[first + index(k)] = of.direction * of.rate;
+    rate_[first + k] = of.direction * of.rate;
     if (!responses.is_free[k] && of.rate < -kResting) return false;  // joints drive it in
     problem.rows.push_back(
         {of.direction > 0.0 ? 0.0 : -kInfinity, of.direction > 0.0 ? kInfinity : 0.0});
     if (!responses.is_free[k]) problem.rows.back() = {};
   }
   for (const double share : {1.0, 0.5, 0.25, 0.0}) {
-    problem.b = rate;
-    for (std::size_t i = 0; i < hits.contacts.size(); ++i) {
-      double& normal = problem.b[3 * index(i)];
-      const std::size_t c = hits.contacts[i];
+    problem.b = rate_;
+    for (const ContactEquations::Touching& touching : responses.contacts) {
+      double& normal = problem.b[touching.column];
+      const std::size_t c = touching.contact;
       const double e = rests.contacts[c] ? 0.0 : equations_.contacts[c].restitution;
       if (normal < -kResting)
         normal *= 1.0 + share * e;
       else
         normal = std::max(normal, 0.0) - faster;
     }
-    for (std::size_t k = 0; k < limits.size(); ++k)
-      problem.b[first + index(k)] *= 1.0 + share * hits.limits[k].restitution;
-    if (!solve(problem, &impulse)) {
+    for (std::size_t k = 0; k < hits.limits.size(); ++k)
+      problem.b[first + k] *= 1.0 + share * hits.limits[k].restitution;
+    if (!solver_.solve(problem, &force_)) {
       if (share == 0.0) return false;
       continue;
     }
-    const VectorXd mean = rate + 0.5 * problem.A * impulse;
-    if (impulse.dot(mean) <= kNoWork * impulse.cwiseAbs().dot(rate.cwiseAbs())) break;
+    if (!does_work(responses)) break;
   }
-  equations_.apply(responses, impulse, numbers_.data());
-  for (std::size_t i = 0; i < hits.contacts.size(); ++i)
-    hit->contacts[hits.contacts[i]] += impulse[3 * index(i)];
-  for (std::size_t k = 0; k < limits.size(); ++k)
-    hit->coordinates[limits[k]] += impulse[first + index(k)];
+  equations_.apply(responses, force_.data(), numbers_.data());
+  for (const ContactEquations::Touching& touching : responses.contacts)
+    hit->contacts[touching.contact] += force_[touching.column];
+  for (std::size_t k = 0; k < hits.limits.size(); ++k)
+    hit->coordinates[hits.limits[k].coordinate] += force_[first + k];
   return true;
+}
+
+// whether impulses add kinetic energy: by the means of rates before and after
+bool ContactEvents::does_work(const ContactEquations::Responses& responses) const {
+  const std::size_t n = responses.columns;
+  double work = 0.0, exchanged = 0.0;
+  for (std::size_t j = 0; j < n; ++j) {
+    double change = 0.0;
+    for (std::size_t i = 0; i < n; ++i) change += responses.A[n * j + i] * force_[i];
+    work += force_[j] * (rate_[j] + 0.5 * change);
+    exchanged += std::abs(force_[j]) * std::abs(rate_[j]);
+  }
+  return !(work <= kNoWork * exchanged);
 }
 
 // Where friction drives a contact that slips into the other body (Painlevé), no force is large
 // enough, but an impulse without restitution, that ends the slip.
 bool ContactEvents::have_jam(Of<double>* hit) {
-  Hits touching;
+  Hits& touching = hits_;
+  touching.clear();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
     const ContactMotion now = equations_.motion(equations_.contacts[c]);
-    if (now.gap <= kTouching && now.gap_rate() <= kResting) touching.contacts.push_back(c);
+    if (now.gap <= kTouching && now.gap_rate() <= kResting) touching.contacts.push_back({c, now});
   }
   if (touching.contacts.empty()) return false;
-  ++impacts_;
-  Of<char> rests(equations_.contacts.size(), equations_.coordinates.size());
+  ++done_.impacts;
+  Of<char>& rests = rests_;
+  rests.reset(equations_.contacts.size(), equations_.coordinates.size());
   std::fill(rests.contacts.begin(), rests.contacts.end(), 1);
   std::fill(rests.coordinates.begin(), rests.coordinates.end(), 1);
   add_touching_limits(rests, true, &touching.limits);
@@ -219,8 +229,7 @@ bool ContactEvents::let_rest(const Of<double>& hit, Of<char>* rests, bool* is_se
   for (std::size_t c = 0; c < hit.contacts.size(); ++c) {
     if (!is_bounce(c)) continue;
     const ContactMotion now = equations_.motion(equations_.contacts[c]);
-    const double fall = -(now.n.dot(acceleration_[c]) + now.n_dot.dot(now.w));
-    if (!is_low(now.gap, now.gap_rate(), fall)) continue;
+    if (!is_low(now.gap, now.gap_rate(), -gap_acceleration_[c])) continue;
     rests->contacts[c] = 1;
     *is_settled = false;
   }

@@ -10,10 +10,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Index;
-using Eigen::Matrix3d;
 using Eigen::Vector3d;
-using Eigen::VectorXd;
 
 constexpr double kHeld = 1e-12;  // of what a coordinate would do without the joints
 
@@ -73,94 +70,122 @@ Vector3d ContactEquations::slip_acceleration(const ContactMotion& motion, const 
          rates.linear[contact.b] - rates.angular[contact.b].cross(motion.r_b) + motion.w_bias;
 }
 
-ContactEquations::Responses ContactEquations::responses(
-    const std::vector<std::size_t>& of, const std::vector<std::size_t>& of_coordinates) {
-  Responses result;
-  result.contacts = of;
-  result.coordinates = of_coordinates;
-  const Index n = 3 * index(of.size()) + index(of_coordinates.size());
-  result.velocity.setZero(6 * index(movable), n);
-  rows_.clear();
-  add_joint_rows();
-  const Index held = index(rows_.size());
-  if (held > 0) factor_rows(true);
-  for (const Row& row : rows_)
-    result.rows.emplace_back(static_cast<std::size_t>(row.joint), row.function);
-  result.joints.setZero(held, n);
-  result.A.resize(n, n);
-  std::vector<Row> directions;
-  for (const std::size_t c : of) {
-    const ContactMotion now = motion(contacts[c]);
-    Matrix3d frame;
-    frame.col(0) = now.n;
-    frame.col(1) = tangent_to(now.n);
-    frame.col(2) = now.n.cross(Vector3d(frame.col(1)));
-    result.frames.push_back(frame);
-    for (int k = 0; k < 3; ++k) {
-      Row& row = directions.emplace_back();
-      row.a = contacts[c].a;
-      row.b = contacts[c].b;
-      row.J = row.F = now.along(frame.col(k));
+// Sorts columns, and adds a unit impulse for each to directions_.
+void ContactEquations::add_directions(Responses* responses) {
+  directions_.clear();
+  const auto add = [&](std::size_t a, std::size_t b, const Jacobian& J) {
+    Row& row = directions_.emplace_back();
+    row.a = a;
+    row.b = b;
+    row.J = J;
+    row.M_inv_F = accelerations(row, J);
+  };
+  for (const bool is_rough : {true, false}) {
+    for (Touching& touching : responses->contacts) {
+      const Contact& contact = contacts[touching.contact];
+      if ((contact.friction > 0.0) != is_rough) continue;
+      const Vector3d& n = touching.motion.n;
+      touching.is_rough = is_rough;
+      touching.column = directions_.size();
+      touching.frame.col(0) = n;
+      add(contact.a, contact.b, touching.motion.along(n));
+      if (!is_rough) continue;
+      touching.frame.col(1) = tangent_to(n);
+      touching.frame.col(2) = n.cross(Vector3d(touching.frame.col(1)));
+      for (int k = 1; k < 3; ++k)
+        add(contact.a, contact.b, touching.motion.along(touching.frame.col(k)));
     }
   }
-  for (const std::size_t c : of_coordinates) {
-    Row& row = directions.emplace_back();
-    row.a = joints[coordinates[c].joint].a;
-    row.b = joints[coordinates[c].joint].b;
-    row.J = row.F = read(coordinates[c], nullptr).J;
+  responses->of_contacts = directions_.size();
+  for (const std::size_t c : responses->coordinates) {
+    const BodyJoint& joint = joints[coordinates[c].joint];
+    add(joint.a, joint.b, read(coordinates[c], nullptr).J);
   }
-  VectorXd right(held), lambda;
-  for (Index j = 0; j < n; ++j) {
-    std::vector<Vector3d> linear(movable, Vector3d::Zero()), angular = linear;
-    const Row& row = directions[static_cast<std::size_t>(j)];
-    push(row, row.F, 1.0, &linear, &angular);
-    const double free = along(row, row.J, linear, angular);
-    if (held > 0) {
-      for (Index i = 0; i < held; ++i) {
-        Row& joint = rows_[static_cast<std::size_t>(i)];
-        right[i] = -along(joint, joint.J, linear, angular);
-      }
-      solve_rows(right, &lambda);
-      for (Index i = 0; i < held; ++i) {
-        const Row& joint = rows_[static_cast<std::size_t>(i)];
-        push(joint, joint.F, lambda[i], &linear, &angular);
-      }
-      result.joints.col(j) = lambda;
-    }
-    for (std::size_t i = 0; i < movable; ++i) {
-      result.velocity.block<3, 1>(6 * index(i), j) = linear[i];
-      result.velocity.block<3, 1>(6 * index(i) + 3, j) = angular[i];
-    }
-    for (Index i = 0; i < n; ++i) {
-      const Row& other = directions[static_cast<std::size_t>(i)];
-      result.A(i, j) = along(other, other.J, linear, angular);
-    }
-    if (j >= 3 * index(of.size())) result.is_free.push_back(result.A(j, j) > kHeld * free ? 1 : 0);
-  }
-  result.A = (0.5 * (result.A + result.A.transpose())).eval();
-  return result;
+  responses->columns = directions_.size();
 }
 
-void ContactEquations::apply(const Responses& responses, const VectorXd& p, double* y) {
-  const VectorXd change = responses.velocity * p;
+void ContactEquations::find_responses(Responses* responses) {
+  add_directions(responses);
+  rows_.clear();
+  add_joint_rows();
+  const std::size_t n = responses->columns, held = rows_.size();
+  for (Row& row : rows_) row.reference = 0.0;
+  if (held > 0) factor_rows(true);
+  responses->is_free.clear();
+  responses->velocity.assign(6 * movable * n, 0.0);
+  responses->joints.assign(held * n, 0.0);
+  responses->A.resize(n * n);
+  for (std::size_t j = 0; j < n; ++j) {
+    clear_motion(&linear_, &angular_);
+    push(directions_[j], 1.0, &linear_, &angular_);
+    const double free = along(directions_[j], linear_, angular_);
+    if (held > 0) {
+      lambda_.resize(held);
+      for (std::size_t i = 0; i < held; ++i) lambda_[i] = -along(rows_[i], linear_, angular_);
+      solve_rows(&lambda_);
+      for (std::size_t i = 0; i < held; ++i) push(rows_[i], lambda_[i], &linear_, &angular_);
+      std::copy(lambda_.begin(), lambda_.end(),
+                responses->joints.begin() + static_cast<std::ptrdiff_t>(held * j));
+    }
+    double* const velocity = responses->velocity.data() + 6 * movable * j;
+    for (std::size_t i = 0; i < movable; ++i) {
+      Vector(velocity + 6 * i) = linear_[i];
+      Vector(velocity + 6 * i + 3) = angular_[i];
+    }
+    for (std::size_t i = 0; i < n; ++i)
+      responses->A[n * j + i] = along(directions_[i], linear_, angular_);
+    if (j >= responses->of_contacts)
+      responses->is_free.push_back(responses->A[n * j + j] > kHeld * free ? 1 : 0);
+  }
+  for (std::size_t j = 0; j < n; ++j)
+    for (std::size_t i = 0; i < j; ++i)
+      responses->A[n * j + i] = responses->A[n * i + j] =
+          0.5 * (responses->A[n * j + i] + responses->A[n * i + j]);
+}
+
+void ContactEquations::displace(const Responses& responses, const double* p, double* y) {
+  for (std::size_t i = 0; i < movable; ++i) {
+    Vector3d moved = Vector3d::Zero(), turned = Vector3d::Zero();
+    for (std::size_t j = 0; j < responses.columns; ++j) {
+      const double* const velocity = responses.velocity.data() + 6 * (movable * j + i);
+      moved += p[j] * ConstVector(velocity);
+      turned += p[j] * ConstVector(velocity + 3);
+    }
+    double* const body = y + kNumbers * i;
+    Vector(body) += moved;
+    Eigen::Map<Eigen::Quaterniond> q(body + kQ);
+    q = rotation(turned) * Eigen::Quaterniond(q);
+  }
+  place(y);
+}
+
+void ContactEquations::apply(const Responses& responses, const double* p, double* y) {
+  clear_motion(&linear_, &angular_);
+  const std::size_t n = responses.columns, held = n > 0 ? responses.joints.size() / n : 0;
+  for (std::size_t j = 0; j < n; ++j) {
+    const double* const velocity = responses.velocity.data() + 6 * movable * j;
+    for (std::size_t i = 0; i < movable; ++i) {
+      linear_[i] += p[j] * ConstVector(velocity + 6 * i);
+      angular_[i] += p[j] * ConstVector(velocity + 6 * i + 3);
+    }
+    for (std::size_t i = 0; i < held; ++i)
+      joints[static_cast<std::size_t>(rows_[i].joint)].impulse[rows_[i].function] +=
+          p[j] * responses.joints[held * j + i];
+  }
   for (std::size_t i = 0; i < movable; ++i) {
     double* const body = y + kNumbers * i;
-    Vector(body + kV) += change.segment<3>(6 * index(i));
+    Vector(body + kV) += linear_[i];
     if (bodies[i].mass.can_turn())
-      Vector(body + kL) += apply_inertia(bodies[i].mass.inertia, states_[i].orientation,
-                                         change.segment<3>(6 * index(i) + 3));
+      Vector(body + kL) +=
+          apply_inertia(bodies[i].mass.inertia, states_[i].orientation, angular_[i]);
   }
-  const VectorXd held = responses.joints * p;
-  for (std::size_t i = 0; i < responses.rows.size(); ++i)
-    joints[responses.rows[i].first].impulse[responses.rows[i].second] += held[index(i)];
-  const Index first = 3 * index(responses.contacts.size());
   for (std::size_t k = 0; k < responses.coordinates.size(); ++k) {
     const Coordinate& of = coordinates[responses.coordinates[k]];
-    joints[of.joint].impulse[of.law.function] += p[first + index(k)];
+    joints[of.joint].impulse[of.law.function] += p[responses.of_contacts + k];
   }
-  for (std::size_t c = 0; c < responses.contacts.size(); ++c) {
-    Contact& contact = contacts[responses.contacts[c]];
-    contact.impulse += responses.frames[c] * p.segment<3>(3 * index(c));
+  for (const Touching& touching : responses.contacts) {
+    Contact& contact = contacts[touching.contact];
+    contact.impulse += touching.frame * touching.of(p);
     contact.touched = contact.feature;
   }
   place(y);

@@ -12,34 +12,68 @@
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Index;
 using Eigen::Vector3d;
-using Eigen::VectorXd;
 
 constexpr double kDependent = 1e-10;  // pivots below, of rows scaled to a diagonal of one
 constexpr double kTiny = 0.5e-9;      // [m/s] a slip below has the direction of the substep's start
 
 }  // namespace
 
-double ContactEquations::along(const Row& row, const Jacobian& J,
-                               const std::vector<Vector3d>& linear,
+double ContactEquations::along(const Row& row, const std::vector<Vector3d>& linear,
                                const std::vector<Vector3d>& angular) const {
   double sum = 0.0;
-  if (row.a < movable) sum += J.j1.dot(linear[row.a]) + J.j2.dot(angular[row.a]);
-  if (row.b < movable) sum += J.j3.dot(linear[row.b]) + J.j4.dot(angular[row.b]);
+  if (row.a < movable) sum += row.J.j1.dot(linear[row.a]) + row.J.j2.dot(angular[row.a]);
+  if (row.b < movable) sum += row.J.j3.dot(linear[row.b]) + row.J.j4.dot(angular[row.b]);
   return sum;
 }
 
-// adds M⁻¹ F amount
-void ContactEquations::push(const Row& row, const Jacobian& F, double amount,
-                            std::vector<Vector3d>* linear, std::vector<Vector3d>* angular) const {
+// M⁻¹ F of the two bodies of a row; of an immovable one nobody asks
+Jacobian ContactEquations::accelerations(const Row& row, const Jacobian& F) const {
+  Jacobian by;
   if (row.a < movable) {
-    (*linear)[row.a] += amount * bodies[row.a].mass.inverse_mass * F.j1;
-    (*angular)[row.a] += amount * (inverse_inertia_[row.a] * F.j2);
+    by.j1 = bodies[row.a].mass.inverse_mass * F.j1;
+    by.j2 = inverse_inertia_[row.a] * F.j2;
   }
   if (row.b < movable) {
-    (*linear)[row.b] += amount * bodies[row.b].mass.inverse_mass * F.j3;
-    (*angular)[row.b] += amount * (inverse_inertia_[row.b] * F.j4);
+    by.j3 = bodies[row.b].mass.inverse_mass * F.j3;
+    by.j4 = inverse_inertia_[row.b] * F.j4;
+  }
+  return by;
+}
+
+// a row with forces along its gradient
+ContactEquations::Row& ContactEquations::add_row(std::size_t a, std::size_t b, const Jacobian& J) {
+  Row& row = rows_.emplace_back();
+  row.a = a;
+  row.b = b;
+  row.J = J;
+  row.M_inv_F = accelerations(row, J);
+  return row;
+}
+
+// J M⁻¹ F: how one row changes by a unit force of another one
+double ContactEquations::response(const Row& of, const Row& to) const {
+  double sum = 0.0;
+  if (of.a < movable) {
+    if (of.a == to.a) sum += of.J.j1.dot(to.M_inv_F.j1) + of.J.j2.dot(to.M_inv_F.j2);
+    if (of.a == to.b) sum += of.J.j1.dot(to.M_inv_F.j3) + of.J.j2.dot(to.M_inv_F.j4);
+  }
+  if (of.b < movable) {
+    if (of.b == to.a) sum += of.J.j3.dot(to.M_inv_F.j1) + of.J.j4.dot(to.M_inv_F.j2);
+    if (of.b == to.b) sum += of.J.j3.dot(to.M_inv_F.j3) + of.J.j4.dot(to.M_inv_F.j4);
+  }
+  return sum;
+}
+
+void ContactEquations::push(const Row& row, double amount, std::vector<Vector3d>* linear,
+                            std::vector<Vector3d>* angular) const {
+  if (row.a < movable) {
+    (*linear)[row.a] += amount * row.M_inv_F.j1;
+    (*angular)[row.a] += amount * row.M_inv_F.j2;
+  }
+  if (row.b < movable) {
+    (*linear)[row.b] += amount * row.M_inv_F.j3;
+    (*angular)[row.b] += amount * row.M_inv_F.j4;
   }
 }
 
@@ -58,10 +92,7 @@ void ContactEquations::add_joint_rows() {
       const ScalarForm form =
           is_distance ? ScalarForm(LengthForm{}) : kind.function[static_cast<std::size_t>(k)];
       const Prescribed target = is_distance ? joint.course.length(clock()) : Prescribed{};
-      Row& row = rows_.emplace_back();
-      row.a = joint.a;
-      row.b = joint.b;
-      row.J = row.F = jacobian(form, vectors);
+      Row& row = add_row(joint.a, joint.b, jacobian(form, vectors));
       row.value = value(form, vectors) - target.value;
       row.rate = rate(form, vectors, motion) - target.rate;
       row.gamma = gamma(form, vectors, motion) - target.acceleration;
@@ -76,10 +107,7 @@ void ContactEquations::add_joint_rows() {
 void ContactEquations::add_coordinate_row(std::size_t c, const Prescribed& target) {
   const Coordinate& of = coordinates[c];
   const Reading now = read(of, nullptr);
-  Row& row = rows_.emplace_back();
-  row.a = joints[of.joint].a;
-  row.b = joints[of.joint].b;
-  row.J = row.F = now.J;
+  Row& row = add_row(joints[of.joint].a, joints[of.joint].b, now.J);
   row.value = of.law.form.is_angle ? unwound(now.q - target.value, 0.0) : now.q - target.value;
   row.rate = now.rate - target.rate;
   row.gamma = now.acceleration - target.acceleration;
@@ -169,7 +197,8 @@ void ContactEquations::pull_coordinates(Stage* told, std::vector<Vector3d>* line
     Row row;
     row.a = joints[of.joint].a;
     row.b = joints[of.joint].b;
-    push(row, now.J, force, linear, angular);
+    row.M_inv_F = accelerations(row, now.J);
+    push(row, force, linear, angular);
     told->joint[of.joint][of.law.function] += force;
   }
 }
@@ -181,20 +210,19 @@ void ContactEquations::add_contact_rows(bool with_slip, bool with_tangents) {
     const Contact& contact = contacts[c];
     if (contact.acts == Acts::kOpen) continue;
     const ContactMotion now = motion(contact);
-    const auto add = [&](const Vector3d& d, const Vector3d& f) -> Row& {
-      Row& row = rows_.emplace_back();
-      row.a = contact.a;
-      row.b = contact.b;
-      row.J = now.along(d);
-      row.F = now.along(f);
-      row.along = f;
+    const auto add = [&](const Vector3d& d) -> Row& {
+      Row& row = add_row(contact.a, contact.b, now.along(d));
+      row.along = d;
       row.rate = d.dot(now.w);
       row.gamma = d.dot(now.w_bias);
       row.contact = static_cast<int>(c);
       row.reference = contact.reference.dot(d);
       return row;
     };
-    Vector3d force = now.n;
+    Row& normal = add(now.n);
+    normal.is_normal = true;
+    normal.value = now.gap;
+    normal.gamma += now.n_dot.dot(now.w);
     if (with_slip && contact.acts == Acts::kSlips && contact.friction > 0.0) {
       const Vector3d slip = now.slip();
       const double speed = slip.norm();
@@ -203,17 +231,14 @@ void ContactEquations::add_contact_rows(bool with_slip, bool with_tangents) {
         direction = speed > 0.0 ? Vector3d(slip / speed) : Vector3d(Vector3d::Zero());
         if (direction.dot(contact.direction) < 0.0) direction = -direction;
       }
-      force -= contact.friction * direction;
+      normal.along -= contact.friction * direction;
+      normal.M_inv_F = accelerations(normal, now.along(normal.along));
+      normal.is_symmetric = false;
     }
-    Row& normal = add(now.n, force);
-    normal.is_normal = true;
-    normal.value = now.gap;
-    normal.gamma += now.n_dot.dot(now.w);
     if (!with_tangents || contact.acts != Acts::kSticks) continue;
     const Vector3d t = tangent_to(now.n);
-    add(t, t);
-    const Vector3d other = now.n.cross(t);
-    add(other, other);
+    add(t);
+    add(now.n.cross(t));
   }
 }
 
@@ -226,52 +251,51 @@ void ContactEquations::clear_motion(std::vector<Vector3d>* linear,
 // Whether rows are independent is asked where a substep starts, and holds for its stages.
 void ContactEquations::factor_rows(bool asks_rank) {
   const std::size_t m = rows_.size();
-  A_.resize(index(m), index(m));
-  weight_.resize(index(m));
-  clear_motion(&linear_, &angular_);
-  const auto clear = [&](const Row& row) {
-    for (const std::size_t body : {row.a, row.b}) {
-      if (body >= movable) continue;
-      linear_[body].setZero();
-      angular_[body].setZero();
-    }
-  };
-  for (std::size_t i = 0; i < m; ++i) {
-    push(rows_[i], rows_[i].J, 1.0, &linear_, &angular_);
-    const double response = along(rows_[i], rows_[i].J, linear_, angular_);
-    weight_[index(i)] = response > 0.0 ? 1.0 / std::sqrt(response) : 0.0;
-    clear(rows_[i]);
-  }
+  double* const A = factors_.resize(m);
+  weight_.resize(m);
   for (std::size_t j = 0; j < m; ++j) {
-    push(rows_[j], rows_[j].F, 1.0, &linear_, &angular_);
     for (std::size_t i = 0; i < m; ++i)
-      A_(index(i), index(j)) =
-          weight_[index(i)] * along(rows_[i], rows_[i].J, linear_, angular_) * weight_[index(j)];
-    clear(rows_[j]);
+      A[m * j + i] = i < j && rows_[i].is_symmetric && rows_[j].is_symmetric
+                         ? A[m * i + j]
+                         : response(rows_[i], rows_[j]);
+    double own = A[m * j + j];
+    if (!rows_[j].is_symmetric) {
+      Row along_gradient = rows_[j];
+      along_gradient.M_inv_F = accelerations(rows_[j], rows_[j].J);
+      own = response(rows_[j], along_gradient);
+    }
+    weight_[j] = own > 0.0 ? 1.0 / std::sqrt(own) : 0.0;
   }
+  for (std::size_t j = 0; j < m; ++j)
+    for (std::size_t i = 0; i < m; ++i) A[m * j + i] *= weight_[i] * weight_[j];
   if (!asks_rank && are_independent_) {
-    lu_.compute(A_);
+    factors_.factor_regular();
     return;
   }
-  factors_.setThreshold(kDependent);
-  factors_.compute(A_);
-  are_independent_ = factors_.rank() == A_.rows();
-  if (are_independent_) lu_.compute(A_);
+  factors_.factor(kDependent);
+  are_independent_ = factors_.is_regular();
 }
 
-// least norm beside the reference
-bool ContactEquations::solve_rows(const VectorXd& right, VectorXd* lambda) {
-  if (are_independent_) {
-    *lambda = weight_.cwiseProduct(lu_.solve(weight_.cwiseProduct(right)));
-    return lambda->allFinite();
+// From what the rows are to change by to their forces: those of least norm beside the reference.
+bool ContactEquations::solve_rows(std::vector<double>* lambda) {
+  const bool has_reference =
+      !are_independent_ &&
+      std::any_of(rows_.begin(), rows_.end(), [](const Row& row) { return row.reference != 0.0; });
+  if (has_reference) {
+    clear_motion(&reference_linear_, &reference_angular_);
+    for (const Row& row : rows_) push(row, row.reference, &reference_linear_, &reference_angular_);
+    for (std::size_t i = 0; i < rows_.size(); ++i)
+      (*lambda)[i] -= along(rows_[i], reference_linear_, reference_angular_);
   }
-  VectorXd reference(right.size());
-  for (Index i = 0; i < right.size(); ++i)
-    reference[i] =
-        weight_[i] > 0.0 ? rows_[static_cast<std::size_t>(i)].reference / weight_[i] : 0.0;
-  *lambda = reference + factors_.solve(weight_.cwiseProduct(right) - A_ * reference);
-  *lambda = weight_.cwiseProduct(*lambda);
-  return lambda->allFinite();
+  for (std::size_t i = 0; i < rows_.size(); ++i) (*lambda)[i] *= weight_[i];
+  factors_.solve(lambda->data());
+  bool is_finite = true;
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    (*lambda)[i] *= weight_[i];
+    if (has_reference && weight_[i] > 0.0) (*lambda)[i] += rows_[i].reference;
+    is_finite = is_finite && std::isfinite((*lambda)[i]);
+  }
+  return is_finite;
 }
 
 }  // namespace constraint_sim::engine

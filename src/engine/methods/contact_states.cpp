@@ -13,20 +13,17 @@
 #include "engine/linear/cone_problem.h"
 #include "engine/methods/contact_events.h"
 #include "engine/methods/law_events.h"
+#include "engine/methods/same_bits.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-using Eigen::Index;
 using Eigen::Vector3d;
-using Eigen::VectorXd;
 
 constexpr double kAtRest = 1e-8;     // of the largest acceleration: less is none
 constexpr double kAtBound = 1e-6;    // of the force that gives way
 constexpr double kSameTime = 1e-6;   // of a span
 constexpr double kEndOfSlip = 1e-7;  // [m/s] a slip that ends there is off by no more than rounding
-
-Index index(std::size_t i) { return static_cast<Index>(i); }
 
 }  // namespace
 
@@ -35,28 +32,36 @@ Index index(std::size_t i) { return static_cast<Index>(i); }
 bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
   double* const y = numbers_.data();
   has_stages_ = false;
+  acts_before_.clear();
+  features_before_.clear();
+  for (const ContactEquations::Contact& contact : equations_.contacts) {
+    acts_before_.push_back(contact.acts);
+    features_before_.push_back(contact.feature.id);
+  }
   find_features(!is_begin && event.kind == Watched::Kind::kMargin);
-  std::vector<Acts> before;
-  for (const ContactEquations::Contact& contact : equations_.contacts)
-    before.push_back(contact.acts);
   note_bounds(*span, event);
   states_before_.clear();
   for (const ContactEquations::Coordinate& of : equations_.coordinates)
     states_before_.push_back(of.state);
-  Of<double> hit(equations_.contacts.size(), equations_.coordinates.size());
+  Of<double>& hit = hit_;
+  hit.reset(equations_.contacts.size(), equations_.coordinates.size());
   if ((jams && !have_jam(&hit)) || !have_impacts(&hit)) return false;
   if (!decide(event) && !(have_jam(&hit) && decide({}))) return false;
   hold_coordinates(is_begin);
   const double kinetic = equations_.kinetic_energy(), potential = equations_.potential_energy();
-  if (!equations_.project(span->left.t, y) || !equations_.restart(y, derivative())) return false;
+  before_projection_.assign(y, y + equations_.size());
+  if (!equations_.project(span->left.t, y)) return false;
+  const bool is_known = has_derivative_ && equations_.coordinates.empty() &&
+                        have_same_bits(before_projection_.data(), y, equations_.size());
+  if (!equations_.restart(y, derivative(), is_known ? free_.data() : nullptr)) return false;
   span->progress.projected += kinetic - equations_.kinetic_energy();
   span->progress.corrected += equations_.potential_energy() - potential;
-  tell(span->all.t + span->left.t, before, hit, is_begin);
+  tell(span->all.t + span->left.t, acts_before_, hit, is_begin);
   return break_overloaded(span);
 }
 
 void ContactEvents::break_joint(const Span& span, std::size_t joint) {
-  ++breaks_;
+  ++done_.breaks;
   equations_.break_joint(joint);
   told_.push_back(
       {EventKind::kBroken, span.all.t + span.left.t, -1, -1, 0.0, static_cast<int>(joint)});
@@ -72,7 +77,7 @@ bool ContactEvents::break_overloaded(Span* span) {
         return left.value / left.tolerance < right.value / right.tolerance;
       });
   if (worst == loads.end() || worst->value >= -worst->tolerance) return true;
-  ++events_;
+  ++done_.events;
   break_joint(*span, worst->joint);
   return settle(span, {}, false);
 }
@@ -111,67 +116,89 @@ bool ContactEvents::decide(const Watched& event) {
 
 // Of contacts that slip no faster than `least_slip` as if they did not.
 bool ContactEvents::decide(const Watched& event, double least_slip) {
-  std::vector<std::size_t> candidates;
-  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
-    ContactEquations::Contact& contact = equations_.contacts[c];
-    contact.acts = Acts::kOpen;
-    const ContactMotion now = equations_.motion(contact);
-    if (now.gap <= kTouching && now.gap_rate() <= kResting) candidates.push_back(c);
-  }
-  std::vector<Candidate> held;
-  if (!find_candidates(&held)) return false;
-  std::vector<double> free(equations_.size());
-  equations_.derivative(0, equations_.time(), numbers_.data(), free.data());
-  equations_.find_accelerations(free.data(), &rates_);
-  const auto acceleration_of = [&](std::size_t c) {
-    const ContactEquations::Contact& contact = equations_.contacts[c];
-    return ContactEquations::slip_acceleration(equations_.motion(contact), contact, rates_);
-  };
-  acceleration_.clear();
+  has_derivative_ = false;
+  ContactEquations::Responses& responses = responses_;
+  responses.clear();
+  gap_acceleration_.assign(equations_.contacts.size(), 0.0);
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
-    acceleration_.push_back(acceleration_of(c));
+    equations_.contacts[c].acts = Acts::kOpen;
+  if (!find_candidates(&held_)) return false;
+  free_.resize(equations_.size());
+  equations_.derivative(0, equations_.time(), numbers_.data(), free_.data());
+  equations_.find_accelerations(free_.data(), &rates_);
+  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
+    const ContactEquations::Contact& contact = equations_.contacts[c];
+    if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
+    const ContactMotion now = equations_.motion(contact);
+    gap_acceleration_[c] =
+        now.n_dot.dot(now.w) + now.n.dot(ContactEquations::slip_acceleration(now, contact, rates_));
+    if (now.gap <= kTouching && now.gap_rate() <= kResting) responses.add(c, now);
+  }
   coordinate_acceleration_.clear();
   for (const ContactEquations::Coordinate& of : equations_.coordinates)
     coordinate_acceleration_.push_back(equations_.read(of, &rates_).acceleration);
-  if (candidates.empty() && held.empty()) return true;
+  if (responses.contacts.empty() && held_.empty()) return true;
 
-  std::vector<std::size_t> coordinates;
-  for (const Candidate& row : held) coordinates.push_back(row.coordinate);
-  const ContactEquations::Responses responses = equations_.responses(candidates, coordinates);
-  ConeProblem problem;
-  problem.A = responses.A;
-  const Index first = 3 * index(candidates.size());
-  problem.b.resize(first + index(held.size()));
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    const ContactEquations::Contact& contact = equations_.contacts[candidates[i]];
-    const ContactMotion now = equations_.motion(contact);
-    Vector3d b = responses.frames[i].transpose() * acceleration_[candidates[i]];
+  for (const Candidate& row : held_) responses.coordinates.push_back(row.coordinate);
+  equations_.find_responses(&responses);
+  set_problem(least_slip);
+  if (!solver_.solve(problem_, &force_)) return false;
+  choose_acts();
+  choose_holds(event);
+  has_derivative_ = is_within_bounds();
+  if (!has_derivative_) take_forces();
+  return true;
+}
+
+// A problem of rates or accelerations, without these and without coordinates.
+void ContactEvents::begin_problem() {
+  problem_.A = responses_.A;
+  problem_.b.assign(responses_.columns, 0.0);
+  problem_.contacts.clear();
+  problem_.rows.clear();
+  for (const ContactEquations::Touching& touching : responses_.contacts) {
+    if (touching.is_rough)
+      problem_.contacts.push_back({equations_.contacts[touching.contact].friction});
+    else
+      problem_.rows.push_back({0.0, std::numeric_limits<double>::infinity()});
+  }
+}
+
+void ContactEvents::set_rate(const ContactEquations::Touching& of, const Vector3d& rate,
+                             std::vector<double>* all) {
+  for (std::size_t k = 0; k < (of.is_rough ? 3 : 1); ++k)
+    (*all)[of.column + k] = rate[static_cast<Eigen::Index>(k)];
+}
+
+// That of the accelerations, where contacts slip no faster than `least_slip` as if they did not.
+void ContactEvents::set_problem(double least_slip) {
+  begin_problem();
+  for (const ContactEquations::Touching& touching : responses_.contacts) {
+    const ContactMotion& now = touching.motion;
+    Vector3d b =
+        touching.frame.transpose() *
+        ContactEquations::slip_acceleration(now, equations_.contacts[touching.contact], rates_);
     b[0] += now.n_dot.dot(now.w);
-    problem.b.segment<3>(3 * index(i)) = b;
+    set_rate(touching, b, &problem_.b);
     const Vector3d slip = now.slip();
     const double speed = slip.norm();
-    const bool slips = speed > least_slip;
-    Eigen::Vector2d direction = Eigen::Vector2d::Zero();
-    if (slips) direction = responses.frames[i].rightCols<2>().transpose() * slip / speed;
-    problem.contacts.push_back({contact.friction, slips, direction});
+    if (!touching.is_rough || !(speed > least_slip)) continue;
+    ConeContact& cone = problem_.contacts[touching.column / 3];
+    cone.slips = true;
+    cone.direction = touching.frame.rightCols<2>().transpose() * slip / speed;
   }
-  for (std::size_t k = 0; k < held.size(); ++k) {
-    problem.b[first + index(k)] =
-        coordinate_acceleration_[held[k].coordinate] - held[k].acceleration;
-    problem.rows.push_back({held[k].bounds.least, held[k].bounds.most});
-    if (!responses.is_free[k]) problem.rows.back() = {};
+  for (std::size_t k = 0; k < held_.size(); ++k) {
+    problem_.b[responses_.of_contacts + k] =
+        coordinate_acceleration_[held_[k].coordinate] - held_[k].acceleration;
+    problem_.rows.push_back({held_[k].bounds.least, held_[k].bounds.most});
+    if (!responses_.is_free[k]) problem_.rows.back() = {};
   }
-  VectorXd force;
-  if (!solve(problem, &force)) return false;
-  choose_acts(responses, problem, force);
-  choose_holds(event, held, responses, problem, force);
-  if (!is_within_bounds()) take_forces(held, responses, force);
-  return true;
 }
 
 // Coordinates that move as something that may hold them; of the others sets what acts. False where
 // one goes beyond a limit of any force.
 bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
+  candidates->clear();
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     ContactEquations::Coordinate& of = equations_.coordinates[c];
     of.state = {};
@@ -195,58 +222,66 @@ bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
 }
 
 // By the solution of the problem of the accelerations; also finds these for all that touch.
-void ContactEvents::choose_acts(const ContactEquations::Responses& responses,
-                                const ConeProblem& problem, const VectorXd& force) {
-  const std::vector<std::size_t>& candidates = responses.contacts;
-  const VectorXd a = problem.b + problem.A * force;
-  const double scale = problem.b.lpNorm<Eigen::Infinity>();
-  const double largest = force.size() > 0 ? force.lpNorm<Eigen::Infinity>() : 0.0;
+void ContactEvents::choose_acts() {
+  find_solved_accelerations();
+  double scale = 0.0, largest = 0.0;
+  for (std::size_t i = 0; i < force_.size(); ++i) {
+    scale = std::max(scale, std::abs(problem_.b[i]));
+    largest = std::max(largest, std::abs(force_[i]));
+  }
   const double largest_force = equations_.largest_force();
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    const Vector3d f = force.segment<3>(3 * index(i));
-    const Vector3d a_i = a.segment<3>(3 * index(i));
-    ContactEquations::Contact& contact = equations_.contacts[candidates[i]];
-    const ContactMotion now = equations_.motion(contact);
-    acceleration_[candidates[i]] = responses.frames[i] * a_i - now.n * now.n_dot.dot(now.w);
-    if (f[0] <= kAtRest * largest && a_i[0] > kAtRest * scale) continue;
-    if (at_zero_.has(candidates[i]) && f[0] <= kAtBound * largest_force) continue;
+  for (const ContactEquations::Touching& touching : responses_.contacts) {
+    const Vector3d f = touching.of(force_.data()), a = touching.of(solved_.data());
+    const std::size_t c = touching.contact;
+    ContactEquations::Contact& contact = equations_.contacts[c];
+    gap_acceleration_[c] = a[0];
+    if (f[0] <= kAtRest * largest && a[0] > kAtRest * scale) continue;
+    if (at_zero_.has(c) && f[0] <= kAtBound * largest_force) continue;
     contact.acts = Acts::kSlips;
     contact.reference.setZero();
     contact.direction.setZero();
-    const ConeContact& cone = problem.contacts[i];
-    const Eigen::Vector2d a_t = a_i.tail<2>();
+    if (!touching.is_rough) continue;
+    const ConeContact& cone = problem_.contacts[touching.column / 3];
+    const Eigen::Vector2d a_t = a.tail<2>();
     if (cone.slips)
-      contact.direction = responses.frames[i].rightCols<2>() * cone.direction;
-    else if (contact.friction > 0.0 && a_t.norm() > kAtRest * scale)
-      contact.direction = responses.frames[i].rightCols<2>() * a_t.normalized();
-    else if (contact.friction > 0.0)
+      contact.direction = touching.frame.rightCols<2>() * cone.direction;
+    else if (a_t.norm() > kAtRest * scale)
+      contact.direction = touching.frame.rightCols<2>() * a_t.normalized();
+    else
       contact.acts = Acts::kSticks;
   }
 }
 
+// b + A p of the problem
+void ContactEvents::find_solved_accelerations() {
+  const std::size_t n = force_.size();
+  solved_ = problem_.b;
+  for (std::size_t j = 0; j < n; ++j)
+    for (std::size_t i = 0; i < n; ++i) solved_[i] += problem_.A[n * j + i] * force_[j];
+}
+
 // The same of coordinates.
-void ContactEvents::choose_holds(const Watched& event, const std::vector<Candidate>& candidates,
-                                 const ContactEquations::Responses& responses,
-                                 const ConeProblem& problem, const VectorXd& force) {
-  if (candidates.empty()) return;
-  const VectorXd a = problem.b + problem.A * force;
-  const VectorXd roots = problem.A.diagonal().cwiseMax(0.0).cwiseSqrt();
+void ContactEvents::choose_holds(const Watched& event) {
+  if (held_.empty()) return;
+  const std::size_t n = force_.size();
+  const auto root = [&](std::size_t i) { return std::sqrt(std::max(problem_.A[n * i + i], 0.0)); };
   double largest = 0.0;
-  for (Index i = 0; i < a.size(); ++i)
-    if (roots[i] > 0.0) largest = std::max(largest, std::abs(problem.b[i]) / roots[i]);
+  for (std::size_t i = 0; i < n; ++i)
+    if (root(i) > 0.0) largest = std::max(largest, std::abs(problem_.b[i]) / root(i));
   const double largest_force = equations_.largest_force();
-  for (std::size_t k = 0; k < candidates.size(); ++k) {
-    const Candidate& row = candidates[k];
-    const Index i = 3 * index(responses.contacts.size()) + index(k);
+  for (std::size_t k = 0; k < held_.size(); ++k) {
+    const Candidate& row = held_[k];
+    const std::size_t i = responses_.of_contacts + k;
     ContactEquations::Coordinate& of = equations_.coordinates[row.coordinate];
-    coordinate_acceleration_[row.coordinate] = a[i] + row.acceleration;
-    if (!responses.is_free[k]) continue;
-    signed char side = std::abs(a[i]) > kAtRest * largest * roots[i] ? sign_of(a[i]) : sign_of(0.0);
+    coordinate_acceleration_[row.coordinate] = solved_[i] + row.acceleration;
+    if (!responses_.is_free[k]) continue;
+    signed char side =
+        std::abs(solved_[i]) > kAtRest * largest * root(i) ? sign_of(solved_[i]) : sign_of(0.0);
     const double bound = event.side < 0 ? row.bounds.least : row.bounds.most;
     const bool gives_way = event.kind == Watched::Kind::kHeld && event.coordinate == row.coordinate;
     if (side == 0 && gives_way &&
-        std::abs(force[i] - bound) <=
-            kAtBound * std::max({std::abs(bound), std::abs(force[i]), largest_force}))
+        std::abs(force_[i] - bound) <=
+            kAtBound * std::max({std::abs(bound), std::abs(force_[i]), largest_force}))
       side = static_cast<signed char>(-event.side);
     if (side == 0)
       of.state.hold = row.hold;
@@ -257,32 +292,29 @@ void ContactEvents::choose_holds(const Watched& event, const std::vector<Candida
 
 // The forces of least norm are not within their bounds: those of the solution, and what is at its
 // bound gives way.
-void ContactEvents::take_forces(const std::vector<Candidate>& held,
-                                const ContactEquations::Responses& responses,
-                                const VectorXd& force) {
-  const std::vector<std::size_t>& candidates = responses.contacts;
-  for (std::size_t k = 0; k < held.size(); ++k)
-    equations_.coordinates[held[k].coordinate].reference =
-        force[3 * index(candidates.size()) + index(k)];
-  for (std::size_t i = 0; i < candidates.size(); ++i) {
-    ContactEquations::Contact& contact = equations_.contacts[candidates[i]];
+void ContactEvents::take_forces() {
+  for (std::size_t k = 0; k < held_.size(); ++k)
+    equations_.coordinates[held_[k].coordinate].reference = force_[responses_.of_contacts + k];
+  for (const ContactEquations::Touching& touching : responses_.contacts) {
+    ContactEquations::Contact& contact = equations_.contacts[touching.contact];
     if (contact.acts == Acts::kOpen) continue;
-    const Vector3d f = force.segment<3>(3 * index(i));
-    contact.reference = responses.frames[i] * f;
+    const Vector3d f = touching.of(force_.data());
+    contact.reference = touching.frame * f;
     const Eigen::Vector2d f_t = f.tail<2>();
-    if (!at_cone_.has(candidates[i]) || contact.acts != Acts::kSticks ||
+    if (!at_cone_.has(touching.contact) || contact.acts != Acts::kSticks ||
         !(f_t.norm() >= (1.0 - kAtBound) * contact.friction * f[0]))
       continue;
     contact.acts = Acts::kSlips;
-    contact.direction = -(responses.frames[i].rightCols<2>() * f_t.normalized());
+    contact.direction = -(touching.frame.rightCols<2>() * f_t.normalized());
   }
 }
 
 // whether the forces of all that acts now are, to rounding
 bool ContactEvents::is_within_bounds() {
-  std::vector<double> unused(equations_.size());
-  equations_.derivative(0, equations_.time(), numbers_.data(), unused.data());
-  std::vector<Watched> forces;
+  free_.resize(equations_.size());
+  equations_.derivative(0, equations_.time(), numbers_.data(), free_.data());
+  std::vector<Watched>& forces = forces_;
+  forces.clear();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
     if (equations_.contacts[c].acts != Acts::kOpen) watch_forces(c, &forces);
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c)

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/linear/box_lcp.h"
 #include "engine/linear/cone_problem.h"
 #include "engine/methods/contact_events.h"
 #include "engine/methods/law_events.h"
@@ -119,6 +120,7 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
     if (now.gap <= kTouching && now.gap_rate() <= kResting) candidates.push_back(c);
   }
   std::vector<Candidate> held;
+  find_lost();
   if (!find_candidates(&held)) return false;
   std::vector<double> free(equations_.size());
   equations_.derivative(0, equations_.time(), numbers_.data(), free.data());
@@ -133,7 +135,10 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   coordinate_acceleration_.clear();
   for (const ContactEquations::Coordinate& of : equations_.coordinates)
     coordinate_acceleration_.push_back(equations_.read(of, &rates_).acceleration);
-  if (candidates.empty() && held.empty()) return true;
+  if (candidates.empty() && held.empty()) {
+    choose_servos();
+    return true;
+  }
 
   std::vector<std::size_t> coordinates;
   for (const Candidate& row : held) coordinates.push_back(row.coordinate);
@@ -166,7 +171,43 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   choose_acts(responses, problem, force);
   choose_holds(event, held, responses, problem, force);
   if (!is_within_bounds()) take_forces(held, responses, force);
+  choose_servos();
   return true;
+}
+
+// Which motors are not on their courses, as EventDriven has it.
+void ContactEvents::find_lost() {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    ContactEquations::Coordinate& of = equations_.coordinates[c];
+    if (!of.law.goal) continue;
+    const ContactEquations::Reading now = equations_.read(of, nullptr);
+    if (std::abs(now.q - *of.law.goal) <= kTouching && std::abs(now.rate) <= kResting)
+      of.braking = 0.0;
+    else if (of.braking == 0.0)
+      of.braking = braking_of(c);
+  }
+}
+
+// What half of the force of a motor does to its coordinate while the other motors hold theirs.
+double ContactEvents::braking_of(std::size_t c) {
+  std::vector<std::size_t> motors{c};
+  for (std::size_t d = 0; d < equations_.coordinates.size(); ++d)
+    if (d != c && equations_.coordinates[d].law.drive > 0.0) motors.push_back(d);
+  const ContactEquations::Responses responses = equations_.responses({}, motors);
+  std::vector<Index> others;
+  for (std::size_t k = 1; k < motors.size(); ++k)
+    if (responses.is_free[k]) others.push_back(index(k));
+  return 0.5 * equations_.coordinates[c].law.drive * response_beside(responses.A, others, 0);
+}
+
+void ContactEvents::choose_servos() {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    ContactEquations::Coordinate& of = equations_.coordinates[c];
+    if (of.law.servo_most == 0.0) continue;
+    ContactEquations::Reading now = equations_.read(of, nullptr);
+    now.acceleration = coordinate_acceleration_[c];
+    of.state.servo = servo_from(of.law, states_before_[c].servo, now, equations_.rest(of));
+  }
 }
 
 // Coordinates that move as something that may hold them; of the others sets what acts. False where
@@ -181,7 +222,9 @@ bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
     const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
     const auto zeta = [&] { return equations_.zeta(of); };
     OneSidedState state;
-    const std::optional<Hold> hold = find_hold(of.law, states_before_[c], now, limit, zeta, &state);
+    const bool is_lost = of.law.goal && of.braking > 0.0;
+    const std::optional<Hold> hold =
+        find_hold(of.law, states_before_[c], now, limit, zeta, is_lost, &state);
     if (hold) {
       const Prescribed at = rate_held_at(*hold, limit, zeta);
       candidates->push_back(
@@ -299,6 +342,9 @@ void ContactEvents::hold_coordinates(bool is_begin) {
     if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
     of.held = equations_.read(of, nullptr).q;
     of.held_at = equations_.clock();
+    if (of.law.goal && of.state.drive != 0 && of.braking == 0.0) of.braking = braking_of(c);
+    if (of.state.hold == Hold::kBrake)
+      of.until = of.held_at + std::sqrt(2.0 * std::abs(of.held - *of.law.goal) / of.braking);
     if (before.yield != 0) of.given_way += of.held - equations_.limit(of, before.yield > 0).value;
   }
 }

@@ -192,7 +192,9 @@ void ContactEvents::find_lost() {
 double ContactEvents::braking_of(std::size_t c) {
   std::vector<std::size_t> motors{c};
   for (std::size_t d = 0; d < equations_.coordinates.size(); ++d)
-    if (d != c && equations_.coordinates[d].law.drive > 0.0) motors.push_back(d);
+    if (d != c && equations_.coordinates[d].is_one_sided &&
+        equations_.coordinates[d].law.drive > 0.0)
+      motors.push_back(d);
   const ContactEquations::Responses responses = equations_.responses({}, motors);
   std::vector<Index> others;
   for (std::size_t k = 1; k < motors.size(); ++k)

@@ -1,12 +1,13 @@
 #pragma once
 
 // Random scenes of few bodies that go from event to event, and a judge of them. Mechanisms have
-// ropes, struts, limits with and without restitution, friction, motors with a force limit and
-// springs; what touches are spheres and boxes on a floor and each other with friction and
-// restitution, in joints, and with the same laws; some joints can break. A scene is made from its
-// kind and seed alone. Oracles: energy, which nothing but a motor can raise; joints, limits and
-// gaps, which hold to rounding; events in the order of time; the same bits of a copy, of a snapshot
-// and with threads; and the same motion of the scene moved, turned and added in another order.
+// ropes, struts, limits with and without restitution, friction, motors, servos and springs with a
+// force limit, and springs; what touches are spheres and boxes on a floor and each other with
+// friction and restitution, in joints, and with the same laws; some joints can break. A scene is
+// made from its kind and seed alone. Oracles: energy, which nothing but a motor can raise; joints,
+// limits and gaps, which hold to rounding; events in the order of time; the same bits of a copy, of
+// a snapshot and with threads; and the same motion of the scene moved, turned and added in another
+// order.
 
 #include <array>
 #include <string>
@@ -23,15 +24,21 @@ enum class Kind {
   kMechanismWithMotors,
   kTouching,
   kTouchingWithLaws,
-  kTouchingWithMotors
+  kTouchingWithMotors,
+  kMechanismWithServos,
+  kTouchingWithServos
 };
-inline constexpr std::array<const char*, 5> kKindNames{"mechanism", "mechanism, motors", "touching",
-                                                       "touching, laws", "touching, motors"};
+inline constexpr std::array<const char*, 7> kKindNames{
+    "mechanism",        "mechanism, motors", "touching",        "touching, laws",
+    "touching, motors", "mechanism, servos", "touching, servos"};
 
 inline bool has_motors(Kind kind) {
   return kind == Kind::kMechanismWithMotors || kind == Kind::kTouchingWithMotors;
 }
-inline bool touches(Kind kind) { return kind >= Kind::kTouching; }
+inline bool has_servos(Kind kind) { return kind >= Kind::kMechanismWithServos; }
+inline bool touches(Kind kind) {
+  return kind >= Kind::kTouching && kind != Kind::kMechanismWithServos;
+}
 
 struct Scene {
   Kind kind;
@@ -262,8 +269,39 @@ inline void let_joints_break(Scene* scene) {
   }
 }
 
+/// Springs, servos and motors to a position, all with a force limit. Positions are where the joints
+/// are, so that nothing has to be closed at first.
+inline void add_servos(unsigned seed, Parts* parts) {
+  Draw draw(seed + 1000033);
+  for (Joint& joint : parts->joints) {
+    if (joint.kind == JointKind::kDistance && draw.below(3) == 0) {
+      joint.distance = {};
+      joint.distance.stiffness = std::pow(10.0, 3.0 * draw.share());
+      joint.distance.damping = draw.below(2) == 0 ? 0.0 : draw.share();
+      joint.motor.max_force = 0.1 + 20.0 * draw.share();
+    }
+    for (int i = 0; i < coordinates(joint.kind); ++i) {
+      CoordinateLaw& law = joint.coordinates[static_cast<std::size_t>(i)];
+      if (draw.below(3) == 0) continue;
+      law.motor.emplace();
+      law.motor->max_force = 0.1 + 4.0 * draw.share();
+      law.motor->position = 0.0;
+      if (draw.below(2) == 0 && !is_free_length(joint.kind)) continue;
+      law.motor->position = draw();
+      law.motor->servo_stiffness = std::pow(10.0, 3.0 * draw.share());
+      law.motor->servo_damping = draw.below(2) == 0 ? 0.0 : draw.share();
+    }
+  }
+}
+
 inline Scene scene_of(Kind kind, unsigned seed) {
   Scene scene{kind, seed, {}, options(1.0 / 60)};
+  if (has_servos(kind)) {
+    scene = scene_of(touches(kind) ? Kind::kTouchingWithLaws : Kind::kMechanism, seed);
+    scene.kind = kind;
+    add_servos(seed, &scene.parts);
+    return scene;
+  }
   if (touches(kind)) {
     scene = touching(seed, kind);
   } else {

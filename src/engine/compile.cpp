@@ -189,9 +189,9 @@ void World::Impl::restart_all() {
 }
 
 void World::Impl::classify_islands() {
-  const std::vector<double> fastest_spring = fastest_springs(joint_ends);
+  const FastestSprings fastest(*this, joint_ends);
   for (IslandParts& parts : island_parts) {
-    parts.nature = classify(traits_of(parts.members, fastest_spring), options);
+    parts.nature = classify(traits_of(parts.members, fastest), options);
     if (method_for(parts.nature, options) == Method::kSequentialImpulses) continue;
     if (parts.members.joints.empty())
       parts.turning_freely = parts.members.bodies;
@@ -201,8 +201,9 @@ void World::Impl::classify_islands() {
 }
 
 // of each body, what its springs and dampers move it with: ω² ≤ 2 Σk (1/m + r²/I_min), and the same
-// of c [1/s]
-std::vector<double> World::Impl::fastest_springs(const std::vector<JointEnds>& ends) const {
+// of c [1/s]; `with_limit`: of those that have a force limit, else of those that have none
+std::vector<double> World::Impl::fastest_springs(const std::vector<JointEnds>& ends,
+                                                 bool with_limit) const {
   std::vector<double> fastest_spring(bodies.size(), 0.0);
   std::vector<double> damping;
   for (std::size_t j = 0; j < joints.size(); ++j) {
@@ -219,10 +220,12 @@ std::vector<double> World::Impl::fastest_springs(const std::vector<JointEnds>& e
         damping[body] += 2.0 * inverse_mass * of_damper;
       }
     };
-    if (const SoftLaw spring = length_spring(joint); !spring.is_none())
+    const SoftLaw spring = length_spring(joint);
+    if (!spring.is_none() && (joint.motor.max_force > 0.0) == with_limit)
       add(false, spring.K, spring.C);
     for (int i = 0; i < coordinates(joint.kind); ++i) {
-      const SoftLaw law = soft_law(joint.coordinates[at(i)]);
+      const CoordinateLaw& of = joint.coordinates[at(i)];
+      const SoftLaw law = with_limit ? limited_servo(of) : soft_law(of);
       if (law.K > 0.0 || law.C > 0.0) add(is_angle(joint.kind, i), law.K, law.C);
     }
   }
@@ -232,7 +235,7 @@ std::vector<double> World::Impl::fastest_springs(const std::vector<JointEnds>& e
 }
 
 IslandTraits World::Impl::traits_of(const IslandMembers& members,
-                                    const std::vector<double>& fastest_spring) const {
+                                    const FastestSprings& fastest) const {
   IslandTraits traits;
   traits.has_joints = !members.joints.empty();
   int one_sided = 0;
@@ -258,7 +261,9 @@ IslandTraits World::Impl::traits_of(const IslandMembers& members,
   else if (breaks && traits.jumps == MethodReason::kSmooth)
     traits.jumps = MethodReason::kBreaks;
   for (const int body : members.bodies)
-    traits.fastest_spring = std::max(traits.fastest_spring, fastest_spring[at(body)]);
+    for (const auto& [of_all, by_body] : {std::pair(&traits.fastest_spring, &fastest.springs),
+                                          {&traits.fastest_limited, &fastest.limited}})
+      *of_all = std::max(*of_all, (*by_body)[at(body)]);
   return traits;
 }
 

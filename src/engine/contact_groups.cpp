@@ -42,10 +42,7 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 /// Whether events carry what acts of a joint beside contacts.
 bool can_be_beside_contacts(const Joint& joint) {
   if (couples(joint.kind) || is_custom(joint.kind) || !is_switchable(joint)) return false;
-  if (has_length(joint.kind)) return length_spring(joint).is_none() || !joint.motor.is_moving();
-  return !any_coordinate(joint, [](const CoordinateLaw& law) {
-    return law.motor && law.motor->is_rigid() && law.motor->position;
-  });
+  return !has_length(joint.kind) || length_spring(joint).is_none() || !joint.motor.is_moving();
 }
 
 /// Adds the coordinates of a joint of `equations` on which something acts.
@@ -70,7 +67,7 @@ void add_coordinates(std::size_t j, std::vector<OneSidedLaw>* of_joint,
     if (!laws.empty()) law = laws.front();
     law.is_distance = true;
     law.form = ScalarForm(LengthForm{});
-    law.soft = {spring.K, 0.0, spring.C, 0.0};
+    if (law.servo_most == 0.0) law.soft = {spring.K, 0.0, spring.C, 0.0};
     add(law).is_one_sided = !laws.empty();
     return;
   }

@@ -144,6 +144,7 @@ void add(Fnv1a& hash, const CoordinateLaw& law, const CoordinateState& state) {
        {law.lower, law.upper, law.limit_restitution, law.friction, law.damping, law.stiffness,
         law.rest, law.zero, state.position, state.held})
     hash.add(number);
+  if (state.braking != 0.0) hash.add(state.braking);
   hash.add(std::uint64_t{law.motor.has_value()});
   if (!law.motor) return;
   const CoordinateMotor& motor = *law.motor;

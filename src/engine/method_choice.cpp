@@ -28,6 +28,10 @@ constexpr double kMuchCheaper = 4.0;
 constexpr double kUsualIterations = 15.0;
 constexpr double kPointIteration = 6.0, kIteration = 20.0;
 
+// What h ω substeps follow of springs and servos with a force limit, which no other method of that
+// order does: some 350 substeps a tick, those tried in vain among them.
+constexpr double kMostLimited = 5000.0;
+
 double stable(const WorldOptions& options) { return options.order == 5 ? kStable5 : kStable8; }
 
 double stages(const WorldOptions& options) {
@@ -62,7 +66,7 @@ const char* to_string(MethodReason why) {
     case MethodReason::kBreaks:
       return "has a joint that can break";
     case MethodReason::kLimitedSpring:
-      return "has a spring or a position with a force limit";
+      return "has a spring with a force limit that events do not follow";
     case MethodReason::kManyRows:
       return "has too many limits, motors and friction for events";
     case MethodReason::kFewContacts:
@@ -81,7 +85,11 @@ const char* to_string(MethodReason why) {
 
 MethodReason classify(const IslandTraits& traits, const WorldOptions& options) {
   if (options.method == Method::kSequentialImpulses) return MethodReason::kAskedFor;
-  if (traits.jumps != MethodReason::kSmooth) return traits.jumps;
+  if (traits.jumps != MethodReason::kSmooth) {
+    const bool is_too_stiff = options.method != Method::kEventDriven &&
+                              options.time_step * traits.fastest_limited > kMostLimited;
+    return is_too_stiff ? MethodReason::kLimitedSpring : traits.jumps;
+  }
   if (options.method == Method::kAuto &&
       options.time_step * traits.fastest_spring > options.stiffness_limit)
     return MethodReason::kStiff;

@@ -55,9 +55,10 @@ struct IslandMemory {
 struct IslandTraits {
   bool has_joints = false;
   /// kLimit, kFriction or kForceLimit, of the first joint that has such, or kBreaks; kLimitedSpring
-  /// or kManyRows where there is more than events are for.
+  /// or kManyRows where there is what events are not for.
   MethodReason jumps = MethodReason::kSmooth;
-  double fastest_spring = 0.0;  ///< largest ω that springs and dampers move a body with [1/s]
+  double fastest_spring = 0.0;   ///< largest ω that springs and dampers move a body with [1/s]
+  double fastest_limited = 0.0;  ///< the same of springs and servos with a force limit
 };
 
 /// The reason for the method that an island has while nothing touches it, and it was never refused

@@ -75,7 +75,7 @@ void World::Impl::choose_next_methods(const std::vector<JointEnds>& ends,
     return std::find(grouped_bodies.begin(), grouped_bodies.end(), body_ids[at(body)]) !=
            grouped_bodies.end();
   };
-  const std::vector<double> fastest_spring = fastest_springs(ends);
+  const FastestSprings fastest(*this, ends);
   for (std::size_t i = 0; i < next->size(); ++i) {
     auto& [members, island, memory, is_fresh] = (*next)[i];
     island.local_error = 0.0;
@@ -86,7 +86,7 @@ void World::Impl::choose_next_methods(const std::vector<JointEnds>& ends,
       continue;
     }
     island.dependent_rows = 0;
-    const MethodReason nature = classify(traits_of(members, fastest_spring), options);
+    const MethodReason nature = classify(traits_of(members, fastest), options);
     MethodChoice choice = choose(nature, in_contact[i], memory, step_count, options);
     if (follows_contacts() && suits_group(members, nature, memory) &&
         std::any_of(members.bodies.begin(), members.bodies.end(), was_in_group))

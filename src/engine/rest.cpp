@@ -155,6 +155,8 @@ bool World::Impl::is_driven(std::size_t island) const {
     const std::size_t j = at(index);
     if (joint_states[j].closing || is_custom_force(joints[j].kind)) return true;
     bool is_moving = false;
+    for (const CoordinateState& coordinate : joint_states[j].coordinates)
+      is_moving = is_moving || coordinate.braking > 0.0;  // on its way back
     visit_motors(joints[j], joint_states[j],
                  [&](const Motor& motor, double end) { is_moving |= drives(motor, time() < end); });
     if (is_moving || any_coordinate(joints[j], [](const CoordinateLaw& law) {

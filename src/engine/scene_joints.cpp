@@ -295,7 +295,7 @@ SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
 JointState read_joint_state(const YamlElement& item, JointKind kind) {
   item.expect_keys({"coupling_constant", "coupling_impulse", "closing_coupling", "travel",
                     "expires_at", "impulse", "self_stress", "self_stress_of", "positions", "held",
-                    "closing_since", "closing_offset", "closing_shift", "closing_turn",
+                    "braking", "closing_since", "closing_offset", "closing_shift", "closing_turn",
                     "closing_share", "initial_error"});
   JointState state;
   item.read("travel", &state.travel);
@@ -314,6 +314,7 @@ JointState read_joint_state(const YamlElement& item, JointKind kind) {
   };
   read_coordinates("positions", &CoordinateState::position);
   read_coordinates("held", &CoordinateState::held);
+  if (item.find("braking")) read_coordinates("braking", &CoordinateState::braking);
   if (const auto value = item.find("expires_at")) read_expiry(*value, size, &state);
   if (const auto since = item.find("closing_since")) {
     state.closing = true;

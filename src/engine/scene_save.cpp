@@ -253,13 +253,15 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
   write(out, "travel", state.travel);
   write_expiry(out, joint, state);
   if (const int count = coordinates(joint.kind)) {
-    Eigen::VectorXd positions(count), held(count);
+    Eigen::VectorXd positions(count), held(count), braking(count);
     for (int i = 0; i < count; ++i) {
       positions[i] = state.coordinates[static_cast<std::size_t>(i)].position;
       held[i] = state.coordinates[static_cast<std::size_t>(i)].held;
+      braking[i] = state.coordinates[static_cast<std::size_t>(i)].braking;
     }
     write(out, "positions", positions);
     write(out, "held", held);
+    if (!braking.isZero(0.0)) write(out, "braking", braking);
   }
   write_rows(out, "impulse", joint, state.impulse);
   if (couples(joint.kind)) {

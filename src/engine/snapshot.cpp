@@ -44,7 +44,9 @@ constexpr long kCount<Failure> = static_cast<long>(Failure::kCustom) + 1;
 template <>
 constexpr long kCount<MethodReason> = static_cast<long>(MethodReason::kOverlap) + 1;
 template <>
-constexpr long kCount<Hold> = static_cast<long>(Hold::kDrive) + 1;
+constexpr long kCount<Hold> = static_cast<long>(Hold::kBrake) + 1;
+template <>
+constexpr long kCount<Servo> = static_cast<long>(Servo::kLeast) + 1;
 template <>
 constexpr long kCount<ContactState> = static_cast<long>(ContactState::kSlipping) + 1;
 template <>

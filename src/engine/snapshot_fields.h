@@ -54,7 +54,7 @@ auto fields(T& value, Of<CustomElement>) {
   static_cast<void>(c);
   return std::tie(a, b);
 }
-CONSTRAINT_SIM_FIELDS(CoordinateState, a, b, c, d, e, f)
+CONSTRAINT_SIM_FIELDS(CoordinateState, a, b, c, d, e, f, g)
 CONSTRAINT_SIM_FIELDS(CouplingState, a, b, c, d, e, f)
 CONSTRAINT_SIM_FIELDS(JointState, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u)
 CONSTRAINT_SIM_FIELDS(JointStart, a, b, c, d, e, f)
@@ -63,7 +63,7 @@ CONSTRAINT_SIM_FIELDS(Manifold::Point, a, b, c)
 CONSTRAINT_SIM_FIELDS(Contact, a, b, c, d, e, f, g, h)
 CONSTRAINT_SIM_FIELDS(SelfStress, a, b)
 CONSTRAINT_SIM_FIELDS(AppliedWrench, a, b, c)
-CONSTRAINT_SIM_FIELDS(OneSidedState, a, b, c, d)
+CONSTRAINT_SIM_FIELDS(OneSidedState, a, b, c, d, e)
 CONSTRAINT_SIM_FIELDS(IslandMemory, a, b, c, d, e, f, g, h, i, j, k)
 CONSTRAINT_SIM_FIELDS(Island, a, b, c, d, e, f, g, h, i, j, k, l)
 CONSTRAINT_SIM_FIELDS(WatchedEnergy, a, b, c, d, e, f, g)

@@ -339,9 +339,15 @@ struct World::Impl : Model, State, IslandLists {
   std::vector<IslandMembers> group_bodies(const std::vector<JointEnds>& ends) const;
   Island new_island(const IslandMembers& members) const;
   IslandMemory loaded_memory_of(BodyId first) const;
-  std::vector<double> fastest_springs(const std::vector<JointEnds>& ends) const;
-  IslandTraits traits_of(const IslandMembers& members,
-                         const std::vector<double>& fastest_spring) const;
+  std::vector<double> fastest_springs(const std::vector<JointEnds>& ends, bool with_limit) const;
+  /// Of bodies, those without and with a force limit [1/s].
+  struct FastestSprings {
+    std::vector<double> springs, limited;
+
+    FastestSprings(const Impl& impl, const std::vector<JointEnds>& ends)
+        : springs(impl.fastest_springs(ends, false)), limited(impl.fastest_springs(ends, true)) {}
+  };
+  IslandTraits traits_of(const IslandMembers& members, const FastestSprings& fastest) const;
   std::vector<int> open_points_of(const IslandMembers& members) const;
   void compile_island(IslandParts* parts);
   void compile_island(IslandParts* parts, const std::vector<int>& open_points);

@@ -226,6 +226,87 @@ TEST_P(ContactsWithLawsAt, AMotorDrivesABallAgainstAWall) {
   EXPECT_NEAR(world.joint_state(id).coordinates[0].effort, 12.0, 1e-9);
 }
 
+// A servo of 20 N/m about 1.2 m and 12 N drives a ball of 2 kg on a slider against a wall, e = 0:
+// at its limit up to 0.6 m, then by the spring, and the wall bears what that has left.
+TEST_P(ContactsWithLawsAt, AServoDrivesABallAgainstAWall) {
+  constexpr double kStiffness = 20.0, kForce = 12.0, kMass = 2.0;
+  World world(by_events(GetParam(), 0.0));
+  world.add_body(plane("wall", {1.0, 0.0, 0.0}, -Vector3d::UnitX(), 0.0, 0.0));
+  const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, kMass, Vector3d::Zero()));
+  Joint joint = slider_along_x(ball, Vector3d::Zero());
+  joint.coordinates[0].motor.emplace();
+  joint.coordinates[0].motor->position = 1.2;
+  joint.coordinates[0].motor->servo_stiffness = kStiffness;
+  joint.coordinates[0].motor->max_force = kForce;
+  const JointId id = world.add_joint(joint);
+  const std::vector<Event> events = advance(&world, 1.5);
+  const double a = kForce / kMass, released = std::sqrt(2.0 * 0.6 / a), v = a * released;
+  const double omega = std::sqrt(kStiffness / kMass), reach = std::hypot(0.6, v / omega);
+  const double hit = released + (std::asin(-0.3 / reach) - std::asin(-0.6 / reach)) / omega;
+  const std::vector<Event> hits = of_kind(events, EventKind::kContactBegan);
+  const std::vector<Event> let_go = of_kind(events, EventKind::kReleased);
+  ASSERT_EQ(let_go.size(), 1u);
+  EXPECT_NEAR(let_go[0].time, released, 1e-11);
+  ASSERT_EQ(hits.size(), 1u);
+  EXPECT_NEAR(hits[0].time, hit, 1e-9);
+  EXPECT_NEAR(hits[0].impulse, kMass * omega * std::sqrt(reach * reach - 0.09), 1e-8);
+  EXPECT_NEAR(world.state(ball).position.x(), 0.9, kPlace);
+  EXPECT_NEAR(contact_force_on(world, ball).x(), -0.3 * kStiffness, 1e-9);
+  EXPECT_FALSE(world.joint_state(id).saturated);
+}
+
+// A ball knocks a block off the position that its motor holds: it brakes, comes back with all of
+// its force and is at rest where it was.
+TEST_P(ContactsWithLawsAt, AMotorBringsBackWhatABallStruck) {
+  constexpr double kForce = 5.0, kBall = 1.0, kBlock = 2.0, kSpeed = 2.0;
+  World world(by_events(GetParam(), 0.0));
+  const BodyId block = world.add_body(
+      with_surface(make_body("block", Box{{0.4, 0.4, 0.4}}, kBlock, {1.0, 0.0, 0.0}), 0.0, 1.0));
+  Body ball = with_surface(make_body("ball", Sphere{0.1}, kBall, Vector3d::Zero()), 0.0, 1.0);
+  ball.state.linear_velocity.x() = kSpeed;
+  world.add_body(ball);
+  Joint joint = slider_along_x(block, {1.0, 0.0, 0.0});
+  joint.coordinates[0].motor.emplace();
+  joint.coordinates[0].motor->position = 0.0;
+  joint.coordinates[0].motor->max_force = kForce;
+  world.add_joint(joint);
+  const double hit = 0.7 / kSpeed, v = 2.0 * kBall * kSpeed / (kBall + kBlock);
+  const double a = kForce / kBlock, b = 0.5 * a, turns = hit + v / a, furthest = 0.5 * v * v / a;
+  const double brakes = turns + std::sqrt(2.0 * furthest / 3.0 / a);
+  const double rests = brakes + std::sqrt(2.0 * 2.0 * furthest / 3.0 / b);
+  std::vector<Event> released;
+  while (world.time() < 3.0) {
+    world.step();
+    for (const Event& event : world.events())
+      if (event.kind == EventKind::kReleased) released.push_back(event);
+    const double t = world.time(), after = t - turns, left = rests - t;
+    const double x = t < hit      ? 0.0
+                     : t < brakes ? furthest - 0.5 * a * after * after
+                     : t < rests  ? 0.5 * b * left * left
+                                  : 0.0;
+    ASSERT_NEAR(world.state(block).position.x() - 1.0, x, 1e-10) << t;
+  }
+  ASSERT_EQ(released.size(), 1u);
+  EXPECT_NEAR(released[0].time, brakes, 1e-10);
+}
+
+// One without a limit of its force is as good as a wall.
+TEST_P(ContactsWithLawsAt, AMotorOfAnyForceHoldsABlockThatABallStrikes) {
+  World world(by_events(GetParam(), 0.0));
+  const BodyId block = world.add_body(
+      with_surface(make_body("block", Box{{0.4, 0.4, 0.4}}, 2.0, {1.0, 0.0, 0.0}), 0.0, 1.0));
+  Body ball = with_surface(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()), 0.0, 1.0);
+  ball.state.linear_velocity.x() = 2.0;
+  const BodyId id = world.add_body(ball);
+  Joint joint = slider_along_x(block, {1.0, 0.0, 0.0});
+  joint.coordinates[0].motor.emplace();
+  joint.coordinates[0].motor->position = 0.0;
+  world.add_joint(joint);
+  advance(&world, 1.0);
+  EXPECT_NEAR(world.state(block).position.x(), 1.0, kPlace);
+  EXPECT_NEAR(world.state(id).position.x(), 0.7 - 2.0 * (world.time() - 0.35), kPlace);
+}
+
 // A slider's stop and a wall reached at once share one force that nothing else says how to share:
 // within its bounds, and in sum.
 TEST_P(ContactsWithLawsAt, AStopAndAWallShareAForce) {

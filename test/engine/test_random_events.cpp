@@ -69,6 +69,13 @@ TEST(RandomEvents, OfContactsWithMotorsGainWhatTheseDo) {
   EXPECT_LE(hold(Kind::kTouchingWithMotors, kScenes / 2).given_up, 1 + kScenes / 15);
 }
 
+TEST(RandomEvents, WithServosGainWhatThesePush) {
+  const Found mechanisms = hold(Kind::kMechanismWithServos, kScenes / 2);
+  EXPECT_LE(mechanisms.given_up + mechanisms.left, 1 + kScenes / 150);
+  EXPECT_GT(mechanisms.events, 3 * kScenes);
+  EXPECT_LE(hold(Kind::kTouchingWithServos, kScenes / 2).given_up, 1 + kScenes / 15);
+}
+
 // A substep to shortly before the end of a slip was taken by luck, and its parts are off: a box in
 // a ball joint whose corner slides on the floor gained 1.1 J.
 TEST(RandomEvents, OfASlipThatEndsGainNoEnergy) {

@@ -20,8 +20,8 @@ enum class MethodReason {
   kRefused,          ///< nothing else could carry it
   kAtRest,           ///< nothing moves in it: it is left out until something touches it
   kBreaks,           ///< a joint that can break
-  kLimitedSpring,    ///< a spring or servo with a force limit, or a motor with one that goes to a
-                     ///< position
+  kLimitedSpring,    ///< a spring or servo with a force limit that is too stiff for events, or that
+                     ///< also has limits of its length
   kManyRows,         ///< more limits, motors and friction than events are worth
   kFewContacts,      ///< may touch others within the step, and these are few: by events
   kContactsGivenUp,  ///< the same, but events found no answer, or did not come to an end

@@ -175,6 +175,9 @@ struct CoordinateState {
   double effort = 0.0;    ///< of what acts along it, mean over the step [N or N m]
   double bias = 0.0;      ///< asked for by its motor, mean over the step [m/s or rad/s]
   double held = 0.0;      ///< where the motor holds it [m or rad]
+  /// With what a motor brakes that had not the force for its course, on its way to its position
+  /// [m/s² or rad/s²]; 0: on its course.
+  double braking = 0.0;
   double expires_at = std::numeric_limits<double>::infinity();  ///< end of the bias, simulated [s]
 };
 

@@ -186,7 +186,7 @@ RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
   for (int k = 0; k < kind.rows; ++k) errors[k] = value(kind.row[at(k)], vectors);
   for (int i = 0; i < kind.coordinates; ++i) {
     const CoordinateState& coordinate = state.coordinates[at(i)];
-    if (is_held(joint.coordinates[at(i)]))
+    if (is_held(joint.coordinates[at(i)]) || has_course_to_lose(joint.coordinates[at(i)]))
       errors[kind.rows + i] = coordinate.position - coordinate.held;
     else if (!joint.coordinates[at(i)].motor || !joint.coordinates[at(i)].motor->is_rigid())
       errors[kind.rows + i] = beyond_limits(joint.coordinates[at(i)], coordinate.position);
@@ -342,6 +342,11 @@ World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyS
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
                  JointState& state, bool b_turns) {
   const JointKindInfo& kind = info(joint.kind);
+  for (std::size_t i = 0; i < at(kind.coordinates); ++i) {
+    if (!has_course_to_lose(joint.coordinates[i])) continue;
+    state.coordinates[i].held = *joint.coordinates[i].motor->position;
+    state.coordinates[i].braking = 0.0;
+  }
   const bool is_by_frame = closes_by_frame(kind) && (kind.alignment != Alignment::kFree || b_turns);
   MovingFrame frame;
   state.closing_shift.setZero();
@@ -372,7 +377,7 @@ void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, c
 double elastic_energy(const Joint& joint, const JointState& state) {
   if (!acts(joint, state)) return 0.0;
   if (const auto* distance = if_distance(joint))
-    return 0.5 * distance->stiffness * state.error * state.error;
+    return elastic_energy(distance->stiffness, state.error, joint.motor.max_force);
   double energy = 0.0;
   for (std::size_t i = 0; i < at(info(joint.kind).coordinates); ++i)
     energy += elastic_energy(joint.coordinates[i], state.coordinates[i].position);

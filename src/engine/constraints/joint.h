@@ -110,6 +110,14 @@ class PrescribedMotion {
   }
   /// Takes the course of the next span. Sets bias (the mean of the span) and saturated of `state`.
   void begin(const Joint& joint, const JointStep& span, JointState& state);
+  /// A coordinate comes to rest where it is to be held at a time [s], as it brakes by this much
+  /// [m/s² or rad/s²], < 0 of one that comes from below.
+  void brake(int coordinate, double until, double braking) {
+    Held& held = held_[static_cast<std::size_t>(coordinate)];
+    held.until = until;
+    held.braking = braking;
+    is_driven_ = true;
+  }
 
   bool is_driven() const { return is_driven_; }
   /// Whether the motors go on as those of the span before.
@@ -117,7 +125,8 @@ class PrescribedMotion {
     for (std::size_t i = 0; i < count_; ++i) {
       const Motor &a = held_[i].motor, &b = before.held_[i].motor;
       if (a.bias != b.bias || a.amplitude != b.amplitude || a.frequency != b.frequency ||
-          a.phase != b.phase)
+          a.phase != b.phase || held_[i].until != before.held_[i].until ||
+          held_[i].braking != before.held_[i].braking)
         return false;
     }
     return true;
@@ -158,6 +167,8 @@ class PrescribedMotion {
     for (auto& held : self.held_) {
       visit.beside(held.value);
       visit.beside(held.motor);
+      visit.beside(held.until);
+      visit.beside(held.braking);
     }
     visit.beside(self.count_);
     visit.beside(self.rows_);
@@ -174,13 +185,18 @@ class PrescribedMotion {
  private:
   /// What a motor holds: the length of a distance joint, or a coordinate of another kind.
   struct Held {
-    double value = 0.0;  // at the start
+    double value = 0.0;  // at the start, or where it comes to rest
     Motor motor;
+    double until = 0.0, braking = 0.0;  // of one that does
   };
 
   void hold(std::size_t i, double value, const Motor& motor);
   /// What its motor adds to the value at the start.
   Prescribed moved(const Held& held, double t) const {
+    if (held.braking != 0.0 && t < held.until) {
+      const double left = held.until - t;
+      return {0.5 * held.braking * left * left, -held.braking * left, held.braking};
+    }
     return held.motor.is_moving() ? motor_course(held.motor, start_, t - start_) : Prescribed{};
   }
 

@@ -70,17 +70,34 @@ SoftLaw soft_law(const CoordinateLaw& law) {
   return soft;
 }
 
+SoftLaw limited_servo(const CoordinateLaw& law) {
+  if (!law.motor || !law.motor->is_servo() || law.motor->max_force == 0.0) return {};
+  return {law.motor->servo_stiffness, *law.motor->position, law.motor->servo_damping, 0.0};
+}
+
+SoftLaw together(const SoftLaw& a, const SoftLaw& b) {
+  SoftLaw sum{a.K + b.K, a.R, a.C + b.C, a.F + b.F};
+  if (sum.K > 0.0) sum.R = (a.K * a.R + b.K * b.R) / sum.K;
+  return sum;
+}
+
 bool has_moving_motor(const Joint& joint) {
   return joint.motor.is_moving() || any_coordinate(joint, [](const CoordinateLaw& law) {
            return law.motor && law.motor->is_moving();
          });
 }
 
+double elastic_energy(double stiffness, double stretch, double most) {
+  const double x = std::abs(stretch);
+  if (most == 0.0 || stiffness * x <= most) return 0.5 * stiffness * x * x;
+  return most * (x - 0.5 * most / stiffness);
+}
+
 double elastic_energy(const CoordinateLaw& law, double q) {
-  double energy = 0.5 * law.stiffness * (q - law.rest) * (q - law.rest);
+  double energy = elastic_energy(law.stiffness, q - law.rest, 0.0);
   if (law.motor && law.motor->is_servo())
     energy +=
-        0.5 * law.motor->servo_stiffness * (q - *law.motor->position) * (q - *law.motor->position);
+        elastic_energy(law.motor->servo_stiffness, q - *law.motor->position, law.motor->max_force);
   return energy;
 }
 
@@ -96,10 +113,8 @@ int write_law_rows(const CoordinateLaw& law, const CoordinateMotion& motion,
       row.component = component;
       if (motor.max_force > 0.0) limit_force(row, motor.max_force, step.h);
     } else if (motor.max_force > 0.0) {  // a spring or force of its own, up to its limit
-      SoftLaw own;
+      SoftLaw own = limited_servo(law);
       own.F = std::clamp(motor.force.value_or(0.0), -motor.max_force, motor.max_force);
-      if (motor.is_servo())
-        own = {law.motor->servo_stiffness, *motor.position, law.motor->servo_damping, own.F};
       Row& row = rows[count++] = soft_row(own, motion, step.h);
       limit_force(row, motor.max_force, step.h);
     }

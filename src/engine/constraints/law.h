@@ -24,8 +24,15 @@ struct SoftLaw {
   double force(double q, double rate) const { return F - K * (q - R) - C * rate; }
 };
 
-/// That of a coordinate; none where a motor holds it, since that takes up all of it.
+/// That of a coordinate, without servos that have a force limit; none where a motor holds it, since
+/// that takes up all of it.
 SoftLaw soft_law(const CoordinateLaw& law);
+
+/// That of a servo with a force limit alone; none where there is none.
+SoftLaw limited_servo(const CoordinateLaw& law);
+
+/// Both together, which act about one point.
+SoftLaw together(const SoftLaw& a, const SoftLaw& b);
 
 /// That of a length; none of a joint that has none, or is no spring.
 SoftLaw length_spring(const Joint& joint);
@@ -36,6 +43,11 @@ bool has_limits(const Joint& joint);
 /// Whether a motor holds the coordinate on its course with any force.
 inline bool is_held(const CoordinateLaw& law) {
   return law.motor && law.motor->is_rigid() && law.motor->max_force == 0.0;
+}
+
+/// Whether a motor with a force limit goes to a position, on a course that it may lose.
+inline bool has_course_to_lose(const CoordinateLaw& law) {
+  return law.motor && law.motor->is_rigid() && law.motor->position && law.motor->max_force > 0.0;
 }
 
 /// Whether something acts one way only, or up to a limit.
@@ -69,6 +81,8 @@ inline bool drives(const Motor& motor, bool is_in_time) {
 /// Whether a motor of the joint moves what it holds.
 bool has_moving_motor(const Joint& joint);
 
+/// What it takes to stretch a spring so far, that pulls with no more than this [J].
+double elastic_energy(double stiffness, double stretch, double most);
 /// Energy of the springs of a coordinate at q [J].
 double elastic_energy(const CoordinateLaw& law, double q);
 

@@ -37,10 +37,13 @@ OneSidedLaw law_of_length(const Joint& joint) {
     law.upper = distance.max_length;
     if (distance.min_length > 0.0) law.lower = distance.min_length;
     if (joint.motor.max_force > 0.0) law.limit_force = joint.motor.max_force;
-  } else {
+  } else if (!distance.is_soft()) {
     law.drive = joint.motor.max_force;
   }
-  if (distance.is_soft()) law.soft = {distance.stiffness, *distance.length, distance.damping, 0.0};
+  if (!distance.is_soft()) return law;
+  const SoftLaw spring{distance.stiffness, *distance.length, distance.damping, 0.0};
+  law.servo_most = joint.motor.max_force;
+  (law.servo_most > 0.0 ? law.servo : law.soft) = spring;
   return law;
 }
 
@@ -62,11 +65,9 @@ bool has_one_sided_law(const Joint& joint) {
 }
 
 bool is_switchable(const Joint& joint) {
-  if (has_one_sided_length(joint) && joint.distance.is_soft() && joint.motor.max_force > 0.0)
-    return false;
-  return !any_coordinate(joint, [](const CoordinateLaw& law) {
-    return law.motor && law.motor->max_force > 0.0 && law.motor->position.has_value();
-  });
+  const auto* distance = if_distance(joint);
+  return distance == nullptr || !distance->is_soft() || !distance->is_limited() ||
+         joint.motor.max_force == 0.0;
 }
 
 void add_one_sided_laws(const Joint& joint, std::size_t index, std::vector<OneSidedLaw>* laws) {
@@ -88,7 +89,10 @@ void add_one_sided_laws(const Joint& joint, std::size_t index, std::vector<OneSi
     law.restitution = from.limit_restitution;
     law.friction = is_held(from) ? 0.0 : from.friction;
     law.drive = is_drive(from) ? from.motor->max_force : 0.0;
+    if (law.drive > 0.0) law.goal = from.motor->position;
     law.soft = soft_beside(from);
+    law.servo = limited_servo(from);
+    if (!law.servo.is_none()) law.servo_most = from.motor->max_force;
     law.function = kind.rows + i;
     laws->push_back(law);
   }
@@ -100,6 +104,12 @@ double constant_force(const OneSidedLaw& law, const OneSidedState& state) {
   return force;
 }
 
+Prescribed rate_to_goal(double goal, double braking, double q) {
+  const double off = q - goal;
+  const double side = sign(off);
+  return {goal, -side * std::sqrt(2.0 * braking * std::abs(off)), side * braking};
+}
+
 ForceBounds force_bounds(const OneSidedLaw& law, Hold hold, double rate, double zeta) {
   ForceBounds bounds;
   const auto add = [&](double force, double at) {
@@ -108,7 +118,8 @@ ForceBounds force_bounds(const OneSidedLaw& law, Hold hold, double rate, double 
     bounds.most += above > 0.0 ? -force : force;
   };
   if (law.friction > 0.0) add(law.friction, hold == Hold::kStill ? rate : 0.0);
-  if (law.drive > 0.0) add(law.drive, hold == Hold::kDrive ? rate : zeta);
+  const bool is_driven = hold == Hold::kDrive || hold == Hold::kBrake;
+  if (law.drive > 0.0) add(law.drive, is_driven ? rate : zeta);
   const bool is_at_limit = hold == Hold::kUpper || hold == Hold::kLower;
   const bool is_at_both = is_at_limit && law.lower == law.upper;
   if (hold == Hold::kUpper || is_at_both) bounds.least -= law.limit_force;
@@ -123,14 +134,18 @@ bool with_rows_switched(const OneSidedLaw* laws, const OneSidedState* states, st
     const OneSidedLaw& law = laws[k];
     const bool is_rigid = states[k].hold != Hold::kNone;
     const double force = constant_force(law, states[k]);
+    const double at_limit = states[k].servo == Servo::kMost    ? law.servo_most
+                            : states[k].servo == Servo::kLeast ? -law.servo_most
+                                                               : 0.0;
     if (!law.is_distance) {
       CoordinateLaw& of = joint->coordinates[static_cast<std::size_t>(law.coordinate)];
       if (is_held(of)) continue;
       CoordinateMotor motor;
-      if (states[k].hold == Hold::kDrive) motor = *of.motor;
+      if (states[k].hold == Hold::kDrive || states[k].hold == Hold::kBrake) motor = *of.motor;
       motor.max_force = 0.0;
       SoftLaw soft = law.soft;
-      soft.F += force;
+      if (states[k].servo == Servo::kFollows) soft = together(soft, law.servo);
+      soft.F += force + at_limit;
       of = with_soft_law(of, soft);
       if (is_rigid) of.motor = motor;
       continue;
@@ -141,11 +156,11 @@ bool with_rows_switched(const OneSidedLaw* laws, const OneSidedState* states, st
       if (states[k].hold != Hold::kDrive)
         distance.length = law.limit(states[k].hold == Hold::kUpper);
       distance.frequency = distance.damping_ratio = distance.stiffness = distance.damping = 0.0;
-    } else if (force != 0.0) {
+    } else if (force != 0.0 || at_limit != 0.0) {
       joint->kind = JointKind::kFreeDistance;
-      joint->coordinates[0] = with_soft_law({}, {0.0, 0.0, 0.0, force});
+      joint->coordinates[0] = with_soft_law({}, {0.0, 0.0, 0.0, force + at_limit});
     } else {
-      acts = distance.is_soft();
+      acts = distance.is_soft() && (law.servo_most == 0.0 || states[k].servo == Servo::kFollows);
     }
   }
   return acts;

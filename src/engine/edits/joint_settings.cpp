@@ -42,6 +42,7 @@ bool World::Impl::follow_law(std::size_t j, std::size_t i, const CoordinateLaw& 
   if (is_motor_set) coordinate.expires_at = law.motor ? end_of(*law.motor) : kInfinity;
   if (!(before.motor && before.motor->is_rigid() && !before.motor->position))
     coordinate.held = coordinate.position;
+  coordinate.braking = 0.0;
   if (!law.motor || !law.motor->position || !law.motor->is_rigid()) return false;
   coordinate.held = *law.motor->position;
   return true;

@@ -224,7 +224,8 @@ bool World::Impl::is_as_added(JointId id) const {
   begin_joint(joint, a, b, time(), added, masses[index(joint.body_b)].can_turn());
   for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
     const CoordinateState &now = state.coordinates[i], &then = added.coordinates[i];
-    if (now.position != then.position || now.held != then.held || now.expires_at != then.expires_at)
+    if (now.position != then.position || now.held != then.held || now.braking != then.braking ||
+        now.expires_at != then.expires_at)
       return false;
   }
   const bool closes_alike =

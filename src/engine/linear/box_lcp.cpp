@@ -138,6 +138,14 @@ double pivot_beside(const MatrixXd& A, const std::vector<Index>& rows, Index row
   return 1.0 - column.dot(among.ldlt().solve(column));
 }
 
+double response_beside(const MatrixXd& A, const std::vector<Index>& others, Index row) {
+  std::vector<Index> held;
+  for (const Index other : others)
+    if (pivot_beside(A, held, other) > kDependent) held.push_back(other);
+  const double pivot = pivot_beside(A, held, row);
+  return A(row, row) * (pivot > kDependent ? pivot : 1.0);
+}
+
 bool solve(const BoxLcp& problem, VectorXd* x) {
   const VectorXd scale = problem.A.diagonal().cwiseSqrt().cwiseInverse();
   const BoxLcp scaled{scale.asDiagonal() * problem.A * scale.asDiagonal(),

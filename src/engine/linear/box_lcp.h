@@ -25,4 +25,9 @@ inline constexpr double kDependent = 1e-9;
 double pivot_beside(const Eigen::MatrixXd& A, const std::vector<Eigen::Index>& rows,
                     Eigen::Index row);
 
+/// What a unit along a row does to it while others hold, those of them that do not follow from each
+/// other; and as without these where they leave nothing of it.
+double response_beside(const Eigen::MatrixXd& A, const std::vector<Eigen::Index>& others,
+                       Eigen::Index row);
+
 }  // namespace constraint_sim::engine

@@ -240,7 +240,9 @@ void ContactEquations::break_joint(std::size_t j) {
     if (of.joint != j) continue;
     of.is_prescribed = of.is_one_sided = false;
     of.state = {};
-    of.law.soft = {};
+    of.law.soft = of.law.servo = {};
+    of.law.servo_most = 0.0;
+    of.law.goal.reset();
   }
 }
 

@@ -66,6 +66,8 @@ class ContactEquations {
     double held_at = 0.0;    ///< and when, simulated [s]
     double given_way = 0.0;  ///< by what a limit of a length has moved since the step began [m]
     double reference = 0.0;  ///< a force that it can have [N or N m]
+    double braking = 0.0;    ///< as CoordinateState has it
+    double until = 0.0;      ///< until when its motor brakes, simulated [s]
   };
 
   std::vector<Body> bodies;  ///< movable ones first
@@ -154,6 +156,12 @@ class ContactEquations {
   /// Where a limit of a coordinate is, and what its motor asks for, as `rate` and `acceleration`.
   Prescribed limit(const Coordinate& coordinate, bool upper_one) const;
   Prescribed zeta(const Coordinate& coordinate) const;
+  /// Where a servo acts about.
+  Prescribed rest(const Coordinate& coordinate) const {
+    return rest_of(coordinate.law, coordinate.law.is_distance
+                                       ? joints[coordinate.joint].course.length(clock())
+                                       : Prescribed{});
+  }
   double scale() const { return scale_; }
   /// From now on nothing of a joint acts.
   void break_joint(std::size_t joint);

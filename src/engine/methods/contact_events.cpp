@@ -170,12 +170,13 @@ void ContactEvents::begin_joints(const Span& span, const JointStep& step,
     of.reference = 0.0;
     of.state = {};
     if (of.law.is_distance) {
-      if (joint.joint.distance.is_soft()) of.law.soft.R = joint.course.length(span.all.t).value;
+      if (!of.law.soft.is_none()) of.law.soft.R = joint.course.length(span.all.t).value;
       continue;
     }
     const auto i = static_cast<std::size_t>(of.law.coordinate);
     const CoordinateState& now = states[static_cast<std::size_t>(joint.index)].coordinates[i];
     if (!done_.spans) of.position = now.position;
+    if (!done_.spans) of.braking = now.braking;
     if (of.law.drive == 0.0) continue;
     of.motor = *joint.joint.coordinates[i].motor;
     if (of.motor.timeout > 0.0 && now.expires_at <= span.all.t) of.motor.bias = 0.0;
@@ -199,12 +200,15 @@ void ContactEvents::give_way(std::size_t c) {
 void ContactEvents::write(std::size_t c, JointState* state) const {
   const ContactEquations::Coordinate& of = equations_.coordinates[c];
   const OneSidedLaw& law = of.law;
+  if (law.servo_most > 0.0) state->saturated = of.state.is_saturated();
   if (law.drive == 0.0 && !std::isfinite(law.limit_force)) return;
-  state->saturated = of.state.drive != 0 || of.state.yield != 0;
+  state->saturated = of.state.is_saturated();
   const double q = equations_.read(of, nullptr).q;
-  if (!law.is_distance)
-    state->coordinates[static_cast<std::size_t>(law.coordinate)].held = q;
-  else if (law.drive > 0.0)
+  if (!law.is_distance) {
+    CoordinateState& coordinate = state->coordinates[static_cast<std::size_t>(law.coordinate)];
+    coordinate.braking = of.braking;
+    coordinate.held = law.goal && of.braking == 0.0 ? *law.goal : q;
+  } else if (law.drive > 0.0)
     state->travel = q - equations_.joints[of.joint].joint.distance.length.value_or(0.0);
   else
     state->travel += of.given_way;

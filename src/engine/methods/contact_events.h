@@ -92,7 +92,8 @@ class ContactEvents {
       kMargin,  ///< of its feature
       kLimit,   ///< of a coordinate that is not at it
       kHeld,    ///< the force that holds one, to a bound
-      kRate,    ///< of one that slips, or whose motor or limit gives way
+      kRate,    ///< of one that slips, whose motor or limit gives way, or that brakes; a servo's
+                ///< force
       kBreak,   ///< the force or torque of a joint, to what it bears
     };
     Kind kind = Kind::kNothing;
@@ -233,6 +234,9 @@ class ContactEvents {
   void note_bounds(const Span& span, const Watched& event);
   bool decide(const Watched& event);
   bool decide(const Watched& event, double least_slip);
+  void find_lost();
+  double braking_of(std::size_t coordinate);
+  void choose_servos();
   bool find_candidates(std::vector<Candidate>* candidates);
   void begin_problem();
   static void set_rate(const ContactEquations::Touching& of, const Eigen::Vector3d& rate,

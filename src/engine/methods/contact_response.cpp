@@ -33,9 +33,10 @@ double ContactEquations::potential_energy() const {
     energy -= states_[i].position.dot(gravity / bodies[i].mass.inverse_mass + bodies[i].force);
   for (const Coordinate& of : coordinates) {
     const SoftLaw& soft = of.law.soft;
-    if (of.is_prescribed || (soft.K == 0.0 && soft.F == 0.0)) continue;
+    if (of.is_prescribed || (soft.K == 0.0 && soft.F == 0.0 && of.law.servo.K == 0.0)) continue;
     const double q = read(of, nullptr).q;
     energy += 0.5 * soft.K * (q - soft.R) * (q - soft.R) - soft.F * q;
+    energy += elastic_energy(of.law.servo.K, q - rest(of).value, of.law.servo_most);
   }
   return energy;
 }

@@ -154,7 +154,14 @@ Prescribed ContactEquations::limit(const Coordinate& of, bool upper_one) const {
 
 Prescribed ContactEquations::zeta(const Coordinate& of) const {
   if (of.law.is_distance) return joints[of.joint].course.length(clock());
-  return of.law.drive > 0.0 ? motor_course(of.motor, clock(), 0.0) : Prescribed{};
+  if (of.law.drive == 0.0) return {};
+  if (!of.law.goal) return motor_course(of.motor, clock(), 0.0);
+  if (of.braking == 0.0) return {*of.law.goal, 0.0, 0.0};
+  const double q = read(of, nullptr).q;
+  if (of.state.hold == Hold::kBrake)
+    return rate_until(*of.law.goal, std::copysign(of.braking, q - *of.law.goal),
+                      of.until - clock());
+  return rate_to_goal(*of.law.goal, of.braking, q);
 }
 
 Prescribed ContactEquations::target(const Coordinate& of) const {
@@ -168,6 +175,8 @@ Prescribed ContactEquations::target(const Coordinate& of) const {
       of.state.hold, [&](bool upper_one) { return limit(of, upper_one); },
       [&] { return zeta(of); });
   if (of.state.hold == Hold::kStill) at.value = of.held;
+  if (of.state.hold == Hold::kBrake) at.value += 0.5 * at.rate * at.rate / at.acceleration;
+  if (of.law.goal) return at;
   if (of.state.hold != Hold::kDrive) return at;
   at.value =
       of.held + (of.law.is_distance ? at.value - joint.course.length(of.held_at).value
@@ -184,7 +193,20 @@ bool ContactEquations::is_moved_by_motors() const {
 
 // of springs and dampers, and of what is at its bound
 double ContactEquations::free_force(const Coordinate& of, const Reading& now) const {
-  return of.law.soft.force(now.q, now.rate) + constant_force(of.law, of.state);
+  double force = of.law.soft.force(now.q, now.rate) + constant_force(of.law, of.state);
+  switch (of.state.servo) {
+    case Servo::kNone:  // it is not decided yet
+      if (of.law.servo_most > 0.0) force += clamped_servo_force(of.law, now, rest(of));
+      break;
+    case Servo::kFollows:
+      force += servo_force(of.law, now, rest(of));
+      break;
+    case Servo::kMost:
+    case Servo::kLeast:
+      force += of.state.servo == Servo::kMost ? of.law.servo_most : -of.law.servo_most;
+      break;
+  }
+  return force;
 }
 
 void ContactEquations::pull_coordinates(Stage* told, std::vector<Vector3d>* linear,

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/linear/box_lcp.h"
 #include "engine/linear/cone_problem.h"
 #include "engine/methods/contact_events.h"
 #include "engine/methods/law_events.h"
@@ -122,6 +123,7 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   gap_acceleration_.assign(equations_.contacts.size(), 0.0);
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
     equations_.contacts[c].acts = Acts::kOpen;
+  find_lost();
   if (!find_candidates(&held_)) return false;
   free_.resize(equations_.size());
   equations_.derivative(0, equations_.time(), numbers_.data(), free_.data());
@@ -137,7 +139,10 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   coordinate_acceleration_.clear();
   for (const ContactEquations::Coordinate& of : equations_.coordinates)
     coordinate_acceleration_.push_back(equations_.read(of, &rates_).acceleration);
-  if (responses.contacts.empty() && held_.empty()) return true;
+  if (responses.contacts.empty() && held_.empty()) {
+    choose_servos();
+    return true;
+  }
 
   for (const Candidate& row : held_) responses.coordinates.push_back(row.coordinate);
   equations_.find_responses(&responses);
@@ -147,6 +152,7 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   choose_holds(event);
   has_derivative_ = is_within_bounds();
   if (!has_derivative_) take_forces();
+  choose_servos();
   return true;
 }
 
@@ -195,6 +201,47 @@ void ContactEvents::set_problem(double least_slip) {
   }
 }
 
+// Which motors are not on their courses, as EventDriven has it.
+void ContactEvents::find_lost() {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    ContactEquations::Coordinate& of = equations_.coordinates[c];
+    if (!of.law.goal) continue;
+    const ContactEquations::Reading now = equations_.read(of, nullptr);
+    if (std::abs(now.q - *of.law.goal) <= kTouching && std::abs(now.rate) <= kResting)
+      of.braking = 0.0;
+    else if (of.braking == 0.0)
+      of.braking = braking_of(c);
+  }
+}
+
+// What half of the force of a motor does to its coordinate while the other motors hold theirs.
+double ContactEvents::braking_of(std::size_t c) {
+  ContactEquations::Responses responses;
+  responses.coordinates = {c};
+  for (std::size_t d = 0; d < equations_.coordinates.size(); ++d)
+    if (d != c && equations_.coordinates[d].is_one_sided &&
+        equations_.coordinates[d].law.drive > 0.0)
+      responses.coordinates.push_back(d);
+  equations_.find_responses(&responses);
+  std::vector<Eigen::Index> others;
+  const std::size_t n = responses.columns;
+  for (std::size_t k = 1; k < n; ++k)
+    if (responses.is_free[k]) others.push_back(static_cast<Eigen::Index>(k));
+  const auto size = static_cast<Eigen::Index>(n);
+  const Eigen::Map<const Eigen::MatrixXd> A(responses.A.data(), size, size);
+  return 0.5 * equations_.coordinates[c].law.drive * response_beside(A, others, 0);
+}
+
+void ContactEvents::choose_servos() {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    ContactEquations::Coordinate& of = equations_.coordinates[c];
+    if (of.law.servo_most == 0.0) continue;
+    ContactEquations::Reading now = equations_.read(of, nullptr);
+    now.acceleration = coordinate_acceleration_[c];
+    of.state.servo = servo_from(of.law, states_before_[c].servo, now, equations_.rest(of));
+  }
+}
+
 // Coordinates that move as something that may hold them; of the others sets what acts. False where
 // one goes beyond a limit of any force.
 bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
@@ -208,7 +255,9 @@ bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
     const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
     const auto zeta = [&] { return equations_.zeta(of); };
     OneSidedState state;
-    const std::optional<Hold> hold = find_hold(of.law, states_before_[c], now, limit, zeta, &state);
+    const bool is_lost = of.law.goal && of.braking > 0.0;
+    const std::optional<Hold> hold =
+        find_hold(of.law, states_before_[c], now, limit, zeta, is_lost, &state);
     if (hold) {
       const Prescribed at = rate_held_at(*hold, limit, zeta);
       candidates->push_back(
@@ -331,6 +380,9 @@ void ContactEvents::hold_coordinates(bool is_begin) {
     if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
     of.held = equations_.read(of, nullptr).q;
     of.held_at = equations_.clock();
+    if (of.law.goal && of.state.drive != 0 && of.braking == 0.0) of.braking = braking_of(c);
+    if (of.state.hold == Hold::kBrake)
+      of.until = of.held_at + std::sqrt(2.0 * std::abs(of.held - *of.law.goal) / of.braking);
     if (before.yield != 0) of.given_way += of.held - equations_.limit(of, before.yield > 0).value;
   }
 }

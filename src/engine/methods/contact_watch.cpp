@@ -85,8 +85,12 @@ void ContactEvents::watch_coordinate(std::size_t c, std::vector<Watched>* list) 
   watch_limits(of.law, of.state, reading, limit,
                [&](const WatchedValue& value) { add(Watched::Kind::kLimit, value); });
   if (of.state.hold != Hold::kNone) watch_held(c, list);
-  watch_rates(of.state, reading, limit, zeta,
-              [&](const WatchedValue& value) { add(Watched::Kind::kRate, value); });
+  const auto add_rate = [&](const WatchedValue& value) { add(Watched::Kind::kRate, value); };
+  watch_rates(of.law, of.state, of.braking, reading, limit, zeta, add_rate);
+  if (of.law.servo_most > 0.0)
+    watch_servo(of.law, of.state, reading, equations_.rest(of), add_rate);
+  if (of.state.hold == Hold::kBrake)
+    add_rate(watched_end(of.until - equations_.clock(), of.braking));
 }
 
 void ContactEvents::watch_breaking(std::size_t j, std::vector<Watched>* list) const {

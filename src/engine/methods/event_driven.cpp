@@ -55,6 +55,7 @@ EventDriven::EventDriven(const std::vector<int>& members, const std::vector<Join
   compiled_for_ = states_;
   broken_then_ = is_broken_;
   held_.assign(laws_.size(), 0.0);
+  braking_ = held_;
   joint_states_.resize(joints_.size());
   base_.assign(joints_.size(), 0.0);
   impulses_.assign(joints_.size(), RowVector::Zero());
@@ -171,7 +172,8 @@ Prescribed EventDriven::limit(std::size_t c, bool upper_one, double t) const {
   const OneSidedLaw& law = laws_[c];
   const PrescribedMotion& course = courses_[law.joint];
   const JointState& state = joint_states_[law.joint];
-  const double offset = course.is_closing() ? state.closing_offset[law.function] : 0.0;
+  const bool has_offset = course.is_closing() && !law.goal;  // whose is that of its course
+  const double offset = has_offset ? state.closing_offset[law.function] : 0.0;
   const bool is_open = (upper_one ? offset > 0.0 : offset < 0.0);
   const Prescribed share = course.share_to_close(t);
   Prescribed at_limit;
@@ -188,18 +190,6 @@ Prescribed EventDriven::limit(std::size_t c, bool upper_one, double t) const {
   }
   at_limit.value += law.limit(upper_one);
   return at_limit;
-}
-
-// what a motor with a force limit asks for, as `rate` and `acceleration`
-Prescribed EventDriven::zeta(const Span& span, std::size_t c, double t) const {
-  const OneSidedLaw& law = laws_[c];
-  if (law.is_distance) return courses_[law.joint].length(t);
-  if (law.drive == 0.0) return {};
-  Motor motor = *joints_[law.joint].coordinates[at(law.coordinate)].motor;
-  const JointState& state = joint_states_[law.joint];
-  if (motor.timeout > 0.0 && state.coordinates[at(law.coordinate)].expires_at <= span.all.t)
-    motor.bias = 0.0;
-  return motor_course(motor, t, 0.0);
 }
 
 double EventDriven::travel(std::size_t joint, double t) const {
@@ -240,8 +230,10 @@ void EventDriven::begin_course(const Span& span, std::size_t l, double t) {
     double& offset = told.closing_offset[law.function];
     if (hold == Hold::kUpper || hold == Hold::kLower) {
       coordinate.held = law.limit(hold == Hold::kUpper);
-      if (hold == Hold::kUpper ? offset < 0.0 : offset > 0.0) offset = 0.0;
-    } else if (hold != Hold::kNone) {
+      if (law.goal || (hold == Hold::kUpper ? offset < 0.0 : offset > 0.0)) offset = 0.0;
+    } else if (hold == Hold::kBrake) {
+      offset = 0.0;
+    } else if (hold != Hold::kNone && !(law.goal && hold == Hold::kDrive)) {
       coordinate.held = held_[c];
       offset = 0.0;
     }
@@ -250,6 +242,12 @@ void EventDriven::begin_course(const Span& span, std::size_t l, double t) {
   step.t = t;
   step.h = std::max(span.left.end - t, kShortest);
   courses_[l].begin(switched_joints_[l], step, told);
+  for (std::size_t c = first; c < first + count; ++c)
+    if (states_[c].hold == Hold::kBrake && laws_[c].goal)
+      courses_[l].brake(
+          laws_[c].coordinate, held_[c],
+          std::copysign(braking_[c],
+                        told.coordinates[at(laws_[c].coordinate)].position - *laws_[c].goal));
 }
 
 // True where all courses go on as they did.
@@ -275,6 +273,8 @@ void EventDriven::begin_step(const std::vector<JointState>& joint_states, RungeK
     impulses_[l].setZero();
     coupled_impulses_[l] = 0.0;
   }
+  for (std::size_t c = 0; c < laws_.size(); ++c)
+    braking_[c] = joint_states_[laws_[c].joint].coordinates[at(laws_[c].coordinate)].braking;
   events_ = 0;
   told_.clear();
   unchanged_ = 0;
@@ -302,11 +302,16 @@ void EventDriven::write(std::size_t l, JointState* state) const {
   const auto [first, count] = laws_of(l);
   for (std::size_t c = first; c < first + count; ++c) {
     const OneSidedLaw& law = laws_[c];
+    if (law.servo_most > 0.0) state->saturated = states_[c].is_saturated();
     if (law.drive == 0.0 && law.limit_force == std::numeric_limits<double>::infinity()) continue;
-    state->saturated = states_[c].drive != 0 || states_[c].yield != 0;
+    state->saturated = states_[c].is_saturated();
     if (law.is_distance)
       state->travel = held_[c];
-    else
+    else if (law.goal) {
+      state->coordinates[at(law.coordinate)].braking = braking_[c];
+      state->coordinates[at(law.coordinate)].held =
+          braking_[c] > 0.0 ? joint_states_[l].coordinates[at(law.coordinate)].position : *law.goal;
+    } else
       state->coordinates[at(law.coordinate)].held =
           states_[c].hold == Hold::kDrive
               ? held_[c]

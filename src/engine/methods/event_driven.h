@@ -98,6 +98,7 @@ class EventDriven {
       auto& state = self.states_[c];
       visit(state.hold);
       for (auto* sign : {&state.slip, &state.drive, &state.yield}) visit(*sign);
+      if (self.laws_[c].servo_most > 0.0) visit(state.servo);
       visit(self.held_[c]);
     }
     if constexpr (Visit::kReads)
@@ -148,6 +149,7 @@ class EventDriven {
     std::size_t law;
     Hold hold;
     double rate, acceleration;
+    double zeta;  ///< the rate that its motor asks for
     ForceBounds bounds;
   };
   struct Span;  // what advance() goes through
@@ -166,7 +168,9 @@ class EventDriven {
                const EquationsOfMotion& equations, const EquationsOfMotion::Motions& rates) const;
   void note_positions(const Span& span, double t);
   Prescribed limit(std::size_t law, bool upper_one, double t) const;
-  Prescribed zeta(const Span& span, std::size_t law, double t) const;
+  Prescribed zeta(const Span& span, std::size_t law, double t, double q) const;
+  Prescribed rest(std::size_t law, double t) const;
+  Prescribed course_of(std::size_t law, double t) const;
   double travel(std::size_t joint, double t) const;
   void set_rows(std::size_t joint);
   void begin_course(const Span& span, std::size_t joint, double t);
@@ -200,7 +204,12 @@ class EventDriven {
                 std::vector<char>* rests, bool* is_settled) const;
   std::optional<Candidate> candidate(const Span& span, std::size_t law, const Reading& reading,
                                      OneSidedState* state) const;
-  OneSidedState leaving(const Span& span, const Candidate& from, signed char side) const;
+  OneSidedState leaving(const Candidate& from, signed char side) const;
+  void find_lost(const Span& span, const Rows& rows);
+  void note_lost(const Rows& rows, const std::vector<OneSidedState>& next);
+  double braking_of(const Rows& rows, std::size_t law) const;
+  bool decide_holds(const Span& span, Rows* rows, const Release& release,
+                    std::vector<OneSidedState>* next) const;
   bool decide(const Span& span, Rows* rows, const Release& release,
               std::vector<OneSidedState>* next) const;
   void hold_rows(const Span& span, const Rows& rows, const std::vector<OneSidedState>& next);
@@ -224,7 +233,9 @@ class EventDriven {
   bool has_started_ = false;
   std::vector<OneSidedState> states_;   // of laws
   std::vector<Joint> switched_joints_;  // as these say, for courses
-  std::vector<double> held_;  // what friction and motors hold: q, or the travel of a length
+  std::vector<double> held_;  // what friction and motors hold: q, the travel of a length, or until
+                              // when a motor brakes [s]
+  std::vector<double> braking_;  // of motors, as CoordinateState has it
 
   // ---- of this step
   std::vector<char> is_broken_;           // joints

@@ -24,12 +24,14 @@ void EventDriven::watch_force(const Span& span, std::size_t c, const Reading& re
   const auto found =
       std::find(equations.joints().begin(), equations.joints().end(), static_cast<int>(law.joint));
   const auto link = static_cast<std::size_t>(found - equations.joints().begin());
-  const double soft = law.soft.force(reading.q, reading.rate);
-  const double rate = states_[c].hold == Hold::kDrive ? zeta(span, c, t).rate
-                      : states_[c].hold == Hold::kStill
-                          ? 0.0
-                          : limit(c, states_[c].hold == Hold::kUpper, t).rate;
-  const ForceBounds bounds = force_bounds(law, states_[c].hold, rate, zeta(span, c, t).rate);
+  double soft = law.soft.force(reading.q, reading.rate);
+  if (law.servo_most > 0.0) soft += clamped_servo_force(law, reading, rest(c, t));
+  const auto zeta_of = [&] { return zeta(span, c, t, reading.q); };
+  const double rate =
+      rate_held_at(
+          states_[c].hold, [&](bool upper_one) { return limit(c, upper_one, t); }, zeta_of)
+          .rate;
+  const ForceBounds bounds = force_bounds(law, states_[c].hold, rate, zeta_of().rate);
   Watched watched;
   watched.law = static_cast<int>(c);
   watched.tolerance = kForceShare * equations.largest_force();
@@ -40,7 +42,8 @@ void EventDriven::watch_force(const Span& span, std::size_t c, const Reading& re
     watched.value = margin(equations.force(link)[law.function]);
     watched.early = 0.0;
     // a force that leaves its bounds within the substep and comes back shows in the stages
-    for (std::size_t i = 1; law.soft.is_none() && watched.early == 0.0 && i < kStagesWatched; ++i)
+    const bool is_alone = law.soft.is_none() && law.servo_most == 0.0;
+    for (std::size_t i = 1; is_alone && watched.early == 0.0 && i < kStagesWatched; ++i)
       if (span.accuracy.order == 8 &&
           margin(equations.stage_force(link, i)[law.function]) < -watched.tolerance)
         watched.early = DormandPrince8::kC[i];
@@ -61,7 +64,7 @@ void EventDriven::watch(const Span& span, double t, std::vector<Watched>* list) 
     if (is_broken_[law.joint]) continue;
     const Reading reading = read(span, law, t, equations, rates_);
     const auto limit_of = [&](bool upper_one) { return limit(c, upper_one, t); };
-    const auto zeta_of = [&] { return zeta(span, c, t); };
+    const auto zeta_of = [&] { return zeta(span, c, t, reading.q); };
     const auto add = [&](const WatchedValue& value) {
       Watched watched;
       static_cast<WatchedValue&>(watched) = value;
@@ -70,7 +73,9 @@ void EventDriven::watch(const Span& span, double t, std::vector<Watched>* list) 
     };
     watch_limits(law, state, reading, limit_of, add);
     if (state.hold != Hold::kNone) watch_force(span, c, reading, t, list);
-    watch_rates(state, reading, limit_of, zeta_of, add);
+    watch_rates(law, state, braking_[c], reading, limit_of, zeta_of, add);
+    if (law.servo_most > 0.0) watch_servo(law, state, reading, rest(c, t), add);
+    if (state.hold == Hold::kBrake) add(watched_end(held_[c] - t, braking_[c]));
   }
   if (!breaking_.empty() && equations.redundant_rows() == 0) watch_breaking(span, t, list);
 }

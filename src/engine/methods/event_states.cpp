@@ -50,6 +50,7 @@ bool EventDriven::load_rows(Span* span, Rows* rows) {
   bare_.scatter_state(rows->y.data(), span->states);
   read_rows(*span, rows);
   find_responses(rows);
+  find_lost(*span, *rows);
   return true;
 }
 
@@ -251,36 +252,52 @@ std::optional<EventDriven::Candidate> EventDriven::candidate(const Span& span, s
   const OneSidedLaw& law = laws_[c];
   const double t = span.left.t;
   const auto limit_of = [&](bool upper_one) { return limit(c, upper_one, t); };
-  const auto zeta_of = [&] { return zeta(span, c, t); };
-  const std::optional<Hold> hold = find_hold(law, states_[c], reading, limit_of, zeta_of, state);
+  const auto zeta_of = [&] { return zeta(span, c, t, reading.q); };
+  const bool is_lost = law.goal && braking_[c] > 0.0;
+  const std::optional<Hold> hold =
+      find_hold(law, states_[c], reading, limit_of, zeta_of, is_lost, state);
   if (!hold) return std::nullopt;
   const Prescribed at = rate_held_at(*hold, limit_of, zeta_of);
-  return Candidate{c, *hold, at.rate, at.acceleration,
-                   force_bounds(law, *hold, at.rate, zeta_of().rate)};
+  const double zeta_rate = zeta_of().rate;
+  return Candidate{
+      c, *hold, at.rate, at.acceleration, zeta_rate, force_bounds(law, *hold, at.rate, zeta_rate)};
 }
 
 // what a candidate does that leaves its rate to this side
-OneSidedState EventDriven::leaving(const Span& span, const Candidate& from,
-                                   signed char side) const {
-  return state_leaving(laws_[from.law], from.hold, from.rate,
-                       zeta(span, from.law, span.left.t).rate, side);
+OneSidedState EventDriven::leaving(const Candidate& from, signed char side) const {
+  return state_leaving(laws_[from.law], from.hold, from.rate, from.zeta, side);
 }
 
 // Also finds the accelerations of all coordinates with that.
-bool EventDriven::decide(const Span& span, Rows* problem_at, const Release& release,
+bool EventDriven::decide(const Span& span, Rows* rows, const Release& release,
                          std::vector<OneSidedState>* next) const {
+  if (!decide_holds(span, rows, release, next)) return false;
+  for (std::size_t c = 0; c < laws_.size(); ++c) {
+    if (laws_[c].servo_most == 0.0 || is_broken_[laws_[c].joint]) continue;
+    Reading now = rows->reading[c];
+    now.acceleration = rows->acceleration[index(c)];
+    (*next)[c].servo = servo_from(laws_[c], states_[c].servo, now, rest(c, span.left.t));
+  }
+  return true;
+}
+
+bool EventDriven::decide_holds(const Span& span, Rows* problem_at, const Release& release,
+                               std::vector<OneSidedState>* next) const {
   Rows& rows = *problem_at;
   next->assign(laws_.size(), {});
   std::vector<Candidate> candidates;
   VectorXd force = VectorXd::Zero(index(laws_.size()));
   for (std::size_t c = 0; c < laws_.size(); ++c) {
-    if (is_broken_[laws_[c].joint] || !rows.is_free[c]) continue;
+    if (is_broken_[laws_[c].joint]) continue;
+    if (laws_[c].servo_most > 0.0)
+      force[index(c)] = clamped_servo_force(laws_[c], rows.reading[c], rest(c, span.left.t));
+    if (!rows.is_free[c]) continue;
     const auto found = candidate(span, c, rows.reading[c], &(*next)[c]);
     if ((*next)[c].yield != 0 && !std::isfinite(laws_[c].limit_force)) return false;
     if (found)
       candidates.push_back(*found);
     else
-      force[index(c)] = constant_force(laws_[c], (*next)[c]);
+      force[index(c)] += constant_force(laws_[c], (*next)[c]);
   }
   const Index n = index(candidates.size());
   rows.acceleration.resize(index(laws_.size()));
@@ -324,14 +341,14 @@ bool EventDriven::decide(const Span& span, Rows* problem_at, const Release& rele
     const signed char side = sides[static_cast<std::size_t>(i)];
     const bool is_bound = !(lambda[i] > row.bounds.least && lambda[i] < row.bounds.most);
     if (side != 0) {
-      (*next)[row.law] = leaving(span, row, side);
+      (*next)[row.law] = leaving(row, side);
     } else if (!is_bound) {
       (*next)[row.law].hold = row.hold;
     } else if (pivot_beside(problem.A, held, i) > kDependent) {
       held.push_back(i);
       (*next)[row.law].hold = row.hold;
     } else {  // others hold it as well, for now
-      (*next)[row.law] = leaving(span, row, lambda[i] > row.bounds.least ? -1 : 1);
+      (*next)[row.law] = leaving(row, lambda[i] > row.bounds.least ? -1 : 1);
     }
   }
   return true;
@@ -354,6 +371,8 @@ void EventDriven::hold_rows(const Span& span, const Rows& rows,
     const double q = rows.reading[c].q;
     if (!law.is_distance) {
       held_[c] = q;
+      if (next[c].hold == Hold::kBrake)
+        held_[c] = t + std::sqrt(2.0 * std::abs(q - *law.goal) / braking_[c]);
       continue;
     }
     double& travelled = held_[c] = joint_states_[law.joint].travel = travel(law.joint, t);
@@ -448,6 +467,7 @@ bool EventDriven::settle(Span* span, const Release& release, bool is_changed, bo
     return false;
   if (!is_changed && !*had_impacts && next == states_) return true;
   tell(*span, rows, next);
+  note_lost(rows, next);
   hold_rows(*span, rows, next);
   return switch_to_states(span);
 }

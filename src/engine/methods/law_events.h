@@ -16,7 +16,11 @@ namespace constraint_sim::engine {
 // something may hold a coordinate, what acts once that gives way, what is watched meanwhile, and
 // which events a change is. `limit(upper_one)` returns where that limit is and how it moves,
 // `zeta()` the rate and the acceleration that the motor asks for. A reading is where a coordinate
-// is, as `q`, and how it moves, as `rate` and `acceleration`.
+// is, as `q`, and how it moves, as `rate` and `acceleration`. Of a motor that goes to a position
+// the value of `zeta()` is where its course is.
+
+inline constexpr double kServoEdge = 1e-9;       ///< of its limit: a servo nearer to it is there,
+inline constexpr double kServoEdgeTime = 1e-12;  ///< or one that is so within this time [s]
 
 inline signed char sign_of(double x) {
   return static_cast<signed char>(x > 0.0 ? 1 : (x < 0.0 ? -1 : 0));
@@ -33,10 +37,11 @@ inline SubstepSpan gone_on(const SubstepSpan& start, double done) {
 }
 
 /// What may hold a coordinate, by where it is and how it moves. None where nothing does: then sets
-/// what acts in `state`, which begins with nothing. `before`: what acted until now.
+/// what acts in `state`, which begins with nothing. `before`: what acted until now; `is_lost`: a
+/// motor that goes to a position is not on its course.
 template <class Reading, class Limit, class Zeta>
 std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& before,
-                              const Reading& reading, Limit limit, Zeta zeta,
+                              const Reading& reading, Limit limit, Zeta zeta, bool is_lost,
                               OneSidedState* state) {
   for (const bool upper_one : {false, true}) {
     if (!std::isfinite(law.limit(upper_one))) continue;
@@ -49,10 +54,11 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
     if (rate < 0.0) state->yield = sign_of(-direction);
   }
   if (state->yield != 0) return std::nullopt;
+  if (law.goal && !is_lost) return Hold::kDrive;
   if (law.friction > 0.0 && std::abs(reading.rate) <= kResting) return Hold::kStill;
   if (law.drive > 0.0) {
     const double off = reading.rate - zeta().rate;
-    if (std::abs(off) <= kResting) return Hold::kDrive;
+    if (std::abs(off) <= kResting) return is_lost ? Hold::kBrake : Hold::kDrive;
     state->drive = sign_of(off);
   }
   if (law.friction > 0.0) state->slip = sign_of(reading.rate);
@@ -67,6 +73,7 @@ Prescribed rate_held_at(Hold hold, Limit limit, Zeta zeta) {
     case Hold::kLower:
       return limit(hold == Hold::kUpper);
     case Hold::kDrive:
+    case Hold::kBrake:
       return zeta();
     case Hold::kNone:
     case Hold::kStill:
@@ -110,10 +117,75 @@ void watch_limits(const OneSidedLaw& law, const OneSidedState& state, const Read
   }
 }
 
-/// Adds the rates of what slips, of motors at their limits and of limits that give way.
+/// Where a motor at its limit that goes to a position has the rate to come to rest there: of
+/// u = q̇ and e = q − g, both taken as u|u| + 2 b e, which is smooth where e passes 0.
+template <class Reading>
+WatchedValue watched_rate_to_goal(const OneSidedLaw& law, double direction, double braking,
+                                  const Reading& reading) {
+  const double u = reading.rate, off = reading.q - *law.goal;
+  WatchedValue watched;
+  watched.known = 1;
+  watched.value = direction * (u * std::abs(u) + 2.0 * braking * off);
+  watched.rate = direction * (2.0 * std::abs(u) * reading.acceleration + 2.0 * braking * u);
+  watched.tolerance = std::numeric_limits<double>::epsilon() *
+                      (u * u + 2.0 * braking * (std::abs(reading.q) + std::abs(*law.goal)));
+  return watched;
+}
+
+/// Where a motor that brakes comes to rest, which takes this long from here [s].
+inline WatchedValue watched_end(double left, double braking) {
+  WatchedValue watched;
+  watched.known = 1;
+  watched.value = braking * left;
+  watched.rate = -braking;
+  watched.tolerance = std::numeric_limits<double>::epsilon() * braking * std::abs(left);
+  return watched;
+}
+
+/// Adds how far a servo is from its limit, as a share of that, or what it would do is beyond it.
+template <class Reading, class Add>
+void watch_servo(const OneSidedLaw& law, const OneSidedState& state, const Reading& reading,
+                 const Prescribed& rest, Add add) {
+  if (law.servo_most == 0.0) return;
+  const double force = servo_force(law, reading, rest) / law.servo_most;
+  const double rate = servo_force_rate(law, reading, rest) / law.servo_most;
+  WatchedValue watched;
+  watched.known = 1;
+  watched.tolerance = 4.0 * std::numeric_limits<double>::epsilon() / law.servo_most *
+                      (law.servo_most + law.servo.K * (std::abs(reading.q) + std::abs(rest.value)) +
+                       law.servo.C * (std::abs(reading.rate) + std::abs(rest.rate)));
+  for (const double side : {1.0, -1.0}) {
+    const bool is_there = state.servo == (side > 0.0 ? Servo::kMost : Servo::kLeast);
+    if (!is_there && state.servo != Servo::kFollows) continue;
+    const double inside = is_there ? -1.0 : 1.0;
+    watched.value = inside * (1.0 - side * force);
+    watched.rate = -inside * side * rate;
+    add(watched);
+  }
+}
+
+/// What a servo does from here on; one that is at its edge as its force goes on.
+template <class Reading>
+Servo servo_from(const OneSidedLaw& law, Servo before, const Reading& reading,
+                 const Prescribed& rest) {
+  if (law.servo_most == 0.0) return Servo::kNone;
+  const double force = servo_force(law, reading, rest) / law.servo_most;
+  const Servo beyond = force > 0.0 ? Servo::kMost : Servo::kLeast;
+  const double margin = 1.0 - std::abs(force);
+  const double rate =
+      (force > 0.0 ? 1.0 : -1.0) * servo_force_rate(law, reading, rest) / law.servo_most;
+  const double edge = kServoEdge + kServoEdgeTime * std::abs(rate);
+  if (margin > edge) return Servo::kFollows;
+  if (margin < -edge) return beyond;
+  if (rate != 0.0) return rate > 0.0 ? beyond : Servo::kFollows;
+  return before == Servo::kFollows ? Servo::kFollows : beyond;
+}
+
+/// Adds the rates of what slips, of motors at their limits and of limits that give way. `braking`:
+/// of a motor that has lost its course.
 template <class Reading, class Limit, class Zeta, class Add>
-void watch_rates(const OneSidedState& state, const Reading& reading, Limit limit, Zeta zeta,
-                 Add add) {
+void watch_rates(const OneSidedLaw& law, const OneSidedState& state, double braking,
+                 const Reading& reading, Limit limit, Zeta zeta, Add add) {
   const auto watch_rate = [&](double direction, const Prescribed& of) {
     WatchedValue watched;
     watched.known = 1;
@@ -124,7 +196,10 @@ void watch_rates(const OneSidedState& state, const Reading& reading, Limit limit
     add(watched);
   };
   if (state.slip != 0) watch_rate(state.slip, {});
-  if (state.drive != 0) watch_rate(state.drive, zeta());
+  if (state.drive != 0 && law.goal)
+    add(watched_rate_to_goal(law, state.drive, braking, reading));
+  else if (state.drive != 0)
+    watch_rate(state.drive, zeta());
   if (state.yield != 0) watch_rate(state.yield, limit(state.yield > 0));
 }
 
@@ -146,8 +221,7 @@ void add_changes(const OneSidedLaw& law, const OneSidedState& before, const OneS
   const auto compare = [&](bool was, bool is, EventKind begins, EventKind ends) {
     if (was != is) add(is ? begins : ends, 0.0);
   };
-  compare(before.drive != 0 || before.yield != 0, next.drive != 0 || next.yield != 0,
-          EventKind::kSaturated, EventKind::kReleased);
+  compare(before.is_saturated(), next.is_saturated(), EventKind::kSaturated, EventKind::kReleased);
   compare(before.slip != 0, next.slip != 0, EventKind::kSlips, EventKind::kSticks);
 }
 

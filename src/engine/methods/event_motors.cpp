@@ -1,0 +1,77 @@
+// What motors and servos with a force limit ask for in an EventDriven, and whether motors that go
+// to a position are on their courses.
+
+#include <cmath>
+
+#include "engine/linear/box_lcp.h"
+#include "engine/methods/event_span.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+}  // namespace
+
+// where a servo acts about
+Prescribed EventDriven::rest(std::size_t c, double t) const {
+  const OneSidedLaw& law = laws_[c];
+  return engine::rest_of(law, law.is_distance ? courses_[law.joint].length(t) : Prescribed{});
+}
+
+// of a motor that goes to a position
+Prescribed EventDriven::course_of(std::size_t c, double t) const {
+  const OneSidedLaw& law = laws_[c];
+  const double offset = joint_states_[law.joint].closing_offset[law.function];
+  const Prescribed share = courses_[law.joint].share_to_close(t);
+  return {*law.goal + offset * share.value, offset * share.rate, offset * share.acceleration};
+}
+
+// What a motor with a force limit asks for at q, as `rate` and `acceleration`; of one that goes to
+// a position `value` is where its course is.
+Prescribed EventDriven::zeta(const Span& span, std::size_t c, double t, double q) const {
+  const OneSidedLaw& law = laws_[c];
+  if (law.is_distance) return courses_[law.joint].length(t);
+  if (law.drive == 0.0) return {};
+  if (law.goal && states_[c].hold == Hold::kBrake)
+    return rate_until(*law.goal, std::copysign(braking_[c], q - *law.goal), held_[c] - t);
+  if (law.goal && braking_[c] > 0.0) return rate_to_goal(*law.goal, braking_[c], q);
+  if (law.goal) return course_of(c, t);
+  Motor motor = *joints_[law.joint].coordinates[at(law.coordinate)].motor;
+  const JointState& state = joint_states_[law.joint];
+  if (motor.timeout > 0.0 && state.coordinates[at(law.coordinate)].expires_at <= span.all.t)
+    motor.bias = 0.0;
+  return motor_course(motor, t, 0.0);
+}
+
+// Which motors are not on their courses, before it is decided what they do. Those that have just
+// lost theirs brake with what half of their force does while the other motors hold.
+void EventDriven::find_lost(const Span& span, const Rows& rows) {
+  for (std::size_t c = 0; c < laws_.size(); ++c) {
+    if (!laws_[c].goal || !rows.is_free[c]) continue;
+    const Prescribed course = course_of(c, span.left.t);
+    const Reading& reading = rows.reading[c];
+    if (std::abs(reading.q - course.value) <= kTouching &&
+        std::abs(reading.rate - course.rate) <= kResting)
+      braking_[c] = 0.0;
+    else if (braking_[c] == 0.0)
+      braking_[c] = braking_of(rows, c);
+  }
+}
+
+// The same once it is decided: what leaves its course from here on.
+void EventDriven::note_lost(const Rows& rows, const std::vector<OneSidedState>& next) {
+  for (std::size_t c = 0; c < laws_.size(); ++c)
+    if (laws_[c].goal && next[c].drive != 0 && braking_[c] == 0.0)
+      braking_[c] = braking_of(rows, c);
+}
+
+double EventDriven::braking_of(const Rows& rows, std::size_t c) const {
+  std::vector<Eigen::Index> others;
+  for (std::size_t d = 0; d < laws_.size(); ++d)
+    if (d != c && laws_[d].drive > 0.0 && rows.is_free[d] && !is_broken_[laws_[d].joint])
+      others.push_back(static_cast<Eigen::Index>(d));
+  return 0.5 * laws_[c].drive * response_beside(rows.A, others, static_cast<Eigen::Index>(c));
+}
+
+}  // namespace constraint_sim::engine

@@ -30,8 +30,9 @@ constexpr Few kAskedFor{32, 64, 2e4}, kChosen{8, 48, 1e3};
 constexpr double kLeastWork = 100;
 constexpr double kBack = 0.85;  // of these bodies and points come back from impulses
 // What impulses leave of contacts at rest is ½ g h² to g h² in each of those that bear each other;
-// what is closed is that much, and a share of the thinner shape, and moves by no more in a step.
-constexpr double kSunk = 4.0, kSunkShare = 0.01;
+// what is closed is that much, and a share of the thinner shape, and moves into or out of the other
+// by no more than a few times that in a step.
+constexpr double kSunk = 4.0, kSunkShare = 0.02, kMostMoved = 4.0;
 
 const Few& few(const WorldOptions& options) {
   return options.method == Method::kAuto ? kChosen : kAskedFor;
@@ -149,21 +150,25 @@ bool World::Impl::is_few(const GroupSize& size) const {
          static_cast<double>(size.points) <= share * static_cast<double>(few(options).points);
 }
 
-// Whether an overlap is what impulses leave at rest, or less.
+// Whether an overlap is what impulses leave at rest, or less, and neither grows nor falls fast.
 bool World::Impl::is_settled(const Broadphase::Pair& pair, double gap) const {
   const double h = options.time_step;
-  const auto [a, b] = pair;
-  const double share =
-      kSunkShare * std::min(thickness(bodies[at(a)].shape), thickness(bodies[at(b)].shape));
-  const auto is_slow = [&](int body) {
-    Twist motion;
-    motion << states[at(body)].linear_velocity, states[at(body)].angular_velocity;
-    if (any_corrections) motion -= corrections[at(body)];
-    const double turned = is_movable(at(body)) ? extent(bodies[at(body)]) : 0.0;
-    return h * (motion.head<3>().norm() + turned * motion.tail<3>().norm()) <= share;
-  };
-  return -gap <= std::min(share, kSunk * h * h * options.gravity.norm()) && is_slow(a) &&
-         is_slow(b);
+  const std::size_t a = at(pair.first), b = at(pair.second);
+  const double most =
+      std::min(kSunkShare * std::min(thickness(bodies[a].shape), thickness(bodies[b].shape)),
+               kSunk * h * h * options.gravity.norm());
+  if (-gap > most) return false;
+  const PlacedShape of_a(bodies[a], states[a]), of_b(bodies[b], states[b]);
+  const Vector3d n = separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).normal;
+  double moved = 0.0;
+  for (const auto& [body, sign] : {std::pair(pair.first, 1.0), std::pair(pair.second, -1.0)}) {
+    Vector3d v = states[at(body)].linear_velocity;
+    if (any_corrections) v -= corrections[at(body)].head<3>();
+    moved += sign * h * n.dot(v);
+  }
+  const double turned =
+      travel(pair.first, h) - way(pair.first, h) + travel(pair.second, h) - way(pair.second, h);
+  return std::abs(moved) + turned <= kMostMoved * most;
 }
 
 // of an island in contact that is in no group

@@ -117,6 +117,9 @@ inline void follow(const Scene& scene, Verdict* verdict) {
       verdict->find("joints are off", now, report.max_constraint_error);
     if (!(report.max_penetration < 1e-9))
       verdict->find("bodies overlap", now, report.max_penetration);
+    // an event that is placed late leaves an overlap, which is corrected
+    if (touches(scene.kind) && !was_by_impulses && !(std::abs(report.correction_work) < allowed))
+      verdict->find("bodies were moved apart", now, report.correction_work);
     if (power == 0.0 && work == 0.0 && report.energy_rise != 0.0)
       verdict->find("energy_rise", now, report.energy_rise);
   }

@@ -3,11 +3,12 @@
 // Random scenes of few bodies that go from event to event, and a judge of them. Mechanisms have
 // ropes, struts, limits with and without restitution, friction, motors, servos and springs with a
 // force limit, and springs; what touches are spheres and boxes on a floor and each other with
-// friction and restitution, in joints, and with the same laws; some joints can break. A scene is
-// made from its kind and seed alone. Oracles: energy, which nothing but a motor can raise; joints,
-// limits and gaps, which hold to rounding; events in the order of time; the same bits of a copy, of
-// a snapshot and with threads; and the same motion of the scene moved, turned and added in another
-// order.
+// friction and restitution, in joints, and with the same laws; some joints can break; and equal
+// boxes that stand on each other, hit by a ball, where margins and gaps begin at zero to rounding.
+// A scene is made from its kind and seed alone. Oracles: energy, which nothing but a motor can
+// raise; joints, limits and gaps, which hold to rounding; events in the order of time; the same
+// bits of a copy, of a snapshot and with threads; and the same motion of the scene moved, turned
+// and added in another order.
 
 #include <array>
 #include <string>
@@ -26,16 +27,19 @@ enum class Kind {
   kTouchingWithLaws,
   kTouchingWithMotors,
   kMechanismWithServos,
-  kTouchingWithServos
+  kTouchingWithServos,
+  kAligned
 };
-inline constexpr std::array<const char*, 7> kKindNames{
-    "mechanism",        "mechanism, motors", "touching",        "touching, laws",
-    "touching, motors", "mechanism, servos", "touching, servos"};
+inline constexpr std::array<const char*, 8> kKindNames{
+    "mechanism",        "mechanism, motors", "touching",         "touching, laws",
+    "touching, motors", "mechanism, servos", "touching, servos", "aligned boxes"};
 
 inline bool has_motors(Kind kind) {
   return kind == Kind::kMechanismWithMotors || kind == Kind::kTouchingWithMotors;
 }
-inline bool has_servos(Kind kind) { return kind >= Kind::kMechanismWithServos; }
+inline bool has_servos(Kind kind) {
+  return kind == Kind::kMechanismWithServos || kind == Kind::kTouchingWithServos;
+}
 inline bool touches(Kind kind) {
   return kind >= Kind::kTouching && kind != Kind::kMechanismWithServos;
 }
@@ -294,6 +298,28 @@ inline void add_servos(unsigned seed, Parts* parts) {
   }
 }
 
+/// Equal cubes that stand on each other, or are dropped, and a ball that hits them.
+inline Scene aligned(unsigned seed) {
+  Draw draw(seed);
+  Scene scene{Kind::kAligned, seed, {}, options(seed % 4 < 2 ? 1.0 / 30 : 0.01)};
+  scene.options.method = seed % 2 == 0 ? Method::kEventDriven : Method::kAuto;
+  scene.options.tolerance = WorldOptions{}.tolerance;
+  Parts& parts = scene.parts;
+  parts.bodies.push_back(make_floor(0.0, 0.0));
+  const int count = draw.below(4) == 0 ? 3 : 2;
+  const double apart = draw.below(4) == 0 ? 0.1 * draw.share() : 0.0;
+  for (int i = 0; i < count; ++i)
+    parts.bodies.push_back(make_body("box_" + std::to_string(i), Box{0.4 * Eigen::Vector3d::Ones()},
+                                     1.0,
+                                     Eigen::Vector3d(0.0, 0.0, 0.2 + 0.4 * i + apart * (i + 1))));
+  Body ball = make_body("ball", Sphere{0.05}, 0.1 + 0.4 * draw.share(), Eigen::Vector3d::Zero());
+  ball.state.position = {-1.0, 0.0, 0.1 + 0.7 * draw.share()};
+  ball.state.linear_velocity = {5.0 + 25.0 * draw.share(), 0.0, 1.0};
+  parts.bodies.push_back(ball);
+  for (Body& body : parts.bodies) body.friction = 0.5;
+  return scene;
+}
+
 inline Scene scene_of(Kind kind, unsigned seed) {
   Scene scene{kind, seed, {}, options(1.0 / 60)};
   if (has_servos(kind)) {
@@ -302,7 +328,9 @@ inline Scene scene_of(Kind kind, unsigned seed) {
     add_servos(seed, &scene.parts);
     return scene;
   }
-  if (touches(kind)) {
+  if (kind == Kind::kAligned) {
+    scene = aligned(seed);
+  } else if (touches(kind)) {
     scene = touching(seed, kind);
   } else {
     scene.parts = mechanism(seed, has_motors(kind));

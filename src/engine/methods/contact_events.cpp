@@ -20,7 +20,7 @@ constexpr double kFastShare = 0.25;     // of a thickness, that a substep may mo
 constexpr double kMostTurn = 1.0;       // [rad] of a box in a substep
 constexpr std::uint32_t kMostJams = 4;  // in a step
 constexpr int kMostUnchanged = 100;     // events in a step, that changed nothing
-constexpr double kOverlap = 1e-9;       // [m] of boxes: more has been missed
+constexpr double kOverlap = 1e-9;       // [m] more has been missed
 constexpr int kMostMissed = 40;         // substeps in a step that are taken again for that
 
 }  // namespace
@@ -75,19 +75,25 @@ void ContactEvents::keep_places(const Pair& pair, bool all,
   }
 }
 
-// Whether two boxes have met with something else than what was watched.
+// Whether bodies overlap: two boxes may have met with something else than what was watched, and no
+// event may be late.
 bool ContactEvents::has_missed() {
   bool any = false;
   std::vector<double>& depth = depth_now_;
   depth = depth_;
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     const Pair& pair = pairs_[p];
-    if (!pair.is_of_boxes()) continue;
+    depth[p] = 0.0;
+    if (!pair.is_of_boxes()) {
+      for (std::size_t c = pair.first; c < pair.first + pair.count; ++c)
+        depth[p] = std::max(depth[p], -equations_.motion(equations_.contacts[c]).gap);
+      any = any || depth[p] > std::max(kOverlap, depth_[p]);
+      continue;
+    }
     // with corners of one alone it is apart by a face
     const auto is_nothing = [&](std::size_t k) {
       return equations_.contacts[pair.first + k].feature.kind == ContactFeature::Kind::kNothing;
     };
-    depth[p] = 0.0;
     if (is_nothing(0) != is_nothing(8)) continue;
     depth[p] = -gap_of_boxes(pair);
     any = any || depth[p] > std::max(kOverlap, depth_[p]);
@@ -143,10 +149,12 @@ bool ContactEvents::begin(const std::vector<BodyState>& states, bool closes) {
     if (pairs_[p].is_of_boxes()) depth_[p] = -gap_of_boxes(pairs_[p]);
     if (!closes && depth_[p] > kMostOverlap) return false;
   }
-  return closes || std::all_of(equations_.contacts.begin(), equations_.contacts.end(),
-                               [&](const ContactEquations::Contact& contact) {
-                                 return equations_.motion(contact).gap >= -kMostOverlap;
-                               });
+  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
+    const double depth = -equations_.motion(equations_.contacts[c]).gap;
+    if (!closes && depth > kMostOverlap) return false;
+    depth_[pair_of_[c]] = std::max(depth_[pair_of_[c]], depth);
+  }
+  return true;
 }
 
 bool ContactEvents::has_touched(std::size_t contact) const {
@@ -377,11 +385,8 @@ bool ContactEvents::advance_to_event(Span* span) {
     return ++done_.missed <= kMostMissed;
   }
   if (event) return finish_event(span, watched_.after[event->which], event->which);
-  if (watched_.is_muted.empty()) return true;
-  // what was muted and has passed all the same has its event now
   watched_.is_muted.clear();
-  const std::optional<std::size_t> late = watched_.find_passed(watched_.before, watched_.after);
-  return !late || finish_event(span, watched_.after[*late], *late);
+  return true;
 }
 
 // Substeps that became ever shorter: forces grow without bound where friction is about to jam.

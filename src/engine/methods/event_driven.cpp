@@ -411,10 +411,8 @@ bool EventDriven::advance_to_event(Span* span) {
   note_positions(*span, span->left.t);
   std::swap(watched_.before, watched_.after);
   if (event) return finish_event(span, event->which);
-  if (watched_.is_muted.empty()) return true;
-  watched_.is_muted.clear();  // what was muted and has passed all the same has its event now
-  const std::optional<std::size_t> late = watched_.find_passed(watched_.after, watched_.before);
-  return !late || finish_event(span, *late);
+  watched_.is_muted.clear();
+  return true;
 }
 
 // ---- at events

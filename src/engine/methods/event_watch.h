@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 #include <optional>
 #include <vector>
 
@@ -33,51 +32,53 @@ struct Crossing {
 
 namespace event_watch {
 
-inline constexpr double kLeavesFor = 1e-9;     // of a substep: what comes back before has not left
 inline constexpr double kLocatedForce = 1e-3;  // of the tolerance of forces
 inline constexpr double kLocated = 1e-15;      // [s], and of the time
-inline constexpr int kMostLocations = 80;      // substeps taken again for one event
+inline constexpr int kMostLocations = 120;     // substeps taken again for one event
 inline constexpr int kMostNewton = 40;         // of these by models, the others by halves
+inline constexpr int kMostUnpassed = 12;       // where models cross, and nothing has
 
-/// Where a force has its event: just beyond its bound, so that it is told from one that stays; a
-/// force that starts there may be beyond by its tolerance.
-inline double aim_of(const WatchedValue& start) {
-  return (start.value > start.tolerance ? -kLocatedForce : -1.0) * start.tolerance;
+/// What a value falls below at its event, by how it starts in a substep. A force has its event just
+/// beyond its bound, so that it is told from one that stays; one that starts there may be beyond by
+/// its tolerance. A gap or a rate that starts at zero, and at rest, may fall by what counts as
+/// closed or at rest, from where it starts: that may be below zero by rounding. So may, for now,
+/// what is muted: it has just had an event that changed nothing.
+inline double level_of(const WatchedValue& start, bool is_muted) {
+  const double below = std::min(start.value, 0.0);
+  if (start.known == 0) {
+    if (is_muted) return below - start.tolerance;
+    return (start.value > start.tolerance ? -kLocatedForce : -1.0) * start.tolerance;
+  }
+  const double resting = start.known == 1 ? kResting : kTouching;
+  if (!is_muted && (start.value > resting || std::abs(start.rate) > kResting)) return 0.0;
+  return below - resting;
 }
 
-/// The first root in a substep of h from one end to the other, of what was watched at both and
-/// where the substep starts.
+/// How close to its level a value is there, where places are told apart down to `least` [s].
+inline double slack_of(const WatchedValue& there, double least) {
+  if (there.known == 0) return 0.5 * kLocatedForce * there.tolerance;
+  return std::max(there.tolerance, -least * there.rate);
+}
+
+/// The first root in a substep of h from one end to the other, of what has its event at `level`.
+/// `is_all`: these are both ends of a substep.
 inline std::optional<double> first_crossing(const WatchedValue& from, const WatchedValue& to,
-                                            double h, const WatchedValue& start, bool is_all) {
+                                            double h, double level, bool is_all) {
+  const double p0 = from.value - level, p1 = to.value - level;
   if (from.known == 0) {
-    const double aim = aim_of(start);
-    if (!(to.value < (is_all ? -to.tolerance : aim))) return std::nullopt;
-    return std::clamp((from.value - aim) / (from.value - to.value), 0.0, 1.0);
+    if (!(to.value < (is_all ? std::min(level, -to.tolerance) : level))) return std::nullopt;
+    return std::clamp(p0 / (p0 - p1), 0.0, 1.0);
   }
-  const auto root_of = [&](auto p, double resting, bool is_still) -> std::optional<double> {
-    const bool is_falling =
-        from.rate < -resting || (from.rate < 0.0 && from.value > from.tolerance && !is_still);
-    if (from.value > resting || is_falling) {
-      p[0] = std::max(p[0], 0.0);
-      return first_root(p);
-    }
-    if (!is_still && from.rate > 0.0) {
-      auto from_zero = p;
-      from_zero[0] = 0.0;
-      const auto root = first_root_after_zero(from_zero);
-      if (!root || *root > kLeavesFor) return root;
-    }
-    const double start = std::min(p[0], 0.0);  // less is what it starts with, or rounding
-    for (double& c : p) c += resting - start;
-    return first_root(p);
+  const auto root_of = [&](auto p) {
+    const bool is_leaving = p[0] <= 0.0 && from.rate > 0.0;
+    p[0] = is_leaving ? 0.0 : std::max(p[0], 0.0);
+    return is_leaving ? first_root_after_zero(p) : first_root(p);
   };
-  const double p0 = from.value, p1 = to.value, v0 = h * from.rate, v1 = h * to.rate;
-  if (from.known == 1)
-    return root_of(Bernstein<4>{p0, p0 + v0 / 3.0, p1 - v1 / 3.0, p1}, kResting, false);
+  const double v0 = h * from.rate, v1 = h * to.rate;
+  if (from.known == 1) return root_of(Bernstein<4>{p0, p0 + v0 / 3.0, p1 - v1 / 3.0, p1});
   const double a0 = h * h * from.acceleration, a1 = h * h * to.acceleration;
   return root_of(Bernstein<6>{p0, p0 + v0 / 5.0, p0 + 2.0 * v0 / 5.0 + a0 / 20.0,
-                              p1 - 2.0 * v1 / 5.0 + a1 / 20.0, p1 - v1 / 5.0, p1},
-                 kTouching, std::abs(from.rate) <= kResting);
+                              p1 - 2.0 * v1 / 5.0 + a1 / 20.0, p1 - v1 / 5.0, p1});
 }
 
 }  // namespace event_watch
@@ -88,46 +89,53 @@ struct WatchedSubstep {
   std::vector<Watched> before, after;  ///< at its ends
   std::vector<char> is_muted;          ///< in this substep; may be shorter
 
+  double level(std::size_t k) const {
+    return event_watch::level_of(before[k], k < is_muted.size() && is_muted[k]);
+  }
+
   /// The earliest crossing that models of what is watched have between two places, h apart.
   /// `is_all`: these are both ends of a substep.
   std::optional<Crossing> earliest(const std::vector<Watched>& from, const std::vector<Watched>& to,
                                    double h, bool is_all) const {
     std::optional<Crossing> first;
     for (std::size_t k = 0; k < from.size(); ++k) {
-      if (k < is_muted.size() && is_muted[k]) continue;
-      std::optional<double> root =
-          event_watch::first_crossing(from[k], to[k], h, before[k], is_all);
+      std::optional<double> root = event_watch::first_crossing(from[k], to[k], h, level(k), is_all);
       if (!root && is_all && to[k].early > 0.0) root = to[k].early;
       if (root && (!first || *root < first->share)) first = Crossing{*root, k};
     }
     return first;
   }
 
-  /// What has passed its event between two places.
-  std::optional<std::size_t> find_passed(const std::vector<Watched>& from,
-                                         const std::vector<Watched>& to) const {
-    for (std::size_t k = 0; k < from.size(); ++k) {
-      if (k < is_muted.size() && is_muted[k]) continue;
-      const bool is_still =
-          from[k].known == 2 && from[k].value <= kTouching && std::abs(from[k].rate) <= kResting;
-      if (to[k].known == 0 ? to[k].value < event_watch::aim_of(from[k])
-          : is_still       ? to[k].value < -kTouching
-                           : to[k].value < -to[k].tolerance && to[k].rate < 0.0)
+  /// What is beyond its event at `after`. What starts below it, and leaves, is so where it falls
+  /// again.
+  std::optional<std::size_t> find_passed(double least) const {
+    for (std::size_t k = 0; k < after.size(); ++k) {
+      const Watched& there = after[k];
+      const double at = level(k);
+      if (there.value < at - event_watch::slack_of(there, least) &&
+          (there.known == 0 || before[k].value >= at || there.rate < 0.0))
         return k;
     }
     return std::nullopt;
   }
 
+  /// Whether the event of one is at `after`.
+  bool is_there(std::size_t k, double least) const {
+    const Watched& there = after[k];
+    return (there.known == 0 || there.rate < 0.0) &&
+           std::abs(there.value - level(k)) <= event_watch::slack_of(there, least);
+  }
+
   /// Ends the substep, which started at t and was h long, where the first event is, and leaves what
   /// is watched there in `after`. Or there is none after all, and the whole substep stays.
   /// `go_to(share, is_start)` takes the substep again that far, or not at all, and sets `after`;
-  /// false where it cannot.
+  /// false where it cannot, or where the event is found nowhere.
   template <class GoTo>
   bool locate(double t, double h, GoTo go_to_share, std::optional<Crossing>* event) {
     using namespace event_watch;  // NOLINT(google-build-using-namespace): its constants
     const double least = kLocated * std::max(1.0, std::abs(t));
     double low = 0.0, high = 1.0, here = 1.0;
-    bool is_passed = find_passed(before, after).has_value();
+    bool is_passed = find_passed(least).has_value();
     int low_for = 0, high_for = 0;  // times in a row that the other end has moved
     low_ = before;
     high_ = after;
@@ -136,23 +144,28 @@ struct WatchedSubstep {
       return go_to_share(share, share * h <= least);
     };
     for (int i = 0; i < kMostLocations; ++i) {
+      if (is_passed && (high - low) * h <= 2.0 * least) {
+        if (here != high && !go_to(high)) return false;
+        const std::optional<std::size_t> passed = find_passed(least);
+        if (passed)
+          *event = Crossing{high, *passed};
+        else  // by the rounding of the first try
+          event->reset();
+        return true;
+      }
       const std::optional<Crossing> next =
           i == 0 ? *event : earliest(low_, high_, (high - low) * h, false);
-      if (!next && !is_passed) break;
-      double share = low + (next ? next->share : 1.0) * (high - low);
-      if (i >= kMostNewton) share = 0.5 * (low + high);
-      const bool is_last = is_passed && (high - low) * h <= 2.0 * least;
-      if (is_last) share = high;
+      if (!is_passed && (!next || i >= kMostUnpassed)) {  // within rounding
+        event->reset();
+        return here == high || go_to(high);
+      }
+      const bool by_model = i < kMostNewton && next && (i == 0 || low == 0.0 || next->share > 0.0);
+      const double share = low + (by_model ? next->share : 0.5) * (high - low);
       if (!go_to(share)) return false;
       if (next) *event = next;
-      const Watched& there = after[(*event)->which];
-      const bool is_there =
-          there.known == 0 ? std::abs(there.value - aim_of(before[(*event)->which])) <=
-                                 0.5 * kLocatedForce * there.tolerance
-                           : there.rate < 0.0 && std::abs(there.value) <=
-                                                     std::max(there.tolerance, -least * there.rate);
-      if (is_there || is_last || share * h <= least) return true;
-      if (find_passed(before, after)) {
+      const std::optional<std::size_t> passed = find_passed(least);
+      if (share * h <= least || (!passed && is_there((*event)->which, least))) return true;
+      if (passed) {
         high = share;
         high_ = after;
         is_passed = true;
@@ -169,9 +182,7 @@ struct WatchedSubstep {
             if (w.known == 0 && w.value < -4.0 * w.tolerance) w.value *= 0.5;
       }
     }
-    if (here != high && !go_to(high)) return false;
-    if (!is_passed) event->reset();
-    return true;
+    return false;
   }
 
  private:

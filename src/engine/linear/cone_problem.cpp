@@ -17,14 +17,16 @@ using Eigen::Vector3d;
 using Eigen::VectorXd;
 
 constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-constexpr double kSingular = 1e-12;  // of the trace: a direction that nothing moves along
-constexpr double kDone = 1e-14;      // of the largest rate: rounding
-constexpr double kSolved = 1e-9;     // the same, of what rounding adds along what has no effect
+constexpr double kSingular = 1e-12;           // of the trace: a direction that nothing moves along
+constexpr double kDone = 1e-14;               // of the largest rate: rounding
+constexpr double kRounding = 4.0 * kEpsilon;  // of what rates are the sums of
+constexpr double kSolved = 1e-9;  // the same, of what rounding adds along what has no effect
 constexpr int kMostSweeps = 1025;
 constexpr double kCompliance = 1e-6;  // beside one of 1 on average
 constexpr int kMostPasses = 4;
 constexpr int kMostNewton = 40, kMostWorse = 6;
-constexpr int kMostBisections = 200;
+constexpr int kMostSteps = 100;  // to a factor of slip: six do, where none is bisected
+constexpr int kMostStalled = 3;  // times without half of what is left: rounding
 
 /// The tangential impulse of a contact that slips, by the factor κ with u_t = −κ p_t that it slips
 /// with; and the normal one that goes with it.
@@ -46,19 +48,55 @@ class Slipping {
       if (solver_.eigenvalues()[i] <= least_ && std::abs(c_[i]) > kSingular * scale_) return false;
     return true;
   }
-  Vector3d impulse(double kappa) const {
+  Vector3d impulse(double kappa) const { return in_full(tangential(kappa)); }
+
+  /// κ > 0 where the impulse is on the cone of friction μ, or infinity: Newton's method on
+  /// μ p_n/‖p_t‖ − 1, which is close to linear in κ, within a bracket.
+  double kappa_on_cone(double mu, double start) const {
+    double low = 0.0, high = std::numeric_limits<double>::infinity(), kappa = start;
+    double least = high;  // that the last step was off by
+    for (int k = 0; k < kMostSteps && low < (1.0 - 2.0 * kEpsilon) * high; ++k) {
+      const Vector2d p = tangential(kappa);
+      const double r = p.norm(), most = mu * (pushed_ - row_.dot(solver_.eigenvectors() * p));
+      const double off = most / r - 1.0;
+      (off >= 0.0 ? high : low) = kappa;
+      Vector2d slope;
+      for (Index i = 0; i < 2; ++i)
+        slope[i] = -p[i] / (std::max(solver_.eigenvalues()[i], 0.0) + kappa);
+      const double rate =
+          (-mu * row_.dot(solver_.eigenvectors() * slope) - most * p.dot(slope) / (r * r)) / r;
+      double next = kappa - off / rate;
+      const bool is_slow = !(std::abs(off) <= 0.5 * least);
+      least = std::abs(off);
+      if (std::abs(next - kappa) <= 2.0 * kEpsilon * kappa) return kappa;
+      if (is_slow || !(next > low && next < high)) {  // κ spans many orders: means of logarithms
+        if (!std::isfinite(high))
+          next = 16.0 * kappa;
+        else
+          next = low > 0.0 && high > 4.0 * low ? std::sqrt(low * high) : 0.5 * (low + high);
+      }
+      kappa = next;
+    }
+    return high;
+  }
+
+ private:
+  /// along the eigenvectors
+  Vector2d tangential(double kappa) const {
     Vector2d p;
     for (Index i = 0; i < 2; ++i) {
       const double s = std::max(solver_.eigenvalues()[i], 0.0) + kappa;
       p[i] = s > (kappa > 0.0 ? 0.0 : least_) ? -c_[i] / s : 0.0;
     }
+    return p;
+  }
+  Vector3d in_full(const Vector2d& p) const {
     Vector3d all;
     all.tail<2>() = solver_.eigenvectors() * p;
     all[0] = pushed_ - row_.dot(all.tail<2>());
     return all;
   }
 
- private:
   Vector2d row_;   // of what tangential impulses do along the normal
   double pushed_;  // the normal impulse without friction
   Eigen::SelfAdjointEigenSolver<Matrix2d> solver_;
@@ -87,17 +125,9 @@ bool solve_contact(const Matrix3d& A, const Vector3d& b, const ConeContact& cont
     *p = slipping.impulse(0.0);
     if (beyond(*p) <= 0.0) return true;
   }
-  double low = 0.0, high = A.trace();
-  for (int i = 0; beyond(slipping.impulse(high)) > 0.0; ++i, high *= 4.0)
-    if (i == 100) return false;
-  for (int i = 0; i < kMostBisections; ++i) {  // κ spans many orders: means of logarithms
-    const double middle =
-        low > 0.0 && high > 4.0 * low ? std::sqrt(low * high) : 0.5 * (low + high);
-    if (!(middle > low && middle < high)) break;
-    (beyond(slipping.impulse(middle)) > 0.0 ? low : high) = middle;
-    if (low == 0.0 && high < 1e-30 * A.trace()) break;
-  }
-  *p = slipping.impulse(high);
+  const double kappa = slipping.kappa_on_cone(mu, A.trace());
+  if (!std::isfinite(kappa)) return false;
+  *p = slipping.impulse(kappa);
   const double length = p->tail<2>().norm();
   if (length > mu * (*p)[0]) p->tail<2>() *= mu * (*p)[0] / length;
   return (*p)[0] >= 0.0;
@@ -145,6 +175,15 @@ class ScaledProblem {
     return p;
   }
   double size() const { return size_; }
+  /// Fitted to what 3, 18 and 36 rows cost.
+  double sweep_cost() const {
+    const auto n = static_cast<double>(scale_.size());
+    return 0.02 * n + 7e-5 * n * n;
+  }
+  double newton_cost() const {
+    const auto n = static_cast<double>(scale_.size());
+    return 0.15 + 1.8e-3 * n * n + 2.3e-5 * n * n * n;
+  }
 
   /// The same with rates that rise by so much of the impulse beyond p.
   ScaledProblem with_compliance(double compliance, const VectorXd& p) const {
@@ -155,7 +194,7 @@ class ScaledProblem {
   }
 
   /// A solution from p on, or what is closest to one. False where it is not.
-  bool find(VectorXd* p) const {
+  bool find(VectorXd* p, SolveEffort* effort) const {
     VectorXd x = *p, tried = x;
     double least = residual(x);
     const auto consider = [&](const VectorXd& other) {
@@ -164,11 +203,17 @@ class ScaledProblem {
       least = now;
       *p = other;
     };
-    for (int k = 0; least > kDone * size_ && k < kMostSweeps; ++k) {
+    double before = least;
+    for (int k = 0, stalled = 0; least > rounding(*p) && k < kMostSweeps; ++k) {
+      if (effort->is_over()) return false;
+      effort->spent += sweep_cost();
       if ((k & (k - 1)) == 0) {
         tried = x;
-        polish(&tried);
+        polish(&tried, effort);
         consider(tried);
+        stalled = least <= kSolved * size_ && least > 0.5 * before ? stalled + 1 : 0;
+        if (stalled == kMostStalled) break;
+        before = least;
       }
       if (!sweep(k % 2 == 1, &x)) return false;
       consider(x);
@@ -229,13 +274,22 @@ class ScaledProblem {
     return worst;
   }
 
+  /// A residual that is one of rounding: impulses that hold each other are larger than their sums.
+  double rounding(const VectorXd& p) const {
+    if (p.size() == 0) return 0.0;
+    VectorXd terms = scaled_.A.cwiseAbs() * p.cwiseAbs();
+    for (Index i = 0; i < contacts(); ++i)
+      terms.segment<3>(3 * i) *= 1.0 + scaled_.contacts[static_cast<std::size_t>(i)].friction;
+    return std::min(std::max(kDone * size_, kRounding * terms.maxCoeff()), kSolved * size_);
+  }
+
   /// Newton's method on which contacts are open, stick and slip, from p on. Leaves its best.
-  void polish(VectorXd* p) const {
+  void polish(VectorXd* p, SolveEffort* effort) const {
     VectorXd x = *p;
     double before = residual(x), least = before;
-    for (int k = 0, worse = 0; least > kDone * size_ && k < kMostNewton && worse < kMostWorse;
-         ++k) {
-      if (!take_newton(&x)) return;
+    for (int k = 0, worse = 0; least > rounding(*p) && k < kMostNewton && worse < kMostWorse; ++k) {
+      effort->spent += newton_cost();
+      if (effort->is_over() || !take_newton(&x)) return;
       const double now = residual(x);
       if (now < least) {
         least = now;
@@ -322,12 +376,14 @@ class ScaledProblem {
 
 // Where A is singular impulses are shared as those of least norm: a small compliance, taken away
 // again by passes from what the one before found.
-bool solve(const ConeProblem& problem, VectorXd* p) {
+bool solve(const ConeProblem& problem, VectorXd* p, SolveEffort* effort) {
   const ScaledProblem scaled(problem);
+  if (effort->is_over()) return false;
+  effort->spent += scaled.newton_cost();  // to set it up
   VectorXd x = scaled.start();
-  for (int pass = 0; pass < kMostPasses && scaled.residual(x) > kDone * scaled.size(); ++pass)
-    if (!scaled.with_compliance(kCompliance, x).find(&x)) break;
-  const bool is_found = scaled.find(&x);
+  for (int pass = 0; pass < kMostPasses && scaled.residual(x) > scaled.rounding(x); ++pass)
+    if (!scaled.with_compliance(kCompliance, x).find(&x, effort)) break;
+  const bool is_found = scaled.find(&x, effort);
   *p = scaled.unscaled(problem, x);
   return is_found;
 }

@@ -1,7 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <vector>
+
+#include "constraint_sim/engine/stop_flag.h"
 
 namespace constraint_sim::engine {
 
@@ -30,13 +33,23 @@ struct ConeProblem {
   std::vector<BoundedRow> rows = {};
 };
 
+/// What solve() may do, and has done. The unit is a substep of one body
+/// with one contact, 7 µs.
+struct SolveEffort {
+  double most = std::numeric_limits<double>::infinity();
+  StopFlag stop = nullptr;
+  double spent = 0.0;
+
+  bool is_over() const { return spent > most || is_set(stop); }
+};
+
 /// Solves it by Newton's method on which contacts are open, stick and slip (Alart and Curnier,
 /// Comput. Methods Appl. Mech. Eng. 92 (1991) 353), begun from sweeps over the contacts, each
 /// solved exactly (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235), and over the rows. Where
 /// A is singular p is about the one of least norm, rates of each contact scaled to a trace of 3 of
 /// its A. False where it does not get there: it has no solution, or friction and many contacts make
-/// it take too long.
-bool solve(const ConeProblem& problem, Eigen::VectorXd* p);
+/// it take too long, or `effort` is over. Takes a residual of rounding for none.
+bool solve(const ConeProblem& problem, Eigen::VectorXd* p, SolveEffort* effort);
 
 /// The impulse of one contact on its own: A of 3×3, b of 3. False where no impulse along the normal
 /// moves it along the normal.

@@ -180,6 +180,7 @@ class ContactEvents {
   std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations::Coordinate& of) const;
   bool have_impact(const Hits& hits, const Of<char>& rests, double faster, Of<double>* hit);
   bool have_jam(Of<double>* hit);
+  bool solve_counted(const ConeProblem& problem, Eigen::VectorXd* p);
   bool let_rest(const Of<double>& hit, Of<char>* rests, bool* is_settled);
   void break_joint(const Span& span, std::size_t joint);
   bool break_overloaded(Span* span);
@@ -216,8 +217,9 @@ class ContactEvents {
   int unchanged_ = 0;   // events that changed nothing
   int missed_ = 0;      // substeps that ended with boxes in each other, or too inexact
   double error_ = 0.0;  // of the substep that was repeated last, estimated [m]
-  double work_ = 0.0;   // substeps that were taken, by what one costs
+  double work_ = 0.0;   // substeps that were taken and problems solved, by what one costs
   double most_work_ = 0.0;
+  StopFlag stop_ = nullptr;    // of the span
   std::vector<double> depth_;  // [m] of pairs of boxes, where the substep starts
   AtBound at_cone_, at_zero_;  // of friction, and of the force along the normal
   std::vector<Told> told_;

@@ -166,7 +166,7 @@ bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double 
     }
     for (std::size_t k = 0; k < limits.size(); ++k)
       problem.b[first + index(k)] *= 1.0 + share * hits.limits[k].restitution;
-    if (!solve(problem, &impulse)) {
+    if (!solve_counted(problem, &impulse)) {
       if (share == 0.0) return false;
       continue;
     }
@@ -179,6 +179,14 @@ bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double 
   for (std::size_t k = 0; k < limits.size(); ++k)
     hit->coordinates[limits[k]] += impulse[first + index(k)];
   return true;
+}
+
+// Not solved where the work of the step is done, or it is to stop.
+bool ContactEvents::solve_counted(const ConeProblem& problem, VectorXd* p) {
+  SolveEffort effort{most_work_ - work_, stop_};
+  const bool is_found = solve(problem, p, &effort);
+  work_ += effort.spent;
+  return is_found;
 }
 
 // Where friction drives a contact that slips into the other body (Painlevé), no force is large

@@ -162,7 +162,7 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
     if (!responses.is_free[k]) problem.rows.back() = {};
   }
   VectorXd force;
-  if (!solve(problem, &force)) return false;
+  if (!solve_counted(problem, &force)) return false;
   choose_acts(responses, problem, force);
   choose_holds(event, held, responses, problem, force);
   if (!is_within_bounds()) take_forces(held, responses, force);

@@ -76,7 +76,7 @@ bool ContactEvents::close_overlaps(Span* span, std::vector<BodyState>* states) {
     for (std::size_t c = 0; c < all.size(); ++c)
       problem.b[3 * static_cast<Index>(c)] = equations_.motion(equations_.contacts[c]).gap;
     VectorXd p;
-    if (!solve(problem, &p)) return false;
+    if (!solve_counted(problem, &p)) return false;
     equations_.displace(responses.velocity * p, y);
     equations_.contacts.clear();
     if (!equations_.project(0.0, y)) return false;

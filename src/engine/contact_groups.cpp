@@ -26,7 +26,7 @@ struct Few {
   double work;
 };
 // Where the world chooses, groups have that work together, and each at least some of its own.
-constexpr Few kAskedFor{32, 64, 2e4}, kChosen{8, 48, 1e3};
+constexpr Few kAskedFor{32, 64, 2e4}, kChosen{8, 48, 1.5e3};
 constexpr double kLeastWork = 100;
 constexpr double kBack = 0.85;  // of these bodies and points come back from impulses
 // What impulses leave of contacts at rest is ½ g h² to g h² in each of those that bear each other;

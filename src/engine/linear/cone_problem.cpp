@@ -21,12 +21,24 @@ constexpr double kDone = 1e-14;        // of the largest rate: rounding
 constexpr double kNearlyDone = 1e-12;  // the same, where another step takes off no more
 constexpr double kStrict = 1e-8;       // the same, of what leaves a bound
 constexpr double kSolved = 1e-9;       // the same, of what rounding adds along what has no effect
+constexpr double kRounding = 4.0 * kEpsilon;  // of what rates are the sums of
 constexpr int kMostSweeps = 1025;
 constexpr double kCompliance = 1e-6;  // beside one of 1 on average
 constexpr int kMostPasses = 4;
 constexpr int kMostTogether = 8;
 constexpr int kMostNewton = 40, kMostWorse = 6;
-constexpr int kMostBisections = 200;
+constexpr int kMostSteps = 100;  // to a factor of slip: six do, where none is bisected
+constexpr int kMostStalled = 3;  // times without half of what is left: rounding
+
+/// Of so many rows, in substeps; fitted to what 3, 18 and 36 rows cost.
+double sweep_cost(std::size_t rows) {
+  const auto n = static_cast<double>(rows);
+  return 0.02 * n + 7e-5 * n * n;
+}
+double newton_cost(std::size_t rows) {
+  const auto n = static_cast<double>(rows);
+  return 0.15 + 1.8e-3 * n * n + 2.3e-5 * n * n * n;
+}
 
 /// The tangential impulse of a contact that slips, by the factor κ with u_t = −κ p_t that it slips
 /// with; and the normal one that goes with it.
@@ -48,19 +60,55 @@ class Slipping {
       if (solver_.eigenvalues()[i] <= least_ && std::abs(c_[i]) > kSingular * scale_) return false;
     return true;
   }
-  Vector3d impulse(double kappa) const {
+  Vector3d impulse(double kappa) const { return in_full(tangential(kappa)); }
+
+  /// κ > 0 where the impulse is on the cone of friction μ, or infinity: Newton's method on
+  /// μ p_n/‖p_t‖ − 1, which is close to linear in κ, within a bracket.
+  double kappa_on_cone(double mu, double start) const {
+    double low = 0.0, high = std::numeric_limits<double>::infinity(), kappa = start;
+    double least = high;  // that the last step was off by
+    for (int k = 0; k < kMostSteps && low < (1.0 - 2.0 * kEpsilon) * high; ++k) {
+      const Vector2d p = tangential(kappa);
+      const double r = p.norm(), most = mu * (pushed_ - row_.dot(solver_.eigenvectors() * p));
+      const double off = most / r - 1.0;
+      (off >= 0.0 ? high : low) = kappa;
+      Vector2d slope;
+      for (Index i = 0; i < 2; ++i)
+        slope[i] = -p[i] / (std::max(solver_.eigenvalues()[i], 0.0) + kappa);
+      const double rate =
+          (-mu * row_.dot(solver_.eigenvectors() * slope) - most * p.dot(slope) / (r * r)) / r;
+      double next = kappa - off / rate;
+      const bool is_slow = !(std::abs(off) <= 0.5 * least);
+      least = std::abs(off);
+      if (std::abs(next - kappa) <= 2.0 * kEpsilon * kappa) return kappa;
+      if (is_slow || !(next > low && next < high)) {  // κ spans many orders: means of logarithms
+        if (!std::isfinite(high))
+          next = 16.0 * kappa;
+        else
+          next = low > 0.0 && high > 4.0 * low ? std::sqrt(low * high) : 0.5 * (low + high);
+      }
+      kappa = next;
+    }
+    return high;
+  }
+
+ private:
+  /// along the eigenvectors
+  Vector2d tangential(double kappa) const {
     Vector2d p;
     for (Index i = 0; i < 2; ++i) {
       const double s = std::max(solver_.eigenvalues()[i], 0.0) + kappa;
       p[i] = s > (kappa > 0.0 ? 0.0 : least_) ? -c_[i] / s : 0.0;
     }
+    return p;
+  }
+  Vector3d in_full(const Vector2d& p) const {
     Vector3d all;
     all.tail<2>() = solver_.eigenvectors() * p;
     all[0] = pushed_ - row_.dot(all.tail<2>());
     return all;
   }
 
- private:
   Vector2d row_;   // of what tangential impulses do along the normal
   double pushed_;  // the normal impulse without friction
   Eigen::SelfAdjointEigenSolver<Matrix2d> solver_;
@@ -89,17 +137,9 @@ bool solve_contact(const Matrix3d& A, const Vector3d& b, const ConeContact& cont
     *p = slipping.impulse(0.0);
     if (beyond(*p) <= 0.0) return true;
   }
-  double low = 0.0, high = A.trace();
-  for (int i = 0; beyond(slipping.impulse(high)) > 0.0; ++i, high *= 4.0)
-    if (i == 100) return false;
-  for (int i = 0; i < kMostBisections; ++i) {  // κ spans many orders: means of logarithms
-    const double middle =
-        low > 0.0 && high > 4.0 * low ? std::sqrt(low * high) : 0.5 * (low + high);
-    if (!(middle > low && middle < high)) break;
-    (beyond(slipping.impulse(middle)) > 0.0 ? low : high) = middle;
-    if (low == 0.0 && high < 1e-30 * A.trace()) break;
-  }
-  *p = slipping.impulse(high);
+  const double kappa = slipping.kappa_on_cone(mu, A.trace());
+  if (!std::isfinite(kappa)) return false;
+  *p = slipping.impulse(kappa);
   const double length = p->tail<2>().norm();
   if (length > mu * (*p)[0]) p->tail<2>() *= mu * (*p)[0] / length;
   return (*p)[0] >= 0.0;
@@ -121,13 +161,16 @@ Vector3d into_cone(const Vector3d& x, double mu) {
 
 // Where A is singular impulses are shared as those of least norm: at once, or by a small compliance
 // that is taken away again by passes from what the one before found.
-bool ConeSolver::solve(const ConeProblem& problem, std::vector<double>* p) {
-  set(problem);
+bool ConeSolver::solve(const ConeProblem& problem, std::vector<double>* p, SolveEffort* effort) {
   p->resize(problem.b.size());
+  if (effort->is_over()) return false;
+  effort_ = effort;
+  effort->spent += newton_cost(p->size());  // to set it up
+  set(problem);
   bool is_found = find_together(p->data());
   if (!is_found) {
     start(p->data());
-    for (int pass = 0; pass < kMostPasses && residual(p->data()) > kDone * largest_rate_; ++pass)
+    for (int pass = 0; pass < kMostPasses && residual(p->data()) > rounding(p->data()); ++pass)
       if (!with_compliance(kCompliance, p->data()).find(p->data())) break;
     is_found = find(p->data());
   }
@@ -207,7 +250,7 @@ bool ConeSolver::find_together(double* p) {
   start(p);
   double before = residual(p);
   if (before <= kDone * largest_rate_) return true;
-  for (int k = 0; k < kMostTogether; ++k) {
+  for (int k = 0; k < kMostTogether && count_newton(); ++k) {
     take_newton(true, p);
     const double now = residual(p);
     const bool is_done =
@@ -249,11 +292,17 @@ bool ConeSolver::find(double* p) {
     least = now;
     std::copy(other.begin(), other.end(), p);
   };
-  for (int k = 0; least > kDone * largest_rate_ && k < kMostSweeps; ++k) {
+  double before = least;
+  for (int k = 0, stalled = 0; least > rounding(p) && k < kMostSweeps; ++k) {
+    if (effort_->is_over()) return false;
+    effort_->spent += sweep_cost(x.size());
     if ((k & (k - 1)) == 0) {
       tried = x;
       polish(tried.data());
       consider(tried);
+      stalled = least <= kSolved * largest_rate_ && least > 0.5 * before ? stalled + 1 : 0;
+      if (stalled == kMostStalled) break;
+      before = least;
     }
     if (!sweep(k % 2 == 1, x.data())) return false;
     consider(x);
@@ -315,12 +364,30 @@ double ConeSolver::residual(const double* p) {
   return worst;
 }
 
+/// A residual that is one of rounding: impulses that hold each other are larger than their sums.
+double ConeSolver::rounding(const double* p) const {
+  double largest = 0.0;
+  for (Index i = 0; i < size(); ++i) {
+    double terms = 0.0;
+    for (Index j = 0; j < size(); ++j) terms += std::abs(A()(i, j) * p[j]);
+    largest =
+        std::max(largest, i < end_of_contacts() ? (1.0 + contact(i).friction) * terms : terms);
+  }
+  return std::min(std::max(kDone * largest_rate_, kRounding * largest), kSolved * largest_rate_);
+}
+
+// False where the effort is over.
+bool ConeSolver::count_newton() {
+  effort_->spent += newton_cost(scaled_.b.size());
+  return !effort_->is_over();
+}
+
 /// Newton's method on which contacts are open, stick and slip, from p on. Leaves its best.
 void ConeSolver::polish(double* p) {
   std::vector<double> x(p, p + size());
   double before = residual(p), least = before;
-  for (int k = 0, worse = 0; least > kDone * largest_rate_ && k < kMostNewton && worse < kMostWorse;
-       ++k) {
+  for (int k = 0, worse = 0; least > rounding(p) && k < kMostNewton && worse < kMostWorse; ++k) {
+    if (!count_newton()) return;
     take_newton(false, x.data());
     const double now = residual(x.data());
     if (now < least) {

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <vector>
 
+#include "constraint_sim/engine/stop_flag.h"
 #include "engine/linear/least_norm_solver.h"
 
 namespace constraint_sim::engine {
@@ -32,16 +34,26 @@ struct ConeProblem {
   std::vector<BoundedRow> rows = {};
 };
 
+/// What a solution may take, and has taken. The unit is a substep of one body with one contact, 7
+/// µs.
+struct SolveEffort {
+  double most = std::numeric_limits<double>::infinity();
+  StopFlag stop = nullptr;
+  double spent = 0.0;
+
+  bool is_over() const { return spent > most || is_set(stop); }
+};
+
 /// Solves it by Newton's method on which contacts are open, stick and slip (Alart and Curnier,
 /// Comput. Methods Appl. Mech. Eng. 92 (1991) 353): at first with all that is pushed together, each
 /// step to the p of least norm. Where that does not get there it is begun from sweeps over the
 /// contacts, each solved exactly (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235), and over
 /// the rows. Where A is singular p is about the one of least norm, rates of each contact scaled to
 /// a trace of 3 of its A. False where it does not get there: it has no solution, or friction and
-/// many contacts make it take too long.
+/// many contacts make it take too long, or `effort` is over. A residual of rounding is none.
 class ConeSolver {
  public:
-  bool solve(const ConeProblem& problem, std::vector<double>* p);
+  bool solve(const ConeProblem& problem, std::vector<double>* p, SolveEffort* effort);
 
  private:
   using Numbers = Eigen::Map<Eigen::VectorXd>;
@@ -57,6 +69,8 @@ class ConeSolver {
   void take_newton(bool is_of_least_norm, double* p);
   void write_newton_contact(Eigen::Index i, const double* p, double* J);
   double residual(const double* p);
+  double rounding(const double* p) const;
+  bool count_newton();
   ConeSolver with_compliance(double compliance, const double* p) const;
   void start(double* p) const;
   void unscale(const ConeProblem& problem, double* p) const;
@@ -81,6 +95,7 @@ class ConeSolver {
   ConeProblem scaled_;
   std::vector<double> scale_;
   double largest_rate_ = 0.0;
+  SolveEffort* effort_ = nullptr;
   LeastNormSolver factors_;
   std::vector<double> x_, u_, off_, right_;  // scratch
 };

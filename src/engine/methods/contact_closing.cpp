@@ -74,7 +74,7 @@ bool ContactEvents::close_overlaps(Span* span, std::vector<BodyState>* states) {
     problem_.rows.assign(responses_.columns, {0.0, std::numeric_limits<double>::infinity()});
     for (const ContactEquations::Touching& touching : responses_.contacts)
       problem_.b[touching.column] = touching.motion.gap;
-    if (!solver_.solve(problem_, &force_)) return false;
+    if (!solve_counted()) return false;
     equations_.displace(responses_, force_.data(), y);
     equations_.contacts.clear();
     if (!equations_.project(0.0, y)) return false;

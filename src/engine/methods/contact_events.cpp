@@ -227,6 +227,7 @@ IntegrationResult ContactEvents::advance(const SmoothSpan& all, const Integrator
                                          const std::vector<JointState>& joint_states,
                                          double most_work, std::vector<BodyState>* states) {
   most_work_ = most_work;
+  stop_ = all.stop;
   Span span{all, accuracy, SubstepSpan(0.0, all.h), {}};
   equations_.gather_state(*states);
   equations_.gravity = all.gravity;

@@ -163,7 +163,7 @@ class ContactEvents {
     std::uint32_t events = 0, impacts = 0, breaks = 0, jams = 0;
     int unchanged = 0;   ///< events that changed nothing
     int missed = 0;      ///< substeps that ended with boxes in each other, or too inexact
-    double work = 0.0;   ///< substeps that were taken, by what one costs
+    double work = 0.0;   ///< substeps that were taken and problems solved, by what one costs
     bool spans = false;  ///< any span
   };
   /// A span in which nothing moved: what it began with, and what contacts did.
@@ -226,6 +226,7 @@ class ContactEvents {
                            std::vector<LimitHit>* hits) const;
   std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations::Coordinate& of) const;
   bool have_impact(const Hits& hits, const Of<char>& rests, double faster, Of<double>* hit);
+  bool solve_counted();
   bool does_work(const ContactEquations::Responses& responses) const;
   bool have_jam(Of<double>* hit);
   bool let_rest(const Of<double>& hit, Of<char>* rests, bool* is_settled);
@@ -266,6 +267,7 @@ class ContactEvents {
   Done done_;
   double error_ = 0.0;  // of the substep that was repeated last, estimated [m]
   double most_work_ = 0.0;
+  StopFlag stop_ = nullptr;  // of the span
   std::vector<double> depth_;      // [m] of pairs of boxes, where the substep starts,
   std::vector<double> depth_now_;  // and where it ends
   AtBound at_cone_, at_zero_;      // of friction, and of the force along the normal

@@ -162,7 +162,7 @@ bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double 
     }
     for (std::size_t k = 0; k < hits.limits.size(); ++k)
       problem.b[first + k] *= 1.0 + share * hits.limits[k].restitution;
-    if (!solver_.solve(problem, &force_)) {
+    if (!solve_counted()) {
       if (share == 0.0) return false;
       continue;
     }
@@ -174,6 +174,14 @@ bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double 
   for (std::size_t k = 0; k < hits.limits.size(); ++k)
     hit->coordinates[hits.limits[k].coordinate] += force_[first + k];
   return true;
+}
+
+// Solves problem_ for force_. Not where the work of the step is done, or it is to stop.
+bool ContactEvents::solve_counted() {
+  SolveEffort effort{most_work_ - done_.work, stop_};
+  const bool is_found = solver_.solve(problem_, &force_, &effort);
+  done_.work += effort.spent;
+  return is_found;
 }
 
 // whether impulses add kinetic energy: by the means of rates before and after

@@ -147,7 +147,7 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   for (const Candidate& row : held_) responses.coordinates.push_back(row.coordinate);
   equations_.find_responses(&responses);
   set_problem(least_slip);
-  if (!solver_.solve(problem_, &force_)) return false;
+  if (!solve_counted()) return false;
   choose_acts();
   choose_holds(event);
   has_derivative_ = is_within_bounds();

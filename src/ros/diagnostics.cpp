@@ -148,6 +148,8 @@ Diagnostics::Status Diagnostics::physics(const World& world, const Stepper& step
   add(&status, "step", std::to_string(world.step_count()));
   add(&status, "simulated time [s]", shown(world.time()));
   add(&status, "local error in this second [m]", shown(ticks_.local_error));
+  add(&status, "events in this second", std::to_string(ticks_.events));
+  add(&status, "substeps in this second", std::to_string(ticks_.substeps));
   return status;
 }
 

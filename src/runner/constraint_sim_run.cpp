@@ -144,6 +144,7 @@ struct Outcome {
   double accumulated_local_error = 0.0;             ///< sum of the steps' estimates [m]
   double correction_work = 0.0, driven_work = 0.0;  ///< sums over all steps [J]
   double solver_residual = 0.0;                     ///< largest of all steps [m/s]
+  std::uint64_t events = 0, substeps = 0;           ///< sums over all steps
   std::uint64_t handed_over = 0;                    ///< islands, from events to impulses
   std::set<std::string> methods;
   std::set<std::string> unresolved_bodies;
@@ -177,13 +178,15 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
     outcome.correction_work += report.correction_work;
     outcome.driven_work += report.driven_work;
     outcome.solver_residual = std::max(outcome.solver_residual, report.solver_residual);
+    outcome.events += report.events;
+    outcome.substeps += report.substeps;
     outcome.handed_over += report.handed_over;
     for (std::size_t i = 0; i < kMethodCount; ++i)
       if (report.islands[i] > 0) outcome.methods.insert(name(static_cast<Method>(i)));
     if (report.unresolved_bodies > 0)
       for (const BodyId id : world->unresolved_bodies())
         outcome.unresolved_bodies.insert(world->body(id).name);
-    if (report.unclosed_joints > 0 || report.energy_rise > 0.0)
+    if (report.unclosed_joints > 0 || report.energy_rise > 0.0 || report.hits_left_body)
       for (const StepWarning& now : step_warnings(*world)) add(now, &outcome);
     outcome.failed = report.failed;
     if (csv->is_wanted()) write_csv_rows(*world, csv->stream());
@@ -255,6 +258,8 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
       {"failure", to_string(world.report().failure)},
       {"failed_body", failed_body(world)},
       {"methods", outcome.methods},
+      {"events", outcome.events},
+      {"substeps", outcome.substeps},
       {"handed_over", outcome.handed_over},
       {"unresolved_bodies", outcome.unresolved_bodies},
       {"left_out", engine::left_out(world)},

@@ -17,6 +17,8 @@ void TickStatistics::add(const engine::World& world, double seconds) {
   for (std::size_t i = 0; i < stage_sums.size(); ++i) stage_sums[i] += report.stage_times[i];
   local_error = std::max(local_error, report.local_error);
   accumulated_local_error += report.local_error;
+  events += report.events;
+  substeps += report.substeps;
 }
 
 void TickStatistics::clear() {

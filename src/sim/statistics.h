@@ -24,6 +24,7 @@ class TickStatistics {
   std::array<double, engine::kStageCount> stage_sums{};  ///< [s]
   double accumulated_local_error = 0.0;                  ///< since the start [m]
   double local_error = 0.0;                              ///< largest of a tick [m]
+  std::uint64_t events = 0, substeps = 0;                ///< sums over the ticks
 };
 
 }  // namespace constraint_sim

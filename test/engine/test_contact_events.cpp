@@ -9,6 +9,7 @@
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
 #include "support.h"
+#include "test_paths.h"
 
 namespace constraint_sim::engine {
 namespace {

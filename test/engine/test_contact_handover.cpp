@@ -30,7 +30,6 @@ bool is_by_events(const World& world) {
 
 // Reach was that of the fastest body of all: two metres either way of a bird at 50 m/s.
 TEST(ContactHandover, WhatIsFastFarAwayChangesNothing) {
-  std::array<std::uint64_t, 2> hashes{};
   for (const double speed : {0.0, 50.0}) {
     World world(by_auto(0.01));
     world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));

@@ -76,6 +76,29 @@ class Diagnostics(unittest.TestCase):
                 lambda m: status(m, "constraints", "/strict") and
                 status(m, "constraints", "/strict").level == WARN, "the warning")
 
+    def test_events_and_what_they_cost_are_counted(self):
+        """A ball that bounces for ever has an event a bounce, and each of them substeps."""
+        self.assertTrue(call("load_scene", text="""
+bodies:
+- {name: floor, type: static, shape: {plane: {}}, friction: 0.5, restitution: 1}
+- {name: ball, mass: 1, position: [0, 0, 0.6], shape: {sphere: {radius: 0.5}}, friction: 0.5,
+   restitution: 1}
+""").success)
+        call("unpause_physics")
+        found = self.wait("physics", OK, lambda s: int(values(s)["events in this second"]) >= 2)
+        self.assertGreater(int(values(found)["substeps in this second"]),
+                           int(values(found)["events in this second"]))
+
+    def test_the_threshold_of_the_pace_is_a_parameter(self):
+        """Ten million times real time is out of reach: 0 asks for nothing, so that only what was
+        dropped is told."""
+        with running(node_command(scene="pendulum", real_time_factor=1e7,
+                                  diagnostics_real_time_factor=0.0) + ["__name:=patient"]):
+            self.listener.wait(
+                lambda m: status(m, "clock", "/patient") and
+                float(values(status(m, "clock", "/patient"))["real_time_factor"]) > 0.0 and
+                "real-time factor" not in status(m, "clock", "/patient").message, "no such warning")
+
     def test_a_failure_is_an_error(self):
         body = sphere("fast", 1e20)
         body.twist.linear.x = 1e20

@@ -128,14 +128,22 @@ class Hands(unittest.TestCase):
         self.assertAlmostEqual(self.x("b0"), 2.8, delta=0.85)
 
     def test_a_drag_whose_feedback_stops_lets_go_within_half_a_second(self):
-        self.load(self.weightless(self.ball("a", 1, 0)), "a")
         call("unpause_physics")
-        self.drag("a", (0, 0, 0), (0.5, 0, 0), 0.5)
-        self.keep("a", self.is_held, "the grip")
-        end = time.monotonic()
-        support.wait_until(lambda: not self.is_held(), "the release")
-        # 0.5 s, and a period of 0.05 s in which it is looked for; the rest is for slow machines
-        self.assertLess(time.monotonic() - end, 10.0)
+        waits = []
+        for _ in range(5):  # a busy machine may be late once, and again, but not each time
+            self.load(self.weightless(self.ball("a", 1, 0)), "a")
+            call("unpause_physics")
+            self.drag("a", (0, 0, 0), (0.5, 0, 0), 0.3)
+            self.keep("a", self.is_held, "the grip")
+            self.send(InteractiveMarkerFeedback.KEEP_ALIVE, "a")
+            end = time.monotonic()
+            support.wait_until(lambda: not self.is_held(), "the release")
+            waits.append(time.monotonic() - end)
+            # 0.5 s, a period of 0.05 s in which it is looked for, a tick, and two calls of services
+            if waits[-1] < 0.65:
+                break
+        self.assertGreater(min(waits), 0.4)  # and not before: the grip goes by feedback
+        self.assertLess(min(waits), 0.65)
 
     def test_what_is_saved_in_a_hand_is_let_go_when_loaded(self):
         self.load(self.weightless(self.ball("a", 1, 0)), "a")

@@ -8,6 +8,7 @@ import time
 import rospy
 import rostest
 from constraint_sim.msg import Statistics
+from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import InteractiveMarkerFeedback
 
 import support
@@ -128,14 +129,20 @@ class Mouse(InRviz):
                        for i, (a, b) in enumerate(zip(names, names[1:])))
         self.load(self.weightless(bodies, rods))
         self.drag_two_metres("bead3", -1.5)
-        # the rock follows; a chain pulls and does not push, so that it may go on past the beads
-        support.wait_until(lambda: self.x("rock") > -2.0, "a metre of the rock's way")
+        # the rock follows; a chain pulls and does not push, so that it may go on past the beads, and be
+        # pulled back from there
+        support.wait_until(lambda: self.x("rock") > -1.0 - 0.05, "two metres of the rock's way")
+        call("set_options", keys=["real_time_factor"], values=["10"])
+        support.wait_until(lambda: self.speed("rock") < 0.02, "the rock at rest")
         self.let_go()
+        call("set_options", keys=["real_time_factor"], values=["1"])
         statistics = Listener(NODE + "/statistics", Statistics)
         released = properties().step
         first = statistics.wait(lambda m: m.ticks > 0 and m.step > released)
         later = statistics.wait(lambda m: m.step > first.step + 200)
-        # nothing drives it any more; the rest is the tolerance of 2 s
+        # a thousandth of what it had at 1 m/s is left at most, as much as 0.02 m/s and 2e-2 m/s of
+        # the beads; and nothing drives it any more, but the tolerance of 2 s
+        self.assertLess(first.energy, 0.5e6 * 1e-3)
         self.assertLessEqual(later.energy, first.energy * (1 + 1e-6))
 
     def test_a_viewer_that_dies_in_a_drag_lets_go(self):
@@ -143,35 +150,56 @@ class Mouse(InRviz):
         self.grab("ball", 0, 0)
         self.point(0.5, 0)
         support.wait_until(self.is_held, "the grip")
-        self.rviz.send_signal(19)  # SIGSTOP: nothing more comes
+        self.rviz.send_signal(19)  # SIGSTOP: nothing more comes; when, is test_hands' to say
         try:
-            begin = time.monotonic()
             support.wait_until(lambda: not self.is_held(), "the release")
-            # 0.5 s and a period of 0.05 s; the rest is for slow machines
-            self.assertLess(time.monotonic() - begin, 5.0)
         finally:
             self.rviz.send_signal(18)
 
-    def test_the_menu_fixes_a_body(self):
-        self.load(self.weightless(self.ball("ball", 1, 0)))
-        self.grab("ball", 0, 0)
-        self.mouse("mouseup", "1")
-        is_fixed = lambda: "fixed/ball" in properties().constraints
+    MENU = ("Fix here", "Release", "Remove", "Push along +x", "Push along -x", "Push along +y", "Push along -y",
+            "Push along +z", "Push along -z", "Join: mark this body", "Join to the marked body", "Follow")
 
+    def choose(self, title, x, y, is_done):
+        """Opens the menu of the body that is seen at this place, and takes the entry; again where the
+        menu was not there in time."""
         def chosen():
-            """Again where the menu was not there in time."""
+            self.point(x, y)
+            time.sleep(0.3)
+            self.point(x + 0.02, y)
+            time.sleep(0.3)
             self.mouse("click", "3")
             time.sleep(1.0)
             self.screenshot("menu.png")
-            self.mouse("key", "Down")
-            self.mouse("key", "Return")  # the first entry: Fix here
+            for _ in range(self.MENU.index(title) + 1):
+                self.mouse("key", "Down")
+            self.mouse("key", "Return")
             for _ in range(20):
-                if is_fixed():
+                if is_done():
                     return True
                 time.sleep(0.1)
             self.mouse("key", "Escape")
             return False
-        support.wait_until(chosen, "the fixing", START)
+        support.wait_until(chosen, title, START)
+
+    def test_the_menu_does_what_it_says(self):
+        self.load(self.weightless(self.ball("ball", 1, 0) + self.ball("other", 1, -1.5)))
+        self.grab("ball", 0, 0)
+        self.mouse("mouseup", "1")
+        constraints = lambda: properties().constraints
+        self.choose("Fix here", 0, 0, lambda: "fixed/ball" in constraints())
+        self.choose("Release", 0, 0, lambda: "fixed/ball" not in constraints())
+        taken = lambda: any(m.event_type == InteractiveMarkerFeedback.MENU_SELECT and
+                            m.marker_name == "ball" for m in self.feedback.messages[known:])
+        known = len(self.feedback.messages)
+        self.choose("Join: mark this body", 0, 0, taken)
+        self.choose("Join to the marked body", -1.5, 0, lambda: "joined/ball/other" in constraints())
+        followed = Listener("/tf", TFMessage)
+        self.choose("Follow", 0, 0, lambda: any(
+            t.child_frame_id == "followed" for m in followed.messages for t in m.transforms))
+        self.choose("Remove", -1.5, 0, lambda: properties().bodies == ["ball"])
+        # the body is somewhere else after each push that is repeated: one is looked for
+        self.choose("Push along +y", 0, 0, lambda: call(
+            "get_body_state", name="ball").state.twist.linear.y > 0.99)
 
 
 if __name__ == "__main__":

@@ -171,7 +171,7 @@ bool ConeSolver::solve(const ConeProblem& problem, std::vector<double>* p, Solve
   if (!is_found) {
     start(p->data());
     for (int pass = 0; pass < kMostPasses && residual(p->data()) > rounding(p->data()); ++pass)
-      if (!with_compliance(kCompliance, p->data()).find(p->data())) break;
+      if (!find_with_compliance(kCompliance, p->data())) break;
     is_found = find(p->data());
   }
   unscale(problem, p->data());
@@ -233,15 +233,19 @@ const double* ConeSolver::rates(const double* p) {
   return u_.data();
 }
 
-/// The same with rates that rise by so much of the impulse beyond p.
-ConeSolver ConeSolver::with_compliance(double compliance, const double* p) const {
-  ConeSolver other = *this;
+/// A solution of the problem with rates that rise by so much of the impulse beyond p, from p on.
+bool ConeSolver::find_with_compliance(double compliance, double* p) {
+  stiff_A_ = scaled_.A;
+  stiff_b_ = scaled_.b;
   const auto n = scaled_.b.size();
   for (std::size_t i = 0; i < n; ++i) {
-    other.scaled_.A[n * i + i] += compliance;
-    other.scaled_.b[i] -= compliance * p[i];
+    scaled_.A[n * i + i] += compliance;
+    scaled_.b[i] -= compliance * p[i];
   }
-  return other;
+  const bool is_found = find(p);
+  scaled_.A.swap(stiff_A_);
+  scaled_.b.swap(stiff_b_);
+  return is_found;
 }
 
 /// All that is pushed together acts, then what is so found, from step to step. False also where
@@ -284,7 +288,8 @@ bool ConeSolver::is_strict(const double* p) {
 
 /// A solution from p on, or what is closest to one. False where it is not.
 bool ConeSolver::find(double* p) {
-  std::vector<double> x(p, p + size()), tried;
+  std::vector<double>&x = swept_, &tried = tried_;
+  x.assign(p, p + size());
   double least = residual(p);
   const auto consider = [&](const std::vector<double>& other) {
     const double now = residual(other.data());
@@ -384,7 +389,8 @@ bool ConeSolver::count_newton() {
 
 /// Newton's method on which contacts are open, stick and slip, from p on. Leaves its best.
 void ConeSolver::polish(double* p) {
-  std::vector<double> x(p, p + size());
+  std::vector<double>& x = x_;
+  x.assign(p, p + size());
   double before = residual(p), least = before;
   for (int k = 0, worse = 0; least > rounding(p) && k < kMostNewton && worse < kMostWorse; ++k) {
     if (!count_newton()) return;

@@ -71,7 +71,7 @@ class ConeSolver {
   double residual(const double* p);
   double rounding(const double* p) const;
   bool count_newton();
-  ConeSolver with_compliance(double compliance, const double* p) const;
+  bool find_with_compliance(double compliance, double* p);
   void start(double* p) const;
   void unscale(const ConeProblem& problem, double* p) const;
 
@@ -97,7 +97,7 @@ class ConeSolver {
   double largest_rate_ = 0.0;
   SolveEffort* effort_ = nullptr;
   LeastNormSolver factors_;
-  std::vector<double> x_, u_, off_, right_;  // scratch
+  std::vector<double> swept_, tried_, x_, u_, off_, right_, stiff_A_, stiff_b_;  // scratch
 };
 
 /// The impulse of one contact on its own: A of 3×3, b of 3. False where no impulse along the normal

@@ -187,7 +187,7 @@ TEST(Islands, AreToldAfterABodyInContactIsGone) {
   const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 1.0, {0.0, 0.0, 0.09}));
   world.add_body(make_body("far", Sphere{0.1}, 1.0, {9.0, 0.0, 99.0}));
   world.step();
-  EXPECT_EQ(world.islands().front().why, MethodReason::kContact);
+  EXPECT_EQ(world.islands().front().why, MethodReason::kOverlap);
   world.remove_body(ball);
   EXPECT_EQ(only_island(world).why, MethodReason::kSmooth);
   world.step();

@@ -267,7 +267,7 @@ class ContactEvents {
   Done done_;
   double error_ = 0.0;  // of the substep that was repeated last, estimated [m]
   double most_work_ = 0.0;
-  StopFlag stop_ = nullptr;  // of the span
+  StopFlag stop_ = nullptr;        // of the span
   std::vector<double> depth_;      // [m] of pairs of boxes, where the substep starts,
   std::vector<double> depth_now_;  // and where it ends
   AtBound at_cone_, at_zero_;      // of friction, and of the force along the normal

@@ -16,6 +16,8 @@
 namespace constraint_sim::engine {
 namespace {
 
+constexpr std::uint64_t kReturns = 4;  // times as long awake where contacts are left to impulses
+
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 bool in_order(const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); }
@@ -179,8 +181,14 @@ bool World::Impl::is_moving_by_itself(std::size_t body) const {
 // islands that were quiet for long enough, and touch none but such
 bool World::Impl::find_sleep_candidates() {
   is_sleep_candidate.assign(islands.size(), false);
-  for (const int i : awake_islands)
-    is_sleep_candidate[at(i)] = island_parts[at(i)].quiet_for >= quiet_steps && !is_driven(at(i));
+  for (const int i : awake_islands) {
+    const IslandParts& parts = island_parts[at(i)];
+    // what is to come back from impulses does so first, for they leave overlaps; but what falls
+    // back each time is not kept awake by that for ever
+    const bool waits = step_count <= parts.contacts_refused_until;
+    const std::uint64_t least = (waits ? kReturns : 1) * quiet_steps;
+    is_sleep_candidate[at(i)] = parts.quiet_for >= least && !is_driven(at(i));
+  }
   const auto keep_awake = [&](int body, int other) {
     if (!is_movable(at(body)) || !is_sleep_candidate[at(island_of[at(body)])]) return false;
     const bool other_moves = is_movable(at(other)) ? !is_sleep_candidate[at(island_of[at(other)])]

@@ -27,8 +27,12 @@ struct Verdict {
   }
 };
 
+/// Any of it, or at rest as impulses have left it.
 inline bool is_by_impulses(const World& world) {
-  return world.report().islands[static_cast<std::size_t>(Method::kSequentialImpulses)] > 0;
+  const std::vector<Island> islands = world.islands();  // each call makes its own
+  return std::any_of(islands.begin(), islands.end(), [](const Island& island) {
+    return island.method == Method::kSequentialImpulses;
+  });
 }
 
 inline bool has_given_up(const World& world) {

@@ -281,13 +281,10 @@ bool World::Impl::compile_events(const ContactGroup& group) {
       if (count == equations.joints.size()) equations.joints.emplace_back();
       ContactEquations::BodyJoint& joint = equations.joints[count];
       const auto [a, b] = joint_ends[at(index)];
-      joint.index = index;
-      joint.a = add_group_body(static_cast<int>(a), &equations);
-      joint.b = add_group_body(static_cast<int>(b), &equations);
+      Joint storage = std::move(joint.joint);  // nothing else is left of the step before
+      joint = {index, add_group_body(static_cast<int>(a), &equations),
+               add_group_body(static_cast<int>(b), &equations), std::move(storage)};
       joint.joint = joints[at(index)];
-      joint.has_rows = true;
-      joint.course = {};
-      joint.impulse.setZero();
       add_coordinates(count, &group_laws, &equations);
       ++count;
     }

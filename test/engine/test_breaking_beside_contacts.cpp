@@ -135,6 +135,30 @@ TEST_P(BreakingBesideContactsAt, AnImpactCountsInTheMeanOfTheTick) {
   }
 }
 
+// A box on a floor without friction is held by two rods, one of which breaks: the other one, which
+// then is what that was in its group, is whole, and holds.
+TEST_P(BreakingBesideContactsAt, OneThatBreaksLeavesTheOther) {
+  World world(by_events(GetParam()));
+  world.add_body(with_surface(make_floor(0.0), 0.0, 0.0));
+  const BodyId box = world.add_body(
+      with_surface(make_body("box", Box{{0.4, 0.4, 0.4}}, 2.0, {0.0, 0.0, 0.2}), 0.0, 0.0));
+  const auto hold = [&](const std::string& name, const Vector3d& from, double bears) {
+    Joint joint = make_joint(name, kWorldBody, from, box, Vector3d::Zero());
+    joint.break_force = bears;
+    return world.add_joint(joint);
+  };
+  const JointId weak = hold("weak", {0.0, -1.0, 0.2}, 1.0);
+  const JointId strong = hold("strong", {-1.0, 0.0, 0.2}, 0.0);
+  const Wrench pull{box, {3.0, 3.0, 0.0}, Vector3d::Zero(), 0.0, INFINITY};
+  world.add_wrench(pull);
+  const std::vector<Event> broken = of_kind(advance(&world, 0.5), EventKind::kBroken);
+  ASSERT_EQ(broken.size(), 1u);
+  EXPECT_EQ(broken[0].joint, weak);
+  EXPECT_FALSE(world.joint_state(strong).broken);
+  EXPECT_NEAR((world.state(box).position - Vector3d(-1.0, 0.0, 0.2)).norm(), 1.0, kPlace);
+  EXPECT_GT(world.state(box).position.y(), 0.1);
+}
+
 // as scenes have it: what would be saved could not be loaded
 TEST(Breaking, ALengthBearsNoTorque) {
   World world(by_events(1.0 / 60));

@@ -103,23 +103,28 @@ TEST(ContactHandover, WhatIsMuchTooDeepIsLeftAndToldSo) {
   EXPECT_TRUE(is_by_events(world));
 }
 
-// Six balls lie in a row; three more are thrown past them, near enough to be a group of nine, which
-// is too many: that goes to impulses, and is back by events once those three have gone. What was
-// done from outside is booked, so energy less the books never rises; and a copy and a snapshot,
-// after each 25 steps, go on with the same bits.
+/// Six balls lie in a row; three more are thrown past them, near enough to be a group of nine,
+/// which is too many: that goes to impulses, and is back by events once those three have gone.
+World balls_that_pass(double h, double* weight) {
+  World world(by_auto(h));
+  world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));
+  const auto add = [&](const std::string& name, const Vector3d& at, double speed) {
+    Body ball = with_surface(make_body(name, Sphere{0.1}, 1.0, at), 0.5, 0.0);
+    ball.state.linear_velocity.y() = speed;
+    *weight += kGravity * ball.mass;
+    world.add_body(ball);
+  };
+  for (int i = 0; i < 6; ++i) add("lies" + std::to_string(i), {0.2001 * i, 0.0, 0.1}, 0.0);
+  for (int i = 0; i < 3; ++i) add("flies" + std::to_string(i), {0.4 * i, -3.0, 0.45}, 10.0);
+  return world;
+}
+
+// What was done from outside is booked, so energy less the books never rises; and a copy and a
+// snapshot, after each 25 steps, go on with the same bits.
 TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
   for (const double h : {0.01, 0.005}) {
-    World world(by_auto(h));
-    world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));
     double weight = 0.0;
-    const auto add = [&](const std::string& name, const Vector3d& at, double speed) {
-      Body ball = with_surface(make_body(name, Sphere{0.1}, 1.0, at), 0.5, 0.0);
-      ball.state.linear_velocity.y() = speed;
-      weight += kGravity * ball.mass;
-      world.add_body(ball);
-    };
-    for (int i = 0; i < 6; ++i) add("lies" + std::to_string(i), {0.2001 * i, 0.0, 0.1}, 0.0);
-    for (int i = 0; i < 3; ++i) add("flies" + std::to_string(i), {0.4 * i, -3.0, 0.45}, 10.0);
+    World world = balls_that_pass(h, &weight);
     unsigned handed_over = 0, switches = 0;
     bool was_by_impulses = false;
     double booked = 0.0, least = world.energy();
@@ -147,6 +152,25 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
     EXPECT_TRUE(!is_by_impulses(world)) << h;
     for (int i = 0; i < 6; ++i)
       EXPECT_NEAR(world.state(world.find_body("lies" + std::to_string(i))).position.z(), 0.1, 1e-9);
+  }
+}
+
+// Impulses leave ½ g h² to g h² of overlap: those that sleep as soon as they may would keep it.
+TEST(ContactHandover, NothingFallsAsleepInAnOverlap) {
+  for (const double sleep_after : {0.3, 0.5}) {
+    double weight = 0.0;
+    World world = balls_that_pass(0.01, &weight);
+    WorldOptions options = world.options();
+    options.sleep_after = sleep_after;
+    world.set_options(options);
+    unsigned handed_over = 0;
+    while (world.time() < 4.0) handed_over += world.step().handed_over;
+    EXPECT_GE(handed_over, 6u);
+    for (int i = 0; i < 6; ++i) {
+      const BodyId ball = world.find_body("lies" + std::to_string(i));
+      EXPECT_NEAR(world.state(ball).position.z(), 0.1, 1e-9) << sleep_after;
+    }
+    EXPECT_GE(world.report().asleep, 1u) << sleep_after;
   }
 }
 

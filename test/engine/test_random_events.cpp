@@ -76,6 +76,20 @@ TEST(RandomEvents, WithServosGainWhatThesePush) {
   EXPECT_LE(hold(Kind::kTouchingWithServos, kScenes / 2).given_up, 1 + kScenes / 15);
 }
 
+// Corners that share a load are at the cone one shortly after the other, and took friction up again
+// in turn; and where a slip that turns ever faster ends was looked for to rounding, though nothing
+// is as smooth there. Both took all the work that a step may take.
+TEST(RandomEvents, OfAlignedBoxesThatBeginToSlipOrEndAreNotGivenUp) {
+  for (const unsigned seed : {12U, 19U, 34U}) {
+    const Scene scene = scene_of(Kind::kAligned, seed);
+    Verdict verdict;
+    follow(scene, &verdict);
+    expect_none(scene, verdict);
+    EXPECT_FALSE(verdict.is_given_up) << seed;
+    EXPECT_GT(verdict.events, 10u) << seed;
+  }
+}
+
 // Margins of features that begin at zero to rounding have no event there. They hid what passed in
 // the same substep, up to its end: in these three scenes a box was in the floor by then, or was
 // pulled by it, and one gained 1.5 mJ.

@@ -26,6 +26,8 @@ class ContactEvents {
   static constexpr std::uint32_t kMostEvents = 5000;  ///< in a step
   /// [m] an overlap of less is one of rounding, or of what another method has left, and closed.
   static constexpr double kMostOverlap = 1e-7;
+  /// [m/s] a slip that ends there is off by no more than rounding
+  static constexpr double kEndOfSlip = 1e-7;
 
   /// Two bodies with shapes that may touch, A first as has_features() has it, by their place in
   /// `equations`. Their contacts are the next ones.

@@ -21,10 +21,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kAtRest = 1e-8;     // of the largest acceleration: less is none
-constexpr double kAtBound = 1e-6;    // of the force that gives way
-constexpr double kSameTime = 1e-6;   // of a span
-constexpr double kEndOfSlip = 1e-7;  // [m/s] a slip that ends there is off by no more than rounding
+constexpr double kAtRest = 1e-8;    // of the largest acceleration: less is none
+constexpr double kAtBound = 1e-6;   // of the force that gives way
+constexpr double kSameTime = 1e-6;  // of a span
 
 }  // namespace
 
@@ -83,15 +82,24 @@ bool ContactEvents::break_overloaded(Span* span) {
   return settle(span, {}, false);
 }
 
-// Contacts that share a force have their bounds at the same time: one after the other gives way,
-// and none that has takes it up again.
+// Contacts that share a force have their bounds at the same time, or soon after each other: one
+// after the other gives way, and none that has takes it up again, before it has slipped.
 void ContactEvents::note_bounds(const Span& span, const Watched& event) {
   const double t = span.all.t + span.left.t;
   const auto note = [&](Watched::Kind kind, bool is_over, AtBound* at) {
-    if (is_over || t - at->since > kSameTime * span.all.h) at->contacts.clear();
+    const auto is_done = [&](std::size_t c) {
+      const ContactEquations::Contact& contact = equations_.contacts[c];
+      return kind != Watched::Kind::kCone || contact.acts != Acts::kSlips ||
+             equations_.motion(contact).slip().norm() > kEndOfSlip;
+    };
+    std::vector<std::size_t>& contacts = at->contacts;
+    if (is_over)
+      contacts.clear();
+    else if (t - at->since > kSameTime * span.all.h)
+      contacts.erase(std::remove_if(contacts.begin(), contacts.end(), is_done), contacts.end());
     if (event.kind != kind) return;
-    if (at->contacts.empty()) at->since = t;
-    at->contacts.push_back(event.contact);
+    if (contacts.empty()) at->since = t;
+    if (!at->has(event.contact)) contacts.push_back(event.contact);
   };
   note(Watched::Kind::kCone, event.kind != Watched::Kind::kCone, &at_cone_);
   note(Watched::Kind::kForce, false, &at_zero_);

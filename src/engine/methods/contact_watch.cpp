@@ -152,7 +152,9 @@ void ContactEvents::watch(std::vector<Watched>* list) {
       watched.value = now.w.dot(contact.direction);
       watched.rate = w_dot.dot(contact.direction);
       watched.tolerance = kEpsilon * equations_.state(contact.a).linear_velocity.norm();
+      watched.rough = kEndOfSlip;
       list->push_back(watched);
+      watched.rough = 0.0;
     }
     const FeatureMargin margin = margin_of(contact.feature, pair.shape_a, equations_.state(pair.a),
                                            pair.shape_b, equations_.state(pair.b));

@@ -21,6 +21,7 @@ struct WatchedValue {
   double value = 0.0, rate = 0.0, acceleration = 0.0;
   int known = 0;         ///< derivatives of the value that are known
   double tolerance = 0;  ///< [that of the value] below which it is rounding
+  double rough = 0.0;    ///< [that of the value] to which it is found where that has no slope
   double early = 0.0;    ///< where a stage of the substep had it below, as a share; 0: none did
 };
 
@@ -36,6 +37,7 @@ inline constexpr double kLocatedForce = 1e-3;  // of the tolerance of forces
 inline constexpr double kLocated = 1e-15;      // [s], and of the time
 inline constexpr int kMostLocations = 120;     // substeps taken again for one event
 inline constexpr int kMostNewton = 40;         // of these by models, the others by halves
+inline constexpr int kMostSmooth = 5;          // of what has a slope
 inline constexpr int kMostUnpassed = 12;       // where models cross, and nothing has
 
 /// What a value falls below at its event, by how it starts in a substep. A force has its event just
@@ -55,9 +57,10 @@ inline double level_of(const WatchedValue& start, bool is_muted) {
 }
 
 /// How close to its level a value is there, where places are told apart down to `least` [s].
-inline double slack_of(const WatchedValue& there, double least) {
+/// `is_rough`: it seems to have no slope there, as where a slip ends that turns ever faster.
+inline double slack_of(const WatchedValue& there, double least, bool is_rough) {
   if (there.known == 0) return 0.5 * kLocatedForce * there.tolerance;
-  return std::max(there.tolerance, -least * there.rate);
+  return std::max({there.tolerance, -least * there.rate, is_rough ? there.rough : 0.0});
 }
 
 /// The first root in a substep of h from one end to the other, of what has its event at `level`.
@@ -108,11 +111,11 @@ struct WatchedSubstep {
 
   /// What is beyond its event at `after`. What starts below it, and leaves, is so where it falls
   /// again.
-  std::optional<std::size_t> find_passed(double least) const {
+  std::optional<std::size_t> find_passed(double least, bool is_rough) const {
     for (std::size_t k = 0; k < after.size(); ++k) {
       const Watched& there = after[k];
       const double at = level(k);
-      if (there.value < at - event_watch::slack_of(there, least) &&
+      if (there.value < at - event_watch::slack_of(there, least, is_rough) &&
           (there.known == 0 || before[k].value >= at || there.rate < 0.0))
         return k;
     }
@@ -120,10 +123,10 @@ struct WatchedSubstep {
   }
 
   /// Whether the event of one is at `after`.
-  bool is_there(std::size_t k, double least) const {
+  bool is_there(std::size_t k, double least, bool is_rough) const {
     const Watched& there = after[k];
-    return (there.known == 0 || there.rate < 0.0) &&
-           std::abs(there.value - level(k)) <= event_watch::slack_of(there, least);
+    return (there.known == 0 || there.rate < 0.0 || (is_rough && there.rough > 0.0)) &&
+           std::abs(there.value - level(k)) <= event_watch::slack_of(there, least, is_rough);
   }
 
   /// Ends the substep, which started at t and was h long, where the first event is, and leaves what
@@ -135,7 +138,7 @@ struct WatchedSubstep {
     using namespace event_watch;  // NOLINT(google-build-using-namespace): its constants
     const double least = kLocated * std::max(1.0, std::abs(t));
     double low = 0.0, high = 1.0, here = 1.0;
-    bool is_passed = find_passed(least).has_value();
+    bool is_passed = find_passed(least, false).has_value();
     int low_for = 0, high_for = 0;  // times in a row that the other end has moved
     low_ = before;
     high_ = after;
@@ -144,9 +147,10 @@ struct WatchedSubstep {
       return go_to_share(share, share * h <= least);
     };
     for (int i = 0; i < kMostLocations; ++i) {
+      const bool is_rough = i >= kMostSmooth;
       if (is_passed && (high - low) * h <= 2.0 * least) {
         if (here != high && !go_to(high)) return false;
-        const std::optional<std::size_t> passed = find_passed(least);
+        const std::optional<std::size_t> passed = find_passed(least, is_rough);
         if (passed)
           *event = Crossing{high, *passed};
         else  // by the rounding of the first try
@@ -163,8 +167,9 @@ struct WatchedSubstep {
       const double share = low + (by_model ? next->share : 0.5) * (high - low);
       if (!go_to(share)) return false;
       if (next) *event = next;
-      const std::optional<std::size_t> passed = find_passed(least);
-      if (share * h <= least || (!passed && is_there((*event)->which, least))) return true;
+      const std::optional<std::size_t> passed = find_passed(least, is_rough);
+      if (share * h <= least || (!passed && is_there((*event)->which, least, is_rough)))
+        return true;
       if (passed) {
         high = share;
         high_ = after;

@@ -178,7 +178,7 @@ bool World::Impl::is_moving_by_itself(std::size_t body) const {
          !(states[body].linear_velocity.isZero(0.0) && states[body].angular_velocity.isZero(0.0));
 }
 
-// islands that were quiet for long enough, and touch none but such
+// islands that were quiet for long enough, and touch none but such, nor may within a step
 bool World::Impl::find_sleep_candidates() {
   is_sleep_candidate.assign(islands.size(), false);
   for (const int i : awake_islands) {
@@ -201,6 +201,10 @@ bool World::Impl::find_sleep_candidates() {
     for (const TouchingPair& pair : touching) {
       spreads = keep_awake(pair.a, pair.b) || spreads;
       spreads = keep_awake(pair.b, pair.a) || spreads;
+    }
+    for (const auto& [pair, gap] : watched_pairs) {  // they would wake at once
+      spreads = keep_awake(pair.first, pair.second) || spreads;
+      spreads = keep_awake(pair.second, pair.first) || spreads;
     }
   }
   sleep_candidates.clear();

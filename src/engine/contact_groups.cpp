@@ -32,7 +32,7 @@ constexpr double kBack = 0.85;  // of these bodies and points come back from imp
 // What impulses leave of contacts at rest is ½ g h² to g h² in each of those that bear each other;
 // what is closed is that much, and a share of the thinner shape, and moves into or out of the other
 // by no more than a few times that in a step.
-constexpr double kSunk = 4.0, kSunkShare = 0.02, kMostMoved = 4.0;
+constexpr double kSunk = 4.0, kSunkShare = 0.1, kMostMoved = 4.0;
 
 const Few& few(const WorldOptions& options) {
   return options.method == Method::kAuto ? kChosen : kAskedFor;

@@ -420,6 +420,29 @@ TEST(ContactEvents, ABoxRollsAwayUnderTwentyFiveBalls) {
   }
 }
 
+// A ball hits two others at the same moment, e = 1: the pair that was added first takes all of its
+// speed along their line, and the other what is left of that along the other line.
+TEST(ContactEvents, ATieGoesToThePairThatWasAddedFirst) {
+  for (const double side : {1.0, -1.0}) {
+    World world(by_events(0.01, 0.0));
+    const auto add = [&](const std::string& name, double x, double y, double speed) {
+      Body ball = with_surface(make_body(name, Sphere{0.1}, 1.0, {x, y, 0.0}), 0.0, 1.0);
+      ball.state.linear_velocity.x() = speed;
+      return world.add_body(ball);
+    };
+    const Vector3d one(std::sqrt(0.75), 0.5 * side, 0.0), other(std::sqrt(0.75), -0.5 * side, 0.0);
+    const BodyId cue = add("cue", -0.5, 0.0, 3.0);
+    const BodyId first = add("first", 0.2 * one.x(), 0.2 * one.y(), 0.0);
+    const BodyId second = add("second", 0.2 * other.x(), 0.2 * other.y(), 0.0);
+    advance(&world, 0.5);
+    const Vector3d v(3.0, 0.0, 0.0), left = v - v.dot(one) * one;
+    EXPECT_LT((world.state(first).linear_velocity - v.dot(one) * one).norm(), kPlace);
+    EXPECT_LT((world.state(second).linear_velocity - left.dot(other) * other).norm(), kPlace);
+    const Vector3d rest = left - left.dot(other) * other;
+    EXPECT_LT((world.state(cue).linear_velocity - rest).norm(), kPlace);
+  }
+}
+
 // cylinders are more than events are for: told
 TEST(ContactEvents, WhatEventsCannotCarryIsLeftToImpulses) {
   World world(by_events(1.0 / 60));

@@ -3,6 +3,7 @@
 // with the number of ticks, and for what turns the tolerance.
 
 #include <array>
+#include <tuple>
 
 #include "bouncing.h"
 #include "by_events.h"

@@ -14,11 +14,39 @@ namespace constraint_sim::engine {
 inline constexpr double kPlace = 1e-12;  ///< [m] of what is in closed form within a tick, too
 inline constexpr double kTime = 1e-12;   ///< [s]
 
-inline WorldOptions by_events(double time_step, double gravity = kGravity) {
-  WorldOptions options = engine::options(time_step, gravity);
-  options.method = Method::kEventDriven;
-  options.tolerance = 1e-10;
+/// By what a scene is carried; a time step where no more is asked.
+struct Carried {
+  double time_step;
+  Method method = Method::kEventDriven;
+  double tolerance = 1e-10;
+
+  operator double() const { return time_step; }
+};
+
+inline void PrintTo(const Carried& by, std::ostream* out) {
+  *out << by.time_step << " s, " << name(by.method) << ", " << by.tolerance << " m/s";
+}
+
+inline WorldOptions by_events(const Carried& by, double gravity = kGravity) {
+  WorldOptions options = engine::options(by.time_step, gravity);
+  options.method = by.method;
+  options.tolerance = by.tolerance;
   return options;
+}
+
+inline WorldOptions by_events(double time_step, double gravity = kGravity) {
+  return by_events(Carried{time_step}, gravity);
+}
+
+/// All ticks, and what scenes have that say nothing of method and tolerance.
+inline std::vector<Carried> each_way(Method method) {
+  const WorldOptions unsaid;
+  std::vector<Carried> all;
+  for (const double time_step : {1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000})
+    all.push_back({time_step, method});
+  for (const double time_step : {1.0 / 30, unsaid.time_step, 1.0 / 1000})
+    all.push_back({time_step, unsaid.method, unsaid.tolerance});
+  return all;
 }
 
 inline Body with_surface(Body body, double friction, double restitution) {

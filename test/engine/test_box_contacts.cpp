@@ -28,10 +28,9 @@ double gap_of(const World& world, BodyId a, BodyId b) {
   return separation(world.body(a).shape, world.state(a), world.body(b).shape, world.state(b)).gap;
 }
 
-class BoxContactsAt : public testing::TestWithParam<double> {};
+class BoxContactsAt : public testing::TestWithParam<Carried> {};
 
-INSTANTIATE_TEST_SUITE_P(Ticks, BoxContactsAt,
-                         testing::Values(1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000));
+INSTANTIATE_TEST_SUITE_P(Ticks, BoxContactsAt, testing::ValuesIn(each_way(Method::kEventDriven)));
 
 // ---- on a box that does not move
 
@@ -43,8 +42,12 @@ TEST_P(BoxContactsAt, ABoxDropsFlatOnABoxAndBouncesToItsRest) {
       Body box = make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.65});
       box.state.orientation = Quaterniond(AngleAxisd(yaw, Vector3d::UnitZ()));
       const BodyId id = world.add_body(with_surface(box, 0.3, e));
-      const std::vector<Event> events = advance(&world, 1.5);
-      EXPECT_NEAR(world.state(id).position.z() - 0.2, bouncing(0.45, e, world.time()), 1e-10) << e;
+      std::vector<Event> events;
+      while (world.time() < 1.5 - 1e-9) {
+        const std::vector<Event> now = advance(&world, GetParam());
+        events.insert(events.end(), now.begin(), now.end());
+        expect_bouncing(world.state(id).position.z() - 0.2, 0.45, e, world.time());
+      }
       EXPECT_LT(world.state(id).angular_velocity.norm(), 1e-12) << e;
       ASSERT_FALSE(events.empty());
       const double fall = std::sqrt(0.9 / kGravity);
@@ -83,7 +86,7 @@ TEST_P(BoxContactsAt, ABlockRocksOnABoxAsHousnerSays) {
     const double share = (world.energy() - rest) / before;
     const double changes = std::round(std::log(share) / std::log(kept));
     EXPECT_GE(changes, 1.0);
-    EXPECT_NEAR(share, std::pow(kept, changes), 1e-9) << depth;
+    EXPECT_NEAR(std::pow(share / std::pow(kept, changes), 0.5 / changes), 1.0, kPlace) << depth;
     EXPECT_GT(world.state(id).angular_velocity.norm(), 0.0);
   }
 }

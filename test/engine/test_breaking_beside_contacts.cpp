@@ -14,10 +14,10 @@ using Eigen::Vector3d;
 constexpr double kBreaks = 1e-11;  // [s]
 constexpr double kFalls = 1e-10;   // [m]
 
-class BreakingBesideContactsAt : public testing::TestWithParam<double> {};
+class BreakingBesideContactsAt : public testing::TestWithParam<Carried> {};
 
 INSTANTIATE_TEST_SUITE_P(Ticks, BreakingBesideContactsAt,
-                         testing::Values(1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000));
+                         testing::ValuesIn(each_way(Method::kEventDriven)));
 
 // A box hangs by rods from a mast on another box, which stands on the floor on four corners. The
 // rods are let out and in as a sin ωt, so that they bear m (g − a ω cos ωt) together; they break

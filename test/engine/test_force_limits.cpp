@@ -1,11 +1,12 @@
 // Springs, servos and motors to a position with a force limit, from event to event. Oracles: closed
 // forms of the motion between the moments at which the limit is reached and left, which are found
 // by bisection. Times are to be right to 1e-9 s and positions to 1e-8 m at any tick; what is left
-// is rounding and the tolerance of 1e-10 m/s.
+// is rounding and the tolerance.
 
 #include <tuple>
 #include <utility>
 
+#include "by_events.h"
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/course.h"
 #include "support.h"
@@ -17,12 +18,9 @@ using Eigen::Vector3d;
 
 constexpr double kTime = 1e-9, kPlace = 1e-8, kMass = 2.0;
 
-WorldOptions automatic(double time_step, double gravity = 0.0) {
-  WorldOptions options = engine::options(time_step, gravity);
-  options.method = Method::kAuto;
-  options.tolerance = 1e-10;
-  return options;
-}
+WorldOptions automatic(const Carried& by, double gravity = 0.0) { return by_events(by, gravity); }
+
+WorldOptions automatic(double time_step) { return automatic(Carried{time_step, Method::kAuto}); }
 
 /// A body on a slider of the world along z, on which a law acts.
 struct Slider {
@@ -129,13 +127,12 @@ struct LimitedOscillator {
   }
 };
 
-class ForceLimitsAt : public testing::TestWithParam<double> {
+class ForceLimitsAt : public testing::TestWithParam<Carried> {
  protected:
   int steps(double seconds) const { return static_cast<int>(std::lround(seconds / GetParam())); }
 };
 
-INSTANTIATE_TEST_SUITE_P(Ticks, ForceLimitsAt,
-                         testing::Values(1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000));
+INSTANTIATE_TEST_SUITE_P(Ticks, ForceLimitsAt, testing::ValuesIn(each_way(Method::kAuto)));
 
 // ---- servos and springs
 

@@ -25,8 +25,9 @@ class Events(unittest.TestCase):
         call("pause_physics")
         Listener.stop_all()
 
-    def load(self, bodies, constraints=""):
-        answer = call("load_scene", text="bodies:\n%sconstraints: [%s]\n" % (bodies, constraints))
+    def load(self, bodies, constraints="", gravity=9.81):
+        answer = call("load_scene", text="world: {gravity: [0, 0, %g]}\nbodies:\n%sconstraints: [%s]\n"
+                      % (-gravity, bodies, constraints))
         self.assertTrue(answer.success, answer.status_message)
         self.start = properties().sim_time
 
@@ -101,6 +102,64 @@ class Events(unittest.TestCase):
         call("set_motor_bias", constraint="winch", bias=-0.1, max_force=500)
         call("step", steps=100)  # which catches the ball, and then winds it up
         self.assertEqual(self.wait(Event.RELEASED)[-1].names, ["winch"])
+
+    def at_moments(self, events, *moments):
+        """Where events carry the bodies their times are those within the tick."""
+        for event, moment in zip(events, moments):
+            self.assertAlmostEqual(event.time - self.start, moment, delta=1e-9)
+
+    def test_a_limit_is_reached_and_left_at_its_moments(self):
+        self.load("- {name: ball, mass: 2, shape: {sphere: {radius: 0.1}}, position: [0, 0, 0.5]}\n",
+                  "{name: stop, type: slider, axis_a: [0, 0, 1], body_b: ball, lower: 0, "
+                  "limit_restitution: 0.5}")
+        call("step", steps=70)
+        reached = self.wait(Event.LIMIT_REACHED, 2)
+        left = self.wait(Event.LIMIT_LEFT, 1)
+        self.assertEqual(reached[0].names, ["stop"])
+        self.assertEqual(left[0].names, ["stop"])
+        falls = math.sqrt(2 * 0.5 / 9.81)
+        self.at_moments(reached, falls, 2 * falls)
+        self.at_moments(left, falls)
+        self.assertAlmostEqual(reached[0].impulse, 1.5 * 2 * 9.81 * falls, delta=1e-8)
+
+    def test_a_box_that_slides_sticks(self):
+        self.load("- {name: floor, type: static, shape: {plane: {}}, friction: 0.3}\n"
+                  "- {name: box, mass: 2, shape: {box: {size: [0.6, 0.5, 0.4]}}, friction: 0.3, "
+                  "position: [0, 0, 0.2], linear_velocity: [1, 0, 0]}\n")
+        call("step", steps=50)
+        event, = self.wait(Event.STICKS)
+        self.assertEqual(set(event.names), {"floor", "box"})
+        self.at_moments([event], 1 / (0.3 * 9.81))
+
+    def test_what_friction_holds_slips(self):
+        # when a spring whose other end goes on pulls with more than it holds, f = k v t
+        self.load("- {name: drawn, mass: 1.5, shape: {sphere: {radius: 0.1}}}\n"
+                  "- {name: end, type: kinematic, shape: {point: {}}, position: [0, 0, 1], "
+                  "linear_velocity: [0, 0, 0.25]}\n",
+                  "{name: rail, type: slider, axis_a: [0, 0, 1], body_b: drawn, friction: 20}, "
+                  "{name: coil, type: spring, body_a: drawn, body_b: end, length: 1, stiffness: 300}",
+                  gravity=0)
+        call("step", steps=40)
+        event = self.wait(Event.SLIPS)[0]
+        self.assertEqual(event.names, ["rail"])
+        self.at_moments([event], 20 / (300 * 0.25))
+
+    def test_a_hit_in_a_contact_is_told(self):
+        # of three balls on a line the second and the third touch from the start
+        self.load("".join(
+            "- {name: %s, mass: 1, shape: {sphere: {radius: 0.1}}, restitution: 0.5, "
+            "position: [%g, 0, 0], linear_velocity: [%g, 0, 0]}\n" % ball
+            for ball in (("first", -0.5, 3), ("second", 0, 0), ("third", 0.2, 0))), gravity=0)
+        call("step", steps=20)
+        hit = self.wait(Event.HIT)[0]
+        began, = (e for e in self.events(Event.CONTACT_BEGAN) if "first" in e.names)
+        self.assertEqual(set(began.names), {"first", "second"})
+        self.assertEqual(set(hit.names), {"second", "third"})
+        self.at_moments([began, hit], 0.1, 0.1)
+        # each gets 3/4 of the speed of the one before and leaves that 1/4, so that the first hits
+        # the second again with 3/4 - 3/4 * 3/4 of it
+        self.assertAlmostEqual(began.impulse, 3 * 0.75 + 0.75 * 3 * (0.25 - 0.75 * 0.25), delta=1e-9)
+        self.assertAlmostEqual(hit.impulse, 3 * 0.75 ** 2, delta=1e-9)
 
     def test_a_failure_names_the_body(self):
         body = sphere("fast", 1e20)

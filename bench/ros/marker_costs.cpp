@@ -1,12 +1,9 @@
-// What markers cost in a scene: rounds of messages as the node has them, with what is named done in
-// each. marker_costs.py counts the instructions of each.
+// What markers cost in a scene: rounds of messages as the node has them, in functions whose
+// instructions marker_costs.py counts. The markers are found, and serialised as the node does it,
+// for a listener; and a visualization_msgs/MarkerArray of the same content is serialised as roscpp
+// does it. Prints how many markers that was, and how many bytes either way.
 //
-//   constraint_sim_marker_costs SCENE nothing|update|publish|copy|serialise ROUNDS
-//
-// nothing: only steps and the copies of the world that messages are made from; update: the markers
-// as well; publish: these are serialised as the node does it, for a listener; copy: after `update`,
-// a visualization_msgs/MarkerArray of the same content; serialise: that is serialised as roscpp
-// does it. Prints how many markers that was, and how many bytes.
+//   constraint_sim_marker_costs SCENE ROUNDS
 
 #include <ros/serialization.h>
 #include <visualization_msgs/MarkerArray.h>
@@ -14,7 +11,6 @@
 #include <cstdio>
 #include <exception>
 #include <string>
-#include <vector>
 
 #include "constraint_sim/engine/scene.h"
 #include "ros/markers.h"
@@ -32,35 +28,40 @@ visualization_msgs::MarkerArray array_of(const MarkerMessage& message) {
   return array;
 }
 
-int run(const std::string& path, const std::string& what, int rounds) {
+// Apart, so that their instructions are told apart.
+[[gnu::noinline]] const MarkerMessage& find_markers(const engine::World& world,
+                                                    const ros::Time& stamp, ForceScale* forces,
+                                                    Markers* markers) {
+  forces->update(world, stamp);
+  return markers->update(world, *forces, stamp, false, false);
+}
+
+[[gnu::noinline]] std::size_t serialise_markers(const MarkerMessage& message) {
+  return ros::serialization::serializeMessage(message).num_bytes;
+}
+
+[[gnu::noinline]] std::size_t serialise_array(const visualization_msgs::MarkerArray& array) {
+  return ros::serialization::serializeMessage(array).num_bytes;
+}
+
+int run(const std::string& path, int rounds) {
   engine::World world = engine::load_scene_file(path);
   Robots robots{Parameters()};
   Markers markers("world", robots);
   ForceScale forces;
-  // what happens first of all, so that what is counted later does not change what the steps take
-  std::vector<engine::World> snapshots(static_cast<std::size_t>(rounds));
+  std::size_t count = 0, bytes = 0, bytes_of_arrays = 0;
   double next = 0.0;
-  for (engine::World& snapshot : snapshots) {
+  engine::World snapshot = world;
+  for (int round = 0; round < rounds; ++round) {
     for (next += 1.0 / kRate; world.time() < next;) world.step();
     world.take_snapshot(&snapshot);
-  }
-  std::size_t bytes = 0, sent = 0;
-  for (const engine::World& snapshot : snapshots) {
     const ros::Time stamp(1.0 + snapshot.time());
-    if (what == "nothing") continue;
-    forces.update(snapshot, stamp);
-    const MarkerMessage& message = markers.update(snapshot, forces, stamp, false, false);
-    sent += message.markers.size();
-    if (what == "update") continue;
-    if (what == "publish") {
-      bytes += ros::serialization::serializeMessage(message).num_bytes;
-      continue;
-    }
-    const visualization_msgs::MarkerArray array = array_of(message);
-    if (what == "copy") continue;
-    bytes += ros::serialization::serializeMessage(array).num_bytes;
+    const MarkerMessage& message = find_markers(snapshot, stamp, &forces, &markers);
+    count += message.markers.size();
+    bytes += serialise_markers(message);
+    bytes_of_arrays += serialise_array(array_of(message));
   }
-  std::printf("%zu %zu\n", sent, bytes);
+  std::printf("%zu %zu %zu\n", count, bytes, bytes_of_arrays);
   return 0;
 }
 
@@ -68,13 +69,12 @@ int run(const std::string& path, const std::string& what, int rounds) {
 }  // namespace constraint_sim
 
 int main(int argc, char** argv) {
-  if (argc != 4) {
-    std::fputs("constraint_sim_marker_costs SCENE nothing|update|publish|copy|serialise ROUNDS\n",
-               stderr);
+  if (argc != 3) {
+    std::fputs("constraint_sim_marker_costs SCENE ROUNDS\n", stderr);
     return 2;
   }
   try {
-    return constraint_sim::run(argv[1], argv[2], std::stoi(argv[3]));
+    return constraint_sim::run(argv[1], std::stoi(argv[2]));
   } catch (const std::exception& error) {
     std::fprintf(stderr, "constraint_sim_marker_costs: %s\n", error.what());
     return 2;

@@ -28,28 +28,29 @@ class MarkerWriter {
                                       marker.text.size() + marker.mesh_resource.size());
   }
 
-  /// `to` has room for length().
-  static void write(const visualization_msgs::Marker& marker, std::uint8_t* to) {
-    MarkerWriter writer{to};
-    writer.put(marker.header.seq);
-    writer.put(marker.header.stamp.sec);
-    writer.put(marker.header.stamp.nsec);
-    writer.put_all(marker.header.frame_id);
-    writer.put_all(marker.ns);
-    writer.put(marker.id);
-    writer.put(marker.type);
-    writer.put(marker.action);
-    writer.put(marker.pose);
-    writer.put(marker.scale);
-    writer.put(marker.color);
-    writer.put(marker.lifetime.sec);
-    writer.put(marker.lifetime.nsec);
-    writer.put(marker.frame_locked);
-    writer.put_all(marker.points);
-    writer.put_all(marker.colors);
-    writer.put_all(marker.text);
-    writer.put_all(marker.mesh_resource);
-    writer.put(marker.mesh_use_embedded_materials);
+  /// `to` has room for the length() of all that is written.
+  explicit MarkerWriter(std::uint8_t* to) : to_(to) {}
+
+  void write(const visualization_msgs::Marker& marker) {
+    put(marker.header.seq);
+    put(marker.header.stamp.sec);
+    put(marker.header.stamp.nsec);
+    put_all(marker.header.frame_id);
+    put_all(marker.ns);
+    put(marker.id);
+    put(marker.type);
+    put(marker.action);
+    put(marker.pose);
+    put(marker.scale);
+    put(marker.color);
+    put(marker.lifetime.sec);
+    put(marker.lifetime.nsec);
+    put(marker.frame_locked);
+    put_all(marker.points);
+    put_all(marker.colors);
+    put_all(marker.text);
+    put_all(marker.mesh_resource);
+    put(marker.mesh_use_embedded_materials);
   }
 
  private:
@@ -59,8 +60,6 @@ class MarkerWriter {
   static_assert(sizeof(std_msgs::ColorRGBA) == 4 * sizeof(float), "without padding");
   /// Of all numbers, and of the lengths of what has one.
   static constexpr std::uint32_t kFixedLength = 12 + 12 + 80 + 16 + 8 + 2 + 6 * 4;
-
-  explicit MarkerWriter(std::uint8_t* to) : to_(to) {}
 
   template <class T>
   void put(const T& value) {
@@ -116,9 +115,9 @@ struct Serializer<constraint_sim::MarkerMessage> {
   template <typename Stream>
   static void write(Stream& stream, const constraint_sim::MarkerMessage& message) {
     stream.next(static_cast<std::uint32_t>(message.markers.size()));
-    for (const visualization_msgs::Marker* marker : message.markers)
-      constraint_sim::MarkerWriter::write(
-          *marker, stream.advance(constraint_sim::MarkerWriter::length(*marker)));
+    // all the rest of the buffer, which is as long as serializedLength() has it
+    constraint_sim::MarkerWriter writer(stream.advance(stream.getLength()));
+    for (const visualization_msgs::Marker* marker : message.markers) writer.write(*marker);
   }
   static std::uint32_t serializedLength(const constraint_sim::MarkerMessage& message) {
     std::uint32_t length = 4;

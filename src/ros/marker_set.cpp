@@ -52,25 +52,6 @@ ShownMarker& MarkerSet::Namespace::add(std::int32_t id, std::int32_t type) {
   return send(marker);
 }
 
-ShownMarker& MarkerSet::Namespace::send(ShownMarker* shown) {
-  keep(shown);
-  shown->header.stamp = set_->stamp_;
-  set_->message_.markers.push_back(shown);
-  return *shown;
-}
-
-void MarkerSet::Namespace::keep(ShownMarker* shown) {
-  if (shown->round_ != set_->round_) ++set_->present_;
-  shown->round_ = set_->round_;
-  ++cursor_;  // where the next one is looked for
-}
-
-ShownMarker* MarkerSet::Namespace::shown(std::int32_t id) {
-  ShownMarker* marker = find(id);
-  const bool is_shown = marker != nullptr && marker->since_ < set_->round_ && !set_->deletes_all_;
-  return is_shown ? marker : nullptr;
-}
-
 bool MarkerSet::Namespace::is_added(std::int32_t id) {
   const ShownMarker* marker = find(id);
   return marker != nullptr && marker->round_ == set_->round_;

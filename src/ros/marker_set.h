@@ -41,10 +41,24 @@ class MarkerSet {
     /// The marker, which is sent: as the last message left it, or with nothing set but its type.
     ShownMarker& add(std::int32_t id, std::int32_t type);
     /// The marker as listeners have it; nullptr where they do not.
-    ShownMarker* shown(std::int32_t id);
+    ShownMarker* shown(std::int32_t id) {
+      ShownMarker* marker = find(id);
+      const bool is_shown =
+          marker != nullptr && marker->since_ < set_->round_ && !set_->deletes_all_;
+      return is_shown ? marker : nullptr;
+    }
     /// What is shown is sent again, or stays without that.
-    ShownMarker& send(ShownMarker* shown);
-    void keep(ShownMarker* shown);
+    ShownMarker& send(ShownMarker* shown) {
+      keep(shown);
+      shown->header.stamp = set_->stamp_;
+      set_->message_.markers.push_back(shown);
+      return *shown;
+    }
+    void keep(ShownMarker* shown) {
+      if (shown->round_ != set_->round_) ++set_->present_;
+      shown->round_ = set_->round_;
+      ++cursor_;  // where the next one is looked for
+    }
     /// Whether this message has it already.
     bool is_added(std::int32_t id);
 

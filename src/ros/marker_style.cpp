@@ -78,10 +78,6 @@ bool is_slack(const engine::Joint& joint, const engine::JointState& state) {
          state.force == 0.0;
 }
 
-double shown_error(Look look, const engine::JointState& state) {
-  return look == Look::kSpring ? 0.0 : std::abs(state.error);
-}
-
 std::optional<double> axial_force(const engine::Joint& joint, const engine::JointState& state) {
   if (engine::if_distance(joint) == nullptr && joint.kind != engine::JointKind::kPulley)
     return std::nullopt;
@@ -129,15 +125,6 @@ void set_shape(Marker* marker, const engine::Shape& shape) {
   }
 }
 
-std_msgs::ColorRGBA colour(double r, double g, double b, double a) {
-  std_msgs::ColorRGBA msg;
-  msg.r = static_cast<float>(r);
-  msg.g = static_cast<float>(g);
-  msg.b = static_cast<float>(b);
-  msg.a = static_cast<float>(a);
-  return msg;
-}
-
 std_msgs::ColorRGBA body_colour(const engine::Body& body) {
   if (body.color) {
     const auto& [r, g, b, a] = *body.color;
@@ -161,7 +148,7 @@ std_msgs::ColorRGBA constraint_colour(double share, double error) {
   Eigen::Vector3d rgb(0.2, 0.8, 0.2);
   if (share < -kLeastLoad) rgb = {0.1, 0.85, 1.0};
   if (share > kLeastLoad) rgb = {1.0, 0.9, 0.1};
-  rgb += red * (Eigen::Vector3d(1.0, 0.28, 0.25) - rgb);
+  if (red > 0.0) rgb += red * (Eigen::Vector3d(1.0, 0.28, 0.25) - rgb);
   return colour(rgb.x(), rgb.y(), rgb.z());
 }
 
@@ -216,10 +203,11 @@ void ForceScale::update(const engine::World& world, const ros::Time& stamp) {
   const double kept = std::exp(-std::max(passed, 0.0) / kForgets);
   axial_ = world.joint_ids().empty() ? 0.0 : kept * axial_;
   contact_ *= kept;
-  for (const engine::JointId id : world.joint_ids())
-    if (const auto force = axial_force(world.joint(id), world.joint_state(id));
-        force && std::isfinite(*force) && !is_grip(world.joint(id)))
-      axial_ = std::max(axial_, std::abs(*force));
+  for (const engine::JointId id : world.joint_ids()) {
+    const engine::Joint& joint = world.joint(id);
+    const double force = std::abs(axial_force(joint, world.joint_state(id)).value_or(0.0));
+    if (force > axial_ && std::isfinite(force) && !is_grip(joint)) axial_ = force;
+  }
   const engine::Contact* largest_contact = nullptr;
   for (const engine::Contact& contact : world.contacts()) {
     const double least = std::max(contact_, kNoForce * reference());

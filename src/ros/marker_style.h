@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -22,7 +23,9 @@ Look look_of(const engine::Joint& joint);
 /// Of a rope that hangs through: it pulls at nothing.
 bool is_slack(const engine::Joint& joint, const engine::JointState& state);
 /// The error that is shown [m]: none of a spring, whose length is free.
-double shown_error(Look look, const engine::JointState& state);
+inline double shown_error(Look look, const engine::JointState& state) {
+  return look == Look::kSpring ? 0.0 : std::abs(state.error);
+}
 /// The force along the line that is drawn [N], > 0 pushes, where there is one.
 std::optional<double> axial_force(const engine::Joint& joint, const engine::JointState& state);
 
@@ -55,7 +58,14 @@ double half_width(const engine::Body& body, const engine::BodyState& state,
 /// Type and size of the marker of a body; a plane is a sheet, half as opaque.
 void set_shape(visualization_msgs::Marker* marker, const engine::Shape& shape);
 
-std_msgs::ColorRGBA colour(double r, double g, double b, double a = 1.0);
+inline std_msgs::ColorRGBA colour(double r, double g, double b, double a = 1.0) {
+  std_msgs::ColorRGBA msg;
+  msg.r = static_cast<float>(r);
+  msg.g = static_cast<float>(g);
+  msg.b = static_cast<float>(b);
+  msg.a = static_cast<float>(a);
+  return msg;
+}
 std_msgs::ColorRGBA body_colour(const engine::Body& body);
 /// Green without load, cyan in tension, yellow in compression at any share of the largest force;
 /// over the logarithm of the error to red.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -91,6 +92,16 @@ void add_sheave(const Vector3d& at, const Vector3d& down, const Vector3d& over, 
   const Vector3d v = along - along.dot(u) / std::max(u.squaredNorm(), 1e-300) * u;
   if (!(v.squaredNorm() > 0.0) || !(u.squaredNorm() > 0.0)) return;
   add_circle(at + u + along, u, radius * v.normalized(), lines);
+}
+
+// Where the shape of a body is that is not placed as the body.
+engine::BodyState shape_state(const engine::World& world, engine::BodyId id) {
+  const engine::BodyState& state = world.state(id);
+  const engine::ShapePose& shape_pose = *world.body(id).shape_pose;
+  engine::BodyState placed;
+  placed.position = state.position + state.orientation * shape_pose.position;
+  placed.orientation = state.orientation * shape_pose.orientation;
+  return placed;
 }
 
 bool is_at(const geometry_msgs::Pose& pose, const engine::BodyState& state) {
@@ -208,26 +219,21 @@ void Markers::find_extent(const engine::World& world) {
 
 // What stands where listeners have it is not sent.
 void Markers::add_body(const engine::World& world, const BodyLook& look) {
-  engine::BodyState placed;
-  const engine::BodyState* at = &world.state(look.id);
-  if (look.has_shape_pose) {
-    const engine::ShapePose& shape_pose = *world.body(look.id).shape_pose;
-    placed.position = at->position + at->orientation * shape_pose.position;
-    placed.orientation = at->orientation * shape_pose.orientation;
-    at = &placed;
-  }
+  std::optional<engine::BodyState> placed;
+  if (look.has_shape_pose) placed = shape_state(world, look.id);
+  const engine::BodyState& at = placed ? *placed : world.state(look.id);
   ShownMarker* shown = bodies_.shown(number(look.id));
-  if (!is_edited_ && shown != nullptr && is_at(shown->pose, *at)) return bodies_.keep(shown);
+  if (!is_edited_ && shown != nullptr && is_at(shown->pose, at)) return bodies_.keep(shown);
   const bool is_new = is_edited_ || shown == nullptr;
   Marker& marker = is_new ? bodies_.add(number(look.id), Marker::CUBE) : bodies_.send(shown);
-  marker.pose.position = point_at(at->position);
-  marker.pose.orientation = quaternion_of(at->orientation);
+  marker.pose.position = point_at(at.position);
+  marker.pose.orientation = quaternion_of(at.orientation);
   if (!is_new) return;
   const engine::Body& body = world.body(look.id);
   marker.color = body_colour(body);
   set_shape(&marker, body.shape);
   if (std::holds_alternative<engine::Plane>(body.shape))
-    marker.scale.x = marker.scale.y = width_around(extent_, at->position);
+    marker.scale.x = marker.scale.y = width_around(extent_, at.position);
 }
 
 // What breaks while somebody looks is seen for kBrokenShown.
@@ -336,7 +342,8 @@ void Markers::draw_length(const engine::World& world, const Seen& seen, ShownMar
     marker->scale = to_vector(Vector3d::Zero());
     return;
   }
-  place_along(seen.p_a, way / length, marker);
+  const bool is_rod = seen.look.look == Look::kRod;  // in its middle
+  place_along(is_rod ? Vector3d(seen.p_a + 0.5 * way) : seen.p_a, way / length, marker);
   switch (seen.look.look) {
     case Look::kSpring:
       marker->scale.x = 0.4 * width;
@@ -347,8 +354,7 @@ void Markers::draw_length(const engine::World& world, const Seen& seen, ShownMar
       marker->scale.x = marker->scale.y = 1.4 * width;
       marker->scale.z = length;
       return;
-    default:  // a rod, in its middle
-      marker->pose.position = point_at(seen.p_a + 0.5 * way);
+    default:
       marker->scale.x = marker->scale.y = width;
       marker->scale.z = length;
   }

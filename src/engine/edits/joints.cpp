@@ -20,9 +20,18 @@ namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
 
+namespace {
+
+// apart, or each index() would make room for the text
+[[noreturn, gnu::noinline]] void refuse_unknown(JointId id) {
+  refuse("constraint", "there is none with id " + std::to_string(id.value));
+}
+
+}  // namespace
+
 std::size_t Model::index(JointId id) const {
   const bool known = id.value < joint_index.size() && joint_index[id.value] >= 0;
-  if (!known) refuse("constraint", "there is none with id " + std::to_string(id.value));
+  if (!known) refuse_unknown(id);
   return static_cast<std::size_t>(joint_index[id.value]);
 }
 

@@ -15,10 +15,12 @@ add_library(constraint_sim_panel SHARED
   src/panel/motors.cpp
   src/panel/panel.cpp
   src/panel/plot.cpp
+  src/panel/programs.cpp
   src/panel/record_controls.cpp
   src/panel/recorder.cpp
   src/panel/run_controls.cpp
   src/panel/scene_controls.cpp
+  src/panel/scene_view.cpp
   src/panel/service_call.cpp
   src/panel/snapshot_controls.cpp
   src/panel/topics.cpp

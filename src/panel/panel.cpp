@@ -1,6 +1,7 @@
 #include "panel/panel.h"
 
 #include <ros/exceptions.h>
+#include <rviz/visualization_manager.h>
 
 #include <QHBoxLayout>
 #include <QHeaderView>
@@ -27,7 +28,10 @@ double seconds_since(Clock::time_point begin) {
 
 }  // namespace
 
-Panel::Panel(QWidget* parent) : rviz::Panel(parent), node_name_("/constraint_sim") {
+Panel::Panel(QWidget* parent)
+    : rviz::Panel(parent),
+      node_name_("/constraint_sim"),
+      view_([this](bool success, const QString& why) { say(success, why); }) {
   node_ = named(new QLineEdit(node_name_, this), "Node",
                 "Name of the simulator's node; the return key connects anew and gives up calls");
   connect(node_, &QLineEdit::returnPressed, [this] { connect_to_node(); });
@@ -157,7 +161,7 @@ void Panel::tick() {
 void Panel::want_topics() {
   Topics::Wanted wanted;
   const QWidget* const front = tabs_->currentWidget();
-  wanted.statistics = true;
+  wanted.statistics = wanted.scenes = true;
   wanted.bodies = front == tree_;
   wanted.constraints = front == tree_ || front == motors_;
   client_.want(wanted);
@@ -176,6 +180,7 @@ void Panel::show_news() {
     error_plot_->update();
     time_plot_->update();
   }
+  if (news.is_scene_new) view_.frame(client_.node(), vis_manager_);
   if (news.bodies) model_.set_bodies(news.bodies);
   if (news.constraints) {
     if (tree_->isVisible()) model_.set_constraints(news.constraints);

@@ -17,6 +17,7 @@
 #include "panel/record_controls.h"
 #include "panel/run_controls.h"
 #include "panel/scene_controls.h"
+#include "panel/scene_view.h"
 #include "panel/snapshot_controls.h"
 #include "panel/world_model.h"
 
@@ -55,6 +56,7 @@ class Panel : public rviz::Panel {
   std::string no_contact_;  // why
   GetWorldPropertiesResponse properties_;
   double measured_factor_ = 0.0;
+  SceneView view_;
   std::chrono::steady_clock::time_point last_question_;
 
   QTimer timer_;

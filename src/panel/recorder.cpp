@@ -1,7 +1,6 @@
 #include "panel/recorder.h"
 
 #include <dirent.h>
-#include <dlfcn.h>
 #include <fcntl.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
@@ -17,6 +16,8 @@
 #include <stdexcept>
 #include <vector>
 
+#include "panel/programs.h"
+
 namespace constraint_sim::panel {
 namespace {
 
@@ -29,15 +30,6 @@ int highest_descriptor() {
     ::closedir(folder);
   }
   return highest + 64;  // those that other threads open meanwhile
-}
-
-// The program lies beside the library of the panel, in devel and in install space: rosrun would
-// search the package for it, and may ask which one is meant.
-std::string program() {
-  Dl_info library{};
-  ::dladdr(reinterpret_cast<void*>(&highest_descriptor), &library);
-  const std::string path = library.dli_fname == nullptr ? "" : library.dli_fname;
-  return path.substr(0, path.rfind('/') + 1) + "constraint_sim/simulator_bag";
 }
 
 // Between fork and exec only calls that are safe after a fork of several threads.
@@ -71,7 +63,8 @@ void Recorder::start(const std::string& node, const std::string& path) {
     throw std::runtime_error("folder " + folder + ": " + std::strerror(errno));
   output_.reset(std::tmpfile());
   if (!output_) throw std::runtime_error(std::string("no temporary file: ") + std::strerror(errno));
-  std::vector<std::string> words = {program(), "record", node, "-O", path, node + "/edit_log"};
+  std::vector<std::string> words = {program("simulator_bag"), "record", node, "-O", path,
+                                    node + "/edit_log"};
   if (::access(words[0].c_str(), X_OK) != 0)
     throw std::runtime_error(words[0] + ": " + std::strerror(errno));
   std::vector<char*> command;

@@ -64,6 +64,8 @@ void Topics::subscribe(const Wanted& wanted) {
   follow(wanted.bodies, &bodies_, "body_states", 1, &Topics::on_bodies);
   follow(wanted.constraints, &constraints_, "constraint_states", 1, &Topics::on_constraints);
   follow(wanted.statistics, &statistics_, "statistics", kMostStatistics, &Topics::on_statistics);
+  has_scene_ = has_scene_ && wanted.scenes;
+  follow(wanted.scenes, &scenes_, "scene", 10, &Topics::on_scene);
 }
 
 void Topics::on_bodies(const BodyStatesConstPtr& message) {
@@ -79,6 +81,13 @@ void Topics::on_constraints(const ConstraintStatesConstPtr& message) {
 void Topics::on_statistics(const StatisticsConstPtr& message) {
   const std::lock_guard<std::mutex> lock(mutex_);
   if (news_.statistics.size() < kMostStatistics) news_.statistics.push_back(message);
+}
+
+// The topic is latched: what comes first is the scene as it is.
+void Topics::on_scene(const std_msgs::StringConstPtr&) {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  news_.is_scene_new = news_.is_scene_new || has_scene_;
+  has_scene_ = true;
 }
 
 }  // namespace constraint_sim::panel

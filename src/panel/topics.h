@@ -6,6 +6,7 @@
 #include <ros/callback_queue.h>
 #include <ros/node_handle.h>
 #include <ros/subscriber.h>
+#include <std_msgs/String.h>
 
 #include <condition_variable>
 #include <mutex>
@@ -23,12 +24,14 @@ class Topics {
     bool bodies = false;
     bool constraints = false;
     bool statistics = false;
+    bool scenes = false;
   };
-  /// What came since the last one was taken; null or empty: nothing.
+  /// What came since the last one was taken; null, empty or false: nothing.
   struct News {
     BodyStatesConstPtr bodies;
     ConstraintStatesConstPtr constraints;
     std::vector<StatisticsConstPtr> statistics;
+    bool is_scene_new = false;  ///< another one was loaded than at first
   };
 
   explicit Topics(const std::string& node);
@@ -46,6 +49,7 @@ class Topics {
   void on_bodies(const BodyStatesConstPtr& message);
   void on_constraints(const ConstraintStatesConstPtr& message);
   void on_statistics(const StatisticsConstPtr& message);
+  void on_scene(const std_msgs::StringConstPtr& message);
 
   std::mutex mutex_;  // of the next four
   std::condition_variable wake_up_;
@@ -57,7 +61,8 @@ class Topics {
   std::string node_;
   ros::CallbackQueue queue_;
   ros::NodeHandle handle_;
-  ros::Subscriber bodies_, constraints_, statistics_;
+  ros::Subscriber bodies_, constraints_, statistics_, scenes_;
+  bool has_scene_ = false;  // since it subscribes
   std::thread thread_;
 };
 

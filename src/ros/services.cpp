@@ -1,6 +1,7 @@
 #include "ros/services.h"
 
 #include <ros/console.h>
+#include <std_msgs/String.h>
 
 #include <exception>
 #include <type_traits>
@@ -64,6 +65,8 @@ Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
   advertise_on(handles.steps, "step", &Services::step);
   advertise_on(handles.queries, "get_world_properties", &Services::get_world_properties);
   motor_bias_ = handles.edits.subscribe("motor_bias", 100, &Services::on_motor_bias, this);
+  scene_topic_ = handles.edits.advertise<std_msgs::String>("scene", 1, true);
+  tell_scene(parameters.scene);
 }
 
 template <class Request, class Response>
@@ -166,9 +169,16 @@ bool Services::load_scene(LoadSceneRequest& request, LoadSceneResponse& response
     ROS_INFO("load_scene %s: %s",
              request.path.empty() ? "of a text" : shortened(request.path, 200).c_str(),
              loaded.c_str());
+    tell_scene(request.path);
     response.applied_at = time_from_seconds(boundary.time);
     response.step = boundary.step;
   });
+}
+
+void Services::tell_scene(const std::string& path) {
+  std_msgs::String message;
+  message.data = path;
+  scene_topic_.publish(message);
 }
 
 bool Services::save_scene(SaveSceneRequest& request, SaveSceneResponse& response) {

@@ -9,9 +9,11 @@
 #include <constraint_sim/SetOptions.h>
 #include <constraint_sim/Step.h>
 #include <ros/node_handle.h>
+#include <ros/publisher.h>
 #include <std_srvs/Empty.h>
 
 #include <atomic>
+#include <string>
 #include <vector>
 
 #include "ros/edit_log.h"
@@ -54,6 +56,7 @@ class Services {
   void tell_of_motor(const char* why);
   bool get_body_state(GetBodyStateRequest& request, GetBodyStateResponse& response);
   bool load_scene(LoadSceneRequest& request, LoadSceneResponse& response);
+  void tell_scene(const std::string& path);
   bool save_scene(SaveSceneRequest& request, SaveSceneResponse& response);
   bool pause_physics(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse& response);
   bool unpause_physics(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse& response);
@@ -71,6 +74,7 @@ class Services {
   SnapshotServices snapshots_;
   std::vector<ros::ServiceServer> servers_;
   ros::Subscriber motor_bias_;
+  ros::Publisher scene_topic_;
 };
 
 }  // namespace constraint_sim

@@ -43,6 +43,7 @@ engine::World world_of_node(const std::string& node) {
   if (!ros::service::waitForService(service, ros::Duration(kPatience)) ||
       !ros::service::call(service, call))
     throw std::runtime_error("no answer of " + service);
+  ros::shutdown();
   if (!call.response.success) throw std::runtime_error(call.response.status_message);
   return engine::load_scene(call.response.text, node);
 }

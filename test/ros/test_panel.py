@@ -5,16 +5,32 @@ import os
 import shutil
 import subprocess
 
+import numpy
 import rosbag
 import rospy
 import rostest
 from constraint_sim.msg import EditRecord
 from constraint_sim.srv import SetOptionsRequest
+from std_msgs.msg import String
 
 import support
-from in_rviz import START
+from in_rviz import START, read_view
 from support import NODE, Listener, call, properties, wait_until
-from with_panel import PANEL_TOPICS, WithPanel, topics_of_panel
+from with_panel import PANEL, PANEL_TOPICS, WithPanel, changed, topics_of_panel
+
+ALWAYS = {NODE + "/statistics", NODE + "/scene"}  # of its topics those that no tab needs
+ROW = "bodies:\n" + "".join(
+    "- {name: b%d, mass: 1, shape: {box: {size: [1, 1, 1]}}, position: [%d, 0, 0]}\n" % (x, x)
+    for x in range(0, 101, 4))
+
+
+def is_whole_and_large(view):
+    """Whether bodies in their blue fill a third of the view's width or height, and touch no border."""
+    is_blue = view[..., 2] - view[..., 0] > 30
+    if is_blue[0].any() or is_blue[-1].any() or is_blue[:, 0].any() or is_blue[:, -1].any():
+        return False
+    return any(seen.any() and numpy.ptp(numpy.flatnonzero(seen)) > seen.size / 3
+               for seen in (is_blue.any(axis=0), is_blue.any(axis=1)))
 
 
 class Panel(WithPanel):
@@ -129,13 +145,13 @@ class Panel(WithPanel):
 
     def test_tabs_subscribe_to_what_they_show(self):
         self.click("Plots")
-        wait_until(lambda: topics_of_panel() == {NODE + "/statistics"}, "the topic of plots", START)
+        wait_until(lambda: topics_of_panel() == ALWAYS, "the topic of plots", START)
         self.click("World")
         wait_until(lambda: topics_of_panel() == PANEL_TOPICS, "those of the tree", START)
         for name in ("load", "rope"):
             self.assertIsNotNone(wait_until(lambda: self.panel.find(name), name, START))
         self.click("Plots")
-        wait_until(lambda: topics_of_panel() == {NODE + "/statistics"}, "the topic of plots again", START)
+        wait_until(lambda: topics_of_panel() == ALWAYS, "the topic of plots again", START)
         self.keys("alt+p")  # the menu Panels: the panel is the last of the list
         self.hide_and_show()
 
@@ -143,7 +159,7 @@ class Panel(WithPanel):
         self.keys("Up", "Return")
         wait_until(lambda: not topics_of_panel(), "silence of a hidden panel", START)
         self.keys("alt+p", "Up", "Return")
-        wait_until(lambda: topics_of_panel() == {NODE + "/statistics"}, "the panel again", START)
+        wait_until(lambda: topics_of_panel() == ALWAYS, "the panel again", START)
 
     def test_record(self):
         prefix = os.path.join(self.folder, "run")
@@ -178,6 +194,52 @@ class Panel(WithPanel):
         wait_until(lambda: self.panel.find_containing("; speed "), "the long text", START)
         for name, place in places.items():
             self.assertEqual(self.widget(name).centre(), place, name)
+
+    def settled(self, condition=lambda view: True, what="a view that is still"):
+        """The view beside the panel, once it is three times the same and meets the condition."""
+        views = []
+
+        def is_settled():
+            views.append(read_view(self.screenshot("settled.png"))[20:, :PANEL])
+            return (len(views) > 2 and all((views[-1] == view).all() for view in views[-3:-1]) and
+                    condition(views[-1]))
+        support.wait_until(is_settled, what, START)
+        return views[-1]
+
+    def framed(self):
+        return self.settled(is_whole_and_large, "a view that is whole and large")
+
+    def test_a_scene_that_is_loaded_is_framed(self):
+        """By the panel, or by who calls the service."""
+        self.enter("Scene name", "gripper")
+        self.click("Load")  # of 0.1 m
+        self.framed()
+        self.assertTrue(call("load_scene", text=ROW).success)  # 100 m long
+        self.framed()
+        self.assertTrue(call("load_scene", path="gripper").success)
+        self.framed()
+
+    def test_the_view_stays_where_the_user_has_it(self):
+        self.assertTrue(call("load_scene", text=ROW).success)
+        self.framed()
+        self.assertTrue(call("load_scene", path="gripper").success)
+        first = self.framed()
+        self.xdotool("mousemove", 120, 300, "mousedown", 1)
+        for x in range(120, 220, 10):
+            self.xdotool("mousemove", x, 300 + x // 2)
+        self.xdotool("mouseup", 1, "mousemove", 120, 300)
+        for _ in range(12):
+            self.xdotool("click", 5)  # and farther off
+        moved = self.settled(lambda view: changed(first, view) > 0.02)
+        scenes = Listener(NODE + "/scene", String)
+        self.assertEqual(scenes.find(what="the scene").data, "gripper")
+        self.assertTrue(call("save_snapshot", name="gripper").success)
+        self.assertTrue(call("add_body", body=support.sphere("far", 100.0)).success)
+        self.assertTrue(call("restore_snapshot", name="gripper").success)
+        self.click("Reset all")
+        self.wait_for_message("reset_simulation")
+        self.settled(lambda view: changed(moved, view) < 0.002, "the user's view")  # texts come anew
+        self.assertEqual(len(scenes.messages), 1)
 
     def test_all_at_a_glance(self):
         """For README.md and docs/rviz.md."""

@@ -2,15 +2,25 @@
 """Neither a node nor rviz that ends while the panel calls hangs the other."""
 import shutil
 import signal
+import subprocess
 
 import rospy
 import rostest
 
 import support
-from in_rviz import START
-from support import call, node_command, properties, wait_until
+from in_rviz import START, read_view
+from support import NODE, call, node_command, properties, wait_until
 from test_hostile import ENDLESS
-from with_panel import WithPanel
+from with_panel import PANEL, WithPanel, changed, topics_of_panel
+
+
+def children_of(process):
+    return subprocess.run(["pgrep", "-P", str(process.pid)], stdout=subprocess.PIPE,
+                          universal_newlines=True).stdout.split()
+
+
+def is_alive(process):
+    return subprocess.call(["ps", "-p", process], stdout=subprocess.DEVNULL) == 0
 
 
 class PanelEnds(WithPanel):
@@ -18,11 +28,29 @@ class PanelEnds(WithPanel):
 
     @classmethod
     def configuration(cls):
-        """Without the pictures of bodies: hundreds of them take rviz a second each time."""
+        """Without the pictures of bodies: hundreds of them take rviz a second each time. The view follows
+        the load of the winch."""
         text = super().configuration()
         for topic in ("markers", "labels"):
             text = text.replace("/constraint_sim/" + topic, "/constraint_sim/no_" + topic)
-        return text
+        assert text.count("Target Frame: <Fixed Frame>") == 1
+        return text.replace("Target Frame: <Fixed Frame>", "Target Frame: load")
+
+    def test_0_a_view_that_follows_a_body_stays(self):
+        """As the last one, needs rviz in a view of its own."""
+        wait_until(lambda: NODE + "/scene" in topics_of_panel(), "the panel", START)
+        told = "the view stays: it follows load"
+        views = []
+
+        def is_still():
+            views.append(read_view(self.screenshot("view.png"))[20:, :PANEL])
+            return len(views) > 2 and all((views[-1] == view).all() for view in views[-3:-1])
+        for count in (1, 2):  # at first rviz may not know the frame yet
+            self.assertTrue(call("load_scene", path="winch").success)
+            wait_until(lambda: self.messages().count(told) == count, told, START)
+            before = views[-1] if views else None
+            wait_until(is_still, "a view that is still", START)
+        self.assertLess(changed(before, views[-1]), 0.002)
 
     def test_1_a_node_that_ends_in_a_call_is_reported(self):
         self.node.send_signal(signal.SIGSTOP)
@@ -53,8 +81,12 @@ class PanelEnds(WithPanel):
         try:
             self.click("Step")
             self.click("Load")
+            children = children_of(self.rviz)
+            self.assertTrue(children)
             self.rviz.send_signal(signal.SIGINT)
             self.rviz.wait(timeout=START)  # far beyond what it takes: it would wait for ever
+            for child in children:  # which looked for a view of that scene
+                wait_until(lambda: not is_alive(child), "the end of what rviz started", START)
         finally:
             self.node.send_signal(signal.SIGCONT)
         call("pause_physics")

@@ -10,6 +10,7 @@ import tf2_ros
 from constraint_sim.msg import (Body, BodyStates, Constraint, ConstraintStates, Shape,
                                 Statistics)
 from geometry_msgs.msg import Point, Quaternion, Vector3
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -44,6 +45,15 @@ class Topics(unittest.TestCase):
     def tearDown(self):
         call("pause_physics")
         Listener.stop_all()  # so that what is on its way does not come to the next test
+
+    def test_each_scene_that_is_loaded_is_told(self):
+        listener = Listener(topic("scene"), String)
+        listener.find(lambda m: m.data == "pendulum", "the scene as it is")
+        self.assertFalse(call("load_scene", path="no_such_scene").success)
+        self.assertTrue(call("load_scene", text="bodies: []").success)
+        self.assertTrue(call("load_scene", path="winch").success)
+        listener.find(lambda m: m.data == "winch", "the last scene")
+        self.assertEqual([m.data for m in listener.messages], ["pendulum", "", "winch"])
 
     # ---- transforms and states
 

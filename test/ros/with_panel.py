@@ -7,11 +7,17 @@ import support
 from in_rviz import START, InRviz
 from support import NODE, Listener, node_command, properties, wait_until
 
-PANEL_TOPICS = {NODE + "/" + name for name in ("statistics", "body_states", "constraint_states")}
+PANEL_TOPICS = {NODE + "/" + name for name in ("statistics", "scene", "body_states", "constraint_states")}
+PANEL = 800  # columns of the view that the panel leaves
 
 
 def topics_of_panel():
     return support.topics_between(NODE, "/rviz") & PANEL_TOPICS
+
+
+def changed(before, after):
+    """Share of the pixels that are other than before."""
+    return (abs(after - before).max(axis=-1) > 20.0).mean()
 
 
 class WithPanel(InRviz):

@@ -23,7 +23,7 @@ constexpr double kMostHeightOfSign = 0.5;      // as large as this
 constexpr double kHeightOfScene = 0.015;       // for this share of the scene's diagonal
 constexpr double kHeightOfLegend = 0.02;       // of the scene's diagonal
 constexpr double kShares[] = {0.5, 0.7, 0.3};  // of a length, where labels of neighbours are
-constexpr double kOfLeg = 0.2;                 // the same of one that stands, from its foot
+constexpr double kOfLegs[] = {0.2, 0.4};       // the same of those that stand, from their feet
 constexpr double kLineSpacing = 1.4;
 constexpr double kAhead = 0.3;       // [s]
 constexpr double kMostGrowth = 2.0;  // of letters, by the motion
@@ -116,7 +116,7 @@ Vector3d place_of(const engine::World& world, engine::JointId id, bool is_broken
   if (is_broken)
     share = 0.5;                                    // in its gap
   else if (const auto foot = fixed_end(world, id))  // which are farther apart than what they bear
-    share = *foot == anchors.p_a ? kOfLeg : 1.0 - kOfLeg;
+    share = *foot == anchors.p_a ? kOfLegs[id.value % 2] : 1.0 - kOfLegs[id.value % 2];
   return (1.0 - share) * anchors.p_a + share * anchors.p_b;
 }
 

@@ -3,6 +3,7 @@
 import shutil
 import signal
 import subprocess
+import time
 
 import rospy
 import rostest
@@ -62,6 +63,14 @@ class PanelEnds(WithPanel):
         wait_until(lambda: self.panel.find_containing("no contact"), "no contact", START)
         self.click("Pause")
         self.wait_for_message("pause_physics: the node is gone")
+
+    def test_1_nodes_end_at_any_moment_of_their_start(self):
+        """While the panel looks for one, and calls it."""
+        for after in (0.0, 0.1, 0.2, 0.4, 0.8, 1.6):  # [s]: the moment is what is tested
+            with support.running(node_command(scene="winch")) as node:
+                time.sleep(after)
+                node.send_signal(signal.SIGINT)
+                node.wait(timeout=START)
 
     def test_2_a_node_that_comes_back_is_found(self):
         type(self).node = self.outer.enter_context(

@@ -108,7 +108,7 @@ class ContactEvents {
   struct LimitHit {
     std::size_t coordinate;
     double direction;
-    double rate;  ///< of the gap
+    double gap, rate;
     double restitution;
   };
   struct ContactHit {
@@ -220,7 +220,8 @@ class ContactEvents {
 
   // ---- at events (contact_states.cpp)
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
-  bool have_impacts(Of<double>* hit);
+  bool have_impacts(double left, Of<double>* hit);
+  bool is_hit(double gap, double rate) const;
   void find_hits(const Of<char>& rests, Hits* hits) const;
   void add_touching_limits(const Of<char>& rests, bool only_slow,
                            std::vector<LimitHit>* hits) const;
@@ -229,7 +230,7 @@ class ContactEvents {
   bool solve_counted();
   bool does_work(const ContactEquations::Responses& responses) const;
   bool have_jam(Of<double>* hit);
-  bool let_rest(const Of<double>& hit, Of<char>* rests, bool* is_settled);
+  bool let_rest(double left, const Of<double>& hit, Of<char>* rests, bool* is_settled);
   void break_joint(const Span& span, std::size_t joint);
   bool break_overloaded(Span* span);
   void note_bounds(const Span& span, const Watched& event);
@@ -250,6 +251,7 @@ class ContactEvents {
   bool is_within_bounds();
   void hold_coordinates(bool is_begin);
   void tell(double t, const std::vector<Acts>& before, const Of<double>& hit, bool is_begin);
+  void add_told(const Told& told, double rests_in);
 
   ContactEquations equations_;
   std::vector<Pair> pairs_;
@@ -259,10 +261,12 @@ class ContactEvents {
   double step_ = 0.0;                 // what the next substep is tried with [s]
   bool has_stages_ = false;           // of the last substep
   bool closes_ = false;               // overlaps, in the next span
+  bool begins_ = false;               // a span, at what is settled now
   ContactEquations::Accelerations rates_;
   std::vector<double> gap_acceleration_;         // of contacts, as decide() found it
   std::vector<double> coordinate_acceleration_;  // the same of coordinates
   std::vector<OneSidedState> states_before_;     // of coordinates, where the event is
+  Of<double> rests_in_;  // [s] after which bounces that are not followed are over
   WatchedSubstep<Watched> watched_;
   Done done_;
   double error_ = 0.0;  // of the substep that was repeated last, estimated [m]

@@ -33,6 +33,7 @@ constexpr double kEndOfSlip = 1e-7;  // [m/s] a slip that ends there is off by n
 bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
   double* const y = numbers_.data();
   has_stages_ = false;
+  begins_ = is_begin;
   acts_before_.clear();
   features_before_.clear();
   for (const ContactEquations::Contact& contact : equations_.contacts) {
@@ -46,7 +47,8 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
     states_before_.push_back(of.state);
   Of<double>& hit = hit_;
   hit.reset(equations_.contacts.size(), equations_.coordinates.size());
-  if ((jams && !have_jam(&hit)) || !have_impacts(&hit)) return false;
+  rests_in_.reset(equations_.contacts.size(), equations_.coordinates.size());
+  if ((jams && !have_jam(&hit)) || !have_impacts(span->left.left, &hit)) return false;
   if (!decide(event) && !(have_jam(&hit) && decide({}))) return false;
   hold_coordinates(is_begin);
   const double kinetic = equations_.kinetic_energy(), potential = equations_.potential_energy();
@@ -134,7 +136,7 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
     const ContactMotion now = equations_.motion(contact);
     gap_acceleration_[c] =
         now.n_dot.dot(now.w) + now.n.dot(ContactEquations::slip_acceleration(now, contact, rates_));
-    if (now.gap <= kTouching && now.gap_rate() <= kResting) responses.add(c, now);
+    if (now.gap <= kTouching && std::abs(now.gap_rate()) <= kResting) responses.add(c, now);
   }
   coordinate_acceleration_.clear();
   for (const ContactEquations::Coordinate& of : equations_.coordinates)
@@ -395,15 +397,17 @@ void ContactEvents::tell(double t, const std::vector<Acts>& before, const Of<dou
     const ContactEquations::Coordinate& of = equations_.coordinates[c];
     if (!of.is_one_sided) continue;
     const OneSidedState& then = is_begin ? of.state : states_before_[c];
-    add_changes(of.law, then, of.state, hit.coordinates[c], is_begin,
-                [&](EventKind kind, double impulse) {
-                  told_.push_back({kind, t, -1, static_cast<int>(c), impulse});
-                });
+    add_changes(
+        of.law, then, of.state, hit.coordinates[c], is_begin, [&](EventKind kind, double impulse) {
+          const bool rests = kind == EventKind::kLimitReached || kind == EventKind::kRopeTaut;
+          add_told({kind, t, -1, static_cast<int>(c), impulse},
+                   rests ? rests_in_.coordinates[c] : 0.0);
+        });
   }
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     const Pair& pair = pairs_[p];
     bool was = false, is = false, stuck = false, sticks = false;
-    double impulse = 0.0;
+    double impulse = 0.0, rests_in = 0.0;
     for (std::size_t c = pair.first; c < pair.first + pair.count; ++c) {
       const Acts now = equations_.contacts[c].acts, then = is_begin ? now : before[c];
       was = was || then != Acts::kOpen;
@@ -411,18 +415,27 @@ void ContactEvents::tell(double t, const std::vector<Acts>& before, const Of<dou
       is = is || now != Acts::kOpen;
       sticks = sticks || now == Acts::kSticks;
       impulse += hit.contacts[c];
+      rests_in = std::max(rests_in, rests_in_.contacts[c]);
     }
     if (is_begin && impulse > 0.0) was = false;
-    if (!was && (is || impulse > 0.0))
-      told_.push_back({EventKind::kContactBegan, t, static_cast<int>(p), -1, impulse});
-    if (was && impulse > 0.0)
-      told_.push_back({EventKind::kHit, t, static_cast<int>(p), -1, impulse});
-    if ((was || impulse > 0.0) && !is)
-      told_.push_back({EventKind::kContactEnded, t, static_cast<int>(p), -1, 0.0});
+    const auto add = [&](EventKind kind, double of, double later) {
+      add_told({kind, t, static_cast<int>(p), -1, of}, later);
+    };
+    if (!was && (is || impulse > 0.0)) add(EventKind::kContactBegan, impulse, is ? rests_in : 0.0);
+    if (was && impulse > 0.0) add(EventKind::kHit, impulse, is ? rests_in : 0.0);
+    if ((was || impulse > 0.0) && !is) add(EventKind::kContactEnded, 0.0, 0.0);
     if (was && is && stuck != sticks && pair.friction > 0.0)
-      told_.push_back(
-          {sticks ? EventKind::kSticks : EventKind::kSlips, t, static_cast<int>(p), -1, 0.0});
+      add(sticks ? EventKind::kSticks : EventKind::kSlips, 0.0, 0.0);
   }
+}
+
+// What was to come to rest later, and has an event now, does not.
+void ContactEvents::add_told(const Told& told, double rests_in) {
+  for (Told& other : told_)
+    if (other.pair == told.pair && other.coordinate == told.coordinate)
+      other.time = std::min(other.time, told.time);
+  told_.push_back(told);
+  told_.back().time += rests_in;
 }
 
 }  // namespace constraint_sim::engine

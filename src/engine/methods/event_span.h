@@ -28,6 +28,7 @@ struct EventDriven::Rows {
   Eigen::VectorXd acceleration;  ///< of laws with their forces, once these are decided
   std::vector<char> is_free;     ///< laws whose coordinate the rigid joints leave free
   std::vector<double> hit;       ///< impulses that laws had in impacts
+  std::vector<double> rests_in;  ///< [s] after which bounces that are not followed are over
 };
 
 }  // namespace constraint_sim::engine

@@ -48,8 +48,10 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
     const Prescribed at_limit = limit(upper_one);
     const double direction = upper_one ? -1.0 : 1.0;
     const bool gave_way = before.yield == -direction;  // and is where the length is
-    if (!gave_way && direction * (reading.q - at_limit.value) > kTouching) continue;
+    const double gap = direction * (reading.q - at_limit.value);
     const double rate = direction * (reading.rate - at_limit.rate);
+    const bool has_yet_to_hit = gap > 0.0 && rate < -kResting && !std::isfinite(law.limit_force);
+    if (!gave_way && (gap > kTouching || has_yet_to_hit)) continue;
     if (std::abs(rate) <= kResting) return upper_one ? Hold::kUpper : Hold::kLower;
     if (rate < 0.0) state->yield = sign_of(-direction);
   }
@@ -201,6 +203,20 @@ void watch_rates(const OneSidedLaw& law, const OneSidedState& state, double brak
   else if (state.drive != 0)
     watch_rate(state.drive, zeta());
   if (state.yield != 0) watch_rate(state.yield, limit(state.yield > 0));
+}
+
+/// How long it takes until what bounces back by `speed`, and falls with `fall` [m/s²], has come to
+/// rest: the sum of all its bounces. None where it bounces higher than 1e-10 m, or on beyond what
+/// is `left` of the span; but where there are too many of these until then, it rests by the end.
+inline std::optional<double> time_to_rest(double speed, double fall, double restitution,
+                                          double left) {
+  constexpr double kBounce = 1e-10;  // [m or rad] of height: lower ones are not followed
+  constexpr double kMost = 128.0;    // to be followed because they go on beyond the span
+  if (!(speed > 0.0 && fall > 0.0 && speed * speed <= 2.0 * fall * kBounce)) return std::nullopt;
+  const double first = 2.0 * speed / fall;
+  if (first <= (1.0 - restitution) * left) return first / (1.0 - restitution);
+  if (kMost * first <= left) return left;
+  return std::nullopt;
 }
 
 /// Adds the events that a change is: `add(kind, impulse)`. `hit`: the impulse that a limit had,

@@ -95,6 +95,14 @@ void add_coordinates(std::size_t j, std::vector<OneSidedLaw>* of_joint,
   }
 }
 
+/// Whether two bodies touched in the step before.
+bool have_touched(const std::vector<TouchingPair>& before, std::pair<int, int> ends) {
+  const auto found = std::lower_bound(
+      before.begin(), before.end(), ends,
+      [](const TouchingPair& l, const std::pair<int, int>& r) { return l.ends() < r; });
+  return found != before.end() && found->ends() == ends;
+}
+
 /// Whether hits of a body with such ones cost nothing.
 bool keeps_energy(const Body& body) {
   return body.friction == 0.0 && body.restitution == 1.0 && !body.shape_pose;
@@ -285,6 +293,7 @@ bool World::Impl::compile_events(const ContactGroup& group) {
       joint = {index, add_group_body(static_cast<int>(a), &equations),
                add_group_body(static_cast<int>(b), &equations), std::move(storage)};
       joint.joint = joints[at(index)];
+      joint.was_saturated = joint_states_before[at(index)].saturated;
       add_coordinates(count, &group_laws, &equations);
       ++count;
     }
@@ -310,6 +319,7 @@ bool World::Impl::add_group_pairs(const ContactGroup& group) {
     pairs.push_back({place_a, place_b, body_a.shape, body_b.shape, surface.friction,
                      surface.restitution, 0, 0,
                      std::min(thickness(body_a.shape), thickness(body_b.shape))});
+    pairs.back().touched = have_touched(touching_before, std::minmax(a, b));
   }
   return true;
 }

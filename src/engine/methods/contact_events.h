@@ -35,6 +35,8 @@ class ContactEvents {
     double friction, restitution;
     std::size_t first = 0, count = 0;  ///< of its contacts
     double thickness = 0.0;            ///< [m] of the thinner shape
+    bool touched = false;              ///< in the step before,
+    bool held = false, stuck = false;  ///< and did so at its end, as that left them
 
     bool is_of_boxes() const {
       return std::holds_alternative<Box>(shape_a) && std::holds_alternative<Box>(shape_b);
@@ -194,6 +196,7 @@ class ContactEvents {
   void go_on_as_when_still(std::vector<BodyState>* states);
 
   void begin_joints(const Span& span, const JointStep& step, const std::vector<JointState>& states);
+  void note_last_states();
   void note_positions();
   void give_way(std::size_t coordinate);
   void add_contacts();
@@ -250,8 +253,12 @@ class ContactEvents {
   void take_forces();
   bool is_within_bounds();
   void hold_coordinates(bool is_begin);
-  void tell(double t, const std::vector<Acts>& before, const Of<double>& hit, bool is_begin);
+  void tell(const Span& span, const std::vector<Acts>& before, const Of<double>& hit,
+            bool is_begin);
+  void tell_pair(double t, std::size_t pair, const std::vector<Acts>& before, const Of<double>& hit,
+                 bool is_begin);
   void add_told(const Told& told, double rests_in);
+  bool is_saturated(std::size_t coordinate, const OneSidedState& state) const;
 
   ContactEquations equations_;
   std::vector<Pair> pairs_;
@@ -266,6 +273,8 @@ class ContactEvents {
   std::vector<double> gap_acceleration_;         // of contacts, as decide() found it
   std::vector<double> coordinate_acceleration_;  // the same of coordinates
   std::vector<OneSidedState> states_before_;     // of coordinates, where the event is
+  std::vector<OneSidedState> last_states_;       // the same, where the span before ended
+  std::vector<char> was_saturated_;              // the same
   Of<double> rests_in_;  // [s] after which bounces that are not followed are over
   WatchedSubstep<Watched> watched_;
   Done done_;

@@ -16,6 +16,7 @@ struct EventDriven::Span {
   std::vector<BodyState>* states;  ///< of the world; those of the island at `left.t`
   SubstepSpan left;
   IntegrationResult progress;
+  bool begins = true;  ///< nothing has moved since it did
 };
 
 /// A complementarity problem of all laws at an event, with the rigid joints held.

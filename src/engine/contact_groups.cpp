@@ -95,12 +95,23 @@ void add_coordinates(std::size_t j, std::vector<OneSidedLaw>* of_joint,
   }
 }
 
-/// Whether two bodies touched in the step before.
-bool have_touched(const std::vector<TouchingPair>& before, std::pair<int, int> ends) {
+/// What is known of a pair from the step before: whether it touched, and whether friction was
+/// within its cone anywhere. `mass`: what takes the impulses.
+void note_step_before(const std::vector<TouchingPair>& before, std::pair<int, int> ends,
+                      double mass, ContactEvents::Pair* pair) {
+  constexpr double kAtCone = 1e-6;
+  constexpr double kRounding = 1e-12;  // [m/s]
   const auto found = std::lower_bound(
       before.begin(), before.end(), ends,
       [](const TouchingPair& l, const std::pair<int, int>& r) { return l.ends() < r; });
-  return found != before.end() && found->ends() == ends;
+  if (found == before.end() || found->ends() != ends) return;
+  pair->touched = true;
+  for (std::size_t k = 0; k < at(found->manifold.count); ++k) {
+    const double normal = found->impulses[k].dot(found->manifold.normal);
+    const double along = (found->impulses[k] - normal * found->manifold.normal).norm();
+    const double most = (1.0 - kAtCone) * pair->friction * std::abs(normal);
+    pair->stuck = pair->stuck || along <= most + kRounding * mass;
+  }
 }
 
 /// Whether hits of a body with such ones cost nothing.
@@ -319,7 +330,8 @@ bool World::Impl::add_group_pairs(const ContactGroup& group) {
     pairs.push_back({place_a, place_b, body_a.shape, body_b.shape, surface.friction,
                      surface.restitution, 0, 0,
                      std::min(thickness(body_a.shape), thickness(body_b.shape))});
-    pairs.back().touched = have_touched(touching_before, std::minmax(a, b));
+    const double mass = 1.0 / (masses[at(a)].inverse_mass + masses[at(b)].inverse_mass);
+    note_step_before(touching_before, std::minmax(a, b), mass, &pairs.back());
   }
   return true;
 }

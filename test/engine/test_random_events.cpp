@@ -187,9 +187,10 @@ std::optional<std::pair<std::string, bool>> turn_of(const Event& event) {
   }
 }
 
-// What begins has ended before, across ticks and however a tick begins.
+// What begins has ended before, across ticks and however a tick begins. Whether a contact without
+// force slips or sticks is told again where the impulse of the tick before does not tell it.
 TEST(RandomEvents, BeginAndEndInTurn) {
-  unsigned turns = 0;
+  unsigned turns = 0, slips_again = 0;
   for (const Kind kind : {Kind::kMechanismWithMotors, Kind::kTouching, Kind::kTouchingWithMotors,
                           Kind::kMechanismWithServos, Kind::kTouchingWithServos, Kind::kAligned}) {
     for (unsigned seed = 0; seed < kScenes / 8; ++seed) {
@@ -204,15 +205,21 @@ TEST(RandomEvents, BeginAndEndInTurn) {
           if (!turn) continue;
           const auto [known, is_new] = has_begun.insert(*turn);
           turns += !is_new;
-          EXPECT_TRUE(is_new || known->second != turn->second)
-              << "--kind " << static_cast<int>(kind) << " --seed " << seed << ": "
-              << name(event.kind) << " again, " << turn->first << " at " << event.time << " s";
+          const bool is_again = !is_new && known->second == turn->second;
+          if (is_again && turn->first.rfind("slip of bodies", 0) == 0) {
+            ++slips_again;
+            continue;
+          }
+          EXPECT_FALSE(is_again) << "--kind " << static_cast<int>(kind) << " --seed " << seed
+                                 << ": " << name(event.kind) << " again, " << turn->first << " at "
+                                 << event.time << " s";
           known->second = turn->second;
         }
       }
     }
   }
   EXPECT_GT(turns, 10 * kScenes);
+  EXPECT_LE(slips_again, turns / 500);
 }
 
 // One to three now (constraint_sim_event_costs); a count, the same on every machine.

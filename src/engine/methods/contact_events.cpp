@@ -150,15 +150,19 @@ bool ContactEvents::begin(const std::vector<BodyState>& states, bool closes) {
     if (!closes && depth_[p] > kMostOverlap) return false;
   }
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
-    const ContactMotion now = equations_.motion(equations_.contacts[c]);
-    const double depth = -now.gap;
+    const double depth = -equations_.motion(equations_.contacts[c]).gap;
     if (!closes && depth > kMostOverlap) return false;
-    Pair& pair = pairs_[pair_of_[c]];
-    if (pair.touched && now.gap <= kTouching && std::abs(now.gap_rate()) <= kResting) {
-      pair.held = true;
-      pair.stuck = pair.stuck || now.slip().norm() <= kResting;
-    }
     depth_[pair_of_[c]] = std::max(depth_[pair_of_[c]], depth);
+  }
+  for (Pair& pair : pairs_) {
+    bool is_still = false;
+    for (std::size_t c = pair.first; pair.touched && c < pair.first + pair.count; ++c) {
+      const ContactMotion now = equations_.motion(equations_.contacts[c]);
+      if (now.gap > kTouching || std::abs(now.gap_rate()) > kResting) continue;
+      pair.held = true;
+      is_still = is_still || now.slip().norm() <= kResting;
+    }
+    pair.stuck = pair.stuck && is_still;
   }
   return true;
 }

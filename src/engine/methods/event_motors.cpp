@@ -68,6 +68,7 @@ void EventDriven::note_saturated(const Span& span) {
   for (const OneSidedLaw& law : laws_) joint_states_[law.joint].saturated = false;
   const double t = span.left.end;
   for (std::size_t c = 0; c < laws_.size(); ++c) {
+    if (!has_force_limit(laws_[c]) && !is_at_end_[laws_[c].joint]) continue;
     const double q = read(span, laws_[c], t, span.motion->equations(), rates_).q;
     if (is_saturated(span, c, states_[c], t, q)) joint_states_[laws_[c].joint].saturated = true;
   }

@@ -95,6 +95,25 @@ void add_coordinates(std::size_t j, std::vector<OneSidedLaw>* of_joint,
   }
 }
 
+/// What is known of a pair from the step before: whether it touched, and whether friction was
+/// within its cone anywhere. `mass`: what takes the impulses.
+void note_step_before(const std::vector<TouchingPair>& before, std::pair<int, int> ends,
+                      double mass, ContactEvents::Pair* pair) {
+  constexpr double kAtCone = 1e-6;
+  constexpr double kRounding = 1e-12;  // [m/s]
+  const auto found = std::lower_bound(
+      before.begin(), before.end(), ends,
+      [](const TouchingPair& l, const std::pair<int, int>& r) { return l.ends() < r; });
+  if (found == before.end() || found->ends() != ends) return;
+  pair->touched = true;
+  for (std::size_t k = 0; k < at(found->manifold.count); ++k) {
+    const double normal = found->impulses[k].dot(found->manifold.normal);
+    const double along = (found->impulses[k] - normal * found->manifold.normal).norm();
+    const double most = (1.0 - kAtCone) * pair->friction * std::abs(normal);
+    pair->stuck = pair->stuck || along <= most + kRounding * mass;
+  }
+}
+
 /// Whether hits of a body with such ones cost nothing.
 bool keeps_energy(const Body& body) {
   return body.friction == 0.0 && body.restitution == 1.0 && !body.shape_pose;
@@ -285,6 +304,7 @@ bool World::Impl::compile_events(const ContactGroup& group) {
       joint = {index, add_group_body(static_cast<int>(a), &equations),
                add_group_body(static_cast<int>(b), &equations), std::move(storage)};
       joint.joint = joints[at(index)];
+      joint.was_saturated = joint_states_before[at(index)].saturated;
       add_coordinates(count, &group_laws, &equations);
       ++count;
     }
@@ -310,6 +330,8 @@ bool World::Impl::add_group_pairs(const ContactGroup& group) {
     pairs.push_back({place_a, place_b, body_a.shape, body_b.shape, surface.friction,
                      surface.restitution, 0, 0,
                      std::min(thickness(body_a.shape), thickness(body_b.shape))});
+    const double mass = 1.0 / (masses[at(a)].inverse_mass + masses[at(b)].inverse_mass);
+    note_step_before(touching_before, std::minmax(a, b), mass, &pairs.back());
   }
   return true;
 }

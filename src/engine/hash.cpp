@@ -189,6 +189,7 @@ void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::
   hash.add(std::uint64_t{joint.collide_connected});
   hash.add(std::uint64_t{state.broken});
   if (!joint.enabled) hash.add(std::string("disabled"));
+  if (state.saturated) hash.add(std::string("saturated"));
   if (!state.closing) return;
   hash.add(state.closing_since);
   if (couples(joint.kind)) hash.add(state.coupling.offset);

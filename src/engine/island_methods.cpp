@@ -313,7 +313,8 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
   IslandParts& parts = island_parts[i];
   Island& island = islands[i];
   if (island.method == Method::kEventDriven) {
-    const EventDriven::Surroundings around{span_from(span.t, span.h), joint_states, masses};
+    const EventDriven::Surroundings around{span_from(span.t, span.h), joint_states,
+                                           joint_states_before, masses};
     return note(
         i, motions[at(parts.motion)].advance(span, accuracy_within(kInfinity), around, &states));
   }

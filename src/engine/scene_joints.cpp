@@ -294,11 +294,12 @@ SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
 /// State that a saved joint continues from.
 JointState read_joint_state(const YamlElement& item, JointKind kind) {
   item.expect_keys({"coupling_constant", "coupling_impulse", "closing_coupling", "travel",
-                    "expires_at", "impulse", "self_stress", "self_stress_of", "positions", "held",
-                    "braking", "closing_since", "closing_offset", "closing_shift", "closing_turn",
-                    "closing_share", "initial_error"});
+                    "saturated", "expires_at", "impulse", "self_stress", "self_stress_of",
+                    "positions", "held", "braking", "closing_since", "closing_offset",
+                    "closing_shift", "closing_turn", "closing_share", "initial_error"});
   JointState state;
   item.read("travel", &state.travel);
+  item.read("saturated", &state.saturated);
   read_rows(item, "impulse", kind, &state.impulse);
   item.read("coupling_constant", &state.coupling.constant);
   item.read("coupling_impulse", &state.coupling.impulse);

@@ -251,6 +251,7 @@ void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
   if (impl.is_as_added(id)) return;
   *out << YAML::Key << "state" << YAML::Value << YAML::Flow << YAML::BeginMap;
   write(out, "travel", state.travel);
+  if (state.saturated) write(out, "saturated", true);
   write_expiry(out, joint, state);
   if (const int count = coordinates(joint.kind)) {
     Eigen::VectorXd positions(count), held(count), braking(count);

@@ -226,6 +226,39 @@ TEST_P(ContactsWithLawsAt, AMotorDrivesABallAgainstAWall) {
   EXPECT_NEAR(world.joint_state(id).coordinates[0].effort, 12.0, 1e-9);
 }
 
+// The same on a cylindrical joint, that a second motor turns at 0.5 rad/s with 0.08 N m: one of the
+// two at its limit is not told of the other.
+TEST_P(ContactsWithLawsAt, MotorsOfOneJointAreToldApart) {
+  World world(by_events(GetParam(), 0.0));
+  world.add_body(plane("wall", {1.0, 0.0, 0.0}, -Vector3d::UnitX(), 0.0, 0.0));
+  const BodyId ball = world.add_body(make_body("ball", Sphere{0.1}, 2.0, Vector3d::Zero()));
+  Joint joint = slider_along_x(ball, Vector3d::Zero());
+  joint.kind = JointKind::kCylindrical;
+  joint.frame_b = joint.frame_a;
+  const std::array<std::pair<double, double>, 2> motors{{{2.0, 12.0}, {0.5, 0.08}}};
+  for (std::size_t i = 0; i < motors.size(); ++i) {
+    joint.coordinates[i].motor.emplace();
+    joint.coordinates[i].motor->bias = motors[i].first;
+    joint.coordinates[i].motor->max_force = motors[i].second;
+  }
+  const JointId id = world.add_joint(joint);
+  std::vector<Event> told;
+  for (const Event& event : advance(&world, 1.0))
+    if (event.joint) told.push_back(event);
+  // 2/5 m r² turned by 0.08 N m
+  ASSERT_EQ(told.size(), 3u);
+  EXPECT_EQ(told[0].kind, EventKind::kReleased);
+  EXPECT_EQ(told[0].coordinate, 1);
+  EXPECT_NEAR(told[0].time, 0.5 * 0.4 * 2.0 * 0.01 / 0.08, kTime);
+  EXPECT_EQ(told[1].kind, EventKind::kReleased);
+  EXPECT_EQ(told[1].coordinate, 0);
+  EXPECT_NEAR(told[1].time, 1.0 / 3.0, kTime);
+  EXPECT_EQ(told[2].kind, EventKind::kSaturated);
+  EXPECT_EQ(told[2].coordinate, 0);
+  EXPECT_NEAR(told[2].time, 1.0 / 3.0 + (0.9 - 1.0 / 3.0) / 2.0, kTime);
+  EXPECT_TRUE(world.joint_state(id).saturated);
+}
+
 // A servo of 20 N/m about 1.2 m and 12 N drives a ball of 2 kg on a slider against a wall, e = 0:
 // at its limit up to 0.6 m, then by the spring, and the wall bears what that has left.
 TEST_P(ContactsWithLawsAt, AServoDrivesABallAgainstAWall) {

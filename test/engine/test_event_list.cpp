@@ -2,6 +2,8 @@
 // closed forms of the moments, right to 1e-9 s at any tick, and of the impulses.
 
 #include "by_events.h"
+#include "constraint_sim/engine/scene.h"
+#include "constraint_sim/engine/snapshot.h"
 #include "pendulum.h"
 #include "support.h"
 
@@ -11,6 +13,8 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kTime = 1e-9;  // [s], as the events themselves are located in test_events.cpp
+
+std::size_t at(Method method) { return static_cast<std::size_t>(method); }
 
 /// All events of so many seconds; each is to be within its tick.
 std::vector<Event> events_of(World* world, double seconds) {
@@ -70,6 +74,229 @@ TEST_P(EventList, BouncesOnALimitAreTold) {
     t += 2.0 * v / kGravity;
   }
   EXPECT_EQ(events.back().kind, EventKind::kLimitReached);  // and stays there
+}
+
+// A ball that bounces on a floor or on the stop of its slider comes to rest after
+// √(2 h/g) (1 + e)/(1 − e). That its place rounds to 7e-18 m moves the time of a bounce of v by as
+// much over v, and with it all that come: by 3e-12 s for e = 0.9 and 4e-5 m/s, the least that is
+// followed.
+TEST_P(EventList, ComingToRestIsToldWhereTheLastBounceIs) {
+  constexpr double kHeight = 0.05;
+  for (const auto& [e, tolerance] : {std::pair(0.5, 2e-13), {0.9, 6e-12}, {0.99, 9e-10}}) {
+    for (const bool is_stop : {false, true}) {
+      World world(by_events(GetParam()));
+      Body ball = make_body("ball", Sphere{0.1}, 3.0, {0.0, 0.0, 0.1 + kHeight});
+      ball.restitution = e;
+      const BodyId id = world.add_body(ball);
+      if (is_stop) {
+        Joint joint = make_joint("slider", kWorldBody, Vector3d::Zero(), id, Vector3d::Zero(),
+                                 JointKind::kSlider);
+        joint.coordinates[0].lower = 0.1;
+        joint.coordinates[0].limit_restitution = e;
+        world.add_joint(joint);
+      } else {
+        world.add_body(make_floor(0.0));
+      }
+      const double rests = std::sqrt(2.0 * kHeight / kGravity) * (1.0 + e) / (1.0 - e);
+      const std::vector<Event> events = events_of(&world, rests + 0.1);
+      ASSERT_FALSE(events.empty());
+      EXPECT_EQ(events.back().kind, is_stop ? EventKind::kLimitReached : EventKind::kContactBegan);
+      EXPECT_NEAR(events.back().time, rests, tolerance) << e << (is_stop ? ", stop" : "");
+    }
+  }
+}
+
+/// A load of 2 kg at 0, on a slider along x up to 0.2 m; a motor pushes it there with 3 N.
+JointId push_into_limit(World* world) {
+  Body load = make_body("load", Sphere{0.1}, 2.0, Vector3d::Zero());
+  load.no_collision = true;
+  const BodyId id = world->add_body(load);
+  Joint joint =
+      make_joint("slider", kWorldBody, Vector3d::Zero(), id, Vector3d::Zero(), JointKind::kSlider);
+  joint.frame_a = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), Vector3d::UnitX());
+  joint.coordinates[0].upper = 0.2;
+  joint.coordinates[0].motor.emplace();
+  joint.coordinates[0].motor->bias = 5.0;
+  joint.coordinates[0].motor->max_force = 3.0;
+  return world->add_joint(joint);
+}
+
+const double kPushed = std::sqrt(2.0 * 0.2 * 2.0 / 3.0);  // [s] until it is there
+
+// The limit holds what the motor pushes with all its force.
+TEST_P(EventList, AMotorThatPushesIntoItsLimitIsNotReleased) {
+  for (const Method method :
+       {Method::kAuto, Method::kEventDriven, Method::kRungeKutta, Method::kSequentialImpulses}) {
+    WorldOptions options = by_events(GetParam(), 0.0);
+    options.method = method;
+    World world(options);
+    const JointId slider = push_into_limit(&world);
+    const std::vector<Event> events = events_of(&world, 1.0);
+    EXPECT_TRUE(world.joint_state(slider).saturated) << name(method);
+    EXPECT_NEAR(world.joint_state(slider).coordinates[0].position, 0.2, 1e-6) << name(method);
+    if (world.report().islands[at(Method::kEventDriven)] == 0) continue;  // no moments
+    ASSERT_EQ(events.size(), 1u) << name(method);
+    EXPECT_EQ(events[0].kind, EventKind::kLimitReached);
+    EXPECT_NEAR(events[0].time, kPushed, kTime);
+  }
+}
+
+// What an edit changes is told where the tick begins: a motor that stops at the limit has none of
+// its force, one that turns back leaves it, with all of it until it has its rate.
+TEST_P(EventList, WhatEditsOfAMotorChangeIsTold) {
+  World world(by_events(GetParam(), 0.0));
+  const JointId slider = push_into_limit(&world);
+  events_of(&world, 1.0);
+  CoordinateMotor motor = *world.joint(slider).coordinates[0].motor;
+  motor.bias = 0.0;
+  world.set_motor(slider, 0, motor);
+  const double stops = world.time();
+  std::vector<Event> events = events_of(&world, 1.3);
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].kind, EventKind::kReleased);
+  EXPECT_EQ(events[0].time, stops);
+  EXPECT_FALSE(world.joint_state(slider).saturated);
+  motor.bias = -0.3;
+  world.set_motor(slider, 0, motor);
+  const double leaves = world.time();
+  events = events_of(&world, 2.0);
+  ASSERT_EQ(events.size(), 3u);
+  EXPECT_EQ(events[0].kind, EventKind::kLimitLeft);
+  EXPECT_EQ(events[0].time, leaves);
+  EXPECT_EQ(events[1].kind, EventKind::kSaturated);
+  EXPECT_EQ(events[1].time, leaves);
+  EXPECT_EQ(events[2].kind, EventKind::kReleased);
+  EXPECT_NEAR(events[2].time, leaves + 2.0 * 0.3 / 3.0, kTime);
+}
+
+// A world that was saved, and one from a snapshot, tell the same of the next tick. What was saved
+// begins its substeps anew.
+TEST(EventList, WhatWasSavedTellsTheSame) {
+  World world(by_events(1.0 / 60));
+  world.add_body(make_floor(0.5));
+  const JointId slider = push_into_limit(&world);
+  Body box = make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {2.0, 0.0, 0.2});
+  box.friction = 0.5;
+  Wrench wrench;
+  wrench.body = world.add_body(box);
+  wrench.force = {1.2 * 0.5 * 2.0 * kGravity, 0.0, 0.0};
+  wrench.start = 0.2;
+  wrench.end = 0.4;
+  world.add_wrench(wrench);
+  unsigned told = 0;
+  while (world.time() < 1.0) {
+    World saved = load_scene(save_scene(world)), restored = read_snapshot(write_snapshot(world));
+    if (world.time() > 0.9)
+      for (World* of : {&world, &saved, &restored}) of->set_motor(slider, 0, std::nullopt);
+    world.step();
+    told += static_cast<unsigned>(world.events().size());
+    for (World* of : {&saved, &restored}) {
+      of->step();
+      ASSERT_EQ(of->events().size(), world.events().size()) << world.time();
+      for (std::size_t k = 0; k < world.events().size(); ++k) {
+        EXPECT_EQ(of->events()[k].kind, world.events()[k].kind);
+        EXPECT_NEAR(of->events()[k].time, world.events()[k].time, of == &saved ? kTime : 0.0);
+      }
+    }
+  }
+  EXPECT_EQ(told, 3u);  // slips, sticks, limit_reached
+}
+
+// A rope of at least 0.5 m is wound in at 0.25 m/s with 50 N until no more than 1 % of that is
+// left, alone and beside a wall that its load touches.
+TEST_P(EventList, AWinchAtTheEndOfItsTravelIsSaturated) {
+  constexpr double kEnd = 0.99 * 0.5 / 0.25;
+  for (const bool has_wall : {false, true}) {
+    for (const Method method : {Method::kAuto, Method::kSequentialImpulses}) {
+      WorldOptions options = by_events(GetParam());
+      options.method = method;
+      World world(options);
+      Body load = make_body("load", Sphere{0.1}, 2.0, {0.0, 0.0, -1.0});
+      load.state.linear_velocity.z() = 0.25;
+      const BodyId id = world.add_body(load);
+      if (has_wall) world.add_body(plane("wall", {-0.1, 0.0, 0.0}, Vector3d::UnitX(), 0.0, 0.0));
+      Joint joint = hang("rope", id, between(0.5, 1.0));
+      joint.motor.bias = -0.25;
+      joint.motor.max_force = 50.0;
+      const JointId rope_id = world.add_joint(joint);
+      std::vector<Event> events = events_of(&world, kEnd - 2.0 * GetParam());
+      EXPECT_FALSE(world.joint_state(rope_id).saturated) << name(method);
+      events = events_of(&world, 2.3);
+      EXPECT_TRUE(world.joint_state(rope_id).saturated) << name(method);
+      if (method == Method::kSequentialImpulses) continue;
+      std::vector<double> saturated;
+      for (const Event& event : events) {
+        EXPECT_NE(event.kind, EventKind::kReleased);
+        if (event.kind == EventKind::kSaturated) saturated.push_back(event.time);
+      }
+      ASSERT_EQ(saturated.size(), 1u) << has_wall;
+      EXPECT_NEAR(saturated[0], kEnd, GetParam());
+    }
+  }
+}
+
+// What a push does from the beginning of a tick on is told as what happens within.
+TEST_P(EventList, WhatBeginsWithATickIsTold) {
+  World world(by_events(GetParam()));
+  world.add_body(make_floor(0.5));
+  Body box = make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.2});
+  box.friction = 0.5;
+  const BodyId id = world.add_body(box);
+  EXPECT_TRUE(events_of(&world, 0.1).empty());  // that it stands there is no event
+  Wrench wrench;
+  wrench.body = id;
+  wrench.force = {1.2 * 0.5 * 2.0 * kGravity, 0.0, 0.0};
+  world.add_wrench(wrench);
+  double start = world.time();
+  std::vector<Event> events = events_of(&world, 0.2);
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].kind, EventKind::kSlips);
+  EXPECT_EQ(events[0].time, start);
+  wrench.force = {0.0, 0.0, 50.0};
+  world.add_wrench(wrench);
+  start = world.time();
+  events = events_of(&world, 0.3);
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].kind, EventKind::kContactEnded);
+  EXPECT_EQ(events[0].time, start);
+}
+
+// Without friction too, and from sleep.
+TEST_P(EventList, ALiftIsToldOfWhatSleptWithoutFriction) {
+  World world(by_events(GetParam()));
+  world.add_body(make_floor(0.0));
+  const BodyId id = world.add_body(make_body("ball", Sphere{0.1}, 2.0, {0.0, 0.0, 0.1}));
+  EXPECT_TRUE(events_of(&world, 3.0).empty());
+  EXPECT_EQ(world.report().asleep, 1u);
+  Wrench wrench;
+  wrench.body = id;
+  wrench.force = {0.0, 0.0, 50.0};
+  world.add_wrench(wrench);
+  const double start = world.time();
+  const std::vector<Event> events = events_of(&world, 3.2);
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].kind, EventKind::kContactEnded);
+  EXPECT_EQ(events[0].time, start);
+}
+
+// A ball that comes to rest in a corner where nothing pulls touches three walls from then on.
+TEST_P(EventList, ContactsWithoutForceDoNotComeAndGo) {
+  World world(by_events(GetParam(), 0.0));
+  for (int i = 0; i < 3; ++i) {
+    Body body = plane("wall", Vector3d::Zero(), Vector3d::Unit(i), 0.0, 0.0);
+    body.name += std::to_string(i);
+    world.add_body(body);
+  }
+  Body ball = make_body("ball", Sphere{0.1}, 1.0, {1.1, 1.1, 1.1});
+  ball.state.linear_velocity = {-1.0, -1.0, -1.0};
+  ball.state.angular_velocity = {3.0, 2.0, 1.0};
+  world.add_body(ball);
+  const std::vector<Event> events = events_of(&world, 4.0);
+  ASSERT_EQ(events.size(), 3u);
+  for (const Event& event : events) {
+    EXPECT_EQ(event.kind, EventKind::kContactBegan);
+    EXPECT_NEAR(event.time, 1.0, kTime);
+  }
 }
 
 TEST_P(EventList, AMotorAtItsLimitIsToldUntilItHasCaughtUp) {

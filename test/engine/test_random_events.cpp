@@ -2,6 +2,10 @@
 // (bench/random_events.h, judge_events.h); constraint_sim_random_events does the same with any
 // number of scenes.
 
+#include <map>
+#include <optional>
+#include <string>
+
 #include "constraint_sim/engine/scene.h"
 #include "event_costs.h"
 #include "judge_events.h"
@@ -171,6 +175,65 @@ TEST(RandomEvents, GoOnWhenSavedAndLoaded) {
       EXPECT_LT((world.state(id).position - other.position).norm(), 1e-6) << seed;
     }
   }
+}
+
+/// What an event begins or ends, of whom; none of impacts.
+std::optional<std::pair<std::string, bool>> turn_of(const Event& event) {
+  const std::string whose = event.joint ? "joint " + std::to_string(event.joint->value) +
+                                              " coordinate " + std::to_string(event.coordinate)
+                                        : "bodies " + std::to_string(event.body_a.value) + " and " +
+                                              std::to_string(event.body_b.value);
+  switch (event.kind) {
+    case EventKind::kSaturated:
+    case EventKind::kReleased:
+      return std::pair("motor of " + whose, event.kind == EventKind::kSaturated);
+    case EventKind::kSlips:
+    case EventKind::kSticks:
+      return std::pair("slip of " + whose, event.kind == EventKind::kSlips);
+    case EventKind::kContactBegan:
+    case EventKind::kContactEnded:
+      return std::pair("contact of " + whose, event.kind == EventKind::kContactBegan);
+    case EventKind::kRopeTaut:
+    case EventKind::kRopeSlack:
+      return std::pair("rope of " + whose, event.kind == EventKind::kRopeTaut);
+    default:
+      return std::nullopt;
+  }
+}
+
+// What begins has ended before, across ticks and however a tick begins. Whether a contact without
+// force slips or sticks is told again where the impulse of the tick before does not tell it.
+TEST(RandomEvents, BeginAndEndInTurn) {
+  unsigned turns = 0, slips_again = 0;
+  for (const Kind kind : {Kind::kMechanismWithMotors, Kind::kTouching, Kind::kTouchingWithMotors,
+                          Kind::kMechanismWithServos, Kind::kTouchingWithServos, Kind::kAligned}) {
+    for (unsigned seed = 0; seed < kScenes / 8; ++seed) {
+      World world = world_of(scene_of(kind, seed));
+      std::map<std::string, bool> has_begun;
+      while (world.time() < 2.0 && !world.step().failed && !is_by_impulses(world)) {
+        for (const Event& event : world.events()) {
+          if (!event.joint && event.kind == EventKind::kContactBegan)  // it slips or sticks anew
+            has_begun.erase("slip of bodies " + std::to_string(event.body_a.value) + " and " +
+                            std::to_string(event.body_b.value));
+          const auto turn = turn_of(event);
+          if (!turn) continue;
+          const auto [known, is_new] = has_begun.insert(*turn);
+          turns += !is_new;
+          const bool is_again = !is_new && known->second == turn->second;
+          if (is_again && turn->first.rfind("slip of bodies", 0) == 0) {
+            ++slips_again;
+            continue;
+          }
+          EXPECT_FALSE(is_again) << "--kind " << static_cast<int>(kind) << " --seed " << seed
+                                 << ": " << name(event.kind) << " again, " << turn->first << " at "
+                                 << event.time << " s";
+          known->second = turn->second;
+        }
+      }
+    }
+  }
+  EXPECT_GT(turns, 10 * kScenes);
+  EXPECT_LE(slips_again, turns / 500);
 }
 
 // One to three now (constraint_sim_event_costs); a count, the same on every machine.

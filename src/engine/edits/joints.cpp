@@ -189,6 +189,7 @@ void World::Impl::start_joint(std::size_t j) {
 void World::Impl::continue_joint(std::size_t j, const JointState& saved) {
   JointState& state = joint_states[j];
   state.travel = saved.travel;
+  state.saturated = saved.saturated;
   state.coordinates = saved.coordinates;
   state.expires_at = saved.expires_at;
   state.impulse = saved.impulse;
@@ -245,8 +246,9 @@ bool World::Impl::is_as_added(JointId id) const {
        state.coupling.offset == added.coupling.offset);
   if (state.coupling.constant != added.coupling.constant || state.coupling.impulse != 0.0)
     return false;
-  return state.travel == 0.0 && state.impulse.isZero(0.0) && state.expires_at == added.expires_at &&
-         state.closing == added.closing && closes_alike && self_stress[j].is_none();
+  return state.travel == 0.0 && !state.saturated && state.impulse.isZero(0.0) &&
+         state.expires_at == added.expires_at && state.closing == added.closing && closes_alike &&
+         self_stress[j].is_none();
 }
 
 // when a motor set now loses its bias

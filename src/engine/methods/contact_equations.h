@@ -50,7 +50,9 @@ class ContactEquations {
     Joint joint;
     bool has_rows = true;  ///< those of its kind; else its coordinates alone
     bool is_broken = false;
-    PrescribedMotion course{};  ///< in this span
+    bool was_saturated = false;  ///< as the last step told
+    bool is_at_end = false;      ///< a winch, of its travel, in this span
+    PrescribedMotion course{};   ///< in this span
     RowVector impulse = RowVector::Zero();
   };
   /// A coordinate of a joint, or the length of a distance joint, on which something acts.

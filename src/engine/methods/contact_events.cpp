@@ -154,6 +154,16 @@ bool ContactEvents::begin(const std::vector<BodyState>& states, bool closes) {
     if (!closes && depth > kMostOverlap) return false;
     depth_[pair_of_[c]] = std::max(depth_[pair_of_[c]], depth);
   }
+  for (Pair& pair : pairs_) {
+    bool is_still = false;
+    for (std::size_t c = pair.first; pair.touched && c < pair.first + pair.count; ++c) {
+      const ContactMotion now = equations_.motion(equations_.contacts[c]);
+      if (now.gap > kTouching || std::abs(now.gap_rate()) > kResting) continue;
+      pair.held = true;
+      is_still = is_still || now.slip().norm() <= kResting;
+    }
+    pair.stuck = pair.stuck && is_still;
+  }
   return true;
 }
 
@@ -172,6 +182,7 @@ void ContactEvents::begin_joints(const Span& span, const JointStep& step,
   for (ContactEquations::BodyJoint& joint : equations_.joints) {
     JointState state = states[static_cast<std::size_t>(joint.index)];
     joint.course.begin(joint.joint, step, state);
+    joint.is_at_end = state.saturated && has_length(joint.joint.kind);
   }
   for (ContactEquations::Coordinate& of : equations_.coordinates) {
     const ContactEquations::BodyJoint& joint = equations_.joints[of.joint];
@@ -189,7 +200,29 @@ void ContactEvents::begin_joints(const Span& span, const JointStep& step,
     of.motor = *joint.joint.coordinates[i].motor;
     if (of.motor.timeout > 0.0 && now.expires_at <= span.all.t) of.motor.bias = 0.0;
   }
+  if (!done_.spans) note_last_states();
   done_.spans = true;
+}
+
+// What acted before the step, as far as it shows.
+void ContactEvents::note_last_states() {
+  last_states_.clear();
+  was_saturated_.clear();
+  for (const ContactEquations::Coordinate& of : equations_.coordinates) {
+    const ContactEquations::Reading now = equations_.read(of, nullptr);
+    const bool was_saturated =
+        equations_.joints[of.joint].was_saturated &&
+        was_at_force_limit(
+            of.law, equations_.coordinates,
+            [](const ContactEquations::Coordinate& other) -> const OneSidedLaw& {
+              return other.law;
+            },
+            now, equations_.rest(of), [&] { return equations_.zeta(of); });
+    was_saturated_.push_back(was_saturated);
+    last_states_.push_back(state_of_motion(of.law, now, was_saturated, [&](bool upper_one) {
+      return equations_.limit(of, upper_one);
+    }));
+  }
 }
 
 // whole turns are counted from one substep to the next
@@ -208,9 +241,12 @@ void ContactEvents::give_way(std::size_t c) {
 void ContactEvents::write(std::size_t c, JointState* state) const {
   const ContactEquations::Coordinate& of = equations_.coordinates[c];
   const OneSidedLaw& law = of.law;
-  if (law.servo_most > 0.0) state->saturated = of.state.is_saturated();
+  if (of.is_one_sided) {
+    state->saturated = false;
+    for (std::size_t d = 0; d < was_saturated_.size(); ++d)
+      if (equations_.coordinates[d].joint == of.joint && was_saturated_[d]) state->saturated = true;
+  }
   if (law.drive == 0.0 && !std::isfinite(law.limit_force)) return;
-  state->saturated = of.state.is_saturated();
   const double q = equations_.read(of, nullptr).q;
   if (!law.is_distance) {
     CoordinateState& coordinate = state->coordinates[static_cast<std::size_t>(law.coordinate)];
@@ -263,7 +299,11 @@ IntegrationResult ContactEvents::advance(const SmoothSpan& all, const Integrator
   while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
   if (is_done && is_first && span.progress.substeps + span.progress.rejected == 0) note_stillness();
   note_positions();
-  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) give_way(c);
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    last_states_[c] = equations_.coordinates[c].state;
+    was_saturated_[c] = is_saturated(c, last_states_[c]);
+    give_way(c);
+  }
   equations_.scatter_state(states);
   span.progress.done = is_done;
   return span.progress;

@@ -37,6 +37,8 @@ class ContactEvents {
     double friction, restitution;
     std::size_t first = 0, count = 0;  ///< of its contacts
     double thickness = 0.0;            ///< [m] of the thinner shape
+    bool touched = false;              ///< in the step before,
+    bool held = false, stuck = false;  ///< and did so at its end, as that left them
 
     bool is_of_boxes() const {
       return std::holds_alternative<Box>(shape_a) && std::holds_alternative<Box>(shape_b);
@@ -110,7 +112,7 @@ class ContactEvents {
   struct LimitHit {
     std::size_t coordinate;
     double direction;
-    double rate;  ///< of the gap
+    double gap, rate;
     double restitution;
   };
   struct ContactHit {
@@ -196,6 +198,7 @@ class ContactEvents {
   void go_on_as_when_still(std::vector<BodyState>* states);
 
   void begin_joints(const Span& span, const JointStep& step, const std::vector<JointState>& states);
+  void note_last_states();
   void note_positions();
   void give_way(std::size_t coordinate);
   void add_contacts();
@@ -222,7 +225,8 @@ class ContactEvents {
 
   // ---- at events (contact_states.cpp)
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
-  bool have_impacts(Of<double>* hit);
+  bool have_impacts(double left, Of<double>* hit);
+  bool is_hit(double gap, double rate) const;
   void find_hits(const Of<char>& rests, Hits* hits) const;
   void add_touching_limits(const Of<char>& rests, bool only_slow,
                            std::vector<LimitHit>* hits) const;
@@ -231,7 +235,7 @@ class ContactEvents {
   bool solve_counted();
   bool does_work(const ContactEquations::Responses& responses) const;
   bool have_jam(Of<double>* hit);
-  bool let_rest(const Of<double>& hit, Of<char>* rests, bool* is_settled);
+  bool let_rest(double left, const Of<double>& hit, Of<char>* rests, bool* is_settled);
   void break_joint(const Span& span, std::size_t joint);
   bool break_overloaded(Span* span);
   void note_bounds(const Span& span, const Watched& event);
@@ -251,7 +255,12 @@ class ContactEvents {
   void take_forces();
   bool is_within_bounds();
   void hold_coordinates(bool is_begin);
-  void tell(double t, const std::vector<Acts>& before, const Of<double>& hit, bool is_begin);
+  void tell(const Span& span, const std::vector<Acts>& before, const Of<double>& hit,
+            bool is_begin);
+  void tell_pair(double t, std::size_t pair, const std::vector<Acts>& before, const Of<double>& hit,
+                 bool is_begin);
+  void add_told(const Told& told, double rests_in);
+  bool is_saturated(std::size_t coordinate, const OneSidedState& state) const;
 
   ContactEquations equations_;
   std::vector<Pair> pairs_;
@@ -261,10 +270,14 @@ class ContactEvents {
   double step_ = 0.0;                 // what the next substep is tried with [s]
   bool has_stages_ = false;           // of the last substep
   bool closes_ = false;               // overlaps, in the next span
+  bool begins_ = false;               // a span, at what is settled now
   ContactEquations::Accelerations rates_;
   std::vector<double> gap_acceleration_;         // of contacts, as decide() found it
   std::vector<double> coordinate_acceleration_;  // the same of coordinates
   std::vector<OneSidedState> states_before_;     // of coordinates, where the event is
+  std::vector<OneSidedState> last_states_;       // the same, where the span before ended
+  std::vector<char> was_saturated_;              // the same
+  Of<double> rests_in_;  // [s] after which bounces that are not followed are over
   WatchedSubstep<Watched> watched_;
   Done done_;
   double error_ = 0.0;  // of the substep that was repeated last, estimated [m]

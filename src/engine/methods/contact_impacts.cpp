@@ -16,14 +16,13 @@ namespace {
 
 constexpr double kNoWork = 1e-12;  // of the energy that impulses exchange: rounding
 constexpr double kJam = 1e-9;      // [m/s] that what jams is taken to approach with
-constexpr double kBounce = 1e-10;  // [m] of height: a lower bounce is none
 constexpr int kMostImpacts = 2000;
 
 }  // namespace
 
 // Impacts one after the other until nothing is hit any more. What would bounce too low to be seen
 // has no restitution: then all is done again.
-bool ContactEvents::have_impacts(Of<double>* hit) {
+bool ContactEvents::have_impacts(double left, Of<double>* hit) {
   Of<char>& rests = rests_;
   rests.reset(equations_.contacts.size(), equations_.coordinates.size());
   find_hits(rests, &hits_);
@@ -38,7 +37,7 @@ bool ContactEvents::have_impacts(Of<double>* hit) {
       find_hits(rests, &hits_);
     }
     ++done_.impacts;
-    if (!let_rest(*hit, &rests, &is_settled)) return false;
+    if (!let_rest(left, *hit, &rests, &is_settled)) return false;
     if (is_settled) return true;
     std::copy(before_impacts_.numbers.begin(), before_impacts_.numbers.end(), numbers_.begin());
     equations_.contacts = before_impacts_.contacts;
@@ -68,14 +67,20 @@ void ContactEvents::add_touching_limits(const Of<char>& rests, bool only_slow,
       const ContactEquations::Reading now = equations_.read(of, nullptr);
       const Prescribed at_limit = equations_.limit(of, upper_one);
       const double direction = upper_one ? -1.0 : 1.0;
-      if (direction * (now.q - at_limit.value) > kTouching) continue;
+      const double gap = direction * (now.q - at_limit.value);
+      if (gap > kTouching) continue;
       const double rate = direction * (now.rate - at_limit.rate);
       const bool is_hit = rate < -kResting;
       const double restitution = rests.coordinates[c] ? 0.0 : of.law.restitution;
       if (only_slow ? rate > kResting : !is_hit && restitution > 0.0) continue;
-      hits->push_back({c, direction, rate, is_hit ? restitution : 0.0});
+      hits->push_back({c, direction, gap, rate, is_hit ? restitution : 0.0});
     }
   }
+}
+
+// What a span begins with has yet to get there: with early hits bounces end too early.
+bool ContactEvents::is_hit(double gap, double rate) const {
+  return rate < -kResting && (!begins_ || gap <= 0.0);
 }
 
 // What takes part in the next impact: of contacts and limits with a restitution the one that is hit
@@ -86,8 +91,8 @@ void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
   double fastest_rate = -kResting;
   std::pair<std::size_t, std::size_t> fastest;
   bool any_hit = false, any_bounce = false;
-  const auto consider = [&](double rate, bool bounces, std::size_t a, std::size_t b) {
-    any_hit = any_hit || rate < -kResting;
+  const auto consider = [&](double gap, double rate, bool bounces, std::size_t a, std::size_t b) {
+    any_hit = any_hit || is_hit(gap, rate);
     if (!bounces || !(rate < fastest_rate)) return;
     any_bounce = true;
     fastest_rate = rate;
@@ -98,12 +103,13 @@ void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
     const ContactMotion now = equations_.motion(contact);
     if (now.gap > kTouching) continue;
     hits.contacts.push_back({c, now});
-    consider(now.gap_rate(), contact.restitution > 0.0 && !rests.contacts[c], contact.a, contact.b);
+    consider(now.gap, now.gap_rate(), contact.restitution > 0.0 && !rests.contacts[c], contact.a,
+             contact.b);
   }
   add_touching_limits(rests, false, &hits.limits);
   for (const LimitHit& hit : hits.limits) {
     const auto [a, b] = bodies_of(equations_.coordinates[hit.coordinate]);
-    consider(hit.rate, hit.restitution > 0.0, a, b);
+    consider(hit.gap, hit.rate, hit.restitution > 0.0, a, b);
   }
   if (!any_hit) {
     hits.clear();
@@ -217,7 +223,8 @@ bool ContactEvents::have_jam(Of<double>* hit) {
 }
 
 // Finds those that bounce too low to be seen.
-bool ContactEvents::let_rest(const Of<double>& hit, Of<char>* rests, bool* is_settled) {
+bool ContactEvents::let_rest(double left, const Of<double>& hit, Of<char>* rests,
+                             bool* is_settled) {
   *is_settled = true;
   const auto is_bounce = [&](std::size_t c) {
     return hit.contacts[c] > 0.0 && equations_.contacts[c].restitution > 0.0 && !rests->contacts[c];
@@ -231,13 +238,14 @@ bool ContactEvents::let_rest(const Of<double>& hit, Of<char>* rests, bool* is_se
   for (std::size_t c = 0; c < hit.coordinates.size(); ++c) any = any || is_limit_bounce(c);
   if (!any) return true;
   if (!decide({})) return false;
-  const auto is_low = [](double gap, double speed, double fall) {
-    return gap <= kTouching && speed > 0.0 && fall > 0.0 && speed * speed <= 2.0 * fall * kBounce;
-  };
   for (std::size_t c = 0; c < hit.contacts.size(); ++c) {
     if (!is_bounce(c)) continue;
     const ContactMotion now = equations_.motion(equations_.contacts[c]);
-    if (!is_low(now.gap, now.gap_rate(), -gap_acceleration_[c])) continue;
+    if (now.gap > kTouching) continue;
+    const std::optional<double> rests_in = time_to_rest(now.gap_rate(), -gap_acceleration_[c],
+                                                        equations_.contacts[c].restitution, left);
+    if (!rests_in) continue;
+    rests_in_.contacts[c] = *rests_in;
     rests->contacts[c] = 1;
     *is_settled = false;
   }
@@ -248,9 +256,13 @@ bool ContactEvents::let_rest(const Of<double>& hit, Of<char>* rests, bool* is_se
     const double direction = upper_one ? -1.0 : 1.0;
     const ContactEquations::Reading now = equations_.read(of, nullptr);
     const Prescribed at_limit = equations_.limit(of, upper_one);
-    if (!is_low(direction * (now.q - at_limit.value), direction * (now.rate - at_limit.rate),
-                -direction * (coordinate_acceleration_[c] - at_limit.acceleration)))
-      continue;
+    if (direction * (now.q - at_limit.value) > kTouching) continue;
+    const std::optional<double> rests_in =
+        time_to_rest(direction * (now.rate - at_limit.rate),
+                     -direction * (coordinate_acceleration_[c] - at_limit.acceleration),
+                     of.law.restitution, left);
+    if (!rests_in) continue;
+    rests_in_.coordinates[c] = *rests_in;
     rests->coordinates[c] = 1;
     *is_settled = false;
   }

@@ -21,9 +21,10 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kAtRest = 1e-8;    // of the largest acceleration: less is none
-constexpr double kAtBound = 1e-6;   // of the force that gives way
-constexpr double kSameTime = 1e-6;  // of a span
+constexpr double kAtRest = 1e-8;      // of the largest acceleration: less is none
+constexpr double kLeastScale = 0.01;  // [m/s²] of these: where nothing pulls all are rounding
+constexpr double kAtBound = 1e-6;     // of the force that gives way
+constexpr double kSameTime = 1e-6;    // of a span
 
 }  // namespace
 
@@ -32,6 +33,7 @@ constexpr double kSameTime = 1e-6;  // of a span
 bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
   double* const y = numbers_.data();
   has_stages_ = false;
+  begins_ = is_begin;
   acts_before_.clear();
   features_before_.clear();
   for (const ContactEquations::Contact& contact : equations_.contacts) {
@@ -45,7 +47,8 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
     states_before_.push_back(of.state);
   Of<double>& hit = hit_;
   hit.reset(equations_.contacts.size(), equations_.coordinates.size());
-  if ((jams && !have_jam(&hit)) || !have_impacts(&hit)) return false;
+  rests_in_.reset(equations_.contacts.size(), equations_.coordinates.size());
+  if ((jams && !have_jam(&hit)) || !have_impacts(span->left.left, &hit)) return false;
   if (!decide(event) && !(have_jam(&hit) && decide({}))) return false;
   hold_coordinates(is_begin);
   const double kinetic = equations_.kinetic_energy(), potential = equations_.potential_energy();
@@ -56,7 +59,7 @@ bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool
   if (!equations_.restart(y, derivative(), is_known ? free_.data() : nullptr)) return false;
   span->progress.projected += kinetic - equations_.kinetic_energy();
   span->progress.corrected += equations_.potential_energy() - potential;
-  tell(span->all.t + span->left.t, acts_before_, hit, is_begin);
+  tell(*span, acts_before_, hit, is_begin);
   return break_overloaded(span);
 }
 
@@ -142,7 +145,7 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
     const ContactMotion now = equations_.motion(contact);
     gap_acceleration_[c] =
         now.n_dot.dot(now.w) + now.n.dot(ContactEquations::slip_acceleration(now, contact, rates_));
-    if (now.gap <= kTouching && now.gap_rate() <= kResting) responses.add(c, now);
+    if (now.gap <= kTouching && std::abs(now.gap_rate()) <= kResting) responses.add(c, now);
   }
   coordinate_acceleration_.clear();
   for (const ContactEquations::Coordinate& of : equations_.coordinates)
@@ -281,7 +284,7 @@ bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
 // By the solution of the problem of the accelerations; also finds these for all that touch.
 void ContactEvents::choose_acts() {
   find_solved_accelerations();
-  double scale = 0.0, largest = 0.0;
+  double scale = kLeastScale, largest = 0.0;
   for (std::size_t i = 0; i < force_.size(); ++i) {
     scale = std::max(scale, std::abs(problem_.b[i]));
     largest = std::max(largest, std::abs(force_[i]));
@@ -332,8 +335,8 @@ void ContactEvents::choose_holds(const Watched& event) {
     ContactEquations::Coordinate& of = equations_.coordinates[row.coordinate];
     coordinate_acceleration_[row.coordinate] = solved_[i] + row.acceleration;
     if (!responses_.is_free[k]) continue;
-    signed char side =
-        std::abs(solved_[i]) > kAtRest * largest * root(i) ? sign_of(solved_[i]) : sign_of(0.0);
+    const double least = std::max(kAtRest * largest * root(i), kAtRest * kLeastScale);
+    signed char side = std::abs(solved_[i]) > least ? sign_of(solved_[i]) : sign_of(0.0);
     const double bound = event.side < 0 ? row.bounds.least : row.bounds.most;
     const bool gives_way = event.kind == Watched::Kind::kHeld && event.coordinate == row.coordinate;
     if (side == 0 && gives_way &&
@@ -397,40 +400,72 @@ void ContactEvents::hold_coordinates(bool is_begin) {
 
 // ---- what is told
 
-void ContactEvents::tell(double t, const std::vector<Acts>& before, const Of<double>& hit,
+// Of contacts and coordinates whose span begins: against where the last one ended.
+void ContactEvents::tell(const Span& span, const std::vector<Acts>& before, const Of<double>& hit,
                          bool is_begin) {
+  const double t = span.all.t + span.left.t;
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     const ContactEquations::Coordinate& of = equations_.coordinates[c];
     if (!of.is_one_sided) continue;
-    const OneSidedState& then = is_begin ? of.state : states_before_[c];
-    add_changes(of.law, then, of.state, hit.coordinates[c], is_begin,
-                [&](EventKind kind, double impulse) {
-                  told_.push_back({kind, t, -1, static_cast<int>(c), impulse});
-                });
+    OneSidedState then = is_begin ? last_states_[c] : states_before_[c];
+    if (is_begin && hit.coordinates[c] != 0.0) then.hold = Hold::kNone;
+    const bool was_saturated = is_begin ? was_saturated_[c] != 0 : is_saturated(c, then);
+    add_changes(
+        of.law, then, of.state, hit.coordinates[c], was_saturated, is_saturated(c, of.state),
+        is_begin && span.all.t <= 0.0, [&](EventKind kind, double impulse) {
+          const bool rests = kind == EventKind::kLimitReached || kind == EventKind::kRopeTaut;
+          add_told({kind, t, -1, static_cast<int>(c), impulse},
+                   rests ? rests_in_.coordinates[c] : 0.0);
+        });
   }
-  for (std::size_t p = 0; p < pairs_.size(); ++p) {
-    const Pair& pair = pairs_[p];
-    bool was = false, is = false, stuck = false, sticks = false;
-    double impulse = 0.0;
-    for (std::size_t c = pair.first; c < pair.first + pair.count; ++c) {
-      const Acts now = equations_.contacts[c].acts, then = is_begin ? now : before[c];
-      was = was || then != Acts::kOpen;
-      stuck = stuck || then == Acts::kSticks;
-      is = is || now != Acts::kOpen;
-      sticks = sticks || now == Acts::kSticks;
-      impulse += hit.contacts[c];
-    }
-    if (is_begin && impulse > 0.0) was = false;
-    if (!was && (is || impulse > 0.0))
-      told_.push_back({EventKind::kContactBegan, t, static_cast<int>(p), -1, impulse});
-    if (was && impulse > 0.0)
-      told_.push_back({EventKind::kHit, t, static_cast<int>(p), -1, impulse});
-    if ((was || impulse > 0.0) && !is)
-      told_.push_back({EventKind::kContactEnded, t, static_cast<int>(p), -1, 0.0});
-    if (was && is && stuck != sticks && pair.friction > 0.0)
-      told_.push_back(
-          {sticks ? EventKind::kSticks : EventKind::kSlips, t, static_cast<int>(p), -1, 0.0});
+  for (std::size_t p = 0; p < pairs_.size(); ++p) tell_pair(t, p, before, hit, is_begin);
+}
+
+void ContactEvents::tell_pair(double t, std::size_t p, const std::vector<Acts>& before,
+                              const Of<double>& hit, bool is_begin) {
+  Pair& pair = pairs_[p];
+  bool was = pair.held, is = false, stuck = pair.stuck, sticks = false;
+  double impulse = 0.0, rests_in = 0.0;
+  for (std::size_t c = pair.first; c < pair.first + pair.count; ++c) {
+    const Acts now = equations_.contacts[c].acts;
+    was = was || before[c] != Acts::kOpen;
+    stuck = stuck || before[c] == Acts::kSticks;
+    is = is || now != Acts::kOpen;
+    sticks = sticks || now == Acts::kSticks;
+    impulse += hit.contacts[c];
+    rests_in = std::max(rests_in, rests_in_.contacts[c]);
   }
+  // of one that nobody knows that it begins to touch is no event
+  if (is_begin && !was && impulse == 0.0) {
+    was = is;
+    stuck = sticks;
+  }
+  pair.held = pair.stuck = false;
+  const auto add = [&](EventKind kind, double of, double later) {
+    add_told({kind, t, static_cast<int>(p), -1, of}, later);
+  };
+  if (!was && (is || impulse > 0.0)) add(EventKind::kContactBegan, impulse, is ? rests_in : 0.0);
+  if (was && impulse > 0.0) add(EventKind::kHit, impulse, is ? rests_in : 0.0);
+  if ((was || impulse > 0.0) && !is) add(EventKind::kContactEnded, 0.0, 0.0);
+  if (was && is && stuck != sticks && pair.friction > 0.0)
+    add(sticks ? EventKind::kSticks : EventKind::kSlips, 0.0, 0.0);
+}
+
+// What was to come to rest later, and has an event now, does not.
+void ContactEvents::add_told(const Told& told, double rests_in) {
+  for (Told& other : told_)
+    if (other.pair == told.pair && other.coordinate == told.coordinate)
+      other.time = std::min(other.time, told.time);
+  told_.push_back(told);
+  told_.back().time += rests_in;
+}
+
+bool ContactEvents::is_saturated(std::size_t c, const OneSidedState& state) const {
+  const ContactEquations::Coordinate& of = equations_.coordinates[c];
+  return (equations_.joints[of.joint].is_at_end && of.is_one_sided) ||
+         is_at_force_limit(
+             of.law, state, [&](bool upper_one) { return equations_.limit(of, upper_one); },
+             [&] { return equations_.zeta(of); });
 }
 
 }  // namespace constraint_sim::engine

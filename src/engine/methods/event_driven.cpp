@@ -6,6 +6,7 @@
 
 #include "engine/constraints/joint_kinds.h"
 #include "engine/methods/event_span.h"
+#include "engine/methods/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -58,6 +59,7 @@ EventDriven::EventDriven(const std::vector<int>& members, const std::vector<Join
   braking_ = held_;
   joint_states_.resize(joints_.size());
   base_.assign(joints_.size(), 0.0);
+  is_at_end_.assign(joints_.size(), 0);
   impulses_.assign(joints_.size(), RowVector::Zero());
   coupled_impulses_.assign(joints_.size(), 0.0);
   for (std::size_t l = 0; l < joints_.size(); ++l) {
@@ -261,6 +263,7 @@ bool EventDriven::begin_courses(const Span& span) {
               courses_[l].is_closing() == before.is_closing();
     JointState told = joint_states_[l];
     bare_courses_[l].begin(bare_joints_[l], span.around.step, told);
+    is_at_end_[l] = has_length(joints_[l].kind) && told.saturated;
   }
   return goes_on;
 }
@@ -302,9 +305,8 @@ void EventDriven::write(std::size_t l, JointState* state) const {
   const auto [first, count] = laws_of(l);
   for (std::size_t c = first; c < first + count; ++c) {
     const OneSidedLaw& law = laws_[c];
-    if (law.servo_most > 0.0) state->saturated = states_[c].is_saturated();
+    state->saturated = joint_states_[l].saturated;
     if (law.drive == 0.0 && law.limit_force == std::numeric_limits<double>::infinity()) continue;
-    state->saturated = states_[c].is_saturated();
     if (law.is_distance)
       state->travel = held_[c];
     else if (law.goal) {
@@ -316,7 +318,7 @@ void EventDriven::write(std::size_t l, JointState* state) const {
           states_[c].hold == Hold::kDrive
               ? held_[c]
               : joint_states_[l].coordinates[at(law.coordinate)].position;
-    if (state->saturated && law.is_distance) state->closing = false;
+    if (states_[c].is_saturated() && law.is_distance) state->closing = false;
   }
 }
 
@@ -334,6 +336,7 @@ IntegrationResult EventDriven::advance(const SmoothSpan& all, const IntegratorOp
   while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
   if (is_done) {
     for (std::size_t c = 0; c < laws_.size(); ++c) hold_from(span, c);
+    note_saturated(span);
   } else {
     has_started_ = false;
     motion->forget();
@@ -384,8 +387,11 @@ bool EventDriven::begin_span(Span* span) {
   watched_.is_muted.clear();
   if (!is_settled) {
     bool had_impacts = false;
-    return settle(span, {}, true, &had_impacts);
+    const bool is_done = settle(span, {}, true, &had_impacts);
+    span->begins = false;
+    return is_done;
   }
+  span->begins = false;
   SmoothSpan now = rest_of(*span);
   now.is_disturbed = now.is_edited = false;
   const IntegrationResult begun = span->motion->begin(now, span->accuracy, *span->states);

@@ -46,6 +46,7 @@ class EventDriven {
   struct Surroundings {
     JointStep step;  ///< of the span
     const std::vector<JointState>& joint_states;
+    const std::vector<JointState>& told;  ///< these, as the last step left them
     const std::vector<MassProperties>& masses;
   };
 
@@ -169,6 +170,10 @@ class EventDriven {
   void note_positions(const Span& span, double t);
   Prescribed limit(std::size_t law, bool upper_one, double t) const;
   Prescribed zeta(const Span& span, std::size_t law, double t, double q) const;
+  bool is_saturated(const Span& span, std::size_t law, const OneSidedState& state, double t,
+                    double q) const;
+  bool was_saturated(const Span& span, std::size_t law, const Reading& now) const;
+  void note_saturated(const Span& span);
   Prescribed rest(std::size_t law, double t) const;
   Prescribed course_of(std::size_t law, double t) const;
   double travel(std::size_t joint, double t) const;
@@ -241,7 +246,8 @@ class EventDriven {
   std::vector<char> is_broken_;           // joints
   std::vector<JointState> joint_states_;  // where coordinates are, and what is being closed
   std::vector<PrescribedMotion> courses_, bare_courses_;
-  std::vector<double> base_;  // of a distance joint's course, without travel
+  std::vector<double> base_;     // of a distance joint's course, without travel
+  std::vector<char> is_at_end_;  // of joints: a winch, of its travel
   std::vector<RowVector> impulses_;
   std::vector<double> coupled_impulses_;
   std::uint32_t events_ = 0;

@@ -5,6 +5,7 @@
 
 #include "engine/linear/box_lcp.h"
 #include "engine/methods/event_span.h"
+#include "engine/methods/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -42,6 +43,35 @@ Prescribed EventDriven::zeta(const Span& span, std::size_t c, double t, double q
   if (motor.timeout > 0.0 && state.coordinates[at(law.coordinate)].expires_at <= span.all.t)
     motor.bias = 0.0;
   return motor_course(motor, t, 0.0);
+}
+
+// whether its motor or servo is at its force limit, or at the end of its travel
+bool EventDriven::is_saturated(const Span& span, std::size_t c, const OneSidedState& state,
+                               double t, double q) const {
+  return is_at_end_[laws_[c].joint] ||
+         is_at_force_limit(
+             laws_[c], state, [&](bool upper_one) { return limit(c, upper_one, t); },
+             [&] { return zeta(span, c, t, q); });
+}
+
+// the same, as the last step has told it
+bool EventDriven::was_saturated(const Span& span, std::size_t c, const Reading& now) const {
+  const double t = span.left.t;
+  return span.around.told[at(members_[laws_[c].joint])].saturated &&
+         was_at_force_limit(
+             laws_[c], laws_, [](const OneSidedLaw& law) -> const OneSidedLaw& { return law; }, now,
+             rest(c, t), [&] { return zeta(span, c, t, now.q); });
+}
+
+// which joints end the span so
+void EventDriven::note_saturated(const Span& span) {
+  for (const OneSidedLaw& law : laws_) joint_states_[law.joint].saturated = false;
+  const double t = span.left.end;
+  for (std::size_t c = 0; c < laws_.size(); ++c) {
+    if (!has_force_limit(laws_[c]) && !is_at_end_[laws_[c].joint]) continue;
+    const double q = read(span, laws_[c], t, span.motion->equations(), rates_).q;
+    if (is_saturated(span, c, states_[c], t, q)) joint_states_[laws_[c].joint].saturated = true;
+  }
 }
 
 // Which motors are not on their courses, before it is decided what they do. Those that have just

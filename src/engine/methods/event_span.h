@@ -16,6 +16,7 @@ struct EventDriven::Span {
   std::vector<BodyState>* states;  ///< of the world; those of the island at `left.t`
   SubstepSpan left;
   IntegrationResult progress;
+  bool begins = true;  ///< nothing has moved since it did
 };
 
 /// A complementarity problem of all laws at an event, with the rigid joints held.
@@ -28,6 +29,7 @@ struct EventDriven::Rows {
   Eigen::VectorXd acceleration;  ///< of laws with their forces, once these are decided
   std::vector<char> is_free;     ///< laws whose coordinate the rigid joints leave free
   std::vector<double> hit;       ///< impulses that laws had in impacts
+  std::vector<double> rests_in;  ///< [s] after which bounces that are not followed are over
 };
 
 }  // namespace constraint_sim::engine

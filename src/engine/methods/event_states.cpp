@@ -23,8 +23,8 @@ using Eigen::VectorXd;
 constexpr double kHeld = 1e-12;        // of what a coordinate would do without the rigid joints
 constexpr double kNoWork = 1e-12;      // of the energy that impulses exchange: rounding
 constexpr double kAtRest = 1e-10;      // of the largest acceleration: less is none
+constexpr double kLeast = 1e-12;       // [m/s² or rad/s²] the same, where nothing pulls
 constexpr double kAtBound = 1e-6;      // of the force that gives way
-constexpr double kBounce = 1e-10;      // [m or rad] of height: a lower bounce is none
 constexpr double kKeepsTravel = 1e-6;  // [m] a length that is off by less is what a motor holds
 constexpr int kMostImpacts = 2000;
 constexpr std::size_t kMostVariants = 16;
@@ -233,9 +233,11 @@ bool EventDriven::let_rest(const Span& span, Rows* rows, const std::vector<char>
       const double direction = upper_one ? -1.0 : 1.0;
       const double rate = direction * (reading.rate - at_limit.rate);
       const double fall = -direction * (rows->acceleration[index(c)] - at_limit.acceleration);
-      if (direction * (reading.q - at_limit.value) > kTouching || rate <= 0.0 || fall <= 0.0 ||
-          rate * rate > 2.0 * fall * kBounce)
-        continue;
+      if (direction * (reading.q - at_limit.value) > kTouching) continue;
+      const std::optional<double> rests_in =
+          time_to_rest(rate, fall, laws_[c].restitution, span.left.left);
+      if (!rests_in) continue;
+      rows->rests_in[c] = *rests_in;
       (*rests)[c] = 1;
       *is_settled = false;
     }
@@ -327,7 +329,8 @@ bool EventDriven::decide_holds(const Span& span, Rows* problem_at, const Release
   std::vector<signed char> sides;
   for (Index i = 0; i < n; ++i) {
     const Candidate& row = candidates[static_cast<std::size_t>(i)];
-    signed char side = std::abs(a[i]) > kAtRest * largest * roots[i] ? sign_of(a[i]) : sign_of(0.0);
+    const bool is_leaving = std::abs(a[i]) > std::max(kAtRest * largest * roots[i], kLeast);
+    signed char side = is_leaving ? sign_of(a[i]) : sign_of(0.0);
     const double bound = release.side < 0 ? row.bounds.least : row.bounds.most;
     if (side == 0 && release.law == static_cast<int>(row.law) &&
         std::abs(lambda[i] - bound) <=
@@ -416,11 +419,27 @@ void EventDriven::tell(const Span& span, const Rows& rows, const std::vector<One
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     const OneSidedLaw& law = laws_[c];
     if (is_broken_[law.joint]) continue;
-    add_changes(
-        law, states_[c], next[c], rows.hit[c], !has_started_, [&](EventKind kind, double impulse) {
-          told_.push_back(
-              {kind, span.left.t, law.joint, law.is_distance ? -1 : law.coordinate, impulse});
-        });
+    const double t = span.left.t;
+    const Reading& now = rows.reading[c];
+    const bool is_new = span.begins && span.all.since_tick == 0.0;  // of a step
+    const bool was =
+        is_new ? was_saturated(span, c, now) : is_saturated(span, c, states_[c], t, now.q);
+    OneSidedState before = states_[c];
+    if (!has_started_) {
+      before =
+          state_of_motion(law, now, was, [&](bool upper_one) { return limit(c, upper_one, t); });
+      if (rows.hit[c] != 0.0) before.hold = Hold::kNone;
+    }
+    const int coordinate = law.is_distance ? -1 : law.coordinate;
+    const auto add = [&](EventKind kind, double impulse) {
+      for (Told& told : told_)  // what was to come to rest later has not
+        if (told.joint == law.joint && told.coordinate == coordinate)
+          told.time = std::min(told.time, t);
+      const bool rests = kind == EventKind::kLimitReached || kind == EventKind::kRopeTaut;
+      told_.push_back({kind, t + (rests ? rows.rests_in[c] : 0.0), law.joint, coordinate, impulse});
+    };
+    add_changes(law, before, next[c], rows.hit[c], was, is_saturated(span, c, next[c], t, now.q),
+                !has_started_ && span.all.t <= 0.0, add);
   }
 }
 
@@ -461,6 +480,7 @@ bool EventDriven::switch_to_states(Span* span) {
 bool EventDriven::settle(Span* span, const Release& release, bool is_changed, bool* had_impacts) {
   Rows rows;
   rows.hit.assign(laws_.size(), 0.0);
+  rows.rests_in = rows.hit;
   std::vector<OneSidedState> next;
   if (!load_rows(span, &rows) || !have_impacts(span, &rows, had_impacts) ||
       !decide(*span, &rows, release, &next))

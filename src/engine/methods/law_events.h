@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -48,8 +49,10 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
     const Prescribed at_limit = limit(upper_one);
     const double direction = upper_one ? -1.0 : 1.0;
     const bool gave_way = before.yield == -direction;  // and is where the length is
-    if (!gave_way && direction * (reading.q - at_limit.value) > kTouching) continue;
+    const double gap = direction * (reading.q - at_limit.value);
     const double rate = direction * (reading.rate - at_limit.rate);
+    const bool has_yet_to_hit = gap > 0.0 && rate < -kResting && !std::isfinite(law.limit_force);
+    if (!gave_way && (gap > kTouching || has_yet_to_hit)) continue;
     if (std::abs(rate) <= kResting) return upper_one ? Hold::kUpper : Hold::kLower;
     if (rate < 0.0) state->yield = sign_of(-direction);
   }
@@ -203,11 +206,83 @@ void watch_rates(const OneSidedLaw& law, const OneSidedState& state, double brak
   if (state.yield != 0) watch_rate(state.yield, limit(state.yield > 0));
 }
 
+/// Whether a motor or a servo has all its force: also where a limit or friction holds what a motor
+/// pushes.
+template <class Limit, class Zeta>
+bool is_at_force_limit(const OneSidedLaw& law, const OneSidedState& state, Limit limit, Zeta zeta) {
+  if (state.is_saturated()) return true;
+  if (law.drive == 0.0 || state.hold == Hold::kNone || state.hold == Hold::kDrive ||
+      state.hold == Hold::kBrake)
+    return false;
+  const Prescribed held = rate_held_at(state.hold, limit, zeta), asked = zeta();
+  return std::abs(held.rate - asked.rate) > kResting ||  // or where the motor turns
+         std::abs(held.acceleration - asked.acceleration) > kResting;
+}
+
+inline bool has_force_limit(const OneSidedLaw& law) {
+  return law.drive > 0.0 || law.servo_most > 0.0 || std::isfinite(law.limit_force);
+}
+
+/// The same where a step begins, of a joint that says it of any of its coordinates: of several, of
+/// those that do not move as asked for.
+template <class Laws, class LawOf, class Reading, class Zeta>
+bool was_at_force_limit(const OneSidedLaw& law, const Laws& all, LawOf law_of, const Reading& now,
+                        const Prescribed& rest, Zeta zeta) {
+  if (law.is_distance) return true;
+  if (!has_force_limit(law)) return false;
+  const auto count = std::count_if(all.begin(), all.end(), [&](const auto& other) {
+    const OneSidedLaw& of = law_of(other);
+    return of.joint == law.joint && has_force_limit(of);
+  });
+  if (count == 1) return true;
+  if (law.servo_most > 0.0)
+    return std::abs(servo_force(law, now, rest)) >= (1.0 - kServoEdge) * law.servo_most;
+  return std::abs(now.rate - zeta().rate) > kResting;
+}
+
+/// What acted before a step, as its end left the coordinate and what was said of its motor.
+template <class Reading, class Limit>
+OneSidedState state_of_motion(const OneSidedLaw& law, const Reading& now, bool saturated,
+                              Limit limit) {
+  OneSidedState state;
+  const bool yields = saturated && std::isfinite(law.limit_force);
+  for (const bool upper_one : {false, true}) {
+    if (!std::isfinite(law.limit(upper_one))) continue;
+    const Prescribed at_limit = limit(upper_one);
+    if ((upper_one ? -1.0 : 1.0) * (now.q - at_limit.value) > kTouching) continue;
+    if (std::abs(now.rate - at_limit.rate) <= kResting)
+      state.hold = upper_one ? Hold::kUpper : Hold::kLower;
+    else if (yields)
+      state.yield = static_cast<signed char>(upper_one ? 1 : -1);
+  }
+  if (saturated && state.yield == 0) state.drive = 1;
+  const bool is_driven = law.drive > 0.0 && !saturated;
+  if (law.friction > 0.0 && state.hold == Hold::kNone && !is_driven &&
+      std::abs(now.rate) > kResting)
+    state.slip = sign_of(now.rate);
+  return state;
+}
+
+/// How long it takes until what bounces back by `speed`, and falls with `fall` [m/s²], has come to
+/// rest: the sum of all its bounces. None where it bounces higher than 1e-10 m, or on beyond what
+/// is `left` of the span; but where there are too many of these until then, it rests by the end.
+inline std::optional<double> time_to_rest(double speed, double fall, double restitution,
+                                          double left) {
+  constexpr double kBounce = 1e-10;  // [m or rad] of height: lower ones are not followed
+  constexpr double kMost = 128.0;    // to be followed because they go on beyond the span
+  if (!(speed > 0.0 && fall > 0.0 && speed * speed <= 2.0 * fall * kBounce)) return std::nullopt;
+  const double first = 2.0 * speed / fall;
+  if (first <= (1.0 - restitution) * left) return first / (1.0 - restitution);
+  if (kMost * first <= left) return left;
+  return std::nullopt;
+}
+
 /// Adds the events that a change is: `add(kind, impulse)`. `hit`: the impulse that a limit had,
-/// > 0 of the lower one. `is_begin`: what acted before is not known.
+/// > 0 of the lower one. `was_saturated`, `is_saturated`: the motor. `is_begin`: what acted before
+/// is not known.
 template <class Add>
 void add_changes(const OneSidedLaw& law, const OneSidedState& before, const OneSidedState& next,
-                 double hit, bool is_begin, Add add) {
+                 double hit, bool was_saturated, bool is_saturated, bool is_begin, Add add) {
   for (const bool upper_one : {false, true}) {
     const bool is_hit = upper_one ? hit < 0.0 : hit > 0.0;
     const bool was = is_begin ? next.is_at(upper_one) && !is_hit : before.is_at(upper_one);
@@ -221,7 +296,7 @@ void add_changes(const OneSidedLaw& law, const OneSidedState& before, const OneS
   const auto compare = [&](bool was, bool is, EventKind begins, EventKind ends) {
     if (was != is) add(is ? begins : ends, 0.0);
   };
-  compare(before.is_saturated(), next.is_saturated(), EventKind::kSaturated, EventKind::kReleased);
+  compare(was_saturated, is_saturated, EventKind::kSaturated, EventKind::kReleased);
   compare(before.slip != 0, next.slip != 0, EventKind::kSlips, EventKind::kSticks);
 }
 

@@ -77,6 +77,8 @@ class ContactEquations {
   std::vector<BodyJoint> joints;
   std::vector<Coordinate> coordinates;
   std::vector<Contact> contacts;
+  /// Slips keep the directions of where the substep starts: rows hold them across.
+  bool is_straight = false;
   Eigen::Vector3d gravity = Eigen::Vector3d::Zero();
   /// Where the span begins, simulated [s]. Times are counted from there, so that it makes no
   /// difference how late it is.

@@ -15,7 +15,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr std::uint32_t kTaken = std::numeric_limits<std::uint32_t>::max();
-constexpr double kSlipping = 1e-9;      // [m/s] a slip below has no direction of its own
 constexpr double kFastShare = 0.25;     // of a thickness, that a substep may move by
 constexpr double kMostTurn = 1.0;       // [rad] of a box in a substep
 constexpr std::uint32_t kMostJams = 4;  // in a step
@@ -391,15 +390,15 @@ bool ContactEvents::advance_to_event(Span* span) {
     return true;
   }
   has_stages_ = false;
+  double step = std::min(step_, longest_substep(span->left.left));
+  if (!go_straight(span->accuracy.tolerance > 0.0 && turns_fast(step))) return false;
   watch(&watched_.before);
   const std::size_t n = equations_.size();
   kept_.assign(numbers_.begin(), numbers_.begin() + static_cast<std::ptrdiff_t>(n));
   kept_.insert(kept_.end(), derivative(), derivative() + n);
   equations_.keep();
   const SubstepSpan start = span->left;
-  const double longest = longest_substep(start.left);
-  double step = std::min(step_, longest);
-  if (!take(span, &span->left, span->accuracy.tolerance, &step)) return end_jam(span);
+  if (!take_first(span, &step)) return end_jam(span);
   const double h = start.left - span->left.left;
   step_ = step;
   const auto look = [&] {

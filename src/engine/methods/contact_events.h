@@ -28,6 +28,7 @@ class ContactEvents {
   static constexpr double kMostOverlap = 1e-7;
   /// [m/s] a slip that ends there is off by no more than rounding
   static constexpr double kEndOfSlip = 1e-7;
+  static constexpr double kSlipping = 1e-9;  ///< [m/s] a slip below has no direction of its own
 
   /// Two bodies with shapes that may touch, A first as has_features() has it, by their place in
   /// `equations`. Their contacts are the next ones.
@@ -222,6 +223,12 @@ class ContactEvents {
   bool advance_to_event(Span* span);
   bool end_jam(Span* span);
   bool finish_event(Span* span, const Watched& watched, std::size_t which);
+
+  // ---- slow slips (contact_straight.cpp)
+  bool turns_fast(double h) const;
+  bool was_straight(double h, double tolerance) const;
+  bool go_straight(bool is_straight);
+  bool take_first(Span* span, double* step);
 
   // ---- at events (contact_states.cpp)
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);

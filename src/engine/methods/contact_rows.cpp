@@ -245,11 +245,14 @@ void ContactEquations::add_contact_rows(bool with_slip, bool with_tangents) {
     normal.is_normal = true;
     normal.value = now.gap;
     normal.gamma += now.n_dot.dot(now.w);
-    if (with_slip && contact.acts == Acts::kSlips && contact.friction > 0.0) {
+    const bool has_direction = contact.acts == Acts::kSlips && contact.friction > 0.0;
+    Vector3d direction = contact.direction;
+    if (is_straight && has_direction && !direction.isZero(0.0))
+      direction = (direction - direction.dot(now.n) * now.n).normalized();
+    if (with_slip && has_direction) {
       const Vector3d slip = now.slip();
       const double speed = slip.norm();
-      Vector3d direction = contact.direction;
-      if (speed > kTiny || direction.isZero(0.0)) {
+      if ((speed > kTiny && !is_straight) || direction.isZero(0.0)) {
         direction = speed > 0.0 ? Vector3d(slip / speed) : Vector3d(Vector3d::Zero());
         if (direction.dot(contact.direction) < 0.0) direction = -direction;
       }
@@ -257,7 +260,9 @@ void ContactEquations::add_contact_rows(bool with_slip, bool with_tangents) {
       normal.M_inv_F = accelerations(normal, now.along(normal.along));
       normal.is_symmetric = false;
     }
-    if (!with_tangents || contact.acts != Acts::kSticks) continue;
+    if (!with_tangents) continue;
+    if (is_straight && has_direction && !contact.direction.isZero(0.0)) add(now.n.cross(direction));
+    if (contact.acts != Acts::kSticks) continue;
     const Vector3d t = tangent_to(now.n);
     add(t);
     add(now.n.cross(t));

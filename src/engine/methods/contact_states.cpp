@@ -32,7 +32,7 @@ constexpr double kSameTime = 1e-6;    // of a span
 // no motion to go on with.
 bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
   double* const y = numbers_.data();
-  has_stages_ = false;
+  has_stages_ = equations_.is_straight = false;
   begins_ = is_begin;
   acts_before_.clear();
   features_before_.clear();

@@ -154,14 +154,14 @@ bool ContactEvents::begin(const std::vector<BodyState>& states, bool closes) {
     depth_[pair_of_[c]] = std::max(depth_[pair_of_[c]], depth);
   }
   for (Pair& pair : pairs_) {
-    bool is_still = false;
+    pair.is_still = false;
     for (std::size_t c = pair.first; pair.touched && c < pair.first + pair.count; ++c) {
       const ContactMotion now = equations_.motion(equations_.contacts[c]);
       if (now.gap > kTouching || std::abs(now.gap_rate()) > kResting) continue;
       pair.held = true;
-      is_still = is_still || now.slip().norm() <= kResting;
+      pair.is_still = pair.is_still || now.slip().norm() <= kResting;
     }
-    pair.stuck = pair.stuck && is_still;
+    pair.stuck = pair.stuck && pair.is_still;
   }
   return true;
 }
@@ -217,7 +217,7 @@ void ContactEvents::note_last_states() {
               return other.law;
             },
             now, equations_.rest(of), [&] { return equations_.zeta(of); });
-    was_saturated_.push_back(was_saturated);
+    was_saturated_.push_back(was_saturated ? 1 : 0);
     last_states_.push_back(state_of_motion(of.law, now, was_saturated, [&](bool upper_one) {
       return equations_.limit(of, upper_one);
     }));
@@ -300,7 +300,7 @@ IntegrationResult ContactEvents::advance(const SmoothSpan& all, const Integrator
   note_positions();
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     last_states_[c] = equations_.coordinates[c].state;
-    was_saturated_[c] = is_saturated(c, last_states_[c]);
+    was_saturated_[c] = is_saturated(c, last_states_[c]) ? 1 : 0;
     give_way(c);
   }
   equations_.scatter_state(states);

@@ -40,6 +40,7 @@ class ContactEvents {
     double thickness = 0.0;            ///< [m] of the thinner shape
     bool touched = false;              ///< in the step before,
     bool held = false, stuck = false;  ///< and did so at its end, as that left them
+    bool is_still = false;             ///< somewhere, then
 
     bool is_of_boxes() const {
       return std::holds_alternative<Box>(shape_a) && std::holds_alternative<Box>(shape_b);

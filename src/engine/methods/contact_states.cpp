@@ -132,8 +132,7 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   ContactEquations::Responses& responses = responses_;
   responses.clear();
   gap_acceleration_.assign(equations_.contacts.size(), 0.0);
-  for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
-    equations_.contacts[c].acts = Acts::kOpen;
+  for (ContactEquations::Contact& contact : equations_.contacts) contact.acts = Acts::kOpen;
   find_lost();
   if (!find_candidates(&held_)) return false;
   free_.resize(equations_.size());
@@ -440,7 +439,9 @@ void ContactEvents::tell_pair(double t, std::size_t p, const std::vector<Acts>& 
     was = is;
     stuck = sticks;
   }
-  pair.held = pair.stuck = false;
+  // friction of what sticks may be at its bound, as that of what slips is
+  if (is_begin && pair.is_still && sticks) stuck = true;
+  pair.held = pair.stuck = pair.is_still = false;
   const auto add = [&](EventKind kind, double of, double later) {
     add_told({kind, t, static_cast<int>(p), -1, of}, later);
   };

@@ -32,8 +32,8 @@ bool are_same(const Shape& l, const Shape& r) {
 
 bool are_same(const ContactEvents::Pair& l, const ContactEvents::Pair& r) {
   return l.a == r.a && l.b == r.b && l.friction == r.friction && l.restitution == r.restitution &&
-         l.held == r.held && l.stuck == r.stuck && are_same(l.shape_a, r.shape_a) &&
-         are_same(l.shape_b, r.shape_b);
+         l.held == r.held && l.stuck == r.stuck && l.is_still == r.is_still &&
+         are_same(l.shape_a, r.shape_a) && are_same(l.shape_b, r.shape_b);
 }
 
 template <class List>
@@ -74,7 +74,8 @@ void ContactEvents::note_stillness() {
 }
 
 void ContactEvents::go_on_as_when_still(std::vector<BodyState>* states) {
-  for (Pair& pair : pairs_) pair.held = pair.stuck = false;  // as what is told has it
+  for (Pair& pair : pairs_)
+    pair.held = pair.stuck = pair.is_still = false;  // as what is told has it
   equations_.contacts = still_.contacts;
   equations_.set_states(still_.states);
   equations_.scatter_state(states);

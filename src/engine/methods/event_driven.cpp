@@ -263,7 +263,7 @@ bool EventDriven::begin_courses(const Span& span) {
               courses_[l].is_closing() == before.is_closing();
     JointState told = joint_states_[l];
     bare_courses_[l].begin(bare_joints_[l], span.around.step, told);
-    is_at_end_[l] = has_length(joints_[l].kind) && told.saturated;
+    is_at_end_[l] = has_length(joints_[l].kind) && told.saturated ? 1 : 0;
   }
   return goes_on;
 }

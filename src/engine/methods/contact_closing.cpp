@@ -17,6 +17,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr int kMostRounds = 10;   // each leaves about the square of what there was
+constexpr int kMostMeetings = 2;  // rounds after that
 constexpr double kClosed = 1e-9;  // [m] of overlap, that events close themselves
 constexpr double kNear = 2.0;  // of the largest overlap: points that far apart could be pushed in
 
@@ -55,31 +56,49 @@ double ContactEvents::beyond_limits() const {
   return most;
 }
 
+// A round: the overlaps that find_overlaps() has found, or, where they are to be `met`, gaps as
+// well.
+bool ContactEvents::close_found(bool met) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  responses_.clear();
+  for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
+    responses_.add(c, equations_.motion(equations_.contacts[c]));
+  equations_.find_responses(&responses_);
+  problem_.A = responses_.A;
+  problem_.b.assign(responses_.columns, 0.0);
+  problem_.contacts.clear();
+  problem_.rows.assign(responses_.columns, {met ? -kInfinity : 0.0, kInfinity});
+  for (const ContactEquations::Touching& touching : responses_.contacts)
+    problem_.b[touching.column] = touching.motion.gap;
+  if (!solve_counted()) return false;
+  double* const y = equations_.numbers().data();
+  equations_.displace(responses_, force_.data(), y);
+  equations_.contacts.clear();
+  return equations_.project(0.0, y);
+}
+
 // False where it does not come to an end, or would push a joint beyond what holds it.
 bool ContactEvents::close_overlaps(Span* span, std::vector<BodyState>* states) {
-  double* const y = equations_.numbers().data();
   const double before = equations_.kinetic_energy() + equations_.potential_energy();
   const double beyond = std::max(beyond_limits(), kTouching);
-  double deepest = find_overlaps(0.0);
+  double deepest = find_overlaps(0.0), last = 0.0;
   for (int round = 0; deepest > kClosed; ++round) {
     if (round == kMostRounds || is_set(span->all.stop)) return false;
-    find_overlaps(kNear * deepest);
-    responses_.clear();
-    for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
-      responses_.add(c, equations_.motion(equations_.contacts[c]));
-    equations_.find_responses(&responses_);
-    problem_.A = responses_.A;
-    problem_.b.assign(responses_.columns, 0.0);
-    problem_.contacts.clear();
-    problem_.rows.assign(responses_.columns, {0.0, std::numeric_limits<double>::infinity()});
-    for (const ContactEquations::Touching& touching : responses_.contacts)
-      problem_.b[touching.column] = touching.motion.gap;
-    if (!solve_counted()) return false;
-    equations_.displace(responses_, force_.data(), y);
-    equations_.contacts.clear();
-    if (!equations_.project(0.0, y)) return false;
+    last = deepest;
+    find_overlaps(kNear * last);
+    if (!close_found(false)) return false;
     deepest = find_overlaps(0.0);
   }
+  // gaps of the second order are left, from which bodies would fall, and rattle
+  const std::vector<double> closed = equations_.numbers();
+  for (int round = 0; round < kMostMeetings && last > 0.0; ++round) {
+    find_overlaps(kNear * last);
+    if (close_found(true) && find_overlaps(0.0) <= kClosed) continue;
+    equations_.numbers() = closed;
+    equations_.place(equations_.numbers().data());
+    break;
+  }
+  equations_.contacts.clear();
   if (beyond_limits() > beyond) return false;
   span->progress.corrected += equations_.kinetic_energy() + equations_.potential_energy() - before;
   equations_.scatter_state(states);

@@ -192,6 +192,7 @@ class ContactEvents {
 
   double find_overlaps(double margin);
   double beyond_limits() const;
+  bool close_found(bool met);
   bool close_overlaps(Span* span, std::vector<BodyState>* states);
   // ---- spans in which nothing moves (contact_stillness.cpp)
   bool is_as_when_still(const SmoothSpan& span) const;

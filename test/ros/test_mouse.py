@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """rviz on a virtual display, with a real mouse: bodies are dragged, clicked and chosen from a menu."""
+import math
 import re
 import shutil
 import subprocess
@@ -133,10 +134,17 @@ class Mouse(InRviz):
         # pulled back from there
         support.wait_until(lambda: self.x("rock") > -1.0 - 0.05, "two metres of the rock's way")
         call("set_options", keys=["real_time_factor"], values=["10"])
-        support.wait_until(lambda: self.speed("rock") < 0.02, "the rock at rest")
+        # at rest by energy, that of the springs as well: the rock is slow too where it is turned back
+        statistics = Listener(NODE + "/statistics", Statistics)
+        start = properties().step
+
+        def at_rest():
+            now = properties().step
+            second = [m.energy for m in statistics.messages if m.step > max(start, now - 1000)]
+            return now > start + 1000 and max(second, default=math.inf) < 0.5 * 0.5e6 * 1e-3
+        support.wait_until(at_rest, "the rock at rest")
         self.let_go()
         call("set_options", keys=["real_time_factor"], values=["1"])
-        statistics = Listener(NODE + "/statistics", Statistics)
         released = properties().step
         first = statistics.wait(lambda m: m.ticks > 0 and m.step > released)
         later = statistics.wait(lambda m: m.step > first.step + 200)

@@ -21,6 +21,45 @@ struct Placing {
   bool is_reversed = false;  ///< bodies added from the last to the first
 };
 
+/// Where a body's frame is that is named otherwise, as has its shape: in the one it had. Of a
+/// dynamic one its axes by turns, in which the inertia is as diagonal as it was; of others
+/// elsewhere and turned anyhow. Planes have none.
+inline ShapePose other_frame(const Body& body) {
+  if (std::holds_alternative<Plane>(body.shape)) return {};
+  if (body.type == BodyType::kDynamic)
+    return {Eigen::Vector3d::Zero(), Eigen::Quaterniond(0.5, 0.5, 0.5, 0.5)};
+  return {Eigen::Vector3d(0.3, -0.2, 0.5), Eigen::Quaterniond(0.7, 0.1, -0.5, 0.5)};
+}
+
+/// The same body in that frame, its shape with a pose.
+inline Body in_frame(Body body, const ShapePose& frame) {
+  if (std::holds_alternative<Plane>(body.shape)) return body;
+  if (body.type == BodyType::kDynamic) {
+    const Eigen::Vector3d inertia = body.inertia.isZero(0.0)
+                                        ? Eigen::Vector3d(body.mass * unit_inertia(body.shape))
+                                        : body.inertia;
+    body.inertia = (frame.orientation.conjugate() * inertia).cwiseAbs();
+  }
+  BodyState& state = body.state;
+  const Eigen::Vector3d arm = state.orientation * frame.position;
+  state.position += arm;
+  state.linear_velocity += state.angular_velocity.cross(arm);
+  state.orientation = state.orientation * frame.orientation;
+  const Eigen::Quaterniond back = frame.orientation.conjugate();
+  body.shape_pose = ShapePose{back * Eigen::Vector3d(-frame.position), back};
+  return body;
+}
+
+/// A joint's end on it there.
+inline void put_in_frame(const ShapePose& frame, bool is_a, Joint* joint) {
+  const Eigen::Quaterniond back = frame.orientation.conjugate();
+  Eigen::Vector3d& anchor = is_a ? joint->anchor_a : joint->anchor_b;
+  anchor = back * Eigen::Vector3d(anchor - frame.position);
+  if (is_a) joint->frame_a = back * joint->frame_a;
+  if (!is_a && joint->frame_b) joint->frame_b = back * *joint->frame_b;
+  if (!is_a && joint->axis_b) joint->axis_b = back * *joint->axis_b;
+}
+
 /// The world of these parts, all of it moved and turned, gravity too.
 inline World assemble(const Parts& parts, WorldOptions options, const Placing& placing) {
   options.gravity = placing.turn * options.gravity;

@@ -1,7 +1,7 @@
 // Random scenes that go from event to event (random_events.h), of all kinds in turn: what is off is
 // printed, with the kind and the seed that make the scene again, and a table of all.
 //
-//   PROGRAM [--scenes 2000] [--seed 0] [--kind 0...7] [--threads 2]
+//   PROGRAM [--scenes 2000] [--seed 0] [--kind 0...8] [--threads 2]
 //
 // --seed is that of the first scene of each kind; --kind leaves out all others. Exit status 1 if
 // anything is off, 2 on wrong arguments. Scenes that are given up are counted, and no failure:
@@ -78,7 +78,7 @@ int main(int argc, char** argv) {
   po::options_description described;
   described.add_options()("scenes", po::value(&options.scenes)->default_value(2000))(
       "seed", po::value(&options.seed)->default_value(0), "of the first of each kind")(
-      "kind", po::value(&options.kind)->default_value(-1), "0 to 7, none other")(
+      "kind", po::value(&options.kind)->default_value(-1), "0 to 8, none other")(
       "threads", po::value(&options.threads)->default_value(2));
   try {
     po::variables_map values;

@@ -3,12 +3,12 @@
 // Random scenes of few bodies that go from event to event, and a judge of them. Mechanisms have
 // ropes, struts, limits with and without restitution, friction, motors, servos and springs with a
 // force limit, and springs; what touches are spheres and boxes on a floor and each other with
-// friction and restitution, in joints, and with the same laws; some joints can break; and equal
-// boxes that stand on each other, hit by a ball, where margins and gaps begin at zero to rounding.
-// A scene is made from its kind and seed alone. Oracles: energy, which nothing but a motor can
-// raise; joints, limits and gaps, which hold to rounding; events in the order of time; the same
-// bits of a copy, of a snapshot and with threads; and the same motion of the scene moved, turned
-// and added in another order.
+// friction and restitution, in joints, with the same laws, and with shapes beside the centres of
+// mass; some joints can break; and equal boxes that stand on each other, hit by a ball, where
+// margins and gaps begin at zero to rounding. A scene is made from its kind and seed alone.
+// Oracles: energy, which nothing but a motor can raise; joints, limits and gaps, which hold to
+// rounding; events in the order of time; the same bits of a copy, of a snapshot and with threads;
+// and the same motion of the scene moved, turned and added in another order.
 
 #include <array>
 #include <string>
@@ -28,11 +28,12 @@ enum class Kind {
   kTouchingWithMotors,
   kMechanismWithServos,
   kTouchingWithServos,
-  kAligned
+  kAligned,
+  kTouchingWithPoses
 };
-inline constexpr std::array<const char*, 8> kKindNames{
-    "mechanism",        "mechanism, motors", "touching",         "touching, laws",
-    "touching, motors", "mechanism, servos", "touching, servos", "aligned boxes"};
+inline constexpr std::array<const char*, 9> kKindNames{
+    "mechanism",         "mechanism, motors", "touching",      "touching, laws", "touching, motors",
+    "mechanism, servos", "touching, servos",  "aligned boxes", "touching, poses"};
 
 inline bool has_motors(Kind kind) {
   return kind == Kind::kMechanismWithMotors || kind == Kind::kTouchingWithMotors;
@@ -298,6 +299,28 @@ inline void add_servos(unsigned seed, Parts* parts) {
   }
 }
 
+/// Of a third of the bodies, others have their shapes anywhere.
+inline void add_poses(unsigned seed, Parts* parts) {
+  Draw draw(seed + 1000037);
+  for (std::size_t i = 0; i < parts->bodies.size(); ++i) {
+    Body& body = parts->bodies[i];
+    if (body.type != BodyType::kDynamic) continue;
+    if (draw.below(3) > 0) {
+      body.inertia = body.mass * unit_inertia(body.shape);
+      body.shape_pose = ShapePose{0.1 * draw.vector(), draw.turn()};
+      continue;
+    }
+    // the same as without a pose
+    const ShapePose frame = other_frame(body);
+    body = in_frame(body, frame);
+    for (std::size_t j = 0; j < parts->joints.size(); ++j) {
+      const auto [a, b] = parts->ends[j];
+      if (a == static_cast<int>(i)) put_in_frame(frame, true, &parts->joints[j]);
+      if (b == static_cast<int>(i)) put_in_frame(frame, false, &parts->joints[j]);
+    }
+  }
+}
+
 /// Equal cubes that stand on each other, or are dropped, and a ball that hits them.
 inline Scene aligned(unsigned seed) {
   Draw draw(seed);
@@ -330,6 +353,10 @@ inline Scene scene_of(Kind kind, unsigned seed) {
   }
   if (kind == Kind::kAligned) {
     scene = aligned(seed);
+  } else if (kind == Kind::kTouchingWithPoses) {
+    scene = touching(seed, Kind::kTouchingWithLaws);
+    scene.kind = kind;
+    add_poses(seed, &scene.parts);
   } else if (touches(kind)) {
     scene = touching(seed, kind);
   } else {

@@ -54,8 +54,7 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pa
         continue;
       const bool has_moved_on = !acts && of.is_of_boxes();  // to other features
       const ContactFeature& feature = has_moved_on ? contact.touched : contact.feature;
-      const ContactMotion now =
-          motion_of(feature, equations.state(contact.a), equations.state(contact.b));
+      const ContactMotion now = equations.motion(contact, feature);
       const Vector3d position = is_swapped ? now.p : Vector3d(now.p - now.gap * now.n);
       const std::size_t k = of.is_of_boxes() ? place_of(position, pair) : at(pair.manifold.count);
       if (k < at(pair.manifold.count)) {

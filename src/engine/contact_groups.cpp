@@ -282,6 +282,7 @@ std::size_t World::Impl::add_group_body(int body, ContactEquations* equations) {
     ContactEquations::Body& added = equations->bodies.emplace_back();
     added.index = body;
     added.mass = masses[at(body)];
+    added.shape_pose = bodies[at(body)].shape_pose;
   }
   return at(place);
 }
@@ -323,7 +324,6 @@ bool World::Impl::add_group_pairs(const ContactGroup& group) {
     const Body& body_a = bodies[at(a)];
     const Body& body_b = bodies[at(b)];
     if (!has_features(body_a.shape, body_b.shape)) return false;
-    if (body_a.shape_pose || body_b.shape_pose) return false;
     const ContactSurface surface(body_a, body_b);
     const std::size_t place_a = add_group_body(a, &equations);
     const std::size_t place_b = add_group_body(b, &equations);

@@ -4,7 +4,6 @@
 // until nobody else is there.
 
 #include <algorithm>
-#include <limits>
 #include <numeric>
 
 #include "engine/fast_bodies.h"
@@ -154,7 +153,6 @@ double World::Impl::least_gap(std::size_t a, std::size_t b) const {
   const Vector3d apart = states[a].position - states[b].position;
   if (!std::holds_alternative<Plane>(bodies[b].shape))
     return apart.norm() - extent(bodies[a]) - extent(bodies[b]);
-  if (bodies[b].shape_pose) return -std::numeric_limits<double>::infinity();
   return apart.dot(states[b].orientation * Vector3d::UnitZ()) - extent(bodies[a]);
 }
 

@@ -77,11 +77,10 @@ struct Collide {
 
 }  // namespace
 
-void PlacedShape::place(const ShapePose& pose) {
-  beside_ = *state_;
-  beside_->position += state_->orientation * pose.position;
-  beside_->orientation = state_->orientation * pose.orientation;
-  state_ = &*beside_;
+BodyState beside(const BodyState& body, const ShapePose& pose) {
+  const Vector3d arm = body.orientation * pose.position;
+  return {body.position + arm, body.orientation * pose.orientation,
+          body.linear_velocity + body.angular_velocity.cross(arm), body.angular_velocity};
 }
 
 Manifold collide_sphere_sphere(const Vector3d& p_a, double radius_a, const Vector3d& p_b,

@@ -15,11 +15,14 @@ namespace constraint_sim::engine {
 // they keep when they touch. There is no length below which anything is
 // neglected: scenes of micrometres and of kilometres behave alike. Orientations are unit.
 
+/// Where a shape lies in its body, and how it moves there.
+BodyState beside(const BodyState& body, const ShapePose& pose);
+
 /// Where the shape of a body lies that is at `state`: there, or beside it. Refers to `state`.
 class PlacedShape {
  public:
   PlacedShape(const Body& body, const BodyState& state) : shape_(body.shape), state_(&state) {
-    if (body.shape_pose) place(*body.shape_pose);
+    if (body.shape_pose) state_ = &beside_.emplace(beside(state, *body.shape_pose));
   }
   PlacedShape(const PlacedShape&) = delete;
   PlacedShape& operator=(const PlacedShape&) = delete;
@@ -28,8 +31,6 @@ class PlacedShape {
   const BodyState& state() const { return *state_; }
 
  private:
-  void place(const ShapePose& pose);
-
   const Shape& shape_;
   const BodyState* state_;
   std::optional<BodyState> beside_;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "engine/narrowphase.h"
+#include "parts.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -19,12 +21,14 @@ struct Carried {
   double time_step;
   Method method = Method::kEventDriven;
   double tolerance = 1e-10;
+  bool has_poses = false;  ///< bodies are in other frames, with their shapes at poses
 
   operator double() const { return time_step; }
 };
 
 inline void PrintTo(const Carried& by, std::ostream* out) {
-  *out << by.time_step << " s, " << name(by.method) << ", " << by.tolerance << " m/s";
+  *out << by.time_step << " s, " << name(by.method) << ", " << by.tolerance << " m/s"
+       << (by.has_poses ? ", poses" : "");
 }
 
 inline WorldOptions by_events(const Carried& by, double gravity = kGravity) {
@@ -47,6 +51,41 @@ inline std::vector<Carried> each_way(Method method) {
   for (const double time_step : {1.0 / 30, unsaid.time_step, 1.0 / 1000})
     all.push_back({time_step, unsaid.method, unsaid.tolerance});
   return all;
+}
+
+/// Some of these, with poses.
+inline std::vector<Carried> with_poses() {
+  std::vector<Carried> some{{1.0 / 30}, {1.0 / 240}, {1.0 / 60, Method::kAuto, 1e-8}};
+  for (Carried& by : some) by.has_poses = true;
+  return some;
+}
+
+/// All that is in a new world in other frames, where that is asked for; what its bodies and joints
+/// are called stays.
+inline void frame_anew(World* world, const Carried& by) {
+  if (!by.has_poses) return;
+  World framed(world->options());
+  const auto frame_of = [&](BodyId id) {
+    return id == kWorldBody ? ShapePose{} : other_frame(world->body(id));
+  };
+  for (const BodyId id : world->body_ids()) {
+    Body body = world->body(id);
+    body.state = world->state(id);
+    ASSERT_EQ(framed.add_body(in_frame(body, frame_of(id))), id);
+  }
+  for (const JointId id : world->joint_ids()) {
+    Joint joint = world->joint(id);
+    put_in_frame(frame_of(joint.body_a), true, &joint);
+    put_in_frame(frame_of(joint.body_b), false, &joint);
+    ASSERT_EQ(framed.add_joint(joint), id);
+  }
+  for (const Wrench& wrench : world->wrenches()) framed.add_wrench(wrench);
+  *world = framed;
+}
+
+/// Where its shape is.
+inline BodyState shape_state(const World& world, BodyId id) {
+  return PlacedShape(world.body(id), world.state(id)).state();
 }
 
 inline Body with_surface(Body body, double friction, double restitution) {
@@ -94,10 +133,11 @@ inline std::vector<Event> advance(World* world, double seconds) {
 
 /// Throws a box along what is level at z = 0: it comes v²/2μg far in v/μg, and stays on its
 /// corners.
-inline void expect_box_slides_to_rest(World* world, double mu) {
+inline void expect_box_slides_to_rest(World* world, double mu, const Carried& by) {
   Body box = with_surface(make_body("box", Box{{0.6, 0.5, 0.4}}, 2.0, {0.0, 0.0, 0.2}), mu, 0.0);
   box.state.linear_velocity = {2.0, 0.5, 0.0};
   const BodyId id = world->add_body(box);
+  frame_anew(world, by);
   const std::vector<Event> events = advance(world, 1.0);
   const Eigen::Vector3d& v = box.state.linear_velocity;
   const double speed = v.norm();

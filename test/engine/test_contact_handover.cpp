@@ -75,6 +75,8 @@ TEST(ContactHandover, WhatIsPutDownTooDeepIsLiftedAndBooked) {
     world.add_body(with_surface(make_floor(0.0), 0.5, 0.0));
     const BodyId below = world.add_body(box_at("below", {0.0, 0.0, 0.2 - depth}, 2.0));
     const BodyId above = world.add_body(box_at("above", {0.02, 0.01, 0.6 - 3.0 * depth}, 1.0));
+    // of every other one shapes have poses
+    frame_anew(&world, {0.01, Method::kAuto, 1e-8, depth == 1e-5 || depth == 1e-3});
     const double before = world.energy();
     const StepReport& report = world.step();
     EXPECT_TRUE(is_by_events(world)) << depth;

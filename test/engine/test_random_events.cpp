@@ -69,6 +69,14 @@ TEST(RandomEvents, OfContactsWithLawsGainNoEnergy) {
   EXPECT_GT(found.events, 5 * kScenes);
 }
 
+// a shape is nowhere in particular in its body: as many are given up, and left, as of those above
+TEST(RandomEvents, OfContactsWithPosesGainNoEnergy) {
+  const Found found = hold(Kind::kTouchingWithPoses, kScenes / 2);
+  EXPECT_LE(found.given_up, 1 + kScenes / 20);
+  EXPECT_LE(found.left, 1 + kScenes / 12);
+  EXPECT_GT(found.events, 5 * kScenes / 2);
+}
+
 TEST(RandomEvents, OfContactsWithMotorsGainWhatTheseDo) {
   EXPECT_LE(hold(Kind::kTouchingWithMotors, kScenes / 2).given_up, 1 + kScenes / 15);
 }
@@ -205,7 +213,8 @@ std::optional<std::pair<std::string, bool>> turn_of(const Event& event) {
 TEST(RandomEvents, BeginAndEndInTurn) {
   unsigned turns = 0;
   for (const Kind kind : {Kind::kMechanismWithMotors, Kind::kTouching, Kind::kTouchingWithMotors,
-                          Kind::kMechanismWithServos, Kind::kTouchingWithServos, Kind::kAligned}) {
+                          Kind::kMechanismWithServos, Kind::kTouchingWithServos, Kind::kAligned,
+                          Kind::kTouchingWithPoses}) {
     for (unsigned seed = 0; seed < kScenes / 8; ++seed) {
       World world = world_of(scene_of(kind, seed));
       std::map<std::string, bool> has_begun;

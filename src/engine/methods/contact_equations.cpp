@@ -6,6 +6,7 @@
 
 #include "engine/linear/larger.h"
 #include "engine/methods/quaternion_state.h"
+#include "engine/narrowphase.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -25,12 +26,15 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
 void ContactEquations::gather_state(const std::vector<BodyState>& states) {
   states_.resize(bodies.size());
+  shapes_.resize(bodies.size());
   inverse_inertia_.assign(bodies.size(), Matrix3d::Zero());
   y_.assign(size(), 0.0);
   scale_ = 0.0;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const BodyState& state = states_[i] = states[static_cast<std::size_t>(bodies[i].index)];
     scale_ = std::max(scale_, state.position.norm());
+    if (bodies[i].shape_pose) scale_ = std::max(scale_, bodies[i].shape_pose->position.norm());
+    place_shape(i);
     if (i >= movable) continue;
     double* const y = y_.data() + kNumbers * i;
     Vector(y + 0) = state.position;
@@ -75,7 +79,33 @@ void ContactEquations::place(const double* numbers) {
     const Matrix3d R = rotation_matrix(y + kQ);
     inverse_inertia_[i] = R * bodies[i].mass.inverse_inertia.asDiagonal() * R.transpose();
     state.angular_velocity = inverse_inertia_[i] * ConstVector(y + kL);
+    place_shape(i);
   }
+}
+
+void ContactEquations::place_shape(std::size_t i) {
+  if (bodies[i].shape_pose) shapes_[i] = beside(states_[i], *bodies[i].shape_pose);
+}
+
+void ContactEquations::set_states(const std::vector<BodyState>& states) {
+  states_ = states;
+  for (std::size_t i = 0; i < bodies.size(); ++i) place_shape(i);
+}
+
+// Features are in the frames of shapes, arms and accelerations are those of centres of mass.
+ContactMotion ContactEquations::motion(const Contact& contact,
+                                       const ContactFeature& feature) const {
+  ContactMotion motion = motion_of(feature, shape_state(contact.a), shape_state(contact.b));
+  const auto move = [this](std::size_t body, double sign, Vector3d* arm, Vector3d* w_bias) {
+    if (!bodies[body].shape_pose) return;
+    const Vector3d offset = shapes_[body].position - states_[body].position;
+    const Vector3d& w = states_[body].angular_velocity;
+    *arm += offset;
+    *w_bias += sign * w.cross(w.cross(offset));
+  };
+  move(contact.a, 1.0, &motion.r_a, &motion.w_bias);
+  move(contact.b, -1.0, &motion.r_b, &motion.w_bias);
+  return motion;
 }
 
 void ContactEquations::scatter_state(std::vector<BodyState>* states) const {

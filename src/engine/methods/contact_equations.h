@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -43,6 +44,7 @@ class ContactEquations {
     int index;  ///< in the world
     MassProperties mass;
     Eigen::Vector3d force = Eigen::Vector3d::Zero(), torque = Eigen::Vector3d::Zero();
+    std::optional<ShapePose> shape_pose;
   };
   struct BodyJoint {
     int index;         ///< in the world
@@ -91,7 +93,16 @@ class ContactEquations {
   void scatter_state(std::vector<BodyState>* states) const;
   const BodyState& state(std::size_t body) const { return states_[body]; }
   const std::vector<BodyState>& states() const { return states_; }
-  void set_states(const std::vector<BodyState>& states) { states_ = states; }
+  void set_states(const std::vector<BodyState>& states);
+  /// Where the shape of a body is, and how it moves there: what features are found with.
+  const BodyState& shape_state(std::size_t body) const {
+    return bodies[body].shape_pose ? shapes_[body] : states_[body];
+  }
+  /// Whether the shape of a body has its middle beside the centre of mass.
+  bool is_beside(std::size_t body) const {
+    const std::optional<ShapePose>& pose = bodies[body].shape_pose;
+    return pose && !pose->position.isZero(0.0);
+  }
   std::vector<double>& numbers() { return y_; }
   const std::vector<double>& numbers() const { return y_; }
   /// Moves to these numbers.
@@ -131,9 +142,9 @@ class ContactEquations {
   /// ẇ of a contact.
   static Eigen::Vector3d slip_acceleration(const ContactMotion& motion, const Contact& contact,
                                            const Accelerations& rates);
-  ContactMotion motion(const Contact& contact) const {
-    return motion_of(contact.feature, states_[contact.a], states_[contact.b]);
-  }
+  ContactMotion motion(const Contact& contact) const { return motion(contact, contact.feature); }
+  /// The same of another feature of its pair.
+  ContactMotion motion(const Contact& contact, const ContactFeature& feature) const;
   /// Force of a contact on A in a stage of the last substep; stage 0 is where the bodies are now.
   const Eigen::Vector3d& force(std::size_t contact, std::size_t stage) const {
     return stages_[stage].contact[contact];
@@ -242,6 +253,7 @@ class ContactEquations {
     void clear();
   };
 
+  void place_shape(std::size_t body);
   void add_joint_rows();
   void add_coordinate_row(std::size_t coordinate, const Prescribed& target);
   void add_held_rows();
@@ -268,6 +280,7 @@ class ContactEquations {
   std::vector<double> y_;
   double t_ = 0.0;  // [s] since origin
   std::vector<BodyState> states_;
+  std::vector<BodyState> shapes_;                 // of bodies whose shape has a pose
   std::vector<Eigen::Matrix3d> inverse_inertia_;  // world
   std::vector<Row> rows_;
   std::vector<Row> directions_;   // of unit impulses

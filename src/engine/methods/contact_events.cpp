@@ -33,8 +33,8 @@ void ContactEvents::find_features(bool all, bool is_within) {
   for (const Pair& pair : pairs_) {
     if (pair.has_fixed_features() || (is_within && pair.is_of_boxes())) continue;
     found.clear();
-    add_features(pair.shape_a, equations_.state(pair.a), pair.shape_b, equations_.state(pair.b),
-                 &found);
+    add_features(pair.shape_a, equations_.shape_state(pair.a), pair.shape_b,
+                 equations_.shape_state(pair.b), &found);
     if (pair.is_of_boxes()) keep_places(pair, all, &found);
     for (std::size_t k = 0; k < pair.count; ++k) {
       ContactEquations::Contact& contact = equations_.contacts[pair.first + k];
@@ -102,8 +102,8 @@ bool ContactEvents::has_missed() {
 }
 
 double ContactEvents::gap_of_boxes(const Pair& pair) const {
-  return separation_of_boxes(std::get<Box>(pair.shape_a).size, equations_.state(pair.a),
-                             std::get<Box>(pair.shape_b).size, equations_.state(pair.b))
+  return separation_of_boxes(std::get<Box>(pair.shape_a).size, equations_.shape_state(pair.a),
+                             std::get<Box>(pair.shape_b).size, equations_.shape_state(pair.b))
       .gap;
 }
 
@@ -120,8 +120,8 @@ void ContactEvents::add_contacts() {
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     Pair& pair = pairs_[p];
     found.clear();
-    add_features(pair.shape_a, equations_.state(pair.a), pair.shape_b, equations_.state(pair.b),
-                 &found);
+    add_features(pair.shape_a, equations_.shape_state(pair.a), pair.shape_b,
+                 equations_.shape_state(pair.b), &found);
     pair.first = equations_.contacts.size();
     pair.count = found.size();
     for (const ContactFeature& feature : found) {
@@ -322,9 +322,9 @@ double ContactEvents::longest_substep(double left) const {
     const bool is_of_boxes = pairs_[pair_of_[c]].is_of_boxes();
     if (contact.acts != Acts::kOpen || contact.feature.kind == ContactFeature::Kind::kNothing)
       continue;
-    if (!contact.feature.on_a.isZero(0.0))
+    if (!contact.feature.on_a.isZero(0.0) || equations_.is_beside(contact.a))
       longest = std::min(longest, kMostTurn / equations_.state(contact.a).angular_velocity.norm());
-    if (is_of_boxes)
+    if (is_of_boxes || equations_.is_beside(contact.b))
       longest = std::min(longest, kMostTurn / equations_.state(contact.b).angular_velocity.norm());
     const double thickness = pairs_[pair_of_[c]].thickness;
     if (!std::isfinite(thickness)) continue;

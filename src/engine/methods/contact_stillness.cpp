@@ -16,10 +16,17 @@ bool are_same(const BodyState& l, const BodyState& r) {
          have_same_bits(l.angular_velocity, r.angular_velocity);
 }
 
+bool are_same(const std::optional<ShapePose>& l, const std::optional<ShapePose>& r) {
+  if (!l || !r) return !l && !r;
+  return have_same_bits(l->position, r->position) &&
+         have_same_bits(l->orientation.coeffs(), r->orientation.coeffs());
+}
+
 bool are_same(const ContactEquations::Body& l, const ContactEquations::Body& r) {
   return l.index == r.index && l.mass.inverse_mass == r.mass.inverse_mass &&
          l.mass.inertia == r.mass.inertia && l.mass.inverse_inertia == r.mass.inverse_inertia &&
-         have_same_bits(l.force, r.force) && have_same_bits(l.torque, r.torque);
+         have_same_bits(l.force, r.force) && have_same_bits(l.torque, r.torque) &&
+         are_same(l.shape_pose, r.shape_pose);
 }
 
 bool are_same(const Shape& l, const Shape& r) {

@@ -156,8 +156,9 @@ void ContactEvents::watch(std::vector<Watched>* list) {
       list->push_back(watched);
       watched.rough = 0.0;
     }
-    const FeatureMargin margin = margin_of(contact.feature, pair.shape_a, equations_.state(pair.a),
-                                           pair.shape_b, equations_.state(pair.b));
+    const FeatureMargin margin =
+        margin_of(contact.feature, pair.shape_a, equations_.shape_state(pair.a), pair.shape_b,
+                  equations_.shape_state(pair.b));
     if (!std::isfinite(margin.value)) continue;
     watched.kind = Watched::Kind::kMargin;
     watched.value = margin.value;

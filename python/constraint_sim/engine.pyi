@@ -112,12 +112,12 @@ class Contact(TypedDict):
 
 
 class Event(TypedDict):
-    kind: str                  # broken, rope_taut, ..., contact_began, contact_ended, hit
+    kind: str                  # broken, rope_taut, ..., contact_began, contact_ended, hit, handed_over, taken_back
     time: float                # simulated [s]
     body_a: str                # that touch, or that the joint connects; 'world' for the world
-    body_b: str
-    joint: Optional[str]       # whose it is; None of a contact
-    coordinate: Optional[int]  # of the joint; None of a length, of what broke, of a contact
+    body_b: str                # of an island its first two; of a body alone that one twice
+    joint: Optional[str]       # whose it is; None of a contact or an island
+    coordinate: Optional[int]  # of the joint; None of a length, of what broke, of a contact or an island
     impulse: float             # of the impact that it came with [N s or N m s]
 
 

@@ -52,7 +52,7 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
     const bool was_in_group = island.why == MethodReason::kFewContacts;
     MethodChoice choice = choose(parts.nature, in_contact[i], parts, step_count, options);
     if (is_in_group(i)) choice = {Method::kEventDriven, MethodReason::kFewContacts};
-    if (is_in_group(i)) parts.left_for = MethodReason::kSmooth;
+    if (is_in_group(i)) take_back(i);
     if (choice.why == MethodReason::kContact) choice.why = why_left(i);
     if (was_in_group && !parts.is_fresh && is_left_in_contact(i)) {
       choice = {Method::kSequentialImpulses, why_left(i)};
@@ -419,6 +419,20 @@ void World::Impl::hand_over(std::size_t i, MethodReason why) {
   learn_from_handover(why, step_count, options, &island_parts[i]);
   ++report.handed_over;
   if (!report.handed_over_body) report.handed_over_body = islands[i].first_body;
+  tell_of_island(EventKind::kHandedOver, i);
+}
+
+// of one whose contacts are by events, where they were not
+void World::Impl::take_back(std::size_t i) {
+  if (island_parts[i].left_for == MethodReason::kSmooth) return;
+  island_parts[i].left_for = MethodReason::kSmooth;
+  tell_of_island(EventKind::kTakenBack, i);
+}
+
+void World::Impl::tell_of_island(EventKind kind, std::size_t i) {
+  const std::vector<int>& members = island_parts[i].members.bodies;
+  const int second = members.size() > 1 ? members[1] : members[0];
+  events.push_back({kind, time(), body_ids[at(members[0])], body_ids[at(second)]});
 }
 
 // the other method takes this step, from its start, and some more

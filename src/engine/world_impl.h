@@ -407,6 +407,8 @@ struct World::Impl : Model, State, IslandLists {
   MethodReason why_left(std::size_t island) const;
   bool is_left_in_contact(std::size_t island) const;
   void hand_over(std::size_t island, MethodReason why);
+  void take_back(std::size_t island);
+  void tell_of_island(EventKind kind, std::size_t island);
   void list_grouped_bodies();
   bool is_elastic_sphere(std::size_t body) const;
   bool suits_group(const IslandMembers& members, MethodReason nature,

@@ -270,8 +270,9 @@ void define_lists(Class* world) {
       },
       "What happened within the last step, in the order of time: kind ('broken', 'rope_taut', "
       "'rope_slack', 'limit_reached', 'limit_left', 'saturated', 'released', 'slips', 'sticks', "
-      "'contact_began', 'contact_ended', 'hit'), time [s], bodies, joint or None of a contact, "
-      "coordinate of the joint or None, impulse of an impact [N s or N m s].");
+      "'contact_began', 'contact_ended', 'hit', 'handed_over', 'taken_back'), time [s], bodies, "
+      "joint or None of a contact or an island, coordinate of the joint or None, impulse of an "
+      "impact [N s or N m s].");
   world->def(
       "unresolved_bodies",
       [](const SharedWorld& self) {

@@ -64,6 +64,13 @@ std::string handing_over(const World& world) {
          "' and what it touches go from event_driven to sequential_impulses: " + why;
 }
 
+/// The first body of the first island whose contacts are by events again.
+std::optional<engine::BodyId> taken_back(const World& world) {
+  for (const engine::Event& event : world.events())
+    if (event.kind == engine::EventKind::kTakenBack) return event.body_a;
+  return std::nullopt;
+}
+
 bool is_beyond_range(const engine::StepReport& report) {
   return !std::isfinite(report.energy + report.energy_drift + report.max_constraint_error +
                         report.max_penetration + report.local_error);
@@ -119,6 +126,15 @@ void EventLog::stepped(const World& world) {
     }
   }
   if (report.torn_joints > 0) report_broken(world);
+  tell_of_return(world);
+}
+
+void EventLog::tell_of_return(const World& world) {
+  const std::optional<engine::BodyId> body = taken_back(world);
+  if (!body && !returning_.has_begun()) return;
+  if (returning_.update(body.has_value(), steady_now()) == Condition::Change::kBegan)
+    ROS_INFO("step %lu: contacts of '%s' and what it touches are by event_driven again",
+             world.step_count(), world.body(*body).name.c_str());
 }
 
 void EventLog::edited(const World& world) {

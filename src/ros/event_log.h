@@ -28,6 +28,7 @@ class EventLog {
 
  private:
   void report_broken(const World& world);
+  void tell_of_return(const World& world);
   void tell_of_failure(const World& world, const Stepper& stepper);
   void tell_of_dropped_ticks(const World& world, const Stepper& stepper, double now);
   void tell_of_clock(double now);
@@ -35,6 +36,7 @@ class EventLog {
   Parameters parameters_;
   std::vector<Condition> reported_;  // one for each of kReported
   std::set<std::uint32_t> broken_;   // ids of joints that are known to be
+  Condition returning_;              // of contacts from impulses
   bool has_failed_ = false;
   Condition dropping_;
   std::uint64_t dropped_ticks_ = 0;

@@ -1,5 +1,7 @@
 #include "ros/events.h"
 
+#include <constraint_sim/EventKind.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -34,8 +36,16 @@ std::uint8_t kind_of(engine::EventKind kind) {
       return Event::CONTACT_ENDED;
     case engine::EventKind::kHit:
       return Event::HIT;
+    case engine::EventKind::kHandedOver:
+      return EventKind::HANDED_OVER;
+    case engine::EventKind::kTakenBack:
+      return EventKind::TAKEN_BACK;
   }
   return Event::FAILED;
+}
+
+bool is_of_island(engine::EventKind kind) {
+  return kind == engine::EventKind::kHandedOver || kind == engine::EventKind::kTakenBack;
 }
 
 }  // namespace
@@ -97,8 +107,10 @@ void EventTopic::tell_of_listed(const World& world) {
       listed_joints_.insert(event.joint->value);
       names = {world.joint(*event.joint).name};
     } else {
-      listed_pairs_.insert(std::minmax({event.body_a.value, event.body_b.value}));
-      names = {world.body(event.body_a).name, world.body(event.body_b).name};
+      names = {world.body(event.body_a).name};
+      if (event.body_b != event.body_a) names.push_back(world.body(event.body_b).name);
+      if (!is_of_island(event.kind))
+        listed_pairs_.insert(std::minmax({event.body_a.value, event.body_b.value}));
     }
     publish(world, kind_of(event.kind), std::move(names), event.impulse, event.time);
   }

@@ -145,7 +145,7 @@ struct Outcome {
   double correction_work = 0.0, driven_work = 0.0;  ///< sums over all steps [J]
   double solver_residual = 0.0;                     ///< largest of all steps [m/s]
   std::uint64_t events = 0, substeps = 0;           ///< sums over all steps
-  std::uint64_t handed_over = 0;                    ///< islands, from events to impulses
+  std::uint64_t handed_over = 0, taken_back = 0;    ///< islands, from events to impulses, and back
   std::set<std::string> methods;
   std::set<std::string> unresolved_bodies;
   std::map<std::pair<StepWarning::Kind, std::string>, StepWarning>
@@ -181,6 +181,8 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
     outcome.events += report.events;
     outcome.substeps += report.substeps;
     outcome.handed_over += report.handed_over;
+    for (const engine::Event& event : world->events())
+      outcome.taken_back += event.kind == engine::EventKind::kTakenBack;
     for (std::size_t i = 0; i < kMethodCount; ++i)
       if (report.islands[i] > 0) outcome.methods.insert(name(static_cast<Method>(i)));
     if (report.unresolved_bodies > 0)
@@ -261,6 +263,7 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
       {"events", outcome.events},
       {"substeps", outcome.substeps},
       {"handed_over", outcome.handed_over},
+      {"taken_back", outcome.taken_back},
       {"unresolved_bodies", outcome.unresolved_bodies},
       {"left_out", engine::left_out(world)},
       {"warnings", warnings_of(world, outcome)},
@@ -280,8 +283,9 @@ void print_summary(const World& world, const Outcome& outcome) {
   std::printf("energy drift           %.3g of the largest kinetic energy\n", outcome.energy_drift);
   std::printf("method                 %s\n", methods.empty() ? "none" : methods.c_str());
   if (outcome.handed_over > 0)
-    std::printf("handed over            %llu times from events to impulses\n",
-                static_cast<unsigned long long>(outcome.handed_over));
+    std::printf("handed over            %llu times from events to impulses, %llu times back\n",
+                static_cast<unsigned long long>(outcome.handed_over),
+                static_cast<unsigned long long>(outcome.taken_back));
   if (!outcome.unresolved_bodies.empty())
     std::printf("not resolved           %zu light bodies; the report names them\n",
                 outcome.unresolved_bodies.size());

@@ -2,6 +2,9 @@
 // energy less what was booked, which nothing can raise; counts of changes; the same bits of a copy
 // and of a snapshot.
 
+#include <array>
+#include <set>
+
 #include "by_events.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "support.h"
@@ -127,7 +130,8 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
   for (const double h : {0.01, 0.005}) {
     double weight = 0.0;
     World world = balls_that_pass(h, &weight);
-    unsigned handed_over = 0, switches = 0;
+    unsigned handed_over = 0, taken_back = 0, switches = 0;
+    std::set<std::uint32_t> away;  // bodies that are by impulses, as events tell
     bool was_by_impulses = false;
     double booked = 0.0, least = world.energy();
     World copy = world, again = world;
@@ -135,6 +139,19 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
       const StepReport& report = world.step();
       handed_over += report.handed_over;
       const bool is_now = is_by_impulses(world);
+      // told in turn, of each at the beginning of the step
+      std::array<unsigned, 2> told{};
+      for (const Event& event : world.events()) {
+        const bool goes = event.kind == EventKind::kHandedOver;
+        if (!goes && event.kind != EventKind::kTakenBack) continue;
+        ++told[goes ? 0 : 1];
+        EXPECT_EQ(event.time, world.time() - world.options().time_step) << world.time();
+        EXPECT_EQ(event.body_a, event.body_b);
+        const std::uint32_t body = event.body_a.value;
+        EXPECT_TRUE(goes ? away.insert(body).second : away.erase(body) > 0) << world.time();
+      }
+      EXPECT_EQ(told[0], report.handed_over);
+      taken_back += told[1];
       switches += is_now != was_by_impulses;
       was_by_impulses = is_now;
       booked += report.correction_work + report.driven_work;
@@ -149,6 +166,8 @@ TEST(ContactHandover, GoesBothWaysAtNoCostInEnergy) {
       again = read_snapshot(write_snapshot(world));
     }
     EXPECT_GE(handed_over, 6u) << h;
+    EXPECT_EQ(handed_over, taken_back + away.size()) << h;
+    EXPECT_TRUE(away.empty()) << h;
     EXPECT_GE(switches, 2u) << h;
     EXPECT_LE(switches, 6u) << h;  // once for those that lie, and for each that comes down
     EXPECT_TRUE(!is_by_impulses(world)) << h;

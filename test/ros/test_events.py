@@ -5,7 +5,7 @@ import unittest
 
 import rospy
 import rostest
-from constraint_sim.msg import Event
+from constraint_sim.msg import Event, EventKind
 
 import support
 from support import NODE, Listener, call, properties, sphere
@@ -160,6 +160,24 @@ class Events(unittest.TestCase):
         # the second again with 3/4 - 3/4 * 3/4 of it
         self.assertAlmostEqual(began.impulse, 3 * 0.75 + 0.75 * 3 * (0.25 - 0.75 * 0.25), delta=1e-9)
         self.assertAlmostEqual(hit.impulse, 3 * 0.75 ** 2, delta=1e-9)
+
+    def test_contacts_go_to_impulses_and_come_back(self):
+        # six balls lie in a row; three more fly past, which makes nine that may touch
+        ball = ("- {name: %s, mass: 1, shape: {sphere: {radius: 0.1}}, friction: 0.5, "
+                "position: [%.4f, %g, %g], linear_velocity: [0, %g, 0]}\n")
+        self.load(FLOOR + "".join(
+            [ball % ("lies_%d" % i, 0.2001 * i, 0, 0.1, 0) for i in range(6)] +
+            [ball % ("flies_%d" % i, 0.4 * i, -3, 0.45, 10) for i in range(3)]))
+        call("step", steps=300)
+        gone = self.wait(EventKind.HANDED_OVER, 6)
+        back = self.wait(EventKind.TAKEN_BACK, 6)
+        lie = {"lies_%d" % i for i in range(6)}
+        for events in (gone, back):
+            self.assertTrue(all(len(event.names) == 1 for event in events))
+            self.assertLessEqual(lie, {event.names[0] for event in events})
+        first = {name: min(e.time for e in gone if e.names == [name]) for name in lie}
+        for name in lie:  # half a second at least
+            self.assertGreater(min(e.time for e in back if e.names == [name]), first[name] + 0.49)
 
     def test_a_failure_names_the_body(self):
         body = sphere("fast", 1e20)

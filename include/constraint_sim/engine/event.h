@@ -19,21 +19,26 @@ enum class EventKind {
   kSticks,        ///< what slipped
   kContactBegan,  ///< also a bounce, which then ends at the same time
   kContactEnded,
-  kHit,  ///< an impact in a contact that was there
+  kHit,         ///< an impact in a contact that was there
+  kHandedOver,  ///< an island's contacts, from events to impulses; as its step begins
+  kTakenBack,   ///< the same, by events again
 };
 
 /// As in messages and logs: `broken`, `rope_taut`, `rope_slack`, `limit_reached`, `limit_left`,
-/// `saturated`, `released`, `slips`, `sticks`, `contact_began`, `contact_ended`, `hit`.
+/// `saturated`, `released`, `slips`, `sticks`, `contact_began`, `contact_ended`, `hit`,
+/// `handed_over`, `taken_back`.
 const char* name(EventKind kind);
 
-/// One of these. Of a joint, or of the contact of two bodies.
+/// One of these. Of a joint, of the contact of two bodies, or of an island.
 struct Event {
   EventKind kind;
-  double time;                     ///< simulated [s]
-  BodyId body_a, body_b;           ///< that touch, or that the joint connects
-  std::optional<JointId> joint{};  ///< whose it is; none of a contact
-  int coordinate = -1;   ///< of the joint; -1 of a distance joint, of one that broke, of a contact
-  double impulse = 0.0;  ///< of the impact that it came with [N s or N m s] ≥ 0
+  double time;  ///< simulated [s]
+  /// That touch, or that the joint connects; of an island its first two, and of a body alone that
+  /// one twice.
+  BodyId body_a, body_b;
+  std::optional<JointId> joint{};  ///< whose it is; none of a contact or an island
+  int coordinate = -1;             ///< of the joint; -1 of a distance joint, and of all else
+  double impulse = 0.0;            ///< of the impact that it came with [N s or N m s] ≥ 0
 };
 
 }  // namespace constraint_sim::engine

@@ -364,9 +364,10 @@ const char* to_string(Failure failure) {
 }
 
 const char* name(EventKind kind) {
-  constexpr std::array<const char*, 12> kNames = {
-      "broken",   "rope_taut", "rope_slack", "limit_reached", "limit_left",    "saturated",
-      "released", "slips",     "sticks",     "contact_began", "contact_ended", "hit"};
+  constexpr std::array<const char*, 14> kNames = {
+      "broken",        "rope_taut", "rope_slack",  "limit_reached", "limit_left",
+      "saturated",     "released",  "slips",       "sticks",        "contact_began",
+      "contact_ended", "hit",       "handed_over", "taken_back"};
   return kNames[static_cast<std::size_t>(kind)];
 }
 

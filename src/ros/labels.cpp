@@ -65,16 +65,11 @@ bool is_fixed(const engine::World& world, engine::BodyId id) {
   return id == engine::kWorldBody || world.body(id).type == engine::BodyType::kStatic;
 }
 
-bool is_length(const engine::Joint& joint) {
-  const Look look = look_of(joint);
-  return look != Look::kJoint && look != Look::kCoupling;
-}
-
 // Of a length between what moves and what does not: its end at the latter.
 std::optional<Vector3d> fixed_end(const engine::World& world, engine::JointId id) {
   const engine::Joint& joint = world.joint(id);
   const bool is_a = is_fixed(world, joint.body_a);
-  if (!is_length(joint) || is_a == is_fixed(world, joint.body_b)) return std::nullopt;
+  if (!is_length(look_of(joint)) || is_a == is_fixed(world, joint.body_b)) return std::nullopt;
   return is_a ? world.anchors(id).p_a : world.anchors(id).p_b;
 }
 
@@ -82,25 +77,6 @@ std::optional<Vector3d> fixed_end(const engine::World& world, engine::JointId id
 bool stands(const engine::World::Anchors& anchors, const Vector3d& end) {
   const double rise = anchors.p_a.z() + anchors.p_b.z() - 2.0 * end.z();
   return rise > 0.5 * (anchors.p_b - anchors.p_a).norm();
-}
-
-// A body hides its arm to an anchor within its shape.
-bool has_arm_outside(const engine::World& world, const engine::Joint& joint) {
-  for (const auto& [id, anchor] :
-       {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}}) {
-    if (id == engine::kWorldBody || anchor.isZero(0.0)) continue;
-    const engine::Body& body = world.body(id);
-    Vector3d place = anchor;
-    if (body.shape_pose)
-      place = body.shape_pose->orientation.conjugate() * (anchor - body.shape_pose->position);
-    constexpr double kOut = 1.01;  // which is seen
-    if (const auto* box = std::get_if<engine::Box>(&body.shape)) {
-      if (((place.cwiseAbs() - kOut * 0.5 * box->size).array() > 0.0).any()) return true;
-    } else if (place.norm() > kOut * radius_of(body.shape)) {
-      return true;
-    }
-  }
-  return false;
 }
 
 Vector3d place_of(const engine::World& world, engine::JointId id, bool is_broken) {
@@ -118,6 +94,50 @@ Vector3d place_of(const engine::World& world, engine::JointId id, bool is_broken
   else if (const auto foot = fixed_end(world, id))  // which are farther apart than what they bear
     share = *foot == anchors.p_a ? kOfLegs[id.value % 2] : 1.0 - kOfLegs[id.value % 2];
   return (1.0 - share) * anchors.p_a + share * anchors.p_b;
+}
+
+// Why a motor is saturated.
+std::string limit_of_motor(const engine::Joint& joint, const engine::JointState& state,
+                           const ShownMotor& motor) {
+  if (engine::if_distance(joint) != nullptr) {
+    const double most = joint.motor.max_force;
+    if (most > 0.0 && std::abs(state.force) > 0.99 * most)
+      return ", at its limit of " + newtons(most);
+    return ", at its end";  // no length is left
+  }
+  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+    const auto& own = joint.coordinates[static_cast<std::size_t>(i)].motor;
+    if (!own || own->max_force == 0.0 || engine::is_angle(joint.kind, i) != motor.is_angle)
+      continue;
+    return ", at its limit of " +
+           (motor.is_angle ? shown("%.3g N m", own->max_force) : newtons(own->max_force));
+  }
+  return ", at its limit";
+}
+
+// Which limit holds a strut, and at which are coordinates; of a rope it is seen.
+std::vector<std::string> limits_reached(const engine::Joint& joint, const engine::JointState& state,
+                                        Look look) {
+  std::vector<std::string> reached;
+  const auto add = [&](bool is_upper, double limit, const char* format) {
+    reached.push_back((is_upper ? "at upper limit " : "at lower limit ") + shown(format, limit));
+  };
+  if (const engine::DistanceJoint* distance = engine::if_distance(joint)) {
+    if (look != Look::kStrut || state.force == 0.0) return reached;
+    const bool is_upper = state.force < 0.0;
+    add(is_upper, (is_upper ? distance->max_length : distance->min_length) + state.travel,
+        "%.3g m");
+    return reached;
+  }
+  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+    const auto at = static_cast<std::size_t>(i);
+    const engine::CoordinateLaw& law = joint.coordinates[at];
+    const char* const format = engine::is_angle(joint.kind, i) ? "%.3g rad" : "%.3g m";
+    const double q = state.coordinates[at].position;
+    if (q < law.lower + kToldError) add(false, law.lower, format);
+    if (q > law.upper - kToldError) add(true, law.upper, format);
+  }
+  return reached;
 }
 
 // Of bodies and what joins them; extents have the spheres around bodies.
@@ -145,6 +165,7 @@ const MarkerMessage& Labels::update(const engine::World& world, const ForceScale
   set_.begin(stamp, for_newcomer);
   const Extent extent = extent_of(world);
   const double larger = growth(world, extent);
+  cube_ = 0.5 * kFixedCube * extent.width;
   height_ = larger * std::clamp(kHeightOfScene * extent.diagonal(), kHeightOfSign * extent.sign,
                                 kMostHeightOfSign * extent.sign);
   height_of_legend_ = std::max(height_, larger * kHeightOfLegend * extent.diagonal());
@@ -257,11 +278,14 @@ std::vector<Labels::Line> Labels::lines_of(const engine::World& world, const For
                            : signed_value(motor->rate) + (motor->is_angle ? " rad/s" : " m/s");
     if (look == Look::kJoint)
       told = world.body(joint.body_b).name + " " + told;
-    else  // as its arrows
-      told = (motor->rate < 0.0 ? "in " : "out ") + shown("%.3g m/s", std::abs(motor->rate));
-    if (state.saturated) told += ", at its limit";
+    else  // no force, which arrows together would be taken for
+      told =
+          (motor->rate < 0.0 ? "shortens " : "extends ") + shown("%.3g m/s", std::abs(motor->rate));
+    if (state.saturated) told += limit_of_motor(joint, state, *motor);
     lines.push_back({"motor_rates", motor_colour(false), told});
   }
+  for (const std::string& limit : limits_reached(joint, state, look))
+    lines.push_back({"limits", colour(0.9, 0.9, 0.9), limit});
   if (const double error = shown_error(look, state); error > kToldError)
     lines.push_back(
         {"errors", kOffColour, shown("off by %.2g m", error) + (state.closing ? ", closing" : "")});
@@ -281,8 +305,9 @@ void Labels::add_labels_of(const engine::World& world, const ForceScale& forces,
   const auto motor = shown_motor(joint, world.joint_state(id));
   const bool is_broken = world.joint_state(id).broken;
   std::optional<Vector3d> end = fixed_end(world, id);
-  if (is_broken || (end && stands(world.anchors(id), *end))) end.reset();
-  const bool is_beside = is_broken || (is_length(joint) && !end);
+  const bool is_level = world.options().gravity.isZero(0.0);  // and may be seen from above
+  if (is_broken || is_level || (end && stands(world.anchors(id), *end))) end.reset();
+  const bool is_beside = is_broken || (is_length(look) && !end);
   const bool is_left = id.value % 2 == 1;  // neighbours are on both sides
   Vector3d place = place_of(world, id, is_broken);
   if (look == Look::kJoint)
@@ -320,7 +345,7 @@ Vector3d Labels::free_place(const std::vector<Line>& lines, const Vector3d& end)
     if (line.ns != kNames)
       block.half = std::max(block.half, 0.5 * kLetter * height_ * kWidthOfLetter *
                                             static_cast<double>(line.text.size()));
-  block.low = end.z() + kAbove * height_ - 0.5 * line_height;
+  block.low = end.z() + cube_ + kAbove * height_ - 0.5 * line_height;
   const auto hides = [&](const Block& other) {
     return (other.end - block.end).head<2>().norm() < block.half + other.half &&
            block.low < other.high - 1e-9 && other.low < block.low + height - 1e-9;
@@ -349,7 +374,7 @@ void Labels::add_text(const char* ns, std::int32_t id, const Vector3d& place,
 // What of the signs is to be seen now, and the largest forces of now [N].
 struct Labels::Told {
   bool is_unloaded = false, has_arms = false, has_gears = false, has_signs = false,
-       has_motors = false, is_off = false, is_broken = false;
+       has_motors = false, is_limited = false, has_fixed = false, is_off = false, is_broken = false;
   double tension = 0.0, compression = 0.0, normal = 0.0;
   double friction[2] = {0.0, 0.0};  // where it slides, or sticks
 };
@@ -362,15 +387,18 @@ Labels::Told Labels::told(const engine::World& world, const ForceScale& forces) 
     if (!joint.enabled || is_grip(joint)) continue;
     if (state.broken) {
       told.is_broken = told.is_broken || shows_broken(id);
+      told.has_fixed = told.has_fixed || (shows_broken(id) && is_on_world(joint));
       continue;
     }
     const Look look = look_of(joint);
     const auto motor = shown_motor(joint, state);
     const bool drives = motor && motor->direction() != 0.0;
     told.has_motors = told.has_motors || drives;
+    told.is_limited = told.is_limited || (drives && state.saturated);
+    told.has_fixed = told.has_fixed || is_on_world(joint);
     told.is_off = told.is_off || shown_error(look, state) > kToldError;
     told.has_signs = told.has_signs || (look == Look::kJoint && !drives);
-    told.has_arms = told.has_arms || (look == Look::kJoint && has_arm_outside(world, joint));
+    told.has_arms = told.has_arms || (look != Look::kCoupling && has_arm_outside(world, joint));
     told.has_gears =
         told.has_gears || (joint.kind == engine::JointKind::kGear && touch_.count(id.value) == 0);
     const auto force = axial_force(joint, state);
@@ -408,7 +436,7 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
     if (is_used) green += (green.empty() ? "green: " : "; ") + std::string(what);
   };
   add_green(now.is_unloaded, "no force");
-  add_green(now.has_arms, "arms to joints");
+  add_green(now.has_arms, "arms of bodies to joints");
   add_green(now.has_gears, "dashed: gears");
   const bool has_friction = now.friction[0] > 0.0 || now.friction[1] > 0.0;
   const bool is_long = world.body_ids().size() > kMost || world.joint_ids().size() > kMost;
@@ -416,11 +444,14 @@ void Labels::add_legend(const engine::World& world, const ForceScale& forces) {
       {now.is_off, kOffColour, "red: off by 0.1 to 10 mm or more"},
       {!green.empty(), constraint_colour(0.0, 0.0), green},
       {now.has_signs, colour(0.8, 0.8, 0.85), "light grey: joints, their axes and rails"},
+      {now.has_fixed, fixed_colour(), "small cubes: fixed to the world"},
       {now.is_broken, broken_colour(), "grey, in two parts: broken"},
       {now.compression > 0.0, constraint_colour(1.0, 0.0),
        "yellow: compression" + at_most(now.compression)},
       {now.tension > 0.0, constraint_colour(-1.0, 0.0), "cyan: tension" + at_most(now.tension)},
-      {now.has_motors, motor_colour(false), "pink: motors, with the rate that is set"},
+      {now.has_motors, motor_colour(false),
+       now.is_limited ? "pink: motors, which way they move; dark at their limit"
+                      : "pink: motors, which way they move"},
       {now.normal > 0.0, colour(1.0, 1.0, 1.0),
        "white: contact forces" + at_most(now.normal) + (has_friction ? ", friction to scale" : "")},
       {now.friction[0] > 0.0, friction_colour(false),

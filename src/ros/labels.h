@@ -17,8 +17,8 @@
 namespace constraint_sim {
 
 /// Texts beside what Markers draws, on a topic of their own, for they cost more than what they
-/// name: `body_names`, `constraint_names`, `forces`, `motor_rates`, `errors` of constraints
-/// that are off, and a `legend` of the colours above the scene.
+/// name: `body_names`, `constraint_names`, `forces`, `motor_rates`, `limits`, `errors` of
+/// constraints that are off, and a `legend` of the colours above the scene.
 class Labels {
  public:
   /// So many bodies and so many constraints, the first ones, have labels.
@@ -67,6 +67,7 @@ class Labels {
   std::set<Number> touch_;  // gears
   std::vector<Block> blocks_;
   double top_ = 0.0;                              // of the labels of constraints [m]
+  double cube_ = 0.0;                             // half of what marks ends at the world [m]
   double height_ = 0.0, height_of_legend_ = 0.0;  // of letters [m]
 };
 

@@ -105,6 +105,31 @@ std::optional<ShownMotor> shown_motor(const engine::Joint& joint, const engine::
   return std::nullopt;
 }
 
+bool has_arm_outside(const engine::World& world, const engine::Joint& joint) {
+  for (const auto& [id, anchor] :
+       {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}}) {
+    if (id == engine::kWorldBody || anchor.isZero(0.0)) continue;
+    const engine::Body& body = world.body(id);
+    Eigen::Vector3d place = anchor;
+    if (body.shape_pose)
+      place = body.shape_pose->orientation.conjugate() * (anchor - body.shape_pose->position);
+    constexpr double kOut = 1.01;  // which is seen
+    if (const auto* box = std::get_if<engine::Box>(&body.shape)) {
+      if (((place.cwiseAbs() - kOut * 0.5 * box->size).array() > 0.0).any()) return true;
+    } else if (place.norm() > kOut * radius_of(body.shape)) {
+      return true;
+    }
+  }
+  return false;
+}
+
+bool is_length(Look look) { return look != Look::kJoint && look != Look::kCoupling; }
+
+bool is_on_world(const engine::Joint& joint) {
+  return (joint.body_a == engine::kWorldBody) != (joint.body_b == engine::kWorldBody) &&
+         is_length(look_of(joint)) && !engine::is_free_length(joint.kind);
+}
+
 void set_shape(Marker* marker, const engine::Shape& shape) {
   if (const auto* sphere = std::get_if<engine::Sphere>(&shape)) {
     set_size(marker, Marker::SPHERE, Eigen::Vector3d::Constant(2.0 * sphere->radius));
@@ -163,6 +188,8 @@ std_msgs::ColorRGBA friction_colour(bool sticks) {
 std_msgs::ColorRGBA slack_colour() { return colour(0.75, 0.68, 0.55); }
 
 std_msgs::ColorRGBA broken_colour() { return colour(0.65, 0.65, 0.65); }
+
+std_msgs::ColorRGBA fixed_colour() { return colour(0.66, 0.6, 0.6); }
 
 Eigen::Vector3d friction_of(const engine::Contact& contact) {
   return contact.force - contact.normal_force * contact.normal;

@@ -41,6 +41,7 @@ std::optional<ShownMotor> shown_motor(const engine::Joint& joint, const engine::
 inline constexpr double kNoForce = 1e-9;        ///< of the largest force: less is rounding
 inline constexpr double kLeastLoad = 1e-3;      ///< of the largest one: less is shown as none
 inline constexpr double kLeastFriction = 0.02;  ///< of the largest contact force: less is not drawn
+inline constexpr double kFixedCube = 2.5;       ///< of the width of lines, where one is fixed
 inline constexpr double kBrokenShown = 2.0;     ///< [s]
 inline constexpr double kToldError = 1e-4;      ///< where constraints turn towards red [m]
 inline constexpr double kRedError = 1e-2;       ///< from which on they are red [m]
@@ -54,6 +55,13 @@ double half_width(const engine::Shape& shape, const Eigen::Vector3d& along);
 Eigen::Vector3d middle_of(const engine::Body& body, const engine::BodyState& state);
 double half_width(const engine::Body& body, const engine::BodyState& state,
                   const Eigen::Vector3d& along);
+
+/// Rods, ropes, springs and struts.
+bool is_length(Look look);
+/// Of a length: whether one end of it is fixed to the world, which is marked.
+bool is_on_world(const engine::Joint& joint);
+/// A body hides its arm to an anchor within its shape.
+bool has_arm_outside(const engine::World& world, const engine::Joint& joint);
 
 /// Type and size of the marker of a body; a plane is a sheet, half as opaque.
 void set_shape(visualization_msgs::Marker* marker, const engine::Shape& shape);
@@ -74,6 +82,7 @@ std_msgs::ColorRGBA motor_colour(bool saturated);
 std_msgs::ColorRGBA friction_colour(bool sticks);
 std_msgs::ColorRGBA slack_colour();
 std_msgs::ColorRGBA broken_colour();
+std_msgs::ColorRGBA fixed_colour();
 
 /// Along the surface, on A [N].
 Eigen::Vector3d friction_of(const engine::Contact& contact);

@@ -21,7 +21,9 @@ constexpr double kWidthOfLength = 0.1;  // of a constraint: its width, at most
 constexpr double kGap = 0.3;            // of the length of what is broken
 constexpr float kDarkStripe = 0.6F;     // of a rope's colour
 constexpr double kLeastArrow = 0.2;     // of the longest one: that of a small contact force
+constexpr double kBend = 0.5;           // slope by which its two parts hang apart
 constexpr double kHead = 0.2;           // of the arrow of a force
+constexpr double kLeastHead = 0.1;      // of the longest one: that of friction
 constexpr double kSlender = 0.025;      // width of an arrow by its length
 
 std::int32_t number(engine::BodyId id) { return static_cast<std::int32_t>(id.value); }
@@ -140,6 +142,7 @@ const MarkerMessage& Markers::update(const engine::World& world, const ForceScal
     else if (look.is_drawn)
       add_constraint(world, look, stamp);
   add_contacts(world);
+  add_fixed(world);
   robots_.add_markers(world, is_edited_, &visuals_);
   for (std::size_t i = moving_; i < body_looks_.size(); ++i) add_body(world, body_looks_[i]);
   forces_ = nullptr;
@@ -171,6 +174,7 @@ void Markers::find_looks(const engine::World& world) {
                      std::any_of(joint.coordinates.begin(), joint.coordinates.end(),
                                  [](const auto& law) { return law.motor.has_value(); });
     look.size = size_of(world, joint);
+    look.has_arm = is_length(look.look) && has_arm_outside(world, joint);
     for (const auto& [body, anchor] :
          {std::pair{joint.body_a, joint.anchor_a}, std::pair{joint.body_b, joint.anchor_b}})
       if (body != engine::kWorldBody) look.arm = std::max(look.arm, anchor.norm());
@@ -292,6 +296,7 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
       break;
     default:
       draw_length(world, seen, &marker);
+      if (look.has_arm) add_arms_of_length(world, seen);
   }
   if (drives) add_motor(world, seen, *motor);
 }
@@ -315,16 +320,61 @@ void Markers::draw_coupling(const engine::World& world, const Seen& seen,
   stripe(kRopeParts, darker(marker->color), marker);
 }
 
-// What is left of a length at both ends.
+// Its line is beside the centre of a body: what joins the two.
+void Markers::add_arms_of_length(const engine::World& world, const Seen& seen) {
+  ShownMarker& marker = joints_.add(seen.number, Marker::LINE_LIST);
+  marker.scale.x = std::min(extent_.width, kWidthOfLength * seen.look.arm);
+  marker.color = constraint_colour(0.0, 0.0);
+  marker.points.clear();
+  for (const auto& [body, end] :
+       {std::pair<engine::BodyId, const Vector3d&>{seen.joint.body_a, seen.p_a},
+        std::pair<engine::BodyId, const Vector3d&>{seen.joint.body_b, seen.p_b}})
+    if (body != engine::kWorldBody) add_line(world.state(body).position, end, &marker.points);
+}
+
+// A cube where each length ends at the world, which stays until an edit.
+void Markers::add_fixed(const engine::World& world) {
+  if (!is_edited_) {
+    if (has_fixed_) fixed_.keep(fixed_.shown(0));
+    return;
+  }
+  has_fixed_ = false;
+  const auto is_gone = [&](engine::JointId id) {
+    return world.joint_state(id).broken && broken_since_.count(number(id)) == 0;
+  };
+  const double width = kFixedCube * extent_.width;
+  ShownMarker* marker = nullptr;
+  for (const JointLook& look : joint_looks_) {
+    if (!look.is_drawn || look.is_grip || look.pulley || is_gone(look.id)) continue;
+    const engine::Joint& joint = world.joint(look.id);
+    if (!is_on_world(joint)) continue;
+    if (marker == nullptr) {
+      marker = &fixed_.add(0, Marker::CUBE_LIST);
+      marker->points.clear();
+    }
+    marker->points.push_back(
+        point_at(joint.body_a == engine::kWorldBody ? joint.anchor_a : joint.anchor_b));
+  }
+  has_fixed_ = marker != nullptr;
+  if (!has_fixed_) return;
+  marker->color = fixed_colour();
+  marker->scale = to_vector({width, width, width});
+}
+
+// What is left of a length at both ends, which do not point at each other: what lies along it, such
+// as a rope that holds now, hides at most one of them.
 void Markers::draw_parts(const Seen& seen, ShownMarker* marker) const {
-  const Vector3d part = 0.5 * (1.0 - kGap) * (seen.p_b - seen.p_a);
+  const Vector3d way = seen.p_b - seen.p_a;
+  const Vector3d part = 0.5 * (1.0 - kGap) * way;
+  const Vector3d u = kBend * part.norm() * way.unitOrthogonal();
+  const Vector3d v = way.normalized().cross(u);
   place_in_world(marker);
   marker->is_drawn_for({-2.0, 0.0, 0.0});
   marker->points.clear();
-  const double width = 0.7 * std::min(extent_.width, kWidthOfLength * part.norm());
+  const double width = std::min(extent_.width, kWidthOfLength * part.norm());
   marker->scale = to_vector({width, 0.0, 0.0});
-  add_line(seen.p_a, seen.p_a + part, &marker->points);
-  add_line(seen.p_b - part, seen.p_b, &marker->points);
+  add_line(seen.p_a, seen.p_a + part + u, &marker->points);
+  add_line(seen.p_b - part + v, seen.p_b, &marker->points);
 }
 
 // Between the anchors: the thicker, the larger the force.
@@ -471,7 +521,8 @@ void Markers::add_contacts(const engine::World& world) {
     const Vector3d place = behind_all(shown, way) + ball * way;
     // outside of what is held, which would hide it: from the contact, or to it
     const bool is_inwards = way.dot(world.state(held).position - place) > 0.0;
-    add_arrow(is_inwards ? place - reach * way : place, way, reach, kHead * reach, lines);
+    add_arrow(is_inwards ? place - reach * way : place, way, reach,
+              std::max(kHead * reach, kLeastHead * longest), lines);
   });
 }
 

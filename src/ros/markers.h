@@ -20,8 +20,8 @@ namespace constraint_sim {
 /// What rviz draws, with the ids of the world, in fixed namespaces: `bodies`; `constraints` (rods
 /// as cylinders; ropes striped, hanging through while slack; coils, struts, arms); `joints`, the
 /// solid of what turns or slides where; `motors` as arrows; `contacts` and `friction`, each one
-/// marker for all; `visuals` of robots. A constraint that breaks is grey, in two parts, for two
-/// seconds.
+/// marker for all; `fixed`, cubes where lengths end at the world; `visuals` of robots. A constraint
+/// that breaks is grey, in two parts, for two seconds.
 class Markers {
  public:
   Markers(const std::string& frame, Robots& robots) : set_(frame), robots_(robots) {}
@@ -42,6 +42,7 @@ class Markers {
     bool is_grip = false;
     bool is_drawn = false;
     bool has_motor = false;
+    bool has_arm = false;  ///< a length, from the centre of a body to its anchor
     bool touches = false;  ///< a gear, whose wheels say what it couples
     double arm = 0.0;      ///< the longer one, from a body's centre to its anchor [m]
     JointSize size;
@@ -78,6 +79,8 @@ class Markers {
   void draw_arms(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
   void draw_coupling(const engine::World& world, const Seen& seen, ShownMarker* marker) const;
   void add_motor(const engine::World& world, const Seen& seen, const ShownMotor& motor);
+  void add_arms_of_length(const engine::World& world, const Seen& seen);
+  void add_fixed(const engine::World& world);
   void add_contacts(const engine::World& world);
 
   MarkerSet set_;
@@ -87,6 +90,7 @@ class Markers {
   MarkerSet::Namespace& motors_ = set_.in("motors");
   MarkerSet::Namespace& contacts_ = set_.in("contacts");
   MarkerSet::Namespace& friction_ = set_.in("friction");
+  MarkerSet::Namespace& fixed_ = set_.in("fixed");
   MarkerSet::Namespace& hands_ = set_.in("hands");
   MarkerSet::Namespace& visuals_ = set_.in("visuals");
   Robots& robots_;
@@ -96,6 +100,7 @@ class Markers {
   std::vector<BodyLook> body_looks_;  // first of all what can move
   std::size_t moving_ = 0;            // so many
   std::vector<JointLook> joint_looks_;
+  bool has_fixed_ = false;
   Extent extent_;
   std::pair<std::size_t, std::int32_t> extent_of_;  // how many bodies, and the last one
   std::map<std::int32_t, double> broken_since_;     // stamps [s], of what was seen to break

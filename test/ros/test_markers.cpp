@@ -299,8 +299,18 @@ TEST(Markers, OfWhatBreaksAreGreyForTwoSeconds) {
         const auto &p = marker->points[i], &q = marker->points[j];
         return Vector3d(q.x - p.x, q.y - p.y, q.z - p.z).norm();
       };
-      EXPECT_NEAR(length(0, 1) + length(1, 2) + length(2, 3), length(0, 3), 1e-9);
-      EXPECT_NEAR(length(1, 2), 0.3 * length(0, 3), 1e-9);
+      // apart, and neither along the line between the anchors: another one there hides at most one
+      const auto place = [&](std::size_t i) {
+        return Vector3d(marker->points[i].x, marker->points[i].y, marker->points[i].z);
+      };
+      const Vector3d along = (place(3) - place(0)).normalized();
+      const Vector3d first = (place(1) - place(0)).normalized();
+      const Vector3d second = (place(2) - place(3)).normalized();
+      EXPECT_GT(length(1, 2), 0.3 * length(0, 3));
+      EXPECT_LT(first.dot(along), 0.97);
+      EXPECT_LT(-second.dot(along), 0.97);
+      const Vector3d aside = first - first.dot(along) * along;  // to other sides
+      EXPECT_NEAR(aside.dot(second), 0.0, 1e-9);
     } else if (!is_gone) {
       ASSERT_NE(marker, nullptr);
       EXPECT_EQ(marker->action, Marker::DELETE);
@@ -368,6 +378,67 @@ TEST(Markers, ForcesOnABallAreSeenAroundIt) {
             0.5 - 1e-6)  // the ball dips into the floor by rounding
             << ns << name;
   }
+}
+
+// A light box that slides beside a heavy one has a short arrow, whose head is still seen.
+TEST(Markers, HeadsOfFrictionAreNeverSmall) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: floor, type: static, shape: {plane: {}}, friction: 0.5},"
+      " {name: heavy, mass: 10, shape: {box: {size: [1, 1, 1]}}, position: [0, 0, 0.5]},"
+      " {name: light, mass: 4, shape: {box: {size: [1, 1, 1]}}, position: [3, 0, 0.5],"
+      " linear_velocity: [5, 0, 0], friction: 0.5}]");
+  run(&world, 0.1);
+  Listener listener;
+  const MarkerArray array = listener.hear(world);
+  const Marker* friction = find(array, "friction", 0);
+  ASSERT_NE(friction, nullptr);
+  const double longest = 1.3;  // out of the heavy box
+  for (std::size_t i = 0; i + 9 < friction->points.size(); i += 10) {
+    const auto place = [&](std::size_t k) {
+      const auto& p = friction->points[i + k];
+      return Vector3d(p.x, p.y, p.z);
+    };
+    const Vector3d along = place(1) - place(0);
+    const double head = (place(2) - place(3)).dot(along.normalized());
+    EXPECT_LT(0.2 * along.norm(), 0.1 * longest);  // what it would be by its length alone
+    EXPECT_NEAR(head, 0.1 * longest, 1e-6);
+  }
+}
+
+// Of lengths whose other end is the world; what a spring pulls beside its centre has an arm.
+TEST(Markers, EndsAtTheWorldAreMarkedAndArmsOfSpringsDrawn) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: a, mass: 1, shape: {box: {size: [0.1, 0.1, 0.1]}}, position: [0, 0, 1]},"
+      " {name: b, mass: 1, shape: {box: {size: [0.1, 0.1, 0.1]}}, position: [2, 0, 1]}]\n"
+      "constraints: [{name: spring, type: spring, anchor_a: [0, 1, 2], body_b: a,"
+      " anchor_b: [0, 0.5, 0], frequency: 1}, {name: rod, body_a: a, body_b: b},"
+      " {name: hinge, type: hinge, anchor_a: [2, 0, 1], axis_a: [0, 1, 0], body_b: b}]");
+  Listener listener;
+  const auto id = static_cast<std::int32_t>(world.find_joint("spring").value);
+  for (int round = 0; round < 3; ++round) {
+    const MarkerArray array = listener.hear(world);
+    const Marker* fixed = find(array, "fixed", 0);
+    ASSERT_EQ(fixed != nullptr, round == 0);  // it stays
+    if (fixed != nullptr) {
+      ASSERT_EQ(fixed->points.size(), 1u);
+      EXPECT_EQ(fixed->points[0], point_at({0.0, 1.0, 2.0}));
+    }
+    const Marker* arm = find(array, "joints", id);
+    ASSERT_NE(arm, nullptr);
+    ASSERT_EQ(arm->points.size(), 2u);
+    const engine::JointId joint = world.find_joint("spring");
+    const Vector3d ends[] = {world.state(world.find_body("a")).position, world.anchors(joint).p_b};
+    for (std::size_t i = 0; i < 2; ++i) {
+      const auto& p = arm->points[i];
+      EXPECT_LT((Vector3d(p.x, p.y, p.z) - ends[i]).norm(), 1e-12);  // to rounding
+    }
+    run(&world, kRound);
+  }
+  world.remove_joint(world.find_joint("spring"));
+  const MarkerArray array = listener.hear(world, false, true);
+  const Marker* fixed = find(array, "fixed", 0);
+  ASSERT_NE(fixed, nullptr);
+  EXPECT_EQ(fixed->action, Marker::DELETE);
 }
 
 TEST(Markers, ContactsWithoutAForceHaveNoArrow) {
@@ -440,7 +511,8 @@ TEST_F(LabelsTest, TellForTwoSecondsWhatBroke) {
       "constraints: [{name: rod, anchor_a: [0, 0, 2], body_b: bob, break_force: 5}]");
   const auto tells = [&] {
     const std::vector<std::string> texts = texts_of(world, {"legend", "forces"});
-    return texts == std::vector<std::string>{"broke beyond 5 N", "grey, in two parts: broken"};
+    return texts == std::vector<std::string>{"broke beyond 5 N", "small cubes: fixed to the world",
+                                             "grey, in two parts: broken"};
   };
   EXPECT_FALSE(tells());
   run(&world, 0.1);
@@ -477,22 +549,22 @@ TEST_F(LabelsTest, TellInTheLegendWhatIsThere) {
       "bodies: [{name: bob, mass: 1, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]}]\n";
   EXPECT_EQ(legend(bob), Texts());
   EXPECT_EQ(legend(bob + "constraints: [{name: rod, anchor_a: [0, 0, 2], body_b: bob}]"),
-            Texts{"cyan: tension, at most 9.81 N"});
+            (Texts{"small cubes: fixed to the world", "cyan: tension, at most 9.81 N"}));
   EXPECT_EQ(legend(bob + "constraints: [{name: rod, body_b: bob}]"),
-            Texts{"yellow: compression, at most 9.81 N"});
+            (Texts{"small cubes: fixed to the world", "yellow: compression, at most 9.81 N"}));
   EXPECT_EQ(
       legend("world: {gravity: [0, 0, 0]}\n" + bob + "constraints: [{name: rod, body_b: bob}]"),
-      Texts{"green: no force"});
+      (Texts{"green: no force", "small cubes: fixed to the world"}));
   EXPECT_EQ(legend(bob + "constraints: [{name: hinge, type: hinge, body_b: bob,"
                          " anchor_a: [0, 0, 1], axis_a: [0, 1, 0], motor: {bias: 1}}]"),
-            Texts{"pink: motors, with the rate that is set"});
+            Texts{"pink: motors, which way they move"});
   // an arm within its body is not seen
   EXPECT_EQ(legend(bob + "constraints: [{name: ball, type: ball, body_b: bob,"
                          " anchor_a: [0, 0, 1.1], anchor_b: [0, 0, 0.1]}]"),
             Texts{"light grey: joints, their axes and rails"});
   EXPECT_EQ(legend(bob + "constraints: [{name: ball, type: ball, body_b: bob,"
                          " anchor_a: [0, 0, 1.5], anchor_b: [0, 0, 0.5]}]"),
-            (Texts{"green: arms to joints", "light grey: joints, their axes and rails"}));
+            (Texts{"green: arms of bodies to joints", "light grey: joints, their axes and rails"}));
   EXPECT_EQ(legend("world: {gravity: [0, 0, 0]}\n"
                    "bodies: [{name: a, mass: 1, shape: {sphere: {radius: 0.5}}},"
                    " {name: b, mass: 1, shape: {sphere: {radius: 0.5}}, position: [1, 0, 0]}]"),
@@ -509,14 +581,16 @@ TEST_F(LabelsTest, TellTheForcesOfNow) {
       "constraints: [{name: rope, type: rope, anchor_a: [0, 0, 2], body_b: bob, max_length: 1}]");
   using Texts = std::vector<std::string>;
   world.step();
-  EXPECT_EQ(texts_of(world, {"legend", "forces"}),
-            (Texts{"rope 18.8 N", "cyan: tension, at most 18.8 N"}));
+  EXPECT_EQ(
+      texts_of(world, {"legend", "forces"}),
+      (Texts{"rope 18.8 N", "small cubes: fixed to the world", "cyan: tension, at most 18.8 N"}));
   engine::BodyState rest = world.state(world.find_body("bob"));
   rest.linear_velocity.setZero();
   world.set_state(world.find_body("bob"), rest);
   world.step();
-  EXPECT_EQ(texts_of(world, {"legend", "forces"}),
-            (Texts{"rope 9.81 N", "cyan: tension, at most 9.81 N"}));
+  EXPECT_EQ(
+      texts_of(world, {"legend", "forces"}),
+      (Texts{"rope 9.81 N", "small cubes: fixed to the world", "cyan: tension, at most 9.81 N"}));
 }
 
 // Of lines that hang: above their upper ends, in the colour of the line, and never one over the
@@ -572,9 +646,51 @@ TEST_F(LabelsTest, TellWhichWayAMotorDrivesALength) {
           std::to_string(rate) + "}, type: " + type + "}]");
       world.step();
       EXPECT_EQ(texts_of(world, {"motor_rates"}),
-                std::vector<std::string>{rate < 0.0 ? "in 0.05 m/s" : "out 0.05 m/s"});
+                std::vector<std::string>{rate < 0.0 ? "shortens 0.05 m/s" : "extends 0.05 m/s"});
     }
   }
+}
+
+// 20 N hang on a winch of 5 N, which is pulled out; one that has no length left says so.
+TEST_F(LabelsTest, TellWhichLimitAMotorIsAt) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: bob, mass: 2, shape: {sphere: {radius: 0.1}}, position: [0, 0, 1]},"
+      " {name: door, mass: 1, shape: {box: {size: [1, 0.1, 1]}}, position: [3, 0, 1]}]\n"
+      "constraints: [{name: winch, type: rope, max_length: 1, anchor_a: [0, 0, 2], body_b: bob,"
+      " motor: {bias: -1, max_force: 5}},"
+      " {name: hinge, type: hinge, anchor_a: [2.5, 0, 1], axis_a: [0, 1, 0], body_b: door,"
+      " motor: {bias: -1, max_force: 0.5}}]");
+  world.step();
+  EXPECT_EQ(texts_of(world, {"motor_rates"}),
+            (std::vector<std::string>{"shortens 1 m/s, at its limit of 5 N",
+                                      "door -1 rad/s, at its limit of 0.5 N m"}));
+  EXPECT_EQ(texts_of(world, {"legend"}).back(),
+            "pink: motors, which way they move; dark at their limit");
+}
+
+// A bar that fell on its upper limit, a slide on its lower one, a plate on a strut that is short, a
+// ball on one that is long; and what is at none.
+TEST_F(LabelsTest, TellWhichLimitIsReached) {
+  engine::World world = engine::load_scene(
+      "bodies: [{name: bar, mass: 1, shape: {box: {size: [1, 0.1, 0.1]}}, position: [0.5, 0, 1]},"
+      " {name: slide, mass: 1, shape: {box: {size: [0.1, 0.1, 0.1]}}, position: [2, 0, 1]},"
+      " {name: free, mass: 1, shape: {box: {size: [0.1, 0.1, 0.1]}}, position: [3, 0, 1]},"
+      " {name: plate, mass: 1, shape: {point: {}}, position: [4, 0, 1]},"
+      " {name: ball, mass: 1, shape: {point: {}}, position: [5, 0, 1]}]\n"
+      "constraints: [{name: hinge, type: hinge, body_b: bar, anchor_a: [0, 0, 1],"
+      " axis_a: [0, 1, 0], upper: 0.25},"
+      " {name: slider, type: slider, body_b: slide, anchor_a: [2, 0, 1], axis_a: [0, 0, 1],"
+      " lower: -0.2, upper: 1},"
+      " {name: other, type: slider, body_b: free, anchor_a: [3, 0, 1], axis_a: [1, 0, 0],"
+      " lower: -0.2, upper: 1},"
+      " {name: prop, type: strut, body_b: plate, anchor_a: [4, 0, 0], min_length: 0.95},"
+      " {name: tie, type: distance, body_b: ball, anchor_a: [5, 0, 2], min_length: 0.5,"
+      " max_length: 1.05}]");
+  EXPECT_EQ(texts_of(world, {"limits"}), std::vector<std::string>());
+  run(&world, 2.0);
+  EXPECT_EQ(texts_of(world, {"limits"}),
+            (std::vector<std::string>{"at upper limit 0.25 rad", "at lower limit -0.2 m",
+                                      "at lower limit 0.95 m", "at upper limit 1.05 m"}));
 }
 
 TEST_F(LabelsTest, HaveLargerLettersWhereTheSceneGoesFar) {

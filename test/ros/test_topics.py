@@ -474,7 +474,7 @@ bodies:
         self.assertEqual(text("forces")[1], "slack rope")
         self.assertEqual(text("body_names"), ["b0", "b1"])
         self.assertEqual(text("constraint_names"), ["c0", "c1"])
-        self.assertEqual(text("motor_rates"), ["out 0.1 m/s"])
+        self.assertEqual(text("motor_rates"), ["extends 0.1 m/s"])
         self.assertEqual(text("errors"), [])
         self.assertTrue(any("tension" in line for line in text("legend")))
         call("add_distance_constraint", name="off", anchor_a=Point(0, 0, 2), body_b="b0", length=2)

@@ -335,30 +335,28 @@ void Markers::add_arms_of_length(const engine::World& world, const Seen& seen) {
 // A cube where each length ends at the world, which stays until an edit.
 void Markers::add_fixed(const engine::World& world) {
   if (!is_edited_) {
-    if (has_fixed_) fixed_.keep(fixed_.shown(0));
+    if (cubes_ != nullptr) fixed_.keep(cubes_);
     return;
   }
-  has_fixed_ = false;
+  cubes_ = nullptr;
   const auto is_gone = [&](engine::JointId id) {
     return world.joint_state(id).broken && broken_since_.count(number(id)) == 0;
   };
-  const double width = kFixedCube * extent_.width;
-  ShownMarker* marker = nullptr;
   for (const JointLook& look : joint_looks_) {
     if (!look.is_drawn || look.is_grip || look.pulley || is_gone(look.id)) continue;
     const engine::Joint& joint = world.joint(look.id);
     if (!is_on_world(joint)) continue;
-    if (marker == nullptr) {
-      marker = &fixed_.add(0, Marker::CUBE_LIST);
-      marker->points.clear();
+    if (cubes_ == nullptr) {
+      cubes_ = &fixed_.add(0, Marker::CUBE_LIST);
+      cubes_->points.clear();
     }
-    marker->points.push_back(
+    cubes_->points.push_back(
         point_at(joint.body_a == engine::kWorldBody ? joint.anchor_a : joint.anchor_b));
   }
-  has_fixed_ = marker != nullptr;
-  if (!has_fixed_) return;
-  marker->color = fixed_colour();
-  marker->scale = to_vector({width, width, width});
+  if (cubes_ == nullptr) return;
+  cubes_->color = fixed_colour();
+  const double width = kFixedCube * extent_.width;
+  cubes_->scale = to_vector({width, width, width});
 }
 
 // What is left of a length at both ends, which do not point at each other: what lies along it, such

@@ -100,7 +100,7 @@ class Markers {
   std::vector<BodyLook> body_looks_;  // first of all what can move
   std::size_t moving_ = 0;            // so many
   std::vector<JointLook> joint_looks_;
-  bool has_fixed_ = false;
+  ShownMarker* cubes_ = nullptr;  // of `fixed`, where there are some
   Extent extent_;
   std::pair<std::size_t, std::int32_t> extent_of_;  // how many bodies, and the last one
   std::map<std::int32_t, double> broken_since_;     // stamps [s], of what was seen to break

@@ -23,12 +23,14 @@ struct Placing {
 
 /// Where a body's frame is that is named otherwise, as has its shape: in the one it had. Of a
 /// dynamic one its axes by turns, in which the inertia is as diagonal as it was; of others
-/// elsewhere and turned anyhow. Planes have none.
+/// turned anyhow, and of static ones elsewhere. Planes have none.
 inline ShapePose other_frame(const Body& body) {
   if (std::holds_alternative<Plane>(body.shape)) return {};
   if (body.type == BodyType::kDynamic)
     return {Eigen::Vector3d::Zero(), Eigen::Quaterniond(0.5, 0.5, 0.5, 0.5)};
-  return {Eigen::Vector3d(0.3, -0.2, 0.5), Eigen::Quaterniond(0.7, 0.1, -0.5, 0.5)};
+  const bool moves = body.type == BodyType::kKinematic;  // its centre goes straight
+  return {moves ? Eigen::Vector3d::Zero().eval() : Eigen::Vector3d(0.3, -0.2, 0.5),
+          Eigen::Quaterniond(0.7, 0.1, -0.5, 0.5)};
 }
 
 /// The same body in that frame, its shape with a pose.

@@ -185,4 +185,11 @@ std::uint32_t World::Impl::events_of_group(std::size_t island) const {
                                   : group.events->events();
 }
 
+// the same of what moves by itself and touches them
+double World::Impl::driven_work_of_group(std::size_t island) const {
+  const ContactGroup& group = contact_groups[at(group_of[island])];
+  if (group.islands.front() != static_cast<int>(island) || group.spheres != nullptr) return 0.0;
+  return group.events->driven_work();
+}
+
 }  // namespace constraint_sim::engine

@@ -255,8 +255,7 @@ bool World::Impl::can_be_in_group(std::size_t i) const {
   return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
     const std::size_t j = at(index);
     JointState state = joint_states[j];
-    return !state.closing && !is_moving_by_itself(joint_ends[j].first) &&
-           !is_moving_by_itself(joint_ends[j].second) &&
+    return !state.closing &&
            (!is_rigid(joints[j]) || fits(joints[j], state_a(j), state_b(j), now, state));
   });
 }
@@ -319,7 +318,6 @@ bool World::Impl::add_group_pairs(const ContactGroup& group) {
   std::vector<ContactEvents::Pair>& pairs = group.events->pairs();
   pairs.clear();
   for (auto [a, b] : group.pairs) {
-    if (is_moving_by_itself(at(a)) || is_moving_by_itself(at(b))) return false;
     if (!has_features(bodies[at(a)].shape, bodies[at(b)].shape)) std::swap(a, b);
     const Body& body_a = bodies[at(a)];
     const Body& body_b = bodies[at(b)];

@@ -122,6 +122,8 @@ void World::Impl::list_group_sizes() {
     const int island = std::max(island_of[at(pair.first)], island_of[at(pair.second)]);
     GroupSize& size = group_sizes[at(leader_of[at(island)])];
     size.has_pairs = true;
+    for (const int body : {pair.first, pair.second})  // one that moves by itself may hit the others
+      if (!is_movable(at(body))) size.reach = std::max(size.reach, reach[at(body)]);
     // others are there only for what may be driven at them
     if (gap <= own_reach[at(pair.first)] + own_reach[at(pair.second)])
       size.points +=

@@ -16,7 +16,7 @@ std::size_t at(int i) { return static_cast<std::size_t>(i); }
 bool World::Impl::report_islands(const std::vector<int>& smooth) {
   bool any_changed = false;
   report.rows = 0;
-  watch.integrated_corrections = 0.0;
+  watch.integrated_corrections = integrated_drives = 0.0;
   for (const int index : smooth) {
     Island& island = islands[at(index)];
     IslandParts& parts = island_parts[at(index)];
@@ -34,7 +34,12 @@ bool World::Impl::report_islands(const std::vector<int>& smooth) {
       island.dependent_rows = static_cast<std::uint32_t>(equations.dependent_rows());
       island.events = motion.events();
     }
-    if (is_in_group(at(index))) island.events = events_of_group(at(index));
+    if (is_in_group(at(index))) {
+      island.events = events_of_group(at(index));
+      const double driven = driven_work_of_group(at(index));
+      integrated_drives += driven;
+      parts.energy.corrections += driven;
+    }
     report.events += island.events;
     if (island.method == Method::kEnergyMomentum && island.why != MethodReason::kInconsistent)
       island.unresolved_bodies = find_unresolved(at(index), nullptr);

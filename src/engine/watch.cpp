@@ -122,7 +122,10 @@ void World::Impl::begin_watch() {
 
 void World::Impl::watch_energy() {
   if (!carried.impulse_bodies.empty()) watch.booked += report.correction_work + report.driven_work;
-  if (!carried.smooth.empty()) report.correction_work += watch.integrated_corrections;
+  if (!carried.smooth.empty()) {
+    report.correction_work += watch.integrated_corrections;
+    report.driven_work += integrated_drives;
+  }
   if (++watch.steps >= Watch::kWindow) look_at_energy();
   if (watch.energy_rise == 0.0) return;
   report.energy_rise = watch.energy_rise;

@@ -237,10 +237,11 @@ struct World::Impl : Model, State, IslandLists {
   std::vector<OneSidedLaw> group_laws;      // of a joint
   std::vector<int> leader_of;               // of islands: the first one that pairs connect with it
   std::vector<int> group_of;                // of islands; -1: none
-  std::vector<BodyId> grouped_bodies;       // whatever is edited after the step
-  bool had_groups = false;                  // in the step before
-  std::vector<double> reach;                // [m] of bodies in this step, whoever hits them
-  std::vector<double> own_reach;            // [m] where nobody does
+  double integrated_drives = 0.0;      // work of what moves by itself on groups, in this step [J]
+  std::vector<BodyId> grouped_bodies;  // whatever is edited after the step
+  bool had_groups = false;             // in the step before
+  std::vector<double> reach;           // [m] of bodies in this step, whoever hits them
+  std::vector<double> own_reach;       // [m] where nobody does
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
@@ -429,6 +430,7 @@ struct World::Impl : Model, State, IslandLists {
   void add_group_contact(TouchingPair pair);
   void tell_spheres(const ElasticSpheres& spheres);
   std::uint32_t events_of_group(std::size_t island) const;
+  double driven_work_of_group(std::size_t island) const;
 
   // ---- bodies that pass through shapes in a step (fast_bodies.cpp)
   void find_fast_speed();

@@ -103,7 +103,9 @@ struct StepReport {
   double correction_work = 0.0;  ///< of closing errors where impulses advance islands: weight times
                                  ///< the distance moved for that; and where joints cannot all be
                                  ///< met, energy that corrections of positions added [J]
-  double driven_work = 0.0;      ///< of wrenches, motors and kinematic bodies on such islands [J]
+  double driven_work = 0.0;      ///< of wrenches, motors and kinematic bodies on islands that
+                                 ///< impulses advance, and of kinematic bodies on those whose
+                                 ///< contacts are by events [J]
   double solver_residual = 0.0;  ///< largest |J V − target| that the sweeps left, of the motion
                                  ///< or of what closes errors [m/s]
   bool failed = false;           ///< the state before the step was kept

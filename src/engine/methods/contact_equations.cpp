@@ -24,7 +24,10 @@ constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
 // ---- where things are
 
-void ContactEquations::gather_state(const std::vector<BodyState>& states) {
+void ContactEquations::gather_state(const std::vector<BodyState>& states, double since_tick) {
+  t_ = 0.0;
+  since_tick_ = since_tick;
+  movers_.clear();
   states_.resize(bodies.size());
   shapes_.resize(bodies.size());
   inverse_inertia_.assign(bodies.size(), Matrix3d::Zero());
@@ -35,6 +38,8 @@ void ContactEquations::gather_state(const std::vector<BodyState>& states) {
     scale_ = std::max(scale_, state.position.norm());
     if (bodies[i].shape_pose) scale_ = std::max(scale_, bodies[i].shape_pose->position.norm());
     place_shape(i);
+    if (i >= movable && !(state.linear_velocity.isZero(0.0) && state.angular_velocity.isZero(0.0)))
+      movers_.push_back({i, state});
     if (i >= movable) continue;
     double* const y = y_.data() + kNumbers * i;
     Vector(y + 0) = state.position;
@@ -67,6 +72,7 @@ void ContactEquations::Stage::clear() {
   std::fill(normal.begin(), normal.end(), 0.0);
   std::fill(coordinate.begin(), coordinate.end(), 0.0);
   std::fill(joint.begin(), joint.end(), RowVector::Zero());
+  driven_power = 0.0;
 }
 
 void ContactEquations::place(const double* numbers) {
@@ -81,6 +87,35 @@ void ContactEquations::place(const double* numbers) {
     state.angular_velocity = inverse_inertia_[i] * ConstVector(y + kL);
     place_shape(i);
   }
+  if (!movers_.empty()) place_movers();
+}
+
+void ContactEquations::place_movers() {
+  const double t = since_tick_ + t_;
+  for (const auto& [i, start] : movers_) {
+    states_[i].position = start.position + t * start.linear_velocity;
+    states_[i].orientation =
+        (rotation(t * start.angular_velocity) * start.orientation).normalized();
+    place_shape(i);
+  }
+}
+
+// Of what acts on a body: where it moves by itself what that does to the others.
+double ContactEquations::driven_power(std::size_t body, const Vector3d& force,
+                                      const Vector3d& torque) const {
+  if (body < movable) return 0.0;
+  return -force.dot(states_[body].linear_velocity) - torque.dot(states_[body].angular_velocity);
+}
+
+double ContactEquations::driven_power(std::size_t a, std::size_t b, const Jacobian& F) const {
+  return driven_power(a, F.j1, F.j2) + driven_power(b, F.j3, F.j4);
+}
+
+// of a force of one unit
+double ContactEquations::driven_power(const Row& row) const {
+  if (row.contact < 0) return driven_power(row.a, row.b, row.J);
+  return driven_power(row.a, row.b,
+                      motion(contacts[static_cast<std::size_t>(row.contact)]).along(row.along));
 }
 
 void ContactEquations::place_shape(std::size_t i) {
@@ -147,6 +182,7 @@ void ContactEquations::derivative(std::size_t stage, double t, const double* y, 
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       const Row& row = rows_[i];
       push(row, lambda[i], &push_linear, &push_angular);
+      if (!movers_.empty()) told.driven_power += lambda[i] * driven_power(row);
       if (row.contact >= 0) {
         const auto c = static_cast<std::size_t>(row.contact);
         told.contact[c] += lambda[i] * row.along;
@@ -261,6 +297,7 @@ void ContactEquations::add_impulses(double weight, std::size_t stage) {
   }
   for (std::size_t j = 0; j < joints.size(); ++j)
     joints[j].impulse += weight * stages_[stage].joint[j];
+  driven_work += weight * stages_[stage].driven_power;
 }
 
 void ContactEquations::break_joint(std::size_t j) {
@@ -278,6 +315,7 @@ void ContactEquations::break_joint(std::size_t j) {
 
 void ContactEquations::keep() {
   kept_ = stages_[0];
+  kept_work_ = driven_work;
   kept_contacts_.clear();
   kept_joints_.clear();
   for (const Contact& contact : contacts) kept_contacts_.push_back(contact.impulse);
@@ -286,6 +324,7 @@ void ContactEquations::keep() {
 
 void ContactEquations::restore() {
   stages_[0] = kept_;
+  driven_work = kept_work_;
   for (std::size_t c = 0; c < contacts.size(); ++c) contacts[c].impulse = kept_contacts_[c];
   for (std::size_t j = 0; j < joints.size(); ++j) joints[j].impulse = kept_joints_[j];
 }

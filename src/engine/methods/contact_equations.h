@@ -74,7 +74,7 @@ class ContactEquations {
     double until = 0.0;      ///< until when its motor brakes, simulated [s]
   };
 
-  std::vector<Body> bodies;  ///< movable ones first
+  std::vector<Body> bodies;  ///< movable ones first, then those that stand, or move by themselves
   std::size_t movable = 0;
   std::vector<BodyJoint> joints;
   std::vector<Coordinate> coordinates;
@@ -86,8 +86,8 @@ class ContactEquations {
   /// difference how late it is.
   double origin = 0.0;
 
-  /// Where all bodies are; of immovable ones for good.
-  void gather_state(const std::vector<BodyState>& states);
+  /// Where all bodies are, those that move by themselves as they were so long ago [s].
+  void gather_state(const std::vector<BodyState>& states, double since_tick = 0.0);
   /// Room for what contacts, coordinates and joints do in stages; after the last one was added.
   void prepare_stages();
   void scatter_state(std::vector<BodyState>* states) const;
@@ -107,12 +107,13 @@ class ContactEquations {
   const std::vector<double>& numbers() const { return y_; }
   /// Moves to these numbers.
   void place(const double* y);
-  /// Moves to a time since `origin` [s], at which bodies stay where they are.
+  /// Moves to a time since `origin` [s], at which bodies stay where they are until place().
   void set_time(double t) { t_ = t; }
   double time() const { return t_; }
   double clock() const { return origin + t_; }  ///< simulated [s]
   /// Whether anything that acts depends on the time.
   bool is_moved_by_motors() const;
+  bool has_movers() const { return !movers_.empty(); }  ///< bodies that move by themselves
 
   // ---- a System
   std::size_t size() const { return (kNumbers * movable + 1) / 2 * 2; }
@@ -184,6 +185,7 @@ class ContactEquations {
   void keep();
   void restore();
   double largest_force() const;
+  double driven_work = 0.0;  ///< of bodies that move by themselves, on the others [J]
   double kinetic_energy() const;
   double potential_energy() const;  ///< of gravity and of constant forces [J]
 
@@ -249,11 +251,17 @@ class ContactEquations {
     std::vector<double> normal;            // the same along normals
     std::vector<double> coordinate;        // what holds them
     std::vector<RowVector> joint;
+    double driven_power = 0.0;  // of bodies that move by themselves, on the others
 
     void clear();
   };
 
   void place_shape(std::size_t body);
+  void place_movers();
+  double driven_power(std::size_t body, const Eigen::Vector3d& force,
+                      const Eigen::Vector3d& torque) const;
+  double driven_power(std::size_t a, std::size_t b, const Jacobian& F) const;
+  double driven_power(const Row& row) const;
   void add_joint_rows();
   void add_coordinate_row(std::size_t coordinate, const Prescribed& target);
   void add_held_rows();
@@ -280,7 +288,13 @@ class ContactEquations {
   std::vector<double> y_;
   double t_ = 0.0;  // [s] since origin
   std::vector<BodyState> states_;
-  std::vector<BodyState> shapes_;                 // of bodies whose shape has a pose
+  std::vector<BodyState> shapes_;  // of bodies whose shape has a pose
+  struct Mover {
+    std::size_t body;
+    BodyState start;  // of the tick
+  };
+  std::vector<Mover> movers_;                     // bodies that move by themselves
+  double since_tick_ = 0.0;                       // of t_ = 0 [s]
   std::vector<Eigen::Matrix3d> inverse_inertia_;  // world
   std::vector<Row> rows_;
   std::vector<Row> directions_;   // of unit impulses
@@ -294,6 +308,7 @@ class ContactEquations {
   std::vector<Eigen::Vector3d> linear_, angular_, free_linear_, free_angular_;
   std::vector<Eigen::Vector3d> reference_linear_, reference_angular_;
   Stage kept_;
+  double kept_work_ = 0.0;
   std::vector<Eigen::Vector3d> kept_contacts_;  // impulses
   std::vector<RowVector> kept_joints_;
 };

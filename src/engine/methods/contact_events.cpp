@@ -142,6 +142,7 @@ bool ContactEvents::begin(const std::vector<BodyState>& states, bool closes) {
   told_.clear();
   for (AtBound* at : {&at_cone_, &at_zero_}) at->contacts.clear();
   equations_.gather_state(states);
+  equations_.driven_work = 0.0;
   add_contacts();
   depth_.assign(pairs_.size(), 0.0);
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
@@ -264,7 +265,7 @@ IntegrationResult ContactEvents::advance(const SmoothSpan& all, const Integrator
   most_work_ = most_work;
   stop_ = all.stop;
   Span span{all, accuracy, SubstepSpan(0.0, all.h), {}};
-  equations_.gather_state(*states);
+  equations_.gather_state(*states, all.since_tick);
   equations_.gravity = all.gravity;
   for (ContactEquations::Body& body : equations_.bodies) {
     body.force.setZero();
@@ -384,7 +385,8 @@ bool ContactEvents::advance_to_event(Span* span) {
   find_features(false);
   set_directions();
   note_positions();
-  if (!equations_.is_moved_by_motors() && equations_.is_still(derivative())) {  // and stays so
+  if (!equations_.has_movers() && !equations_.is_moved_by_motors() &&
+      equations_.is_still(derivative())) {  // and stays so
     equations_.accept_stillness(span->left.left);
     span->left.left = 0.0;
     return true;

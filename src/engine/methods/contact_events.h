@@ -69,6 +69,7 @@ class ContactEvents {
 
   // ---- what was done since the beginning
   std::uint32_t events() const { return done_.events; }
+  double driven_work() const { return equations_.driven_work; }  ///< of what moves by itself [J]
   double work() const { return done_.work; }  ///< in substeps of a group of one point
   struct Told {
     EventKind kind;
@@ -144,6 +145,7 @@ class ContactEvents {
   /// What impacts start from.
   struct BeforeImpacts {
     std::vector<double> numbers;
+    double driven_work = 0.0;
     std::vector<ContactEquations::Contact> contacts;
     std::vector<ContactEquations::BodyJoint> joints;
     std::vector<ContactEquations::Coordinate> coordinates;

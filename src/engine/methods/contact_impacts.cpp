@@ -28,6 +28,7 @@ bool ContactEvents::have_impacts(double left, Of<double>* hit) {
   find_hits(rests, &hits_);
   if (hits_.empty()) return true;
   before_impacts_.numbers.assign(numbers_.data(), numbers_.data() + equations_.size());
+  before_impacts_.driven_work = equations_.driven_work;
   before_impacts_.contacts = equations_.contacts;
   before_impacts_.joints = equations_.joints;
   before_impacts_.coordinates = equations_.coordinates;
@@ -40,6 +41,7 @@ bool ContactEvents::have_impacts(double left, Of<double>* hit) {
     if (!let_rest(left, *hit, &rests, &is_settled)) return false;
     if (is_settled) return true;
     std::copy(before_impacts_.numbers.begin(), before_impacts_.numbers.end(), numbers_.begin());
+    equations_.driven_work = before_impacts_.driven_work;
     equations_.contacts = before_impacts_.contacts;
     equations_.joints = before_impacts_.joints;
     equations_.coordinates = before_impacts_.coordinates;

@@ -175,6 +175,10 @@ void ContactEquations::apply(const Responses& responses, const double* p, double
     for (std::size_t i = 0; i < held; ++i)
       joints[static_cast<std::size_t>(rows_[i].joint)].impulse[rows_[i].function] +=
           p[j] * responses.joints[held * j + i];
+    if (!has_movers()) continue;
+    driven_work += p[j] * driven_power(directions_[j].a, directions_[j].b, directions_[j].J);
+    for (std::size_t i = 0; i < held; ++i)
+      driven_work += p[j] * responses.joints[held * j + i] * driven_power(rows_[i]);
   }
   for (std::size_t i = 0; i < movable; ++i) {
     double* const body = y + kNumbers * i;

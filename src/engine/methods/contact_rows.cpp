@@ -221,6 +221,7 @@ void ContactEquations::pull_coordinates(Stage* told, std::vector<Vector3d>* line
     row.b = joints[of.joint].b;
     row.M_inv_F = accelerations(row, now.J);
     push(row, force, linear, angular);
+    if (has_movers()) told->driven_power += force * driven_power(row.a, row.b, now.J);
     told->joint[of.joint][of.law.function] += force;
   }
 }

@@ -53,8 +53,8 @@ bool are_all_same(const List& l, const List& r) {
 
 // With joints more than bodies and pairs decides.
 bool ContactEvents::is_as_when_still(const SmoothSpan& span) const {
-  if (!still_.is_known || done_.spans || !equations_.joints.empty() || span.h != still_.h ||
-      !have_same_bits(span.gravity, still_.gravity) ||
+  if (!still_.is_known || done_.spans || !equations_.joints.empty() || equations_.has_movers() ||
+      span.h != still_.h || !have_same_bits(span.gravity, still_.gravity) ||
       !are_all_same(equations_.bodies, still_.bodies) || !are_all_same(pairs_, still_.pairs))
     return false;
   const std::vector<double>& numbers = equations_.numbers();

@@ -244,6 +244,35 @@ TEST_P(ContactEventsAt, ABoxThatIsPushedTipsOrSlidesAtItsThreshold) {
   }
 }
 
+// A box is pushed with three quarters of what friction can bear, and a ball without friction slides
+// over it from one end to the other. A quarter of the push is at either end more than the points
+// there can bear; the others bear the rest, nothing but the ball moves, and nothing happens.
+TEST_P(ContactEventsAt, PointsShareFrictionAsTheLoadGoesFromOneToTheOther) {
+  constexpr double kMass = 1.0, kMu = 0.5, kSpeed = 0.4, kRadius = 0.05;
+  const Vector3d half(0.5, 0.4, 0.1);
+  World world(by_events(GetParam()));
+  add_floor(&world, kMu);
+  const BodyId box = world.add_body(
+      with_surface(make_body("box", Box{2.0 * half}, kMass, {0.0, 0.0, half.z()}), kMu, 0.0));
+  const Vector3d start(-0.4, 0.0, 2.0 * half.z() + kRadius);
+  Body ball = with_surface(make_body("ball", Sphere{kRadius}, kMass, start), 0.0, 0.0);
+  ball.state.linear_velocity.x() = kSpeed;
+  const BodyId on_it = world.add_body(ball);
+  Wrench wrench;
+  wrench.body = box;
+  wrench.force.x() = 0.75 * kMu * 2.0 * kMass * kGravity;
+  world.add_wrench(wrench);
+  unsigned events = 0;  // those that change nothing among them
+  while (world.time() < 2.0 - 1e-9) {
+    advance(&world, GetParam());
+    events += world.report().events;
+    ASSERT_LT((world.state(box).position - Vector3d(0.0, 0.0, half.z())).norm(), kPlace);
+    const Vector3d place = start + kSpeed * world.time() * Vector3d::UnitX();
+    ASSERT_LT((world.state(on_it).position - place).norm(), kPlace);
+  }
+  EXPECT_LE(events, 20u);
+}
+
 // on a slope of less than its friction it stays where it is; of more it slides with
 // g (sin α − μ cos α)
 TEST_P(ContactEventsAt, ABoxOnASlopeStaysOrSlides) {

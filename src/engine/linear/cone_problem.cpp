@@ -35,10 +35,6 @@ double sweep_cost(std::size_t rows) {
   const auto n = static_cast<double>(rows);
   return 0.02 * n + 7e-5 * n * n;
 }
-double newton_cost(std::size_t rows) {
-  const auto n = static_cast<double>(rows);
-  return 0.15 + 1.8e-3 * n * n + 2.3e-5 * n * n * n;
-}
 
 /// The tangential impulse of a contact that slips, by the factor κ with u_t = −κ p_t that it slips
 /// with; and the normal one that goes with it.
@@ -159,13 +155,18 @@ Vector3d into_cone(const Vector3d& x, double mu) {
 
 }  // namespace
 
+double ConeSolver::cost_of_a_step(std::size_t rows) {
+  const auto n = static_cast<double>(rows);
+  return 0.15 + 1.8e-3 * n * n + 2.3e-5 * n * n * n;
+}
+
 // Where A is singular impulses are shared as those of least norm: at once, or by a small compliance
 // that is taken away again by passes from what the one before found.
 bool ConeSolver::solve(const ConeProblem& problem, std::vector<double>* p, SolveEffort* effort) {
   p->resize(problem.b.size());
   if (effort->is_over()) return false;
   effort_ = effort;
-  effort->spent += newton_cost(p->size());  // to set it up
+  effort->spent += cost_of_a_step(p->size());  // to set it up
   set(problem);
   bool is_found = find_together(p->data());
   if (!is_found) {
@@ -383,7 +384,7 @@ double ConeSolver::rounding(const double* p) const {
 
 // False where the effort is over.
 bool ConeSolver::count_newton() {
-  effort_->spent += newton_cost(scaled_.b.size());
+  effort_->spent += cost_of_a_step(scaled_.b.size());
   return !effort_->is_over();
 }
 

@@ -54,6 +54,8 @@ struct SolveEffort {
 class ConeSolver {
  public:
   bool solve(const ConeProblem& problem, std::vector<double>* p, SolveEffort* effort);
+  /// What a step of Newton's method costs, as SolveEffort has it.
+  static double cost_of_a_step(std::size_t rows);
 
  private:
   using Numbers = Eigen::Map<Eigen::VectorXd>;

@@ -37,6 +37,7 @@ class ContactEquations {
     Acts acts = Acts::kOpen;
     Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< û where a substep starts; 0: none
     Eigen::Vector3d reference = Eigen::Vector3d::Zero();  ///< a force that it can have, world [N]
+    double normal_share = 1.0, tangent_share = 1.0;       ///< by which redundant contacts bear more
     Eigen::Vector3d impulse = Eigen::Vector3d::Zero();    ///< since begin_step(), on A [N s]
     ContactFeature touched;                               ///< that the last impulse had
   };
@@ -240,6 +241,7 @@ class ContactEquations {
     Jacobian M_inv_F;          // what a force of one unit does
     bool is_symmetric = true;  // F is J
     double gamma = 0.0, value = 0.0, rate = 0.0, reference = 0.0;
+    double share = 1.0;              // by which it bears more than other rows on which it depends
     int joint = -1, function = 0;    // of a joint
     int coordinate = -1;             // that one holds, beside
     int contact = -1;                // or a contact

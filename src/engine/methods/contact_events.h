@@ -8,6 +8,7 @@
 #include "constraint_sim/engine/event.h"
 #include "engine/constraints/joint.h"
 #include "engine/linear/cone_problem.h"
+#include "engine/linear/least_norm_solver.h"
 #include "engine/methods/contact_equations.h"
 #include "engine/methods/event_watch.h"
 #include "engine/methods/integrate.h"
@@ -157,6 +158,14 @@ class ContactEvents {
     double rate, acceleration;
     ForceBounds bounds;
   };
+  /// A contact that bears something, in a problem.
+  struct Share {
+    std::size_t contact;
+    std::size_t column;  ///< of its normal force
+    double friction;
+    bool is_rough, sticks;
+    Eigen::Vector2d direction;  ///< along tangents, of one that slips
+  };
   /// Contacts whose force has reached a bound just now.
   struct AtBound {
     std::vector<std::size_t> contacts;
@@ -234,6 +243,13 @@ class ContactEvents {
   bool go_straight(bool is_straight);
   bool take_first(Span* span, double* step);
 
+  // ---- forces of redundant contacts (contact_sharing.cpp)
+  void list_sharing();
+  double mean_beside(const Share& of, const std::vector<double>& force) const;
+  double least_margin(const std::vector<double>& force) const;
+  bool find_shares(double beyond);
+  void share_forces();
+
   // ---- at events (contact_states.cpp)
   bool settle(Span* span, const Watched& event, bool is_begin, bool jams = false);
   bool have_impacts(double left, Of<double>* hit);
@@ -305,6 +321,9 @@ class ContactEvents {
   ConeProblem problem_;
   ConeSolver solver_;
   std::vector<double> force_, rate_, solved_;  // of the problem; rates before and after
+  std::vector<Share> shares_;
+  std::vector<double> shared_;
+  LeastNormSolver sharing_;
   std::vector<Candidate> held_;
   Hits hits_;
   Of<char> rests_;

@@ -240,10 +240,12 @@ void ContactEquations::add_contact_rows(bool with_slip, bool with_tangents) {
       row.gamma = d.dot(now.w_bias);
       row.contact = static_cast<int>(c);
       row.reference = contact.reference.dot(d);
+      row.share = contact.tangent_share;
       return row;
     };
     Row& normal = add(now.n);
     normal.is_normal = true;
+    normal.share = contact.normal_share;
     normal.value = now.gap;
     normal.gamma += now.n_dot.dot(now.w);
     const bool has_direction = contact.acts == Acts::kSlips && contact.friction > 0.0;
@@ -292,7 +294,7 @@ void ContactEquations::factor_rows(bool asks_rank) {
       along_gradient.M_inv_F = accelerations(rows_[j], rows_[j].J);
       own = response(rows_[j], along_gradient);
     }
-    weight_[j] = own > 0.0 ? 1.0 / std::sqrt(own) : 0.0;
+    weight_[j] = own > 0.0 ? rows_[j].share / std::sqrt(own) : 0.0;
   }
   for (std::size_t j = 0; j < m; ++j)
     for (std::size_t i = 0; i < m; ++i) A[m * j + i] *= weight_[i] * weight_[j];

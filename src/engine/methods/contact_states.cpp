@@ -132,7 +132,10 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   ContactEquations::Responses& responses = responses_;
   responses.clear();
   gap_acceleration_.assign(equations_.contacts.size(), 0.0);
-  for (ContactEquations::Contact& contact : equations_.contacts) contact.acts = Acts::kOpen;
+  for (ContactEquations::Contact& contact : equations_.contacts) {
+    contact.acts = Acts::kOpen;
+    contact.normal_share = contact.tangent_share = 1.0;
+  }
   find_lost();
   if (!find_candidates(&held_)) return false;
   free_.resize(equations_.size());
@@ -161,7 +164,10 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   choose_acts();
   choose_holds(event);
   has_derivative_ = is_within_bounds();
-  if (!has_derivative_) take_forces();
+  if (!has_derivative_) {
+    share_forces();
+    take_forces();
+  }
   choose_servos();
   return true;
 }

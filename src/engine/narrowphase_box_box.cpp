@@ -95,7 +95,7 @@ double depth_of_flat_edges(const BoxPair& pair, int i, int j) {
 
 /// Separating axes (Gottschalk, Lin & Manocha 1996): the one of least depth, or one of depth
 /// ≤ −margin. The first where some tie.
-Axis least_axis(const BoxPair& pair, double margin) {
+[[gnu::always_inline]] inline Axis least_axis(const BoxPair& pair, double margin) {
   constexpr double kFlatSquare = 1e-8;  // of the sine below which rounding takes 1e-12 of the size
   constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
   const auto& [h_a, h_b, C, t] = pair;
@@ -308,25 +308,41 @@ Edge support_edge(const Vector3d& half, int k, const Vector3d& n) {
 /// the edges do not cross.
 void collide_edges(const BoxPair& pair, const Axis& axis, const BodyState& a, double margin,
                    Manifold* manifold) {
-  Vector3d n = edge_axis(pair, axis.a, axis.b).normalized();
-  if (n.dot(pair.t) > 0.0) n = -n;
-  const Edge edge_a = support_edge(pair.half_a, axis.a, -n);
-  const Edge edge_b = support_edge(pair.half_b, axis.b, pair.C.transpose() * n);
-  const Vector3d along_b = pair.C.col(axis.b);
-  const Vector3d middle_b = pair.t + pair.C * edge_b.arm;
+  // coefficient by coefficient: packets would wait for what was stored by coefficients before
+  const auto& [h_a, h_b, C, t] = pair;
+  const int i = axis.a, u = next(i), v = last(i);
+  const int j = axis.b, k = next(j), l = last(j);
+  double n_u = -C(v, j), n_v = C(u, j);  // the cross product, along A's axes u and v
+  const double square = n_u * n_u + n_v * n_v;
+  const double sine = n_u * t[u] + n_v * t[v] > 0.0 ? -std::sqrt(square) : std::sqrt(square);
+  n_u /= sine;
+  n_v /= sine;
+  const bool upper_u = n_u < 0.0, upper_v = n_v < 0.0;
+  const bool upper_k = C(u, k) * n_u + C(v, k) * n_v > 0.0;
+  const bool upper_l = C(u, l) * n_u + C(v, l) * n_v > 0.0;
+  const double arm_u = upper_u ? h_a[u] : -h_a[u], arm_v = upper_v ? h_a[v] : -h_a[v];
+  const double arm_k = upper_k ? h_b[k] : -h_b[k], arm_l = upper_l ? h_b[l] : -h_b[l];
+  const auto middle = [&, &C = C, &t = t](int x) {
+    return t[x] + (C(x, k) * arm_k + C(x, l) * arm_l);
+  };
 
   // the point of B's edge nearest to the line of A's
-  Vector3d across = along_b;
-  across[axis.a] = 0.0;
-  const double s = across.dot(edge_a.arm - middle_b) / across.squaredNorm();
-  const double s_a = middle_b[axis.a] + s * along_b[axis.a];
-  const bool cross = std::abs(s) <= pair.half_b[axis.b] && std::abs(s_a) <= pair.half_a[axis.a];
+  const double m_i = middle(i), m_u = middle(u), m_v = middle(v);
+  const double s = (C(u, j) * (arm_u - m_u) + C(v, j) * (arm_v - m_v)) / square;
+  const double s_a = m_i + s * C(i, j);
+  const bool cross = std::abs(s) <= h_b[j] && std::abs(s_a) <= h_a[i];
   if (axis.depth < 0.0 && !cross) return;
 
   const Matrix3d R = a.orientation.toRotationMatrix();
-  manifold->normal = R * n;
-  add_point(*manifold, a.position + R * (middle_b + s * along_b), axis.depth,
-            crossing(edge_a.number, kEdgesOfBox + edge_b.number), margin);
+  manifold->normal = n_u * R.col(u) + n_v * R.col(v);
+  Vector3d p;
+  p[i] = s_a;
+  p[u] = m_u + s * C(u, j);
+  p[v] = m_v + s * C(v, j);
+  add_point(
+      *manifold, a.position + R * p, axis.depth,
+      crossing(edge_number(i, upper_u, upper_v), kEdgesOfBox + edge_number(j, upper_k, upper_l)),
+      margin);
 }
 
 // ---- boxes apart whose nearest features are neither a face nor crossing edges
@@ -368,7 +384,7 @@ void lower_by_edges(const BoxPair& pair, int i, const Edge& of_a, int j, const E
 }
 
 /// The nearest points of two boxes apart, among all vertices and edges.
-Nearest nearest_points(const BoxPair& pair) {
+[[gnu::noinline, gnu::cold]] Nearest nearest_points(const BoxPair& pair) {
   // features beyond those of edges that meet
   constexpr std::uint32_t kVerticesOfA = 4 * kEdgesOfBox * kEdgesOfBox;
   constexpr std::uint32_t kVerticesOfB = kVerticesOfA + 8;

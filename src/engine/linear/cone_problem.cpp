@@ -230,7 +230,7 @@ const double* ConeSolver::rates(const double* p) {
   u_ = scaled_.b;
   Numbers u(u_.data(), size());
   for (Index j = 0; j < size(); ++j)
-    if (p[j] != 0.0) u += A().col(j) * p[j];
+    if (p[j] != 0.0) u += matrix().col(j) * p[j];
   return u_.data();
 }
 
@@ -322,20 +322,20 @@ bool ConeSolver::sweep(bool back, double* p) {
   Numbers u(u_.data(), size()), all(p, size());
   for (Index k = 0; k < end_of_contacts(); k += 3) {
     const Index i = back ? end_of_contacts() - 3 - k : k;
-    const Matrix3d own = A().block<3, 3>(i, i);
+    const Matrix3d own = matrix().block<3, 3>(i, i);
     const Vector3d before = all.segment<3>(i);
     Vector3d b = u.segment<3>(i) - own * before, now;
     if (std::abs(b[0]) <= kSingular * largest_rate_ && own(0, 0) <= kSingular * own.trace())
       b[0] = 0.0;
     if (!solve_contact(own, b, contact(i), &now)) return false;
     all.segment<3>(i) = now;
-    u += A().middleCols<3>(i) * (now - before);
+    u += matrix().middleCols<3>(i) * (now - before);
   }
   for (Index k = end_of_contacts(); k < size(); ++k) {
     const Index i = back ? end_of_contacts() + size() - 1 - k : k;
     const double before = p[i];
-    if (A()(i, i) > 0.0) p[i] = within(i, before - u[i] / A()(i, i));
-    u += A().col(i) * (p[i] - before);
+    if (matrix()(i, i) > 0.0) p[i] = within(i, before - u[i] / matrix()(i, i));
+    u += matrix().col(i) * (p[i] - before);
   }
   return true;
 }
@@ -375,7 +375,7 @@ double ConeSolver::rounding(const double* p) const {
   double largest = 0.0;
   for (Index i = 0; i < size(); ++i) {
     double terms = 0.0;
-    for (Index j = 0; j < size(); ++j) terms += std::abs(A()(i, j) * p[j]);
+    for (Index j = 0; j < size(); ++j) terms += std::abs(matrix()(i, j) * p[j]);
     largest =
         std::max(largest, i < end_of_contacts() ? (1.0 + contact(i).friction) * terms : terms);
   }
@@ -421,7 +421,7 @@ void ConeSolver::take_newton(bool is_of_least_norm, double* p) {
   for (Index i = end_of_contacts(); i < n; ++i) {
     const double u = u_[static_cast<std::size_t>(i)], x = p[i] - u, bound = within(i, x);
     if (x == bound) {
-      for (Index j = 0; j < n; ++j) J[n * j + i] = A()(i, j);
+      for (Index j = 0; j < n; ++j) J[n * j + i] = matrix()(i, j);
       off[i] = u;
       right[i] = -scaled_.b[static_cast<std::size_t>(i)];
     } else {
@@ -447,7 +447,7 @@ void ConeSolver::write_newton_contact(Index i, const double* p, double* J) {
   const auto at = [&](Index k, Index column) -> double& { return J[n * column + i + k]; };
   const auto is_zero = [&](Index k) {  // the rate is
     const auto row = static_cast<std::size_t>(i + k);
-    for (Index j = 0; j < n; ++j) at(k, j) = A()(i + k, j);
+    for (Index j = 0; j < n; ++j) at(k, j) = matrix()(i + k, j);
     off_[row] = u[k];
     right_[row] = -scaled_.b[row];
   };
@@ -471,7 +471,7 @@ void ConeSolver::write_newton_contact(Index i, const double* p, double* J) {
       off_[row] -= most * d[k - 1];
       right_[row] = (most - of.friction * p[i]) * d[k - 1] - pushed[k - 1];  // J p − off
       for (Index j = 0; j < n; ++j)
-        at(k, j) += turn(k - 1, 0) * A()(i + 1, j) + turn(k - 1, 1) * A()(i + 2, j);
+        at(k, j) += turn(k - 1, 0) * matrix()(i + 1, j) + turn(k - 1, 1) * matrix()(i + 2, j);
       at(k, i) -= of.friction * d[k - 1];
       at(k, i + 1) -= turn(k - 1, 0);
       at(k, i + 2) -= turn(k - 1, 1);

@@ -81,7 +81,7 @@ class ConeSolver {
   Eigen::Index end_of_contacts() const {
     return 3 * static_cast<Eigen::Index>(scaled_.contacts.size());
   }
-  Matrix A() const { return {scaled_.A.data(), size(), size()}; }
+  Matrix matrix() const { return {scaled_.A.data(), size(), size()}; }
   /// Rates u = b + A p.
   const double* rates(const double* p);
   const ConeContact& contact(Eigen::Index row) const {

@@ -238,7 +238,7 @@ class ContactEquations {
   struct Row {
     std::size_t a, b;
     Jacobian J;
-    Jacobian M_inv_F;          // what a force of one unit does
+    Jacobian inv_M_F;          // what a force of one unit does
     bool is_symmetric = true;  // F is J
     double gamma = 0.0, value = 0.0, rate = 0.0, reference = 0.0;
     double share = 1.0;              // by which it bears more than other rows on which it depends

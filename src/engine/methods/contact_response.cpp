@@ -82,7 +82,7 @@ void ContactEquations::add_directions(Responses* responses) {
     row.a = a;
     row.b = b;
     row.J = J;
-    row.M_inv_F = accelerations(row, J);
+    row.inv_M_F = accelerations(row, J);
   };
   for (const bool is_rough : {true, false}) {
     for (Touching& touching : responses->contacts) {

@@ -47,7 +47,7 @@ ContactEquations::Row& ContactEquations::add_row(std::size_t a, std::size_t b, c
   row.a = a;
   row.b = b;
   row.J = J;
-  row.M_inv_F = accelerations(row, J);
+  row.inv_M_F = accelerations(row, J);
   return row;
 }
 
@@ -55,12 +55,12 @@ ContactEquations::Row& ContactEquations::add_row(std::size_t a, std::size_t b, c
 double ContactEquations::response(const Row& of, const Row& to) const {
   double sum = 0.0;
   if (of.a < movable) {
-    if (of.a == to.a) sum += of.J.j1.dot(to.M_inv_F.j1) + of.J.j2.dot(to.M_inv_F.j2);
-    if (of.a == to.b) sum += of.J.j1.dot(to.M_inv_F.j3) + of.J.j2.dot(to.M_inv_F.j4);
+    if (of.a == to.a) sum += of.J.j1.dot(to.inv_M_F.j1) + of.J.j2.dot(to.inv_M_F.j2);
+    if (of.a == to.b) sum += of.J.j1.dot(to.inv_M_F.j3) + of.J.j2.dot(to.inv_M_F.j4);
   }
   if (of.b < movable) {
-    if (of.b == to.a) sum += of.J.j3.dot(to.M_inv_F.j1) + of.J.j4.dot(to.M_inv_F.j2);
-    if (of.b == to.b) sum += of.J.j3.dot(to.M_inv_F.j3) + of.J.j4.dot(to.M_inv_F.j4);
+    if (of.b == to.a) sum += of.J.j3.dot(to.inv_M_F.j1) + of.J.j4.dot(to.inv_M_F.j2);
+    if (of.b == to.b) sum += of.J.j3.dot(to.inv_M_F.j3) + of.J.j4.dot(to.inv_M_F.j4);
   }
   return sum;
 }
@@ -68,12 +68,12 @@ double ContactEquations::response(const Row& of, const Row& to) const {
 void ContactEquations::push(const Row& row, double amount, std::vector<Vector3d>* linear,
                             std::vector<Vector3d>* angular) const {
   if (row.a < movable) {
-    (*linear)[row.a] += amount * row.M_inv_F.j1;
-    (*angular)[row.a] += amount * row.M_inv_F.j2;
+    (*linear)[row.a] += amount * row.inv_M_F.j1;
+    (*angular)[row.a] += amount * row.inv_M_F.j2;
   }
   if (row.b < movable) {
-    (*linear)[row.b] += amount * row.M_inv_F.j3;
-    (*angular)[row.b] += amount * row.M_inv_F.j4;
+    (*linear)[row.b] += amount * row.inv_M_F.j3;
+    (*angular)[row.b] += amount * row.inv_M_F.j4;
   }
 }
 
@@ -219,7 +219,7 @@ void ContactEquations::pull_coordinates(Stage* told, std::vector<Vector3d>* line
     Row row;
     row.a = joints[of.joint].a;
     row.b = joints[of.joint].b;
-    row.M_inv_F = accelerations(row, now.J);
+    row.inv_M_F = accelerations(row, now.J);
     push(row, force, linear, angular);
     if (has_movers()) told->driven_power += force * driven_power(row.a, row.b, now.J);
     told->joint[of.joint][of.law.function] += force;
@@ -260,7 +260,7 @@ void ContactEquations::add_contact_rows(bool with_slip, bool with_tangents) {
         if (direction.dot(contact.direction) < 0.0) direction = -direction;
       }
       normal.along -= contact.friction * direction;
-      normal.M_inv_F = accelerations(normal, now.along(normal.along));
+      normal.inv_M_F = accelerations(normal, now.along(normal.along));
       normal.is_symmetric = false;
     }
     if (!with_tangents) continue;
@@ -291,7 +291,7 @@ void ContactEquations::factor_rows(bool asks_rank) {
     double own = A[m * j + j];
     if (!rows_[j].is_symmetric) {
       Row along_gradient = rows_[j];
-      along_gradient.M_inv_F = accelerations(rows_[j], rows_[j].J);
+      along_gradient.inv_M_F = accelerations(rows_[j], rows_[j].J);
       own = response(rows_[j], along_gradient);
     }
     weight_[j] = own > 0.0 ? rows_[j].share / std::sqrt(own) : 0.0;

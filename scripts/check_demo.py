@@ -20,7 +20,8 @@ MOVED = 0.05  # [m] that some frame must travel at least
 VIEW = (slice(70, 760), slice(24, 850))
 BACKGROUND = (48, 48, 48)
 DYNAMIC_BODY = (69, 130, 181)
-SMALL_ERROR, LARGE_ERROR = (51, 204, 51), (255, 71, 64)
+# of constraints: without load, and where that is off; in tension and in compression
+UNLOADED, LARGE_ERROR, TENSION, COMPRESSION = (51, 204, 51), (255, 71, 64), (26, 217, 255), (255, 230, 26)
 
 
 def check_bag(path, body, constraint):
@@ -80,7 +81,8 @@ def check_picture(path):
     seen = {
         'background': (count_close(view, BACKGROUND, 6), 100_000),
         'dynamic bodies': (count_shaded(view, DYNAMIC_BODY), 200),
-        'constraints': (count_blended(view, SMALL_ERROR, LARGE_ERROR, 25), 60),
+        'constraints': (count_blended(view, UNLOADED, LARGE_ERROR, 25) + count_close(view, TENSION, 25) +
+                        count_close(view, COMPRESSION, 25), 100),
     }
     print('pixels seen: ' + ', '.join(f'{count} {name}' for name, (count, _) in seen.items()))
     return [f'the picture has only {count} pixels of {name}, not {least}'

@@ -5,9 +5,9 @@
 #include <cstdio>
 #include <functional>
 #include <random>
-#include <vector>
 
 #include "engine/broadphase.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -23,9 +23,9 @@ Proxy ball(int body, const Eigen::Vector3d& position, double radius) {
 Proxy floor_plane(int body) { return {bounds(Plane{}, BodyState{}), body, false}; }
 
 /// Balls side by side on a plane, in a square.
-std::vector<Proxy> floor_grid(int n) {
+List<Proxy> floor_grid(int n) {
   const int side = static_cast<int>(std::ceil(std::sqrt(n)));
-  std::vector<Proxy> proxies{floor_plane(n)};
+  List<Proxy> proxies{floor_plane(n)};
   for (int i = 0; i < n; ++i) {
     const int row = i / side;
     proxies.push_back(ball(i, Eigen::Vector3d(i % side, row, 0.5), 0.5));
@@ -34,19 +34,19 @@ std::vector<Proxy> floor_grid(int n) {
 }
 
 /// Balls one on the other on a plane.
-std::vector<Proxy> column(int n) {
-  std::vector<Proxy> proxies{floor_plane(n)};
+List<Proxy> column(int n) {
+  List<Proxy> proxies{floor_plane(n)};
   for (int i = 0; i < n; ++i) proxies.push_back(ball(i, Eigen::Vector3d(0.0, 0.0, i + 0.5), 0.5));
   return proxies;
 }
 
 /// A cube of balls on a plane, each shifted from its place by up to half a diameter along each axis
 /// and between half and fully grown.
-std::vector<Proxy> pile(int n) {
+List<Proxy> pile(int n) {
   std::mt19937 generator(1);
   const auto random = [&] { return static_cast<double>(generator()) / 4294967296.0; };
   const int side = static_cast<int>(std::ceil(std::cbrt(n)));
-  std::vector<Proxy> proxies{floor_plane(n)};
+  List<Proxy> proxies{floor_plane(n)};
   for (int i = 0; i < n; ++i) {
     const int row = i / side % side;
     const int layer = i / (side * side);
@@ -58,7 +58,7 @@ std::vector<Proxy> pile(int n) {
 }
 
 /// Prints a row for each n. Returns the slope from n = 100 to the last.
-double measure(const char* name, const std::function<std::vector<Proxy>(int)>& arrangement) {
+double measure(const char* name, const std::function<List<Proxy>(int)>& arrangement) {
   std::printf("%s\n%8s %12s %10s %10s %7s\n", name, "n", "tests", "pairs", "tests/n", "slope");
   Broadphase broadphase;
   int previous_n = 0;

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "engine/math/numbers.h"
 #include "joint_type.h"
 #include "problems.h"
 
@@ -19,8 +20,6 @@ namespace constraint_sim::engine::redundant {
 using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-
-inline constexpr double kPi = 3.14159265358979323846;
 
 // ---- parts
 

@@ -6,6 +6,7 @@
 
 #include <limits>
 
+#include "engine/math/list.h"
 #include "engine/methods/chain_of_bodies.h"
 #include "engine/methods/chain_of_rods.h"
 #include "problems.h"
@@ -22,7 +23,7 @@ struct SwingingChain {
   SwingingChain(int links, bool has_bars)
       : equations(equations_of(links, has_bars)), y(equations.size()), dydt(equations.size()) {
     const Eigen::Vector3d gravity(0.0, 0.0, -problems::kGravity);
-    std::vector<BodyState> states(static_cast<std::size_t>(links) + 1);
+    List<BodyState> states(static_cast<std::size_t>(links) + 1);
     for (int i = 1; i <= links; ++i) {
       BodyState& state = states[static_cast<std::size_t>(i)];
       state.position = {has_bars ? i - 0.5 : i, 0.0, 0.0};
@@ -30,7 +31,7 @@ struct SwingingChain {
       state.angular_velocity = {0.1, std::cos(i), std::sin(i)};
     }
     equations.gather_state(states, y.data());
-    equations.begin(0.0, states, gravity, {}, std::vector<PrescribedMotion>(states.size() - 1));
+    equations.begin(0.0, states, gravity, {}, List<PrescribedMotion>(states.size() - 1));
   }
 
   static EquationsOfMotion equations_of(int links, bool has_bars) {
@@ -39,11 +40,11 @@ struct SwingingChain {
     mass.inverse_mass = 1.0;
     mass.inertia = {0.02, 0.08, 0.08};
     mass.inverse_inertia = mass.inertia.cwiseInverse();
-    std::vector<MassProperties> masses(n + 1, mass);
+    List<MassProperties> masses(n + 1, mass);
     masses.front() = {};
-    std::vector<Joint> joints(n);
-    std::vector<int> all(n);
-    std::vector<std::pair<std::size_t, std::size_t>> ends(n);
+    List<Joint> joints(n);
+    List<int> all(n);
+    List<std::pair<std::size_t, std::size_t>> ends(n);
     for (std::size_t i = 0; i < n; ++i) {
       all[i] = static_cast<int>(i);
       ends[i] = {i, i + 1};
@@ -56,7 +57,7 @@ struct SwingingChain {
   }
 
   EquationsOfMotion equations;
-  std::vector<double> y, dydt;
+  List<double> y, dydt;
 };
 
 constexpr bool kMasses = false, kBars = true;

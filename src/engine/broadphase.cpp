@@ -1,8 +1,10 @@
 #include "engine/broadphase.h"
 
 #include <algorithm>
-#include <limits>
 #include <variant>
+
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -23,9 +25,7 @@ struct HalfExtent {
     return cylinder.radius * R.leftCols<2>().rowwise().norm() +
            0.5 * cylinder.length * R.col(2).cwiseAbs();
   }
-  Eigen::Vector3d operator()(const Plane&) const {
-    return Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
-  }
+  Eigen::Vector3d operator()(const Plane&) const { return Eigen::Vector3d::Constant(kInfinity); }
 };
 
 bool is_bounded(const Aabb& box) { return box.min.allFinite() && box.max.allFinite(); }
@@ -48,12 +48,12 @@ Aabb bounds(const Shape& shape, const BodyState& state) {
   return {state.position - half, state.position + half};
 }
 
-void Broadphase::set_resting(const std::vector<Proxy>& proxies) {
+void Broadphase::set_resting(const List<Proxy>& proxies) {
   resting_.build(proxies);
   pairs_.clear();
 }
 
-const std::vector<Broadphase::Pair>& Broadphase::find_pairs(const std::vector<Proxy>& proxies) {
+const List<Broadphase::Pair>& Broadphase::find_pairs(const List<Proxy>& proxies) {
   tests_ = 0;
   pairs_.clear();
   moving_.build(proxies);
@@ -75,7 +75,7 @@ const std::vector<Broadphase::Pair>& Broadphase::find_pairs(const std::vector<Pr
   return pairs_;
 }
 
-void Broadphase::Tree::build(const std::vector<Proxy>& proxies) {
+void Broadphase::Tree::build(const List<Proxy>& proxies) {
   items.clear();
   unbounded.clear();
   for (std::size_t i = 0; i < proxies.size(); ++i) {
@@ -90,8 +90,7 @@ void Broadphase::Tree::build(const std::vector<Proxy>& proxies) {
   if (!items.empty()) build(proxies, 0, 0, static_cast<int>(items.size()));
 }
 
-void Broadphase::Tree::build(const std::vector<Proxy>& proxies, int node, int first_item,
-                             int leaves) {
+void Broadphase::Tree::build(const List<Proxy>& proxies, int node, int first_item, int leaves) {
   nodes[node].leaves = leaves;
   const auto first = items.begin() + first_item;
   if (leaves == 1) {

@@ -3,10 +3,10 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/report.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -38,14 +38,14 @@ class Broadphase {
   using Pair = std::pair<int, int>;  ///< body indices, first < second
 
   /// From now on these are there as well. No pair is made of two of them. Forgets the last pairs.
-  void set_resting(const std::vector<Proxy>& proxies);
+  void set_resting(const List<Proxy>& proxies);
 
   /// All pairs, of these and of these with resting ones, with at least one movable body whose boxes
   /// overlap, sorted; of more than kMostPairs only some. Valid until the next call.
-  const std::vector<Pair>& find_pairs(const std::vector<Proxy>& proxies);
+  const List<Pair>& find_pairs(const List<Proxy>& proxies);
 
   /// What the last call found.
-  const std::vector<Pair>& pairs() const { return pairs_; }
+  const List<Pair>& pairs() const { return pairs_; }
 
   /// Whether there are more pairs than can be reported.
   bool is_full() const { return pairs_.size() > kMostPairs; }
@@ -71,12 +71,12 @@ class Broadphase {
 
   /// Of the bounded proxies; the others are beside it.
   struct Tree {
-    std::vector<Item> items;
-    std::vector<Node> nodes;  ///< from the root; none without items
-    std::vector<Proxy> unbounded;
+    List<Item> items;
+    List<Node> nodes;  ///< from the root; none without items
+    List<Proxy> unbounded;
 
-    void build(const std::vector<Proxy>& proxies);
-    void build(const std::vector<Proxy>& proxies, int node, int first_item, int leaves);
+    void build(const List<Proxy>& proxies);
+    void build(const List<Proxy>& proxies, int node, int first_item, int leaves);
     static int left_child(int node) { return node + 1; }
     int right_child(int node) const { return node + 2 * (nodes[node].leaves / 2); }
     const Node& operator[](int node) const { return nodes[node]; }
@@ -90,7 +90,7 @@ class Broadphase {
   void add_pair(int body_a, int body_b);
 
   Tree moving_, resting_;
-  std::vector<Pair> pairs_;
+  List<Pair> pairs_;
   std::uint64_t tests_ = 0;
 };
 

@@ -6,14 +6,13 @@
 #include <memory>
 #include <numeric>
 
+#include "engine/math/list.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // what a joint that does not act no longer does
 void release(JointState* state) {
@@ -42,7 +41,7 @@ void World::Impl::rebuild_topology() {
   std::sort(unpaired.begin(), unpaired.end());
 
   const auto is_gone = [this](const TouchingPair& pair) { return !is_known(pair); };
-  for (std::vector<TouchingPair>* pairs : {&touching, &resting}) {
+  for (List<TouchingPair>* pairs : {&touching, &resting}) {
     pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_gone), pairs->end());
     for (TouchingPair& pair : *pairs) {
       pair.a = body_index[pair.id_a.value];
@@ -78,8 +77,8 @@ void World::Impl::rebuild_topology() {
 
 // a loop is closed by a joint between bodies that others connect already; immovable ones are one
 void World::Impl::find_loops() {
-  std::vector<bool> has_loop(islands.size(), false);
-  std::vector<std::size_t> towards(bodies.size());
+  List<bool> has_loop(islands.size(), false);
+  List<std::size_t> towards(bodies.size());
   std::iota(towards.begin(), towards.end(), std::size_t{0});
   const auto root = [&](std::size_t body) {
     if (!is_movable(body)) return std::size_t{0};
@@ -91,14 +90,14 @@ void World::Impl::find_loops() {
     if (couples_joints(joints[j].kind)) continue;
     const auto [a, b] = joint_ends[j];
     if (root(a) == root(b))
-      has_loop[at(island_of[is_movable(a) ? a : b])] = true;
+      has_loop[island_of[is_movable(a) ? a : b]] = true;
     else
       towards[std::max(root(a), root(b))] = std::min(root(a), root(b));
   }
   is_in_loop.assign(joints.size(), false);
   for (std::size_t i = 0; i < islands.size(); ++i)
     if (has_loop[i])
-      for (const int j : island_parts[i].members.joints) is_in_loop[at(j)] = true;
+      for (const int j : island_parts[i].members.joints) is_in_loop[j] = true;
 }
 
 // Islands of the same bodies and joints as before keep what is compiled for them.
@@ -108,14 +107,14 @@ void World::Impl::make_islands() {
   std::swap(before, static_cast<IslandLists&>(*this));
   if (all_edited) rotations.clear();
   rotations.resize(bodies.size());
-  const std::vector<int> island_before = std::move(island_of);
+  const List<int> island_before = std::move(island_of);
   island_of.assign(bodies.size(), -1);
   for (IslandMembers& members : group_bodies(joint_ends)) {
-    const auto first = at(members.bodies.front());
+    const auto first = to_index(members.bodies.front());
     const int old = !all_edited && first < island_before.size() ? island_before[first] : -1;
-    for (const int body : members.bodies) island_of[at(body)] = static_cast<int>(islands.size());
-    if (old >= 0 && before.island_parts[at(old)].members == members) {
-      keep_island(at(old), &before);
+    for (const int body : members.bodies) island_of[body] = static_cast<int>(islands.size());
+    if (old >= 0 && before.island_parts[old].members == members) {
+      keep_island(to_index(old), &before);
       continue;
     }
     islands.push_back(new_island(members));
@@ -130,8 +129,8 @@ std::pair<std::size_t, std::size_t> World::Impl::ends_of(const Joint& joint) con
   return {index(joint.body_a), index(joint.body_b)};
 }
 
-std::vector<IslandMembers> World::Impl::group_bodies(const std::vector<JointEnds>& ends) const {
-  std::vector<bool> movable, acting;
+List<IslandMembers> World::Impl::group_bodies(const List<JointEnds>& ends) const {
+  List<bool> movable, acting;
   for (std::size_t i = 0; i < bodies.size(); ++i) movable.push_back(is_movable(i));
   for (std::size_t j = 0; j < joints.size(); ++j)
     acting.push_back(acts(joints[j], joint_states[j]));
@@ -140,7 +139,7 @@ std::vector<IslandMembers> World::Impl::group_bodies(const std::vector<JointEnds
 
 Island World::Impl::new_island(const IslandMembers& members) const {
   Island island;
-  island.first_body = body_ids[at(members.bodies.front())];
+  island.first_body = body_ids[members.bodies.front()];
   island.bodies = static_cast<std::uint32_t>(members.bodies.size());
   island.joints = static_cast<std::uint32_t>(members.joints.size());
   return island;
@@ -157,7 +156,7 @@ void World::Impl::keep_island(std::size_t old, IslandLists* before) {
   islands.push_back(before->islands[old]);
   IslandParts& parts = island_parts.emplace_back(std::move(before->island_parts[old]));
   if (parts.motion < 0) return;
-  const std::size_t m = at(parts.motion);
+  const std::size_t m = to_index(parts.motion);
   parts.motion = static_cast<int>(motions.size());
   motions.push_back(std::move(before->motions[m]));
 }
@@ -166,14 +165,13 @@ void World::Impl::keep_island(std::size_t old, IslandLists* before) {
 void World::Impl::list_fresh_islands() {
   for (const BodyId id : edited_bodies) {
     if (body_index[id.value] < 0) continue;
-    IslandParts& parts = island_parts[at(island_of[at(body_index[id.value])])];
+    IslandParts& parts = island_parts[island_of[body_index[id.value]]];
     if (!parts.is_fresh) static_cast<IslandMemory&>(parts) = parts.after_edit();
     parts.is_fresh = true;
   }
   edited_bodies.clear();
   for (const BodyId id : relinked_bodies)
-    if (body_index[id.value] >= 0)
-      island_parts[at(island_of[at(body_index[id.value])])].is_stale = true;
+    if (body_index[id.value] >= 0) island_parts[island_of[body_index[id.value]]].is_stale = true;
   relinked_bodies.clear();
   if (all_edited) restart_all();
   all_edited = false;
@@ -202,10 +200,9 @@ void World::Impl::classify_islands() {
 
 // of each body, what its springs and dampers move it with: ω² ≤ 2 Σk (1/m + r²/I_min), and the same
 // of c [1/s]; `with_limit`: of those that have a force limit, else of those that have none
-std::vector<double> World::Impl::fastest_springs(const std::vector<JointEnds>& ends,
-                                                 bool with_limit) const {
-  std::vector<double> fastest_spring(bodies.size(), 0.0);
-  std::vector<double> damping;
+List<double> World::Impl::fastest_springs(const List<JointEnds>& ends, bool with_limit) const {
+  List<double> fastest_spring(bodies.size(), 0.0);
+  List<double> damping;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     if (!acts(joints[j], joint_states[j])) continue;
     const Joint& joint = joints[j];
@@ -224,7 +221,7 @@ std::vector<double> World::Impl::fastest_springs(const std::vector<JointEnds>& e
     if (!spring.is_none() && (joint.motor.max_force > 0.0) == with_limit)
       add(false, spring.K, spring.C);
     for (int i = 0; i < coordinates(joint.kind); ++i) {
-      const CoordinateLaw& of = joint.coordinates[at(i)];
+      const CoordinateLaw& of = joint.coordinates[i];
       const SoftLaw law = with_limit ? limited_servo(of) : soft_law(of);
       if (law.K > 0.0 || law.C > 0.0) add(is_angle(joint.kind, i), law.K, law.C);
     }
@@ -241,7 +238,7 @@ IslandTraits World::Impl::traits_of(const IslandMembers& members,
   int one_sided = 0;
   bool is_switchable = true, breaks = false;
   for (const int j : members.joints) {
-    const Joint& joint = joints[at(j)];
+    const Joint& joint = joints[j];
     const auto has_coordinate = [&](auto holds) { return any_coordinate(joint, holds); };
     one_sided += has_one_sided_law(joint) ? std::max(1, coordinates(joint.kind)) : 0;
     is_switchable = is_switchable && engine::is_switchable(joint);
@@ -263,16 +260,15 @@ IslandTraits World::Impl::traits_of(const IslandMembers& members,
   for (const int body : members.bodies)
     for (const auto& [of_all, by_body] : {std::pair(&traits.fastest_spring, &fastest.springs),
                                           {&traits.fastest_limited, &fastest.limited}})
-      *of_all = std::max(*of_all, (*by_body)[at(body)]);
+      *of_all = std::max(*of_all, (*by_body)[body]);
   return traits;
 }
 
 // joints without axes that are being closed
-std::vector<int> World::Impl::open_points_of(const IslandMembers& members) const {
-  std::vector<int> open;
+List<int> World::Impl::open_points_of(const IslandMembers& members) const {
+  List<int> open;
   for (const int j : members.joints)
-    if (joint_states[at(j)].closing && info(joints[at(j)].kind).form == RowsForm::kPoint)
-      open.push_back(j);
+    if (joint_states[j].closing && info(joints[j].kind).form == RowsForm::kPoint) open.push_back(j);
   return open;
 }
 
@@ -280,18 +276,18 @@ void World::Impl::compile_island(IslandParts* parts) {
   compile_island(parts, open_points_of(parts->members));
 }
 
-void World::Impl::compile_island(IslandParts* parts, const std::vector<int>& open_points) {
-  std::vector<CoupledTerms> couplings;
+void World::Impl::compile_island(IslandParts* parts, const List<int>& open_points) {
+  List<CoupledTerms> couplings;
   for (const int j : parts->members.joints) {
-    if (!couples(joints[at(j)].kind)) continue;
+    if (!couples(joints[j].kind)) continue;
     couplings.resize(joints.size());
-    couplings[at(j)] = terms_of(at(j));
+    couplings[j] = terms_of(to_index(j));
   }
-  std::vector<char> open;
+  List<char> open;
   parts->open_points = open_points;
   for (const int j : open_points) {
     open.resize(joints.size());
-    open[at(j)] = 1;
+    open[j] = 1;
   }
   const bool has_events = method_for(parts->nature, options) == Method::kEventDriven;
   IslandMotion motion =
@@ -300,13 +296,13 @@ void World::Impl::compile_island(IslandParts* parts, const std::vector<int>& ope
                  : IslandMotion(EquationsOfMotion(parts->members.joints, joints, joint_ends, masses,
                                                   couplings, {}, open));
   const EquationsOfMotion& equations = motion.equations();
-  const std::vector<int>& held = equations.bodies();
+  const List<int>& held = equations.bodies();
   parts->turning_freely.clear();
   for (std::size_t i = equations.rotating(); i < held.size(); ++i)
-    if (masses[at(held[i])].can_turn()) parts->turning_freely.push_back(held[i]);
+    if (masses[held[i]].can_turn()) parts->turning_freely.push_back(held[i]);
   parts->is_stale = false;
   if (parts->motion >= 0) {
-    motions[at(parts->motion)] = std::move(motion);
+    motions[parts->motion] = std::move(motion);
     return;
   }
   parts->motion = static_cast<int>(motions.size());

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 
+#include "engine/math/list.h"
 #include "engine/methods/contact_events.h"
 #include "engine/methods/elastic_spheres.h"
 #include "engine/narrowphase.h"
@@ -12,8 +13,6 @@ namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 ContactState state_of(const ContactEquations::Contact& contact) {
   if (contact.acts == ContactEquations::Acts::kOpen || contact.friction == 0.0)
@@ -26,7 +25,7 @@ ContactState state_of(const ContactEquations::Contact& contact) {
 /// can be, to the nearest one; else to one of its own.
 std::size_t place_of(const Vector3d& position, const TouchingPair& pair) {
   constexpr double kSame = 1e-9;  // [m]
-  const auto count = at(pair.manifold.count);
+  const auto count = to_index(pair.manifold.count);
   std::size_t nearest = count;
   double distance = count < pair.manifold.points.size() ? kSame : HUGE_VAL;
   for (std::size_t k = 0; k < count; ++k) {
@@ -56,8 +55,9 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pa
       const ContactFeature& feature = has_moved_on ? contact.touched : contact.feature;
       const ContactMotion now = equations.motion(contact, feature);
       const Vector3d position = is_swapped ? now.p : Vector3d(now.p - now.gap * now.n);
-      const std::size_t k = of.is_of_boxes() ? place_of(position, pair) : at(pair.manifold.count);
-      if (k < at(pair.manifold.count)) {
+      const std::size_t k =
+          of.is_of_boxes() ? place_of(position, pair) : to_index(pair.manifold.count);
+      if (k < to_index(pair.manifold.count)) {
         pair.impulses[k] += sign * contact.impulse;
         continue;
       }
@@ -77,8 +77,8 @@ TouchingPair contacts_of(const ContactEvents& by_events, const ContactEvents::Pa
 // Their contacts are not those of impulses.
 void World::Impl::take_out_group_contacts() {
   const auto is_of_group = [&](const TouchingPair& pair) {
-    const int island = std::max(island_of[at(pair.a)], island_of[at(pair.b)]);
-    return is_in_group(at(island)) && !contact_groups[at(group_of[at(island)])].has_failed;
+    const int island = std::max(island_of[pair.a], island_of[pair.b]);
+    return is_in_group(to_index(island)) && !contact_groups[group_of[island]].has_failed;
   };
   touching.erase(std::remove_if(touching.begin(), touching.end(), is_of_group), touching.end());
 }
@@ -94,32 +94,32 @@ void World::Impl::tell_contact_groups(const JointStep& step) {
     const ContactEvents& by_events = *group.events.get();
     const ContactEquations& equations = by_events.equations();
     const auto joint_of = [&](std::size_t coordinate) {
-      return at(equations.joints[equations.coordinates[coordinate].joint].index);
+      return to_index(equations.joints[equations.coordinates[coordinate].joint].index);
     };
     const auto body_of = [&](std::size_t place) { return equations.bodies[place].index; };
     for (const ContactEvents::Told& told : by_events.told()) {
       const double t = std::min(told.time, span_ends.back());  // to rounding after the tick
       if (told.joint >= 0) {
-        const std::size_t j = at(equations.joints[at(told.joint)].index);
+        const std::size_t j = to_index(equations.joints[told.joint].index);
         events.push_back({told.kind, t, joints[j].body_a, joints[j].body_b, joint_ids[j]});
         continue;
       }
       if (told.pair < 0) {
-        const std::size_t j = joint_of(at(told.coordinate));
-        const OneSidedLaw& law = equations.coordinates[at(told.coordinate)].law;
+        const std::size_t j = joint_of(to_index(told.coordinate));
+        const OneSidedLaw& law = equations.coordinates[told.coordinate].law;
         events.push_back({told.kind, t, joints[j].body_a, joints[j].body_b, joint_ids[j],
                           law.is_distance ? -1 : law.coordinate, told.impulse});
         continue;
       }
-      const ContactEvents::Pair& pair = by_events.pairs()[at(told.pair)];
-      events.push_back({told.kind, t, body_ids[at(body_of(pair.a))], body_ids[at(body_of(pair.b))],
+      const ContactEvents::Pair& pair = by_events.pairs()[told.pair];
+      events.push_back({told.kind, t, body_ids[body_of(pair.a)], body_ids[body_of(pair.b)],
                         std::nullopt, -1, told.impulse});
     }
     for (std::size_t c = 0; c < equations.coordinates.size(); ++c)
       by_events.write(c, &joint_states[joint_of(c)]);
     for (const ContactEquations::BodyJoint& joint : equations.joints) {
-      if (joint.is_broken) joint_states[at(joint.index)].broken = true;
-      read_smooth_joint(at(joint.index), step, joint.impulse, 0.0);
+      if (joint.is_broken) joint_states[joint.index].broken = true;
+      read_smooth_joint(to_index(joint.index), step, joint.impulse, 0.0);
     }
     add_group_contacts(by_events);
   }
@@ -135,10 +135,10 @@ void World::Impl::add_group_contacts(const ContactEvents& by_events) {
 }
 
 void World::Impl::add_group_contact(TouchingPair pair) {
-  pair.id_a = body_ids[at(pair.a)];
-  pair.id_b = body_ids[at(pair.b)];
+  pair.id_a = body_ids[pair.a];
+  pair.id_b = body_ids[pair.b];
   report.contacts += static_cast<std::uint32_t>(pair.manifold.count);
-  for (std::size_t k = 0; k < at(pair.manifold.count); ++k)
+  for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k)
     report.max_penetration = std::max(report.max_penetration, pair.manifold.points[k].depth);
   touching.push_back(pair);
 }
@@ -151,20 +151,19 @@ void World::Impl::tell_spheres(const ElasticSpheres& spheres) {
     Vector3d& sum = impulses.emplace(std::pair(a, b), Vector3d::Zero()).first->second;
     sum += hit.a == a ? hit.impulse : Vector3d(-hit.impulse);
     const double size = hit.impulse.norm();
-    events.push_back({EventKind::kContactBegan, hit.time, body_ids[at(a)], body_ids[at(b)],
-                      std::nullopt, -1, size});
-    events.push_back({EventKind::kContactEnded, hit.time, body_ids[at(a)], body_ids[at(b)],
-                      std::nullopt, -1, 0.0});
+    events.push_back(
+        {EventKind::kContactBegan, hit.time, body_ids[a], body_ids[b], std::nullopt, -1, size});
+    events.push_back(
+        {EventKind::kContactEnded, hit.time, body_ids[a], body_ids[b], std::nullopt, -1, 0.0});
   }
   for (const auto& [ends, impulse] : impulses) {
     TouchingPair pair;
     pair.a = ends.first;
     pair.b = ends.second;
-    const PlacedShape a(bodies[at(pair.a)], states[at(pair.a)]),
-        b(bodies[at(pair.b)], states[at(pair.b)]);
+    const PlacedShape a(bodies[pair.a], states[pair.a]), b(bodies[pair.b], states[pair.b]);
     const Separation now = separation(a.shape(), a.state(), b.shape(), b.state());
-    const auto* of_a = std::get_if<Sphere>(&bodies[at(pair.a)].shape);
-    const auto* of_b = std::get_if<Sphere>(&bodies[at(pair.b)].shape);
+    const auto* of_a = std::get_if<Sphere>(&bodies[pair.a].shape);
+    const auto* of_b = std::get_if<Sphere>(&bodies[pair.b].shape);
     pair.manifold.count = 1;
     pair.manifold.normal = now.normal;
     pair.manifold.points[0] = {
@@ -179,7 +178,7 @@ void World::Impl::tell_spheres(const ElasticSpheres& spheres) {
 
 // the first one tells those of all
 std::uint32_t World::Impl::events_of_group(std::size_t island) const {
-  const ContactGroup& group = contact_groups[at(group_of[island])];
+  const ContactGroup& group = contact_groups[group_of[island]];
   if (group.islands.front() != static_cast<int>(island)) return 0;
   return group.spheres != nullptr ? static_cast<std::uint32_t>(group.spheres->hits().size())
                                   : group.events->events();
@@ -187,7 +186,7 @@ std::uint32_t World::Impl::events_of_group(std::size_t island) const {
 
 // the same of what moves by itself and touches them
 double World::Impl::driven_work_of_group(std::size_t island) const {
-  const ContactGroup& group = contact_groups[at(group_of[island])];
+  const ContactGroup& group = contact_groups[group_of[island]];
   if (group.islands.front() != static_cast<int>(island) || group.spheres != nullptr) return 0.0;
   return group.events->driven_work();
 }

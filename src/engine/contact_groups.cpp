@@ -5,11 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/constraints/contact.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/fast_bodies.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/contact_events.h"
 #include "engine/methods/elastic_spheres.h"
 #include "engine/narrowphase.h"
@@ -38,8 +39,6 @@ const Few& few(const WorldOptions& options) {
   return options.method == Method::kAuto ? kChosen : kAskedFor;
 }
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 /// Whether events carry what acts of a joint beside contacts.
 bool can_be_beside_contacts(const Joint& joint) {
   if (couples(joint.kind) || is_custom(joint.kind) || !is_switchable(joint)) return false;
@@ -47,11 +46,10 @@ bool can_be_beside_contacts(const Joint& joint) {
 }
 
 /// Adds the coordinates of a joint of `equations` on which something acts.
-void add_coordinates(std::size_t j, std::vector<OneSidedLaw>* of_joint,
-                     ContactEquations* equations) {
+void add_coordinates(std::size_t j, List<OneSidedLaw>* of_joint, ContactEquations* equations) {
   ContactEquations::BodyJoint& of = equations->joints[j];
   const Joint& joint = of.joint;
-  std::vector<OneSidedLaw>& laws = *of_joint;
+  List<OneSidedLaw>& laws = *of_joint;
   laws.clear();
   add_one_sided_laws(joint, j, &laws);
   const auto add = [&](const OneSidedLaw& law) -> ContactEquations::Coordinate& {
@@ -74,7 +72,7 @@ void add_coordinates(std::size_t j, std::vector<OneSidedLaw>* of_joint,
   }
   const JointKindInfo& kind = info(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i) {
-    const CoordinateLaw& from = joint.coordinates[at(i)];
+    const CoordinateLaw& from = joint.coordinates[i];
     const auto found = std::find_if(laws.begin(), laws.end(),
                                     [&](const OneSidedLaw& law) { return law.coordinate == i; });
     OneSidedLaw law;
@@ -82,7 +80,7 @@ void add_coordinates(std::size_t j, std::vector<OneSidedLaw>* of_joint,
       law = *found;
     } else {
       law.coordinate = i;
-      law.form = kind.coordinate[at(i)];
+      law.form = kind.coordinate[i];
       law.zero = from.zero;
       law.function = kind.rows + i;
       law.soft = soft_law(from);
@@ -97,8 +95,8 @@ void add_coordinates(std::size_t j, std::vector<OneSidedLaw>* of_joint,
 
 /// What is known of a pair from the step before: whether it touched, and whether friction was
 /// within its cone anywhere. `mass`: what takes the impulses.
-void note_step_before(const std::vector<TouchingPair>& before, std::pair<int, int> ends,
-                      double mass, ContactEvents::Pair* pair) {
+void note_step_before(const List<TouchingPair>& before, std::pair<int, int> ends, double mass,
+                      ContactEvents::Pair* pair) {
   constexpr double kAtCone = 1e-6;
   constexpr double kRounding = 1e-12;  // [m/s]
   const auto found = std::lower_bound(
@@ -106,7 +104,7 @@ void note_step_before(const std::vector<TouchingPair>& before, std::pair<int, in
       [](const TouchingPair& l, const std::pair<int, int>& r) { return l.ends() < r; });
   if (found == before.end() || found->ends() != ends) return;
   pair->touched = true;
-  for (std::size_t k = 0; k < at(found->manifold.count); ++k) {
+  for (std::size_t k = 0; k < to_index(found->manifold.count); ++k) {
     const double normal = found->impulses[k].dot(found->manifold.normal);
     const double along = (found->impulses[k] - normal * found->manifold.normal).norm();
     const double most = (1.0 - kAtCone) * pair->friction * std::abs(normal);
@@ -126,12 +124,12 @@ bool World::Impl::follows_contacts() const { return engine::follows_contacts(opt
 std::size_t World::Impl::most_bodies_of_group() const { return few(options).bodies; }
 
 // Islands that pairs connect, directly or by others, as grow_reach() has found them.
-void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near) {
+void World::Impl::find_contact_groups(const List<Broadphase::Pair>& near) {
   clear_contact_groups();
   if (!follows_contacts() || near.empty() || watched_pairs.empty()) return;
   for (const auto& [pair, gap] : watched_pairs) {
-    const int island = std::max(island_of[at(pair.first)], island_of[at(pair.second)]);
-    GroupSize& size = group_sizes[at(leader_of[at(island)])];
+    const int island = std::max(island_of[pair.first], island_of[pair.second]);
+    GroupSize& size = group_sizes[leader_of[island]];
     if (!(is_few(size) || size.is_elastic))
       size.left_for = MethodReason::kManyContacts;
     else if (size.overlaps && !size.is_settled)
@@ -144,11 +142,11 @@ void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near)
       group.is_elastic = size.is_elastic;
       group.closes = size.overlaps;
     }
-    contact_groups[at(size.group)].pairs.push_back(pair);
+    contact_groups[size.group].pairs.push_back(pair);
   }
   for (const int i : awake_islands) {
-    const int group = group_sizes[at(leader_of[at(i)])].group;
-    if (group >= 0) contact_groups[at(group)].islands.push_back(i);
+    const int group = group_sizes[leader_of[i]].group;
+    if (group >= 0) contact_groups[group].islands.push_back(i);
   }
   std::size_t kept = 0;
   for (std::size_t g = 0; g < contact_groups.size(); ++g) {
@@ -159,7 +157,7 @@ void World::Impl::find_contact_groups(const std::vector<Broadphase::Pair>& near)
   clear_contact_groups(kept);
   group_of.assign(islands.size(), -1);
   for (std::size_t g = 0; g < contact_groups.size(); ++g)
-    for (const int i : contact_groups[g].islands) group_of[at(i)] = static_cast<int>(g);
+    for (const int i : contact_groups[g].islands) group_of[i] = static_cast<int>(g);
 }
 
 // those that were handed over come back when there are fewer, so that they do not come and go
@@ -172,7 +170,7 @@ bool World::Impl::is_few(const GroupSize& size) const {
 // Whether an overlap is what impulses leave at rest, or less, and neither grows nor falls fast.
 bool World::Impl::is_settled(const Broadphase::Pair& pair, double gap) const {
   const double h = options.time_step;
-  const std::size_t a = at(pair.first), b = at(pair.second);
+  const std::size_t a = to_index(pair.first), b = to_index(pair.second);
   const double most =
       std::min(kSunkShare * std::min(thickness(bodies[a].shape), thickness(bodies[b].shape)),
                kSunk * h * h * options.gravity.norm());
@@ -181,8 +179,8 @@ bool World::Impl::is_settled(const Broadphase::Pair& pair, double gap) const {
   const Vector3d n = separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).normal;
   double moved = 0.0;
   for (const auto& [body, sign] : {std::pair(pair.first, 1.0), std::pair(pair.second, -1.0)}) {
-    Vector3d v = states[at(body)].linear_velocity;
-    if (any_corrections) v -= corrections[at(body)].head<3>();
+    Vector3d v = states[body].linear_velocity;
+    if (any_corrections) v -= corrections[body].head<3>();
     moved += sign * h * n.dot(v);
   }
   const double turned =
@@ -193,13 +191,13 @@ bool World::Impl::is_settled(const Broadphase::Pair& pair, double gap) const {
 // of an island in contact that is in no group
 MethodReason World::Impl::why_left(std::size_t island) const {
   if (watched_pairs.empty()) return MethodReason::kContact;
-  return group_sizes[at(leader_of[island])].left_for;
+  return group_sizes[leader_of[island]].left_for;
 }
 
 // whether it is in no group, and touches something
 bool World::Impl::is_left_in_contact(std::size_t island) const {
   if (is_in_group(island)) return false;
-  const auto is_of_it = [&](int body) { return island_of[at(body)] == static_cast<int>(island); };
+  const auto is_of_it = [&](int body) { return island_of[body] == static_cast<int>(island); };
   return std::any_of(watched_pairs.begin(), watched_pairs.end(), [&](const auto& watched) {
     const auto& [pair, gap] = watched;
     return gap <= kTouching && (is_of_it(pair.first) || is_of_it(pair.second));
@@ -229,9 +227,9 @@ ContactGroup& World::Impl::add_contact_group() {
 void World::Impl::list_grouped_bodies() {
   grouped_bodies.clear();
   for (const int i : awake_islands)
-    if (islands[at(i)].why == MethodReason::kFewContacts)
-      for (const int body : island_parts[at(i)].members.bodies)
-        grouped_bodies.push_back(body_ids[at(body)]);
+    if (islands[i].why == MethodReason::kFewContacts)
+      for (const int body : island_parts[i].members.bodies)
+        grouped_bodies.push_back(body_ids[body]);
 }
 
 // Whether an island of this kind can be in a group, wherever its bodies are.
@@ -244,7 +242,7 @@ bool World::Impl::suits_group(const IslandMembers& members, MethodReason nature,
       step_count < memory.inconsistent_until)
     return false;
   return std::all_of(members.joints.begin(), members.joints.end(),
-                     [&](int j) { return can_be_beside_contacts(joints[at(j)]); });
+                     [&](int j) { return can_be_beside_contacts(joints[j]); });
 }
 
 // Whether all that an island has can be in a group.
@@ -253,7 +251,7 @@ bool World::Impl::can_be_in_group(std::size_t i) const {
   if (!suits_group(parts.members, parts.nature, parts)) return false;
   const JointStep now = span_from(time(), options.time_step);
   return std::all_of(parts.members.joints.begin(), parts.members.joints.end(), [&](int index) {
-    const std::size_t j = at(index);
+    const std::size_t j = to_index(index);
     JointState state = joint_states[j];
     return !state.closing &&
            (!is_rigid(joints[j]) || fits(joints[j], state_a(j), state_b(j), now, state));
@@ -263,27 +261,27 @@ bool World::Impl::can_be_in_group(std::size_t i) const {
 // The group with its equations; false where it is left to others.
 bool World::Impl::compile_group(ContactGroup* group) {
   for (const int i : group->islands)
-    if (!can_be_in_group(at(i))) return false;
+    if (!can_be_in_group(to_index(i))) return false;
   if (group->is_elastic && !group->closes && compile_spheres(group)) return true;
   if (!group->is_few) return false;
   place_in_group.resize(bodies.size(), -1);
   group->events.make();
   ContactEquations& equations = group->events->equations();
   const bool is_compiled = compile_events(*group);
-  for (const ContactEquations::Body& body : equations.bodies) place_in_group[at(body.index)] = -1;
+  for (const ContactEquations::Body& body : equations.bodies) place_in_group[body.index] = -1;
   return is_compiled && group->events->begin(states, group->closes);
 }
 
 std::size_t World::Impl::add_group_body(int body, ContactEquations* equations) {
-  int& place = place_in_group[at(body)];
+  int& place = place_in_group[body];
   if (place < 0) {
     place = static_cast<int>(equations->bodies.size());
     ContactEquations::Body& added = equations->bodies.emplace_back();
     added.index = body;
-    added.mass = masses[at(body)];
-    added.shape_pose = bodies[at(body)].shape_pose;
+    added.mass = masses[body];
+    added.shape_pose = bodies[body].shape_pose;
   }
-  return at(place);
+  return to_index(place);
 }
 
 // Bodies, joints and pairs of a group.
@@ -292,19 +290,19 @@ bool World::Impl::compile_events(const ContactGroup& group) {
   equations.bodies.clear();
   equations.coordinates.clear();
   for (const int i : group.islands)
-    for (const int body : island_parts[at(i)].members.bodies) add_group_body(body, &equations);
+    for (const int body : island_parts[i].members.bodies) add_group_body(body, &equations);
   equations.movable = equations.bodies.size();
   std::size_t count = 0;
   for (const int i : group.islands) {
-    for (const int index : island_parts[at(i)].members.joints) {
+    for (const int index : island_parts[i].members.joints) {
       if (count == equations.joints.size()) equations.joints.emplace_back();
       ContactEquations::BodyJoint& joint = equations.joints[count];
-      const auto [a, b] = joint_ends[at(index)];
+      const auto [a, b] = joint_ends[index];
       Joint storage = std::move(joint.joint);  // nothing else is left of the step before
       joint = {index, add_group_body(static_cast<int>(a), &equations),
                add_group_body(static_cast<int>(b), &equations), std::move(storage)};
-      joint.joint = joints[at(index)];
-      joint.was_saturated = joint_states_before[at(index)].saturated;
+      joint.joint = joints[index];
+      joint.was_saturated = joint_states_before[index].saturated;
       add_coordinates(count, &group_laws, &equations);
       ++count;
     }
@@ -315,12 +313,12 @@ bool World::Impl::compile_events(const ContactGroup& group) {
 
 bool World::Impl::add_group_pairs(const ContactGroup& group) {
   ContactEquations& equations = group.events->equations();
-  std::vector<ContactEvents::Pair>& pairs = group.events->pairs();
+  List<ContactEvents::Pair>& pairs = group.events->pairs();
   pairs.clear();
   for (auto [a, b] : group.pairs) {
-    if (!has_features(bodies[at(a)].shape, bodies[at(b)].shape)) std::swap(a, b);
-    const Body& body_a = bodies[at(a)];
-    const Body& body_b = bodies[at(b)];
+    if (!has_features(bodies[a].shape, bodies[b].shape)) std::swap(a, b);
+    const Body& body_a = bodies[a];
+    const Body& body_b = bodies[b];
     if (!has_features(body_a.shape, body_b.shape)) return false;
     const ContactSurface surface(body_a, body_b);
     const std::size_t place_a = add_group_body(a, &equations);
@@ -328,7 +326,7 @@ bool World::Impl::add_group_pairs(const ContactGroup& group) {
     pairs.push_back({place_a, place_b, body_a.shape, body_b.shape, surface.friction,
                      surface.restitution, 0, 0,
                      std::min(thickness(body_a.shape), thickness(body_b.shape))});
-    const double mass = 1.0 / (masses[at(a)].inverse_mass + masses[at(b)].inverse_mass);
+    const double mass = 1.0 / (masses[a].inverse_mass + masses[b].inverse_mass);
     note_step_before(touching_before, std::minmax(a, b), mass, &pairs.back());
   }
   return true;
@@ -342,28 +340,28 @@ bool World::Impl::is_elastic_sphere(std::size_t body) const {
 
 // The same of any number of spheres that keep all energy, on planes.
 bool World::Impl::compile_spheres(ContactGroup* group) {
-  std::vector<ElasticSpheres::Sphere> spheres;
+  List<ElasticSpheres::Sphere> spheres;
   for (const int i : group->islands) {
-    const IslandMembers& members = island_parts[at(i)].members;
+    const IslandMembers& members = island_parts[i].members;
     if (!members.joints.empty()) return false;
     const int body = members.bodies.front();
-    const auto is_on_it = [&](const Wrench& wrench) { return wrench.body == body_ids[at(body)]; };
+    const auto is_on_it = [&](const Wrench& wrench) { return wrench.body == body_ids[body]; };
     if (std::any_of(wrenches.begin(), wrenches.end(), is_on_it)) return false;
-    spheres.push_back({body, 1.0 / masses[at(body)].inverse_mass,
-                       std::get<Sphere>(bodies[at(body)].shape).radius});
+    spheres.push_back(
+        {body, 1.0 / masses[body].inverse_mass, std::get<Sphere>(bodies[body].shape).radius});
   }
-  std::vector<ElasticSpheres::Plane> planes;
-  std::vector<int> others;
+  List<ElasticSpheres::Plane> planes;
+  List<int> others;
   for (const auto& [a, b] : group->pairs)
     for (const int body : {a, b})
-      if (!is_movable(at(body))) others.push_back(body);
+      if (!is_movable(to_index(body))) others.push_back(body);
   std::sort(others.begin(), others.end());
   others.erase(std::unique(others.begin(), others.end()), others.end());
   for (const int body : others) {
-    if (is_moving_by_itself(at(body)) || !keeps_energy(bodies[at(body)]) ||
-        !std::holds_alternative<Plane>(bodies[at(body)].shape))
+    if (is_moving_by_itself(to_index(body)) || !keeps_energy(bodies[body]) ||
+        !std::holds_alternative<Plane>(bodies[body].shape))
       return false;
-    const BodyState& state = states[at(body)];
+    const BodyState& state = states[body];
     planes.push_back({body, state.orientation * Vector3d::UnitZ(), state.position});
   }
   // where all that can touch is among them, they can meet nothing else however fast they get
@@ -372,8 +370,7 @@ bool World::Impl::compile_spheres(ContactGroup* group) {
   };
   const bool is_all = std::count_if(bodies.begin(), bodies.end(), can_touch) ==
                       static_cast<std::ptrdiff_t>(spheres.size() + planes.size());
-  const double most_speed = is_all ? std::numeric_limits<double>::infinity()
-                                   : reach[at(spheres.front().body)] / options.time_step;
+  const double most_speed = is_all ? kInfinity : reach[spheres.front().body] / options.time_step;
   group->spheres =
       std::make_shared<ElasticSpheres>(std::move(spheres), std::move(planes), most_speed);
   if (group->spheres->begin(states, ContactEvents::kMostOverlap)) return true;
@@ -398,14 +395,13 @@ void World::Impl::advance_contact_groups(const SmoothSpan& part) {
     const IntegrationResult progress =
         group.spheres != nullptr
             ? group.spheres->advance(span, &states)
-            : group.events->advance(span, accuracy_within(std::numeric_limits<double>::infinity()),
-                                    span_from(span.t, span.h), joint_states, most_work_of(group),
-                                    &states);
-    group.has_failed = !note(at(group.islands.front()), progress);
+            : group.events->advance(span, accuracy_within(kInfinity), span_from(span.t, span.h),
+                                    joint_states, most_work_of(group), &states);
+    group.has_failed = !note(to_index(group.islands.front()), progress);
     if (group.islands.size() > 1)  // they exchange energy
-      for (const int i : group.islands) island_parts[at(i)].energy.has_changed = true;
+      for (const int i : group.islands) island_parts[i].energy.has_changed = true;
     if (!group.has_failed) continue;
-    for (const int i : group.islands) refuse_island(at(i), MethodReason::kContactsGivenUp);
+    for (const int i : group.islands) refuse_island(to_index(i), MethodReason::kContactsGivenUp);
   }
 }
 

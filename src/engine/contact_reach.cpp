@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "engine/fast_bodies.h"
+#include "engine/math/list.h"
 #include "engine/methods/contact_events.h"
 #include "engine/narrowphase.h"
 #include "engine/world_impl.h"
@@ -18,8 +19,6 @@ using Eigen::Vector3d;
 
 // Each but the last one has made a group larger or faster; a chain of many more is left as it is.
 constexpr int kMostRounds = 40;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 void widen(double margin, Proxy* proxy) {
   proxy->box.min -= Vector3d::Constant(margin);
@@ -34,15 +33,15 @@ void World::Impl::begin_reach() {
   reach.assign(bodies.size(), 0.0);
   double of_elastic = 0.0;
   for (const int body : moving_shapes) {
-    reach[at(body)] = 2.0 * travel(body, options.time_step) + kTouching;
-    if (is_elastic_sphere(at(body))) of_elastic = std::max(of_elastic, reach[at(body)]);
+    reach[body] = 2.0 * travel(body, options.time_step) + kTouching;
+    if (is_elastic_sphere(to_index(body))) of_elastic = std::max(of_elastic, reach[body]);
   }
   for (const int body : moving_shapes)
-    if (of_elastic > 0.0 && is_elastic_sphere(at(body))) reach[at(body)] = of_elastic;
+    if (of_elastic > 0.0 && is_elastic_sphere(to_index(body))) reach[body] = of_elastic;
   own_reach = reach;
 }
 
-const std::vector<Broadphase::Pair>& World::Impl::find_pairs() {
+const List<Broadphase::Pair>& World::Impl::find_pairs() {
   watched_pairs.clear();
   jointed_pairs.clear();
   if (moving_shapes.empty()) return broadphase.pairs();
@@ -68,7 +67,7 @@ void World::Impl::find_overlapping() {
       sweep(options.time_step, &proxies.back());
       ++fast;
     }
-    if (follows_contacts()) widen(reach[at(body)], &proxies.back());
+    if (follows_contacts()) widen(reach[body], &proxies.back());
   }
   report.candidate_pairs = static_cast<std::uint32_t>(broadphase.find_pairs(proxies).size());
   report.broadphase_tests += broadphase.tests();
@@ -83,11 +82,11 @@ bool World::Impl::grow_reach() {
   list_group_sizes();
   bool any_grown = false;
   for (const int i : awake_islands) {
-    const GroupSize& size = group_sizes[at(leader_of[at(i)])];
+    const GroupSize& size = group_sizes[leader_of[i]];
     if (!size.has_pairs || !(size.is_elastic || size.bodies <= most_bodies_of_group())) continue;
-    for (const int body : island_parts[at(i)].members.bodies) {
-      if (reach[at(body)] >= size.reach) continue;
-      reach[at(body)] = size.reach;
+    for (const int body : island_parts[i].members.bodies) {
+      if (reach[body] >= size.reach) continue;
+      reach[body] = size.reach;
       any_grown = true;
     }
   }
@@ -96,22 +95,22 @@ bool World::Impl::grow_reach() {
 
 void World::Impl::watch_pairs() {
   watched_pairs.clear();
-  std::vector<int>& leader = leader_of;
+  List<int>& leader = leader_of;
   leader.resize(islands.size());
   std::iota(leader.begin(), leader.end(), 0);
   const auto find = [&](int i) {
-    while (leader[at(i)] != i) i = leader[at(i)] = leader[at(leader[at(i)])];
+    while (leader[i] != i) i = leader[i] = leader[leader[i]];
     return i;
   };
   for (const Broadphase::Pair& pair : broadphase.pairs()) {
     const std::optional<double> gap = gap_to_watch(pair);
     if (!gap) continue;
     watched_pairs.push_back({pair, *gap});
-    const int a = island_of[at(pair.first)], b = island_of[at(pair.second)];
-    if (a >= 0 && b >= 0) leader[at(std::max(find(a), find(b)))] = std::min(find(a), find(b));
+    const int a = island_of[pair.first], b = island_of[pair.second];
+    if (a >= 0 && b >= 0) leader[std::max(find(a), find(b))] = std::min(find(a), find(b));
   }
   if (watched_pairs.empty()) return;
-  for (int i = 0; i < static_cast<int>(islands.size()); ++i) leader[at(i)] = find(i);
+  for (int i = 0; i < static_cast<int>(islands.size()); ++i) leader[i] = find(i);
 }
 
 // How many there are of what could be a group, by its first island: most of what touches in a heap
@@ -119,33 +118,33 @@ void World::Impl::watch_pairs() {
 void World::Impl::list_group_sizes() {
   group_sizes.assign(islands.size(), GroupSize{});
   for (const auto& [pair, gap] : watched_pairs) {
-    const int island = std::max(island_of[at(pair.first)], island_of[at(pair.second)]);
-    GroupSize& size = group_sizes[at(leader_of[at(island)])];
+    const int island = std::max(island_of[pair.first], island_of[pair.second]);
+    GroupSize& size = group_sizes[leader_of[island]];
     size.has_pairs = true;
     for (const int body : {pair.first, pair.second})  // one that moves by itself may hit the others
-      if (!is_movable(at(body))) size.reach = std::max(size.reach, reach[at(body)]);
+      if (!is_movable(to_index(body))) size.reach = std::max(size.reach, reach[body]);
     // others are there only for what may be driven at them
-    if (gap <= own_reach[at(pair.first)] + own_reach[at(pair.second)])
+    if (gap <= own_reach[pair.first] + own_reach[pair.second])
       size.points +=
-          ContactEvents::most_points(bodies[at(pair.first)].shape, bodies[at(pair.second)].shape);
+          ContactEvents::most_points(bodies[pair.first].shape, bodies[pair.second].shape);
     if (gap >= -ContactEvents::kMostOverlap) continue;
     size.overlaps = true;
     size.is_settled = size.is_settled && is_settled(pair, gap);
   }
   for (const int i : awake_islands) {
-    GroupSize& size = group_sizes[at(leader_of[at(i)])];
-    size.was_handed = size.was_handed || island_parts[at(i)].left_for != MethodReason::kSmooth;
-    const std::vector<int>& members = island_parts[at(i)].members.bodies;
+    GroupSize& size = group_sizes[leader_of[i]];
+    size.was_handed = size.was_handed || island_parts[i].left_for != MethodReason::kSmooth;
+    const List<int>& members = island_parts[i].members.bodies;
     size.bodies += members.size();
     size.is_elastic =
-        size.is_elastic && members.size() == 1 && is_elastic_sphere(at(members.front()));
-    for (const int body : members) size.reach = std::max(size.reach, reach[at(body)]);
+        size.is_elastic && members.size() == 1 && is_elastic_sphere(to_index(members.front()));
+    for (const int body : members) size.reach = std::max(size.reach, reach[body]);
   }
 }
 
 double World::Impl::gap_of(const Broadphase::Pair& pair) const {
   const auto [a, b] = pair;
-  const PlacedShape of_a(bodies[at(a)], states[at(a)]), of_b(bodies[at(b)], states[at(b)]);
+  const PlacedShape of_a(bodies[a], states[a]), of_b(bodies[b], states[b]);
   return separation(of_a.shape(), of_a.state(), of_b.shape(), of_b.state()).gap;
 }
 
@@ -160,8 +159,8 @@ double World::Impl::least_gap(std::size_t a, std::size_t b) const {
 
 // the gap of a pair that may touch within the step
 std::optional<double> World::Impl::gap_to_watch(const Broadphase::Pair& pair) const {
-  const double most = reach[at(pair.first)] + reach[at(pair.second)];
-  if (least_gap(at(pair.first), at(pair.second)) > most ||
+  const double most = reach[pair.first] + reach[pair.second];
+  if (least_gap(to_index(pair.first), to_index(pair.second)) > most ||
       std::binary_search(unpaired.begin(), unpaired.end(), pair))
     return std::nullopt;
   const double gap = gap_of(pair);
@@ -172,9 +171,9 @@ std::optional<double> World::Impl::gap_to_watch(const Broadphase::Pair& pair) co
 // what sleeps and may be touched is awake
 bool World::Impl::wake_approached() {
   for (const auto& [pair, gap] : watched_pairs) {
-    if (!(asleep[at(pair.first)] || asleep[at(pair.second)])) continue;
-    wake(at(pair.first));
-    wake(at(pair.second));
+    if (!(asleep[pair.first] || asleep[pair.second])) continue;
+    wake(to_index(pair.first));
+    wake(to_index(pair.second));
   }
   return any_waking;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "engine/math/list.h"
 #include "engine/narrowphase.h"
 #include "engine/world_impl.h"
 
@@ -10,22 +11,19 @@ namespace {
 
 using Eigen::Vector3d;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 }  // namespace
 
 // ---- 1. broadphase
 
 Proxy World::Impl::proxy(int body) const {
-  const auto i = at(body);
+  const auto i = to_index(body);
   const PlacedShape placed(bodies[i], states[i]);
   return {bounds(placed.shape(), placed.state()), body, is_movable(i)};
 }
 
 // ---- 2. narrowphase
 
-const std::vector<TouchingPair>& World::Impl::find_contacts(
-    const std::vector<Broadphase::Pair>& near) {
+const List<TouchingPair>& World::Impl::find_contacts(const List<Broadphase::Pair>& near) {
   if (near.empty() && touching.empty() && touching_before.empty() && contact_groups.empty())
     return touching;
   collide_pairs(near);
@@ -42,7 +40,7 @@ const std::vector<TouchingPair>& World::Impl::find_contacts(
   return touching;
 }
 
-void World::Impl::collide_pairs(const std::vector<Broadphase::Pair>& near) {
+void World::Impl::collide_pairs(const List<Broadphase::Pair>& near) {
   std::swap(touching, touching_before);
   contacts_are_new = true;
   touching.clear();
@@ -53,12 +51,12 @@ void World::Impl::collide_pairs(const std::vector<Broadphase::Pair>& near) {
   for (const Broadphase::Pair& ends : near) {
     if (std::binary_search(unpaired.begin(), unpaired.end(), ends)) continue;
     if (is_set(stop)) return;
-    const auto a = at(ends.first);
-    const auto b = at(ends.second);
+    const auto a = to_index(ends.first);
+    const auto b = to_index(ends.second);
     const Manifold manifold =
         collide(PlacedShape(bodies[a], states[a]), PlacedShape(bodies[b], states[b]));
     if (manifold.count == 0) continue;
-    points += at(manifold.count);
+    points += to_index(manifold.count);
     if (points > kMostContacts) fail(Failure::kTooManyContacts);
 
     TouchingPair& pair = touching.emplace_back();
@@ -70,14 +68,14 @@ void World::Impl::collide_pairs(const std::vector<Broadphase::Pair>& near) {
     while (before != touching_before.end() && before->ends() < ends) ++before;
     const bool known =
         options.warm_starting && before != touching_before.end() && before->ends() == ends;
-    for (std::size_t k = 0; k < at(manifold.count); ++k)
+    for (std::size_t k = 0; k < to_index(manifold.count); ++k)
       pair.impulses[k] =
           known ? before->impulse_of(manifold.points[k].feature) : Vector3d(Vector3d::Zero());
   }
 }
 
 Vector3d TouchingPair::impulse_of(std::uint32_t feature) const {
-  for (std::size_t k = 0; k < at(manifold.count); ++k)
+  for (std::size_t k = 0; k < to_index(manifold.count); ++k)
     if (manifold.points[k].feature == feature) return impulses[k];
   return Vector3d::Zero();
 }
@@ -90,7 +88,7 @@ void World::Impl::tell_contacts() {
 }
 
 void World::Impl::add_contacts(const TouchingPair& pair) {
-  for (std::size_t k = 0; k < at(pair.manifold.count); ++k) {
+  for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
     const Manifold::Point& point = pair.manifold.points[k];
     const Vector3d force = pair.impulses[k] / options.time_step;
     const double normal_force = pair.impulses[k].dot(pair.manifold.normal) / options.time_step;

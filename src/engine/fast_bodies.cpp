@@ -8,8 +8,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/narrowphase.h"
 #include "engine/world_impl.h"
 
@@ -18,14 +19,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNear = 1e-9;      // of it, within which a hit happens
 constexpr double kInstant = 1e-9;   // of a step, that a hit takes
 constexpr double kMostTurn = 0.5;   // [rad] of a body in a part of a step
 constexpr int kMostAdvances = 100;  // towards one hit
 constexpr int kMostLegs = 1000;     // parts of a step
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 struct Thickness {
   double operator()(const Point&) const { return kInfinity; }
@@ -67,10 +65,8 @@ double fastest_turn(const BodyState& state, const MassProperties& mass) {
   return 1.1 * w * mass.inertia.maxCoeff() / mass.inertia.minCoeff();
 }
 
-bool in_order(const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); }
-
 /// The contact of a pair in a list that is sorted; null where there is none.
-const TouchingPair* find(const std::vector<TouchingPair>& pairs, const std::pair<int, int>& ends) {
+const TouchingPair* find(const List<TouchingPair>& pairs, const std::pair<int, int>& ends) {
   const auto found =
       std::lower_bound(pairs.begin(), pairs.end(), ends,
                        [](const TouchingPair& pair, const std::pair<int, int>& wanted) {
@@ -102,7 +98,7 @@ void World::Impl::find_fast_speed() {
 }
 
 bool World::Impl::is_fast(int body) const {
-  const BodyState& state = states[at(body)];
+  const BodyState& state = states[body];
   if (state.linear_velocity.squaredNorm() > fast_square) return true;
   return !state.angular_velocity.isZero(0.0) &&
          travel(body, options.time_step) > kFastShare * thinnest;
@@ -110,28 +106,27 @@ bool World::Impl::is_fast(int body) const {
 
 // the most that a body's centre moves by
 double World::Impl::way(int body, double duration) const {
-  const double fall = is_movable(at(body)) ? duration * options.gravity.norm() : 0.0;
-  return duration * (states[at(body)].linear_velocity.norm() + fall);
+  const double fall = is_movable(to_index(body)) ? duration * options.gravity.norm() : 0.0;
+  return duration * (states[body].linear_velocity.norm() + fall);
 }
 
 // the most that a point of a body moves by
 double World::Impl::travel(int body, double duration) const {
-  const BodyState& state = states[at(body)];
+  const BodyState& state = states[body];
   if (state.angular_velocity.isZero(0.0)) return way(body, duration);
-  return way(body, duration) +
-         duration * state.angular_velocity.norm() * reach_of(bodies[at(body)]);
+  return way(body, duration) + duration * state.angular_velocity.norm() * reach_of(bodies[body]);
 }
 
 // whether two bodies move against each other by more than a share of the thinner one
 bool World::Impl::is_fast(const Broadphase::Pair& pair, double duration) const {
   const auto [a, b] = pair;
-  const double thinner = std::min(thickness(bodies[at(a)].shape), thickness(bodies[at(b)].shape));
+  const double thinner = std::min(thickness(bodies[a].shape), thickness(bodies[b].shape));
   return travel(a, duration) + travel(b, duration) > kFastShare * thinner;
 }
 
 // The same, whatever it bounces off: however fast it turns, it stays within its reach.
 double World::Impl::swept(int body, double duration) const {
-  return std::min(travel(body, duration), way(body, duration) + reach_of(bodies[at(body)]));
+  return std::min(travel(body, duration), way(body, duration) + reach_of(bodies[body]));
 }
 
 // Everywhere that a body gets to in a time.
@@ -147,8 +142,8 @@ void World::Impl::sweep(double duration, Proxy* proxy) const {
 // between two shapes keeps them apart as long as they do not close the gap along its normal.
 std::optional<double> World::Impl::time_of_hit(const Broadphase::Pair& pair,
                                                double duration) const {
-  const std::size_t i = at(pair.first);
-  const std::size_t j = at(pair.second);
+  const std::size_t i = to_index(pair.first);
+  const std::size_t j = to_index(pair.second);
   const Vector3d none = Vector3d::Zero();
   const Vector3d g_i = is_movable(i) ? options.gravity : none;
   const Vector3d g_j = is_movable(j) ? options.gravity : none;
@@ -181,7 +176,7 @@ bool World::Impl::is_touching(const Broadphase::Pair& pair) const {
 }
 
 // Adds pairs without points, of fast bodies that hit something and of all that they may hit then.
-void World::Impl::find_hits(const std::vector<Broadphase::Pair>& near) {
+void World::Impl::find_hits(const List<Broadphase::Pair>& near) {
   const double h = options.time_step;
   list_jointed_pairs(near);
   // boxes are wider for groups by events
@@ -190,27 +185,27 @@ void World::Impl::find_hits(const std::vector<Broadphase::Pair>& near) {
            !std::binary_search(unpaired.begin(), unpaired.end(), pair) &&
            (!follows_contacts() || gap_of(pair) <= swept(pair.first, h) + swept(pair.second, h));
   };
-  std::vector<bool> hits_something(bodies.size());
+  List<bool> hits_something(bodies.size());
   bool any = false;
   for (const Broadphase::Pair& pair : near) {
     if (!is_open(pair) || !time_of_hit(pair, h)) continue;
     any = true;
     for (const int body : {pair.first, pair.second})
-      if (is_movable(at(body))) hits_something[at(body)] = true;
+      if (is_movable(to_index(body))) hits_something[body] = true;
   }
   if (!any) return;
-  std::vector<TouchingPair> found;
+  List<TouchingPair> found;
   for (const Broadphase::Pair& pair : near) {
-    if (!hits_something[at(pair.first)] && !hits_something[at(pair.second)]) continue;
+    if (!hits_something[pair.first] && !hits_something[pair.second]) continue;
     if (!is_open(pair)) continue;
     TouchingPair& hit = found.emplace_back();
     hit.a = pair.first;
     hit.b = pair.second;
-    hit.id_a = body_ids[at(pair.first)];
-    hit.id_b = body_ids[at(pair.second)];
+    hit.id_a = body_ids[pair.first];
+    hit.id_b = body_ids[pair.second];
   }
   touching.insert(touching.end(), found.begin(), found.end());
-  std::sort(touching.begin(), touching.end(), in_order);
+  std::sort(touching.begin(), touching.end(), TouchingPair::in_order);
 }
 
 // ---- the group
@@ -223,14 +218,13 @@ bool World::Impl::is_any_about_to_hit() const {
 
 // from the pairs that hit to all that contacts and joints connect with them
 void World::Impl::find_fast_group(const Carried& by_method) {
-  std::vector<bool>& is_member = fast_group.is_member;
+  List<bool>& is_member = fast_group.is_member;
   is_member.assign(bodies.size(), false);
   bool spreads = false;
   const auto join = [&](int body) {
-    if (!is_movable(at(body)) || is_member[at(body)]) return;
+    if (!is_movable(to_index(body)) || is_member[body]) return;
     spreads = true;
-    for (const int other : island_parts[at(island_of[at(body)])].members.bodies)
-      is_member[at(other)] = true;
+    for (const int other : island_parts[island_of[body]].members.bodies) is_member[other] = true;
   };
   for (const TouchingPair& pair : touching) {
     if (time_to_watch(pair) >= options.time_step) continue;
@@ -240,8 +234,8 @@ void World::Impl::find_fast_group(const Carried& by_method) {
   while (spreads) {
     spreads = false;
     for (const TouchingPair& pair : touching) {
-      if (is_member[at(pair.a)]) join(pair.b);
-      if (is_member[at(pair.b)]) join(pair.a);
+      if (is_member[pair.a]) join(pair.b);
+      if (is_member[pair.b]) join(pair.a);
     }
   }
   for (FastGroup* group : {&fast_group, &slow_group}) {
@@ -249,29 +243,29 @@ void World::Impl::find_fast_group(const Carried& by_method) {
     group->joints.clear();
   }
   for (const int body : by_method.impulse_bodies)
-    (is_member[at(body)] ? fast_group : slow_group).bodies.push_back(body);
+    (is_member[body] ? fast_group : slow_group).bodies.push_back(body);
   for (const int j : by_method.impulse_joints) {
-    const auto [a, b] = joint_ends[at(j)];
+    const auto [a, b] = joint_ends[j];
     (is_member[is_movable(a) ? a : b] ? fast_group : slow_group).joints.push_back(j);
   }
 }
 
 // Pairs that may touch in a time, of the group with itself and with what does not move.
-std::vector<Broadphase::Pair> World::Impl::pairs_of_group(double duration, bool* is_any_left) {
-  const std::vector<bool>& is_member = fast_group.is_member;
+List<Broadphase::Pair> World::Impl::pairs_of_group(double duration, bool* is_any_left) {
+  const List<bool>& is_member = fast_group.is_member;
   proxies.clear();
   for (const int body : moving_shapes) {
     proxies.push_back(proxy(body));
-    if (is_member[at(body)] || !is_movable(at(body))) sweep(duration, &proxies.back());
+    if (is_member[body] || !is_movable(to_index(body))) sweep(duration, &proxies.back());
   }
-  std::vector<Broadphase::Pair> pairs;
+  List<Broadphase::Pair> pairs;
   for (const Broadphase::Pair& pair : broadphase.find_pairs(proxies)) {
-    const bool has_a = is_member[at(pair.first)];
-    const bool has_b = is_member[at(pair.second)];
+    const bool has_a = is_member[pair.first];
+    const bool has_b = is_member[pair.second];
     if (!has_a && !has_b) continue;
     if (std::binary_search(unpaired.begin(), unpaired.end(), pair)) continue;
     const int other = has_a ? pair.second : pair.first;
-    if (has_a != has_b && is_movable(at(other)))
+    if (has_a != has_b && is_movable(to_index(other)))
       *is_any_left = *is_any_left || (is_fast(pair, duration) && time_of_hit(pair, duration));
     else
       pairs.push_back(pair);
@@ -281,13 +275,13 @@ std::vector<Broadphase::Pair> World::Impl::pairs_of_group(double duration, bool*
 }
 
 // Finds the contacts of the group, those about to hit among them, and says whether any is a hit.
-bool World::Impl::collide_group(const std::vector<Broadphase::Pair>& near, double left) {
-  const std::vector<TouchingPair> before = std::move(touching);
+bool World::Impl::collide_group(const List<Broadphase::Pair>& near, double left) {
+  const List<TouchingPair> before = std::move(touching);
   touching.clear();
   bool any_hit = false;
   for (const Broadphase::Pair& ends : near) {
-    const std::size_t a = at(ends.first);
-    const std::size_t b = at(ends.second);
+    const std::size_t a = to_index(ends.first);
+    const std::size_t b = to_index(ends.second);
     const double thinner = std::min(thickness(bodies[a].shape), thickness(bodies[b].shape));
     const Manifold manifold =
         collide(PlacedShape(bodies[a], states[a]), PlacedShape(bodies[b], states[b]),
@@ -300,7 +294,7 @@ bool World::Impl::collide_group(const std::vector<Broadphase::Pair>& near, doubl
     pair.id_b = body_ids[b];
     pair.manifold = manifold;
     const TouchingPair* known = options.warm_starting ? find(before, ends) : nullptr;
-    for (std::size_t k = 0; k < at(manifold.count); ++k)
+    for (std::size_t k = 0; k < to_index(manifold.count); ++k)
       pair.impulses[k] = known != nullptr ? known->impulse_of(manifold.points[k].feature)
                                           : Vector3d::Zero().eval();
     any_hit = any_hit || is_hit(pair, left);
@@ -313,10 +307,10 @@ bool World::Impl::collide_group(const std::vector<Broadphase::Pair>& near, doubl
 double World::Impl::time_to_watch(const TouchingPair& pair) const {
   if (pair.manifold.count == 0) return 0.0;
   if (has_joints(pair.ends())) return kInfinity;  // which hold it back: as contacts always had it
-  const BodyState& a = states[at(pair.a)];
-  const BodyState& b = states[at(pair.b)];
-  const Body& body_a = bodies[at(pair.a)];
-  const Body& body_b = bodies[at(pair.b)];
+  const BodyState& a = states[pair.a];
+  const BodyState& b = states[pair.b];
+  const Body& body_a = bodies[pair.a];
+  const Body& body_b = bodies[pair.b];
   const double far = (a.position - b.position).norm();
   const double closing =
       std::max(0.0, -pair.manifold.normal.dot(a.linear_velocity - b.linear_velocity)) +
@@ -327,12 +321,11 @@ double World::Impl::time_to_watch(const TouchingPair& pair) const {
 
 // whether two that touch would move into each other as far as fast ones do
 bool World::Impl::is_hit(const TouchingPair& pair, double duration) const {
-  const BodyState& a = states[at(pair.a)];
-  const BodyState& b = states[at(pair.b)];
-  const double thinner =
-      std::min(thickness(bodies[at(pair.a)].shape), thickness(bodies[at(pair.b)].shape));
+  const BodyState& a = states[pair.a];
+  const BodyState& b = states[pair.b];
+  const double thinner = std::min(thickness(bodies[pair.a].shape), thickness(bodies[pair.b].shape));
   double closing = 0.0;
-  for (std::size_t k = 0; k < at(pair.manifold.count); ++k) {
+  for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
     const Vector3d& p = pair.manifold.points[k].position;
     const Vector3d v = a.linear_velocity + a.angular_velocity.cross(p - a.position) -
                        b.linear_velocity - b.angular_velocity.cross(p - b.position);
@@ -343,7 +336,7 @@ bool World::Impl::is_hit(const TouchingPair& pair, double duration) const {
 
 // Adds the impulses of a part of the step to those before.
 void World::Impl::gather_hits() {
-  std::vector<TouchingPair> all;
+  List<TouchingPair> all;
   for (const TouchingPair& pair : hits)
     if (find(touching, pair.ends()) == nullptr) all.push_back(pair);
   for (const TouchingPair& pair : touching) {
@@ -351,15 +344,15 @@ void World::Impl::gather_hits() {
     const TouchingPair* before = find(hits, pair.ends());
     if (before == nullptr) continue;
     Vector3d sum = Vector3d::Zero();
-    for (std::size_t k = 0; k < at(before->manifold.count); ++k) sum += before->impulses[k];
-    for (std::size_t k = 0; k < at(pair.manifold.count); ++k) {
+    for (std::size_t k = 0; k < to_index(before->manifold.count); ++k) sum += before->impulses[k];
+    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
       const Vector3d same = before->impulse_of(pair.manifold.points[k].feature);
       all.back().impulses[k] += same;
       sum -= same;
     }
     all.back().impulses[0] += sum;  // of points that are no longer there
   }
-  std::sort(all.begin(), all.end(), in_order);
+  std::sort(all.begin(), all.end(), TouchingPair::in_order);
   hits = std::move(all);
 }
 
@@ -368,7 +361,7 @@ void World::Impl::take_hits() {
   for (const TouchingPair& pair : hits)
     report.contacts += static_cast<std::uint32_t>(pair.manifold.count);
   touching.insert(touching.end(), hits.begin(), hits.end());
-  std::sort(touching.begin(), touching.end(), in_order);
+  std::sort(touching.begin(), touching.end(), TouchingPair::in_order);
 }
 
 // ---- the tick of the group
@@ -377,7 +370,7 @@ void World::Impl::take_hits() {
 void World::Impl::advance_group(const Tick& tick, double done, double duration) {
   if (any_corrections) take_out_corrections();
   const double share = duration / options.time_step;
-  std::vector<ActingWrench> wrenches_now;
+  List<ActingWrench> wrenches_now;
   for (ActingWrench wrench : acting_wrenches) {
     if (!fast_group.is_member[wrench.body]) continue;
     wrench.duration *= share;
@@ -393,15 +386,15 @@ void World::Impl::advance_group(const Tick& tick, double done, double duration) 
   report.contacts = contacts_before;  // each is counted once, with the hits
   report.correction_work += sequential_impulses.finish(*this, step, this);
   for (std::size_t k = 0; k < joint_sums.size(); ++k) {
-    const std::size_t j = at(fast_group.joints[k]);
+    const std::size_t j = to_index(fast_group.joints[k]);
     joint_sums[k].add(joints[j], duration, &joint_states[j]);
   }
 }
 
 void World::Impl::advance_fast_group(const Tick& tick) {
-  std::vector<TouchingPair> of_others;
+  List<TouchingPair> of_others;
   const auto is_of_group = [&](const TouchingPair& pair) {
-    return fast_group.is_member[at(pair.a)] || fast_group.is_member[at(pair.b)];
+    return fast_group.is_member[pair.a] || fast_group.is_member[pair.b];
   };
   std::stable_partition(touching.begin(), touching.end(), is_of_group);
   const auto others = std::find_if_not(touching.begin(), touching.end(), is_of_group);
@@ -416,16 +409,16 @@ void World::Impl::advance_fast_group(const Tick& tick) {
   joint_sums.assign(is_on_joints ? fast_group.joints.size() : 0, {});
 
   const double h = options.time_step;
-  const std::vector<BodyState> at_start = states;  // of what moves by itself
+  const List<BodyState> at_start = states;  // of what moves by itself
   bool is_any_left = false, was_hit = false;
   std::uint32_t found = 0;
   double done = 0.0;
-  std::vector<double> ways;
+  List<double> ways;
   for (int leg = 0; done < h && !is_set(stop); ++leg) {
     for (const int body : kinematic)
-      states[at(body)] = moved(at_start[at(body)], MassProperties{}, Vector3d::Zero(), done);
+      states[body] = moved(at_start[body], MassProperties{}, Vector3d::Zero(), done);
     const double left = h - done;
-    const std::vector<Broadphase::Pair> near = pairs_of_group(left, &is_any_left);
+    const List<Broadphase::Pair> near = pairs_of_group(left, &is_any_left);
     ways.clear();
     const bool is_any_hit = collide_group(near, left);
     double duration = left;
@@ -440,8 +433,8 @@ void World::Impl::advance_fast_group(const Tick& tick) {
       duration = std::min(left, kInstant * h);
     } else {
       for (const int body : fast_group.bodies)
-        if (reach_of(bodies[at(body)]) > 0.0)
-          duration = std::min(duration, kMostTurn / states[at(body)].angular_velocity.norm());
+        if (reach_of(bodies[body]) > 0.0)
+          duration = std::min(duration, kMostTurn / states[body].angular_velocity.norm());
       for (const TouchingPair& pair : touching) duration = std::min(duration, time_to_watch(pair));
       for (const Broadphase::Pair& pair : near)
         if (is_fast(pair, duration) && find(touching, pair) == nullptr)
@@ -453,15 +446,15 @@ void World::Impl::advance_fast_group(const Tick& tick) {
     gather_hits();
     done = is_last ? h : done + duration;
   }
-  for (const int body : kinematic) states[at(body)] = at_start[at(body)];
+  for (const int body : kinematic) states[body] = at_start[body];
   for (std::size_t k = 0; k < joint_sums.size(); ++k) {
-    const std::size_t j = at(fast_group.joints[k]);
+    const std::size_t j = to_index(fast_group.joints[k]);
     joint_sums[k].finish(joints[j], state_a(j), state_b(j), h, &joint_states[j]);
   }
   for (TouchingPair& pair : hits)
     for (Manifold::Point& point : pair.manifold.points) point.depth = std::max(point.depth, 0.0);
   report.hits += found;
-  if (is_any_left) report.hits_left_body = body_ids[at(fast_group.bodies.front())];
+  if (is_any_left) report.hits_left_body = body_ids[fast_group.bodies.front()];
   touching = std::move(of_others);
 }
 

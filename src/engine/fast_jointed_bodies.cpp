@@ -5,9 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/fast_bodies.h"
+#include "engine/math/list.h"
 #include "engine/narrowphase.h"
 #include "engine/world_impl.h"
 
@@ -18,8 +18,6 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
 constexpr int kMostPlaces = 20000;  // along a path
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 /// Where a body is within a step, by where it is at both ends and how it moves there: on a cubic,
 /// and turning evenly. At a share s of the step.
@@ -57,13 +55,13 @@ struct Path {
 
 bool World::Impl::has_joints(const Broadphase::Pair& pair) const {
   const auto has = [&](int body) {
-    return is_movable(at(body)) && !island_parts[at(island_of[at(body)])].members.joints.empty();
+    return is_movable(to_index(body)) && !island_parts[island_of[body]].members.joints.empty();
   };
   return has(pair.first) || has(pair.second);
 }
 
 // those that are fast, and apart; what may be hit is awake
-void World::Impl::list_jointed_pairs(const std::vector<Broadphase::Pair>& near) {
+void World::Impl::list_jointed_pairs(const List<Broadphase::Pair>& near) {
   const double h = options.time_step;
   jointed_pairs.clear();
   for (const Broadphase::Pair& pair : near) {
@@ -72,15 +70,15 @@ void World::Impl::list_jointed_pairs(const std::vector<Broadphase::Pair>& near) 
         gap_of(pair) > swept(pair.first, h) + swept(pair.second, h))
       continue;
     jointed_pairs.push_back(pair);
-    wake(at(pair.first));
-    wake(at(pair.second));
+    wake(to_index(pair.first));
+    wake(to_index(pair.second));
   }
 }
 
 // Whether two that have had their step have met within.
 bool World::Impl::passes(const Broadphase::Pair& pair) const {
   const double h = options.time_step;
-  const std::size_t i = at(pair.first), j = at(pair.second);
+  const std::size_t i = to_index(pair.first), j = to_index(pair.second);
   const auto path_of = [&](std::size_t body) {
     if (is_movable(body)) return Path(states_before[body], states[body], h);
     BodyState later = states[body];  // what moves by itself does so at the end of the step
@@ -110,12 +108,12 @@ bool World::Impl::passes(const Broadphase::Pair& pair) const {
 // Islands that were integrated, and would have passed through something: impulses take this step.
 void World::Impl::catch_what_passes() {
   const auto is_integrated = [&](int island) {
-    return island < 0 ||
-           (islands[at(island)].method != Method::kSequentialImpulses && !is_in_group(at(island)));
+    return island < 0 || (islands[island].method != Method::kSequentialImpulses &&
+                          !is_in_group(to_index(island)));
   };
-  std::vector<int> caught;
+  List<int> caught;
   for (const Broadphase::Pair& pair : jointed_pairs) {
-    const int a = island_of[at(pair.first)], b = island_of[at(pair.second)];
+    const int a = island_of[pair.first], b = island_of[pair.second];
     if (!is_integrated(a) || !is_integrated(b) || !passes(pair)) continue;
     for (const int island : {a, b})
       if (island >= 0) caught.push_back(island);
@@ -123,25 +121,25 @@ void World::Impl::catch_what_passes() {
   std::sort(caught.begin(), caught.end());
   caught.erase(std::unique(caught.begin(), caught.end()), caught.end());
   for (const int i : caught) {
-    refuse_island(at(i), MethodReason::kContact);
+    refuse_island(to_index(i), MethodReason::kContact);
     remember_choice({Method::kSequentialImpulses, MethodReason::kContact}, true, step_count,
-                    &island_parts[at(i)]);
+                    &island_parts[i]);
   }
 }
 
 // Pairs whose islands impulses carry now, as ones about to hit.
 void World::Impl::add_jointed_pairs() {
   const auto is_carried = [&](int body) {
-    return !is_movable(at(body)) ||
-           islands[at(island_of[at(body)])].method == Method::kSequentialImpulses;
+    return !is_movable(to_index(body)) ||
+           islands[island_of[body]].method == Method::kSequentialImpulses;
   };
   for (const Broadphase::Pair& pair : jointed_pairs) {
     if (!is_carried(pair.first) || !is_carried(pair.second)) continue;
     TouchingPair& hit = touching.emplace_back();
     hit.a = pair.first;
     hit.b = pair.second;
-    hit.id_a = body_ids[at(pair.first)];
-    hit.id_b = body_ids[at(pair.second)];
+    hit.id_a = body_ids[pair.first];
+    hit.id_b = body_ids[pair.second];
   }
   std::sort(touching.begin(), touching.end(),
             [](const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); });
@@ -149,11 +147,11 @@ void World::Impl::add_jointed_pairs() {
 
 // For how long a group with joints can go on so that no fast pair moves by more than its gap, or by
 // what is not fast: these are `ways`.
-double World::Impl::time_on_joints(const std::vector<Broadphase::Pair>& near, double left,
-                                   std::vector<double>* ways) const {
+double World::Impl::time_on_joints(const List<Broadphase::Pair>& near, double left,
+                                   List<double>* ways) const {
   double longest = left;
   for (const Broadphase::Pair& pair : near) {
-    const std::size_t a = at(pair.first), b = at(pair.second);
+    const std::size_t a = to_index(pair.first), b = to_index(pair.second);
     double& way = ways->emplace_back(
         kFastShare * std::min(thickness(bodies[a].shape), thickness(bodies[b].shape)));
     if (!is_fast(pair, longest)) continue;
@@ -165,8 +163,8 @@ double World::Impl::time_on_joints(const std::vector<Broadphase::Pair>& near, do
 }
 
 // Whether joints have made a pair that is apart so fast that it moved by twice that and more.
-bool World::Impl::has_outrun(const std::vector<Broadphase::Pair>& near,
-                             const std::vector<double>& ways, double duration) const {
+bool World::Impl::has_outrun(const List<Broadphase::Pair>& near, const List<double>& ways,
+                             double duration) const {
   for (std::size_t k = 0; k < ways.size(); ++k) {
     const auto [a, b] = near[k];
     if (travel(a, duration) + travel(b, duration) > 2.0 * ways[k] && !is_touching(near[k]))

@@ -3,6 +3,7 @@
 #include <type_traits>
 
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/list.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -54,7 +55,7 @@ class MemoryHash {
   void operator()(const Eigen::Vector3d& v) const { hash_->add(v); }
   void operator()(const Eigen::Vector4d& v) const { hash_->add(v.data(), 4 * sizeof(double)); }
   template <class Element>
-  void operator()(const std::vector<Element>& list) const {
+  void operator()(const List<Element>& list) const {
     hash_->add(std::uint64_t{list.size()});
     for (std::size_t i = 0; i < list.size(); ++i) (*this)(static_cast<const Element&>(list[i]));
   }
@@ -64,9 +65,9 @@ class MemoryHash {
 };
 
 // indices of a list in the order of its names
-template <class List>
-std::vector<std::size_t> by_name(const List& list, std::size_t first) {
-  std::vector<std::size_t> order;
+template <class Container>
+List<std::size_t> by_name(const Container& list, std::size_t first) {
+  List<std::size_t> order;
   for (std::size_t i = first; i < list.size(); ++i) order.push_back(i);
   std::sort(order.begin(), order.end(),
             [&](std::size_t l, std::size_t r) { return list[l].name < list[r].name; });
@@ -281,7 +282,7 @@ std::uint64_t World::Impl::hash() const {
     return world.bodies[world.index(id)].name;
   };
   // rows are solved in the order of adding, which therefore decides the last bits
-  const std::vector<std::size_t> body_order = by_name(world.bodies, 1);
+  const List<std::size_t> body_order = by_name(world.bodies, 1);
   for (const std::size_t i : body_order) {
     hash.add(std::uint64_t{i});
     add(hash, world.bodies[i], world.masses[i], world.states[i]);

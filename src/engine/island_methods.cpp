@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -17,15 +18,12 @@ constexpr double kMostProjected = 1e-9;
 // step of any number of bodies has an end.
 constexpr int kMostAttempts = 50000, kLeastAttempts = 100;
 constexpr std::size_t kMostAttemptsOfAll = 300000;
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
 // ---- methods chosen
 
-Carried& World::Impl::choose_methods(const std::vector<TouchingPair>& pairs) {
+Carried& World::Impl::choose_methods(const List<TouchingPair>& pairs) {
   entering.clear();
   if (!fresh_islands.empty() || awake_changed || !pairs.empty() || !touching_before.empty() ||
       any_refused || any_stiff || had_groups || !contact_groups.empty())
@@ -35,17 +33,17 @@ Carried& World::Impl::choose_methods(const std::vector<TouchingPair>& pairs) {
   return carried;
 }
 
-void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
+void World::Impl::sort_islands(const List<TouchingPair>& pairs) {
   in_contact.resize(islands.size());
-  for (const int i : awake_islands) in_contact[at(i)] = false;
+  for (const int i : awake_islands) in_contact[i] = false;
   for (const TouchingPair& pair : pairs)
     for (const int body : {pair.a, pair.b})
-      if (island_of[at(body)] >= 0) in_contact[at(island_of[at(body)])] = true;
+      if (island_of[body] >= 0) in_contact[island_of[body]] = true;
 
   bool changed = !fresh_islands.empty() || awake_changed;
   awake_changed = any_refused = any_stiff = false;
   for (const int index : awake_islands) {
-    const std::size_t i = at(index);
+    const std::size_t i = to_index(index);
     Island& island = islands[i];
     IslandParts& parts = island_parts[i];
     const bool has_woken = island.why == MethodReason::kAtRest;
@@ -81,7 +79,7 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
     if (restarts) {
       restart(parts);
     } else if (parts.motion >= 0) {
-      IslandMotion& motion = motions[at(parts.motion)];
+      IslandMotion& motion = motions[parts.motion];
       if (before == Method::kSequentialImpulses || island.method == Method::kSequentialImpulses)
         motion.forget();
       else
@@ -97,15 +95,15 @@ void World::Impl::sort_islands(const std::vector<TouchingPair>& pairs) {
 
 // with nothing of the steps before, so that a world that was saved and loaded does the same
 void World::Impl::restart(const IslandParts& parts) {
-  for (const int body : parts.turning_freely) rotations[at(body)] = FreeRotation{};
-  if (parts.motion >= 0) motions[at(parts.motion)].restart();
+  for (const int body : parts.turning_freely) rotations[body] = FreeRotation{};
+  if (parts.motion >= 0) motions[parts.motion].restart();
 }
 
 // whether a joint belongs to an island that is integrated
 bool World::Impl::is_integrated(std::size_t j) const {
   const auto [a, b] = joint_ends[j];
   const int island = island_of[is_movable(a) ? a : b];
-  return islands[at(island)].method != Method::kSequentialImpulses;
+  return islands[island].method != Method::kSequentialImpulses;
 }
 
 void World::Impl::list_by_method() {
@@ -113,38 +111,38 @@ void World::Impl::list_by_method() {
   carried.smooth.clear();
   carried.islands = {};
   for (const int i : awake_islands) {
-    ++carried.islands[static_cast<std::size_t>(islands[at(i)].method)];
-    if (islands[at(i)].method == Method::kSequentialImpulses) continue;
+    ++carried.islands[static_cast<std::size_t>(islands[i].method)];
+    if (islands[i].method == Method::kSequentialImpulses) continue;
     carried.smooth.push_back(i);
   }
   carried.impulse_bodies.clear();
   carried.impulse_joints.clear();
   for (const int body : awake_bodies) {
-    const int island = island_of[at(body)];
-    if (island >= 0 && islands[at(island)].method == Method::kSequentialImpulses)
+    const int island = island_of[body];
+    if (island >= 0 && islands[island].method == Method::kSequentialImpulses)
       carried.impulse_bodies.push_back(body);
   }
   for (const int j : awake_joints)
-    if (acts(joints[at(j)], joint_states[at(j)]) && !is_integrated(at(j)))
+    if (acts(joints[j], joint_states[j]) && !is_integrated(to_index(j)))
       carried.impulse_joints.push_back(j);
 }
 
 // Carries the smooth islands to the end of the tick; one that cannot be goes to the impulses.
 void World::Impl::integrate(const Tick& tick, Carried* by_method) {
-  const std::vector<int>& smooth = by_method->smooth;
+  const List<int>& smooth = by_method->smooth;
   if (smooth.empty()) return;
   const StageTimer timer(clock, Stage::kIntegration, &report.stage_times);
   if (!entering.empty()) assemble_entering(joint_step(tick));
   if (smooth_changed) list_changing_courses(smooth);
   for (const int i : smooth) {
-    Island& island = islands[at(i)];
+    Island& island = islands[i];
     island.local_error = 0.0;
     island.substeps = island.rejected = island.iterations = island.unresolved_bodies = 0;
-    IslandParts& parts = island_parts[at(i)];
+    IslandParts& parts = island_parts[i];
     parts.projected_energy = parts.correction_work = 0.0;
     parts.changes = 0;
     parts.is_to_be_asked = parts.has_failed = false;
-    if (parts.motion >= 0) motions[at(parts.motion)].begin_step(joint_states);
+    if (parts.motion >= 0) motions[parts.motion].begin_step(joint_states);
   }
   split_step(tick);
   for (std::size_t k = 0; k + 1 < span_ends.size(); ++k) {
@@ -153,12 +151,12 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
     if (!wrenches.empty() || !loads.empty()) find_loads(t, span_ends[k + 1]);
     const bool is_disturbed = had_wrenches || !loads.empty() || k > 0;
     for (const int j : time_varying_joints)
-      if (is_integrated(at(j))) courses[at(j)].begin(joints[at(j)], span, joint_states[at(j)]);
+      if (is_integrated(to_index(j))) courses[j].begin(joints[j], span, joint_states[j]);
     const double since = t - tick.start;
     const SmoothSpan continued{t,    span.h, options.gravity, loads, courses, is_disturbed, k > 0,
                                stop, since};
     workers.run(threads_worth_it(smooth), smooth.size(), [&](std::size_t s) {
-      const std::size_t i = at(smooth[s]);
+      const std::size_t i = to_index(smooth[s]);
       IslandParts& parts = island_parts[i];
       if (parts.has_failed || is_in_group(i)) return;
       if (parts.is_fresh)
@@ -167,11 +165,11 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
         parts.has_failed = !integrate_island(i, continued);
     });
     for (const int i : smooth)
-      if (island_parts[at(i)].has_failed && islands[at(i)].method != Method::kSequentialImpulses)
-        refuse_island(at(i), MethodReason::kRefused);
+      if (island_parts[i].has_failed && islands[i].method != Method::kSequentialImpulses)
+        refuse_island(to_index(i), MethodReason::kRefused);
     if (!contact_groups.empty()) advance_contact_groups(continued);
     for (const int j : time_varying_joints)
-      if (is_integrated(at(j))) finish_span(joints[at(j)], span, joint_states[at(j)]);
+      if (is_integrated(to_index(j))) finish_span(joints[j], span, joint_states[j]);
     had_wrenches = !loads.empty();
   }
   if (!jointed_pairs.empty()) catch_what_passes();
@@ -181,7 +179,7 @@ void World::Impl::integrate(const Tick& tick, Carried* by_method) {
 }
 
 // a thread takes tens of microseconds to wake, and is worth it for some hundreds of work
-int World::Impl::threads_worth_it(const std::vector<int>& smooth) const {
+int World::Impl::threads_worth_it(const List<int>& smooth) const {
   constexpr std::size_t kBodiesWorthIt = 500;
   return smooth.size() > 1 && awake_bodies.size() >= kBodiesWorthIt ? options.threads : 1;
 }
@@ -190,11 +188,11 @@ int World::Impl::threads_worth_it(const std::vector<int>& smooth) const {
 // be closed
 void World::Impl::assemble_entering(const JointStep& step) {
   for (const int i : entering) {
-    IslandParts& parts = island_parts[at(i)];
+    IslandParts& parts = island_parts[i];
     // a scene that was saved says of which joints it is known that they cannot all be met
-    const bool is_known_off = islands[at(i)].why == MethodReason::kInconsistent;
+    const bool is_known_off = islands[i].why == MethodReason::kInconsistent;
     for (const int index : parts.members.joints) {
-      const std::size_t j = at(index);
+      const std::size_t j = to_index(index);
       if (!is_known_off && is_rigid(joints[j]) &&
           !fits(joints[j], state_a(j), state_b(j), step, joint_states[j]))
         open_joint(j, step.t);
@@ -203,18 +201,18 @@ void World::Impl::assemble_entering(const JointStep& step) {
   }
   courses.resize(joints.size());
   for (const int i : entering)
-    for (const int index : island_parts[at(i)].members.joints)
-      courses[at(index)].begin(joints[at(index)], step, joint_states[at(index)]);
+    for (const int index : island_parts[i].members.joints)
+      courses[index].begin(joints[index], step, joint_states[index]);
 }
 
 // joints without axes are others for their equations once they are closed
 void World::Impl::compile_where_closed(const JointStep& step) {
   for (const int index : time_varying_joints) {
-    const std::size_t j = at(index);
+    const std::size_t j = to_index(index);
     if (joint_states[j].closing || info(joints[j].kind).form != RowsForm::kPoint) continue;
     courses[j].begin(joints[j], step, joint_states[j]);
     const auto [a, b] = joint_ends[j];
-    compile_if_opened(&island_parts[at(island_of[is_movable(a) ? a : b])]);
+    compile_if_opened(&island_parts[island_of[is_movable(a) ? a : b]]);
   }
 }
 
@@ -227,12 +225,12 @@ void World::Impl::compile_if_opened(IslandParts* parts) {
 
 // joints of smooth islands that time moves, also those that stand still for now, at the end of
 // their travel
-void World::Impl::list_changing_courses(const std::vector<int>& smooth) {
+void World::Impl::list_changing_courses(const List<int>& smooth) {
   smooth_changed = false;
   time_varying_joints.clear();
   for (const int i : smooth) {
-    for (const int index : island_parts[at(i)].members.joints) {
-      if (joint_states[at(index)].closing || has_moving_motor(joints[at(index)]))
+    for (const int index : island_parts[i].members.joints) {
+      if (joint_states[index].closing || has_moving_motor(joints[index]))
         time_varying_joints.push_back(index);
     }
   }
@@ -253,10 +251,8 @@ void World::Impl::split_step(const Tick& tick) {
     split_at(wrench.end);
   }
   for (const int j : time_varying_joints) {
-    visit_motors(joints[at(j)], joint_states[at(j)],
-                 [&](const Motor&, double end) { split_at(end); });
-    if (joint_states[at(j)].closing)
-      split_at(joint_states[at(j)].closing_since + options.closing_time);
+    visit_motors(joints[j], joint_states[j], [&](const Motor&, double end) { split_at(end); });
+    if (joint_states[j].closing) split_at(joint_states[j].closing_since + options.closing_time);
   }
   if (span_ends.size() == 2) return;
   std::sort(span_ends.begin(), span_ends.end());
@@ -277,10 +273,9 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
     Vector3d torque = Vector3d::Zero();
     for (const AppliedWrench& load : loads)
       if (load.body == body) torque += load.torque;
-    if (!FreeRotation::turns(torque, states[at(body)])) continue;
-    if (!note(i, rotations[at(body)].advance(span.h, torque, masses[at(body)],
-                                             accuracy_within(kInfinity), span.stop,
-                                             &states[at(body)])))
+    if (!FreeRotation::turns(torque, states[body])) continue;
+    if (!note(i, rotations[body].advance(span.h, torque, masses[body], accuracy_within(kInfinity),
+                                         span.stop, &states[body])))
       return false;
   }
   if (parts.motion >= 0) return integrate_joints(i, span);
@@ -288,8 +283,8 @@ bool World::Impl::integrate_island(std::size_t i, const SmoothSpan& span) {
   const int body = parts.members.bodies.front();
   Vector3d acceleration = options.gravity;
   for (const AppliedWrench& load : loads)
-    if (load.body == body) acceleration += masses[at(body)].inverse_mass * load.force;
-  integrate_ballistic(span.h, acceleration, &states[at(body)]);
+    if (load.body == body) acceleration += masses[body].inverse_mass * load.force;
+  integrate_ballistic(span.h, acceleration, &states[body]);
   return true;
 }
 
@@ -315,8 +310,8 @@ bool World::Impl::integrate_joints(std::size_t i, const SmoothSpan& span) {
   if (island.method == Method::kEventDriven) {
     const EventDriven::Surroundings around{span_from(span.t, span.h), joint_states,
                                            joint_states_before, masses};
-    return note(
-        i, motions[at(parts.motion)].advance(span, accuracy_within(kInfinity), around, &states));
+    return note(i,
+                motions[parts.motion].advance(span, accuracy_within(kInfinity), around, &states));
   }
   bool is_met = island.why != MethodReason::kInconsistent;
   const auto by = [&](Integration way, const IntegratorOptions& accuracy) {
@@ -380,7 +375,7 @@ IntegrationResult World::Impl::advance_joints(std::size_t i, Integration way,
                                               const SmoothSpan& span,
                                               const IntegratorOptions& accuracy) {
   IslandParts& parts = island_parts[i];
-  IslandMotion& motion = motions[at(parts.motion)];
+  IslandMotion& motion = motions[parts.motion];
   IntegrationResult progress = motion.advance(way, span, accuracy, &states);
   switch (way) {
     case Integration::kSubsteps: {
@@ -410,7 +405,7 @@ void World::Impl::switch_method(std::size_t i, Method method, MethodReason why) 
   ++island_parts[i].changes;
   islands[i].method = method;
   islands[i].why = why;
-  motions[at(island_parts[i].motion)].change_way();
+  motions[island_parts[i].motion].change_way();
   island_parts[i].is_to_be_asked = true;
 }
 
@@ -430,16 +425,15 @@ void World::Impl::take_back(std::size_t i) {
 }
 
 void World::Impl::tell_of_island(EventKind kind, std::size_t i) {
-  const std::vector<int>& members = island_parts[i].members.bodies;
+  const List<int>& members = island_parts[i].members.bodies;
   const int second = members.size() > 1 ? members[1] : members[0];
-  events.push_back({kind, time(), body_ids[at(members[0])], body_ids[at(second)]});
+  events.push_back({kind, time(), body_ids[members[0]], body_ids[second]});
 }
 
 // the other method takes this step, from its start, and some more
 void World::Impl::refuse_island(std::size_t i, MethodReason why) {
-  for (const int body : island_parts[i].members.bodies) states[at(body)] = states_before[at(body)];
-  for (const int j : island_parts[i].members.joints)
-    joint_states[at(j)] = joint_states_before[at(j)];
+  for (const int body : island_parts[i].members.bodies) states[body] = states_before[body];
+  for (const int j : island_parts[i].members.joints) joint_states[j] = joint_states_before[j];
   islands[i].method = Method::kSequentialImpulses;
   islands[i].why = why;
   island_parts[i].projected_energy = island_parts[i].correction_work = 0.0;

@@ -2,6 +2,8 @@
 
 #include <numeric>
 
+#include "engine/math/list.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -24,22 +26,21 @@ class Sets {
   }
 
  private:
-  std::vector<std::size_t> parent_;
+  List<std::size_t> parent_;
 };
 
 }  // namespace
 
-std::vector<IslandMembers> find_islands(
-    const std::vector<bool>& movable, const std::vector<bool>& acting,
-    const std::vector<std::pair<std::size_t, std::size_t>>& joint_ends) {
+List<IslandMembers> find_islands(const List<bool>& movable, const List<bool>& acting,
+                                 const List<std::pair<std::size_t, std::size_t>>& joint_ends) {
   Sets sets(movable.size());
   for (std::size_t j = 0; j < joint_ends.size(); ++j) {
     const auto& [a, b] = joint_ends[j];
     if (acting[j] && movable[a] && movable[b]) sets.join(a, b);
   }
 
-  std::vector<IslandMembers> islands;
-  std::vector<std::size_t> island_of(movable.size());
+  List<IslandMembers> islands;
+  List<std::size_t> island_of(movable.size());
   for (std::size_t i = 0; i < movable.size(); ++i) {
     if (!movable[i]) continue;
     const std::size_t root = sets.root(i);

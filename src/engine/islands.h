@@ -1,14 +1,15 @@
 #pragma once
 
 #include <utility>
-#include <vector>
+
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
 /// What belongs together, as indices, each list ascending.
 struct IslandMembers {
-  std::vector<int> bodies;
-  std::vector<int> joints;
+  List<int> bodies;
+  List<int> joints;
 
   bool operator==(const IslandMembers& other) const {
     return bodies == other.bodies && joints == other.joints;
@@ -18,8 +19,7 @@ struct IslandMembers {
 /// The islands that joints make of the bodies of [0, movable.size()), in the order of their first
 /// bodies. Immovable bodies are in none, and connect nothing. Union-find: Tarjan, J. ACM 22 (1975)
 /// 215.
-std::vector<IslandMembers> find_islands(
-    const std::vector<bool>& movable, const std::vector<bool>& acting,
-    const std::vector<std::pair<std::size_t, std::size_t>>& joint_ends);
+List<IslandMembers> find_islands(const List<bool>& movable, const List<bool>& acting,
+                                 const List<std::pair<std::size_t, std::size_t>>& joint_ends);
 
 }  // namespace constraint_sim::engine

@@ -15,8 +15,6 @@ using Eigen::Vector3d;
 
 constexpr double kParallelSine = 1e-8;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 }  // namespace
 
 void LeastDepthAxis::find(double margin) {
@@ -112,12 +110,12 @@ void LeastDepthAxis::find_across(const Vector3d& axis, const Vector3d& beside) {
   };
   const auto place = [](int k) { return 2.0 * k / kSamples - 1.0; };  // a half circle
   std::array<double, kSamples> depths;
-  for (int k = 0; k < kSamples; ++k) depths[at(k)] = depth(place(k));
+  for (int k = 0; k < kSamples; ++k) depths[k] = depth(place(k));
   for (int k = 0; k < kSamples; ++k) {
-    const double here = depths[at(k)];
+    const double here = depths[k];
     // no depth between the samples is less by more than the square of their distance allows
-    if (here > depth_ + 0.02 * size_ || here > depths[at((k + 1) % kSamples)] ||
-        here > depths[at((k + kSamples - 1) % kSamples)])
+    if (here > depth_ + 0.02 * size_ || here > depths[(k + 1) % kSamples] ||
+        here > depths[(k + kSamples - 1) % kSamples])
       continue;
     double low = place(k - 1), high = place(k + 1);
     for (int i = 0; i < 60 && high - low > 1e-15; ++i) {

@@ -1,8 +1,8 @@
 #pragma once
 
 #include <cmath>
-#include <limits>
 
+#include "engine/math/numbers.h"
 #include "engine/narrowphase.h"
 
 namespace constraint_sim::engine {
@@ -86,7 +86,7 @@ class LeastDepthAxis {
   Eigen::Vector3d t_;
   double size_;
   Eigen::Vector3d normal_ = Eigen::Vector3d::UnitZ();
-  double depth_ = std::numeric_limits<double>::infinity();
+  double depth_ = kInfinity;
 };
 
 }  // namespace constraint_sim::engine

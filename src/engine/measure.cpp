@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 
+#include "engine/math/list.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -34,7 +35,7 @@ void World::Impl::measure() {
 }
 
 // returns whether one is off by a larger angle than is left unclosed without a word
-bool World::Impl::find_worst_joint(const std::vector<int>& among, StepReport* worst) const {
+bool World::Impl::find_worst_joint(const List<int>& among, StepReport* worst) const {
   bool is_any_askew = false;
   for (const int index : among) {
     const auto j = static_cast<std::size_t>(index);
@@ -49,15 +50,14 @@ bool World::Impl::find_worst_joint(const std::vector<int>& among, StepReport* wo
 }
 
 Energy World::Impl::energy() const {
-  std::vector<int> all_bodies(bodies.size());
-  std::vector<int> all_joints(joints.size());
+  List<int> all_bodies(bodies.size());
+  List<int> all_joints(joints.size());
   std::iota(all_bodies.begin(), all_bodies.end(), 0);
   std::iota(all_joints.begin(), all_joints.end(), 0);
   return energy(all_bodies, all_joints);
 }
 
-Energy World::Impl::energy(const std::vector<int>& of_bodies,
-                           const std::vector<int>& of_joints) const {
+Energy World::Impl::energy(const List<int>& of_bodies, const List<int>& of_joints) const {
   Energy energy;
   for (const int index : of_bodies) {
     const auto i = static_cast<std::size_t>(index);

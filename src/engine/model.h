@@ -2,7 +2,6 @@
 
 #include <array>
 #include <cstddef>
-#include <limits>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -15,6 +14,7 @@
 #include "constraint_sim/engine/world.h"
 #include "engine/constraints/coupling.h"
 #include "engine/mass_properties.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -31,14 +31,14 @@ struct JointStart {
 /// or the same joint. Body 0 is the world. Only edits change a model.
 struct Model {
   WorldOptions options;
-  std::vector<Body> bodies;
-  std::vector<MassProperties> masses;
+  List<Body> bodies;
+  List<MassProperties> masses;
   std::vector<BodyId> body_ids;
-  std::vector<Joint> joints;
-  std::vector<JointStart> joint_starts;
+  List<Joint> joints;
+  List<JointStart> joint_starts;
   std::vector<JointId> joint_ids;
-  std::vector<int> body_index;   ///< by id; -1 once removed
-  std::vector<int> joint_index;  ///< by id; -1 once removed
+  List<int> body_index;   ///< by id; -1 once removed
+  List<int> joint_index;  ///< by id; -1 once removed
   std::unordered_map<std::string, BodyId> body_by_name;
   std::unordered_map<std::string, JointId> joint_by_name;
 

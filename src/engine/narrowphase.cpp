@@ -2,10 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <variant>
 
 #include "engine/manifold_points.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -132,7 +132,6 @@ Separation separation(const Shape& shape_a, const BodyState& a, const Shape& sha
       return reversed(
           separation_of_cylinder_and_plane(*cylinder_b, b, normal(a), offset(normal(a), a)));
   }
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   const Manifold all = collide(shape_a, a, shape_b, b, kInfinity);
   double gap = kInfinity;
   for (int i = 0; i < all.count; ++i)

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "engine/manifold_points.h"
+#include "engine/math/numbers.h"
 #include "engine/narrowphase.h"
 
 namespace constraint_sim::engine {
@@ -39,9 +39,9 @@ struct BoxPair {
 /// A direction along which two boxes may be apart: the normal of a face of A or of B, or the cross
 /// product of an edge of each.
 struct Axis {
-  double depth = std::numeric_limits<double>::infinity();  ///< how far A is to move out [m]
-  int a = -1;                                              ///< axis of A's face or edge
-  int b = -1;                                              ///< the same of B
+  double depth = kInfinity;  ///< how far A is to move out [m]
+  int a = -1;                ///< axis of A's face or edge
+  int b = -1;                ///< the same of B
 
   bool is_of_edges() const { return a >= 0 && b >= 0; }
 };
@@ -87,7 +87,7 @@ double depth_of_flat_edges(const BoxPair& pair, int i, int j) {
   constexpr double kParallelSine = 1e-12;  // the faces' normals see all there is
   const Vector3d cross = edge_axis(pair, i, j);
   const double sine = cross.norm();
-  if (sine < kParallelSine) return std::numeric_limits<double>::infinity();
+  if (sine < kParallelSine) return kInfinity;
   const Vector3d n = cross / sine;
   return n.cwiseAbs().dot(pair.half_a) + (pair.C.transpose() * n).cwiseAbs().dot(pair.half_b) -
          std::abs(n.dot(pair.t));
@@ -97,7 +97,7 @@ double depth_of_flat_edges(const BoxPair& pair, int i, int j) {
 /// ≤ −margin. The first where some tie.
 [[gnu::always_inline]] inline Axis least_axis(const BoxPair& pair, double margin) {
   constexpr double kFlatSquare = 1e-8;  // of the sine below which rounding takes 1e-12 of the size
-  constexpr double kRounding = 16.0 * std::numeric_limits<double>::epsilon();
+  constexpr double kRounding = 16.0 * kEpsilon;
   const auto& [h_a, h_b, C, t] = pair;
   Axis least = least_face(pair, margin);
   if (!(least.depth > -margin)) return least;
@@ -351,7 +351,7 @@ void collide_edges(const BoxPair& pair, const Axis& axis, const BodyState& a, do
 struct Nearest {
   Vector3d on_a, on_b;
   std::uint32_t feature = 0;
-  double square = std::numeric_limits<double>::infinity();
+  double square = kInfinity;
 
   void lower(const Vector3d& p_a, const Vector3d& p_b, std::uint32_t of) {
     const double other = (p_a - p_b).squaredNorm();
@@ -462,7 +462,7 @@ struct NearestFaces {
 Separation separation_of_boxes(const Vector3d& size_a, const BodyState& a, const Vector3d& size_b,
                                const BodyState& b) {
   const BoxPair pair(size_a, a, size_b, b);
-  const Axis axis = least_axis(pair, std::numeric_limits<double>::infinity());
+  const Axis axis = least_axis(pair, kInfinity);
   Vector3d n;
   if (axis.is_of_edges())
     n = edge_axis(pair, axis.a, axis.b).normalized();

@@ -4,11 +4,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "engine/least_depth_axis.h"
 #include "engine/manifold_points.h"
+#include "engine/math/numbers.h"
 #include "engine/narrowphase.h"
 
 namespace constraint_sim::engine {
@@ -19,8 +19,6 @@ using Eigen::Vector3d;
 
 constexpr double kLevelSine = 1e-4;  // below it a cap has no lowest point
 constexpr double kWider = 1e-6;      // of a clipping face, so that flush ones keep their points
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // ---- features
 
@@ -145,7 +143,7 @@ std::array<Feature::End, 4> rim_of(const Feature& cap, const Vector3d& up) {
   std::array<Feature::End, 4> rim;
   const Vector3d arms[] = {down, beside, -down, -beside};
   for (int k = 0; k < 4; ++k)
-    rim[at(k)] = {cap.centre + cap.half_u * arms[k], rim_code(is_upper, is_level, k)};
+    rim[k] = {cap.centre + cap.half_u * arms[k], rim_code(is_upper, is_level, k)};
   return rim;
 }
 
@@ -366,7 +364,7 @@ Manifold collide(const Solid& a, const Solid& b, const Vector3d& origin, double 
 
 Separation separation(const Solid& a, const Solid& b) {
   LeastDepthAxis axes(a, b);
-  axes.find(std::numeric_limits<double>::infinity());
+  axes.find(kInfinity);
   return {axes.normal(), -axes.depth()};
 }
 

@@ -10,13 +10,13 @@
 
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/math/numbers.h"
 #include "engine/method_choice.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
 constexpr double kTold = 1e-6;  // [m or rad] of an opening joint: smaller parts are not told
 
 /// What there is of each kind.
@@ -199,7 +199,7 @@ std::vector<std::string> warnings(const World& world) {
     const Eigen::Vector3d& I = body.inertia;
     const double excess = 2.0 * I.maxCoeff() - I.sum();  // over the sum of the other two
     if (body.type == BodyType::kDynamic && excess > kRounding * I.maxCoeff())
-      lines.push_back("body " + quoted(body.name) + ": inertia " + shown(I) +
+      lines.push_back("body " + in_quotes(body.name) + ": inertia " + shown(I) +
                       " is that of no distribution of mass: its largest exceeds the sum of the "
                       "others");
   }
@@ -224,16 +224,16 @@ std::string to_string(const StepWarning& warning) {
   char amount[32];
   std::snprintf(amount, sizeof amount, "%.3g", warning.amount);
   if (warning.kind == StepWarning::Kind::kUnclosed)
-    return "constraint " + quoted(warning.whose) + ": its error of " + amount +
+    return "constraint " + in_quotes(warning.whose) + ": its error of " + amount +
            " m is not being closed";
   if (warning.kind == StepWarning::Kind::kHitsLeft && warning.amount < kMostHits)
-    return "body " + quoted(warning.whose) +
+    return "body " + in_quotes(warning.whose) +
            ": it, or what it touches, may pass through what it meets within a step: take a shorter "
            "time_step";
   if (warning.kind == StepWarning::Kind::kHitsLeft)
-    return "body " + quoted(warning.whose) + ": it and what it hits met " + amount +
+    return "body " + in_quotes(warning.whose) + ": it and what it hits met " + amount +
            " times in a step, and may pass through each other: take a shorter time_step";
-  return "body " + quoted(warning.whose) + ": energy of its island rose by " + amount +
+  return "body " + in_quotes(warning.whose) + ": energy of its island rose by " + amount +
          " J without a cause";
 }
 

@@ -8,9 +8,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/fast_bodies.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -18,18 +19,14 @@ namespace {
 
 constexpr std::uint64_t kReturns = 4;  // times as long awake where contacts are left to impulses
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-bool in_order(const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); }
-
 /// Moves what is not kept from one sorted list to another.
 template <class Kept>
-void move_over(std::vector<TouchingPair>* from, std::vector<TouchingPair>* to, Kept kept) {
+void move_over(List<TouchingPair>* from, List<TouchingPair>* to, Kept kept) {
   const auto moved = std::stable_partition(from->begin(), from->end(), kept);
   if (moved == from->end()) return;
   to->insert(to->end(), moved, from->end());
   from->erase(moved, from->end());
-  std::sort(to->begin(), to->end(), in_order);
+  std::sort(to->begin(), to->end(), TouchingPair::in_order);
 }
 
 }  // namespace
@@ -56,8 +53,8 @@ void World::Impl::wake_around(BodyId id) {
 // what a body touches that moves
 bool World::Impl::wake_touched() {
   for (const TouchingPair& pair : touching) {
-    wake(at(pair.a));
-    wake(at(pair.b));
+    wake(to_index(pair.a));
+    wake(to_index(pair.b));
   }
   return any_waking;
 }
@@ -65,30 +62,29 @@ bool World::Impl::wake_touched() {
 // from those awake to all that joints or contacts connect with them
 void World::Impl::spread_waking() {
   if (any_waking) {
-    std::vector<const std::vector<int>*> groups;
+    List<const List<int>*> groups;
     for (const IslandParts& parts : island_parts) groups.push_back(&parts.members.bodies);
-    std::vector<std::pair<int, int>> near;
+    List<std::pair<int, int>> near;
     for (const TouchingPair& pair : resting) near.push_back(pair.ends());
     spread_waking(groups, near, &asleep);
   }
   any_waking = false;
   move_over(&resting, &touching,
-            [&](const TouchingPair& pair) { return asleep[at(pair.a)] || asleep[at(pair.b)]; });
+            [&](const TouchingPair& pair) { return asleep[pair.a] || asleep[pair.b]; });
   list_awake();
 }
 
 // the same in a list: of islands all or none of the bodies sleep
-void World::Impl::spread_waking(const std::vector<const std::vector<int>*>& groups,
-                                const std::vector<std::pair<int, int>>& near,
-                                std::vector<bool>* sleeps) const {
+void World::Impl::spread_waking(const List<const List<int>*>& groups,
+                                const List<std::pair<int, int>>& near, List<bool>* sleeps) const {
   const auto wake_other = [&](int body, int other) {
-    if (!is_movable(at(body)) || (*sleeps)[at(body)] || !(*sleeps)[at(other)]) return false;
-    (*sleeps)[at(other)] = false;
+    if (!is_movable(to_index(body)) || (*sleeps)[body] || !(*sleeps)[other]) return false;
+    (*sleeps)[other] = false;
     return true;
   };
   for (bool spreads = true; spreads;) {
     spreads = false;
-    for (const std::vector<int>* group : groups) {
+    for (const List<int>* group : groups) {
       for (const int body : *group) spreads = wake_other(group->front(), body) || spreads;
       for (const int body : *group) spreads = wake_other(body, group->front()) || spreads;
     }
@@ -105,25 +101,25 @@ void World::Impl::fall_asleep() {
   if (quiet_steps == 0) return;
   bool any_due = false;  // those kept awake by others are asked again now and then
   for (const int i : awake_islands) {
-    IslandParts& parts = island_parts[at(i)];
-    parts.quiet_for = is_quiet(at(i)) ? parts.quiet_for + 1 : 0;
+    IslandParts& parts = island_parts[i];
+    parts.quiet_for = is_quiet(to_index(i)) ? parts.quiet_for + 1 : 0;
     any_due = any_due || (parts.quiet_for > 0 && parts.quiet_for % quiet_steps == 0);
   }
   if (!any_due || !find_sleep_candidates()) return;
 
   for (const int i : sleep_candidates) {
     // what it was to remember for so many steps would depend on how long it sleeps
-    static_cast<IslandMemory&>(island_parts[at(i)]) = {};
-    for (const int body : island_parts[at(i)].members.bodies) {
-      asleep[at(body)] = true;
-      states[at(body)].linear_velocity.setZero();
-      states[at(body)].angular_velocity.setZero();
-      corrections[at(body)].setZero();
+    static_cast<IslandMemory&>(island_parts[i]) = {};
+    for (const int body : island_parts[i].members.bodies) {
+      asleep[body] = true;
+      states[body].linear_velocity.setZero();
+      states[body].angular_velocity.setZero();
+      corrections[body].setZero();
     }
   }
-  const auto is_awake = [&](int body) { return is_movable(at(body)) && !asleep[at(body)]; };
+  const auto is_awake = [&](int body) { return is_movable(to_index(body)) && !asleep[body]; };
   move_over(&touching, &resting, [&](const TouchingPair& pair) {
-    return is_awake(pair.a) || is_awake(pair.b) || !(asleep[at(pair.a)] || asleep[at(pair.b)]);
+    return is_awake(pair.a) || is_awake(pair.b) || !(asleep[pair.a] || asleep[pair.b]);
   });
   list_awake();
   tell_contacts();
@@ -131,20 +127,20 @@ void World::Impl::fall_asleep() {
 
 bool World::Impl::is_quiet(std::size_t island) const {
   // most move faster than any limit
-  const std::size_t first = at(island_parts[island].members.bodies.front());
+  const std::size_t first = to_index(island_parts[island].members.bodies.front());
   if (states[first].linear_velocity.squaredNorm() > options.sleep_speed * options.sleep_speed)
     return false;
   const bool by_impulses = islands[island].method == Method::kSequentialImpulses ||
                            islands[island].why == MethodReason::kFewContacts;
   const double limit = by_impulses ? options.sleep_speed * options.sleep_speed : 0.0;
   for (const int body : island_parts[island].members.bodies) {
-    const BodyState& state = states[at(body)];
+    const BodyState& state = states[body];
     if (state.linear_velocity.squaredNorm() > limit) return false;
-    const double radius = masses[at(body)].radius_of_gyration();
+    const double radius = masses[body].radius_of_gyration();
     if (radius * radius * state.angular_velocity.squaredNorm() > limit) return false;
     if (!by_impulses || !any_corrections) continue;
     // a load that corrections lift by what it sinks in each step does not rest
-    const Twist& correction = corrections[at(body)];
+    const Twist& correction = corrections[body];
     if (correction.head<3>().squaredNorm() > limit) return false;
     if (radius * radius * correction.tail<3>().squaredNorm() > limit) return false;
   }
@@ -154,7 +150,7 @@ bool World::Impl::is_quiet(std::size_t island) const {
 // whether something will move it that its velocities do not show
 bool World::Impl::is_driven(std::size_t island) const {
   for (const int index : island_parts[island].members.joints) {
-    const std::size_t j = at(index);
+    const std::size_t j = to_index(index);
     if (joint_states[j].closing || is_custom_force(joints[j].kind)) return true;
     bool is_moving = false;
     for (const CoordinateState& coordinate : joint_states[j].coordinates)
@@ -182,18 +178,18 @@ bool World::Impl::is_moving_by_itself(std::size_t body) const {
 bool World::Impl::find_sleep_candidates() {
   is_sleep_candidate.assign(islands.size(), false);
   for (const int i : awake_islands) {
-    const IslandParts& parts = island_parts[at(i)];
+    const IslandParts& parts = island_parts[i];
     // what is to come back from impulses does so first, for they leave overlaps; but what falls
     // back each time is not kept awake by that for ever
     const bool waits = step_count <= parts.contacts_refused_until;
     const std::uint64_t least = (waits ? kReturns : 1) * quiet_steps;
-    is_sleep_candidate[at(i)] = parts.quiet_for >= least && !is_driven(at(i));
+    is_sleep_candidate[i] = parts.quiet_for >= least && !is_driven(to_index(i));
   }
   const auto keep_awake = [&](int body, int other) {
-    if (!is_movable(at(body)) || !is_sleep_candidate[at(island_of[at(body)])]) return false;
-    const bool other_moves = is_movable(at(other)) ? !is_sleep_candidate[at(island_of[at(other)])]
-                                                   : is_moving_by_itself(at(other));
-    if (other_moves) is_sleep_candidate[at(island_of[at(body)])] = false;
+    if (!is_movable(to_index(body)) || !is_sleep_candidate[island_of[body]]) return false;
+    const bool other_moves = is_movable(to_index(other)) ? !is_sleep_candidate[island_of[other]]
+                                                         : is_moving_by_itself(to_index(other));
+    if (other_moves) is_sleep_candidate[island_of[body]] = false;
     return other_moves;
   };
   for (bool spreads = true; spreads;) {
@@ -209,7 +205,7 @@ bool World::Impl::find_sleep_candidates() {
   }
   sleep_candidates.clear();
   for (const int i : awake_islands)
-    if (is_sleep_candidate[at(i)]) sleep_candidates.push_back(i);
+    if (is_sleep_candidate[i]) sleep_candidates.push_back(i);
   return !sleep_candidates.empty();
 }
 
@@ -221,7 +217,7 @@ void World::Impl::list_awake() {
   resting_report = StepReport{};
   awake_islands.clear();
   for (std::size_t i = 0; i < islands.size(); ++i) {
-    if (!asleep[at(island_parts[i].members.bodies.front())]) {
+    if (!asleep[island_parts[i].members.bodies.front()]) {
       awake_islands.push_back(static_cast<int>(i));
       continue;
     }
@@ -234,7 +230,7 @@ void World::Impl::list_awake() {
   }
   awake_bodies.clear();
   kinematic.clear();
-  std::vector<int> resting_bodies;
+  List<int> resting_bodies;
   for (std::size_t i = 1; i < bodies.size(); ++i) {
     const bool moves_by_itself = is_moving_by_itself(i);
     if (moves_by_itself) kinematic.push_back(static_cast<int>(i));
@@ -243,7 +239,7 @@ void World::Impl::list_awake() {
   }
   share_attempts();
   awake_joints.clear();
-  std::vector<int> resting_joints;
+  List<int> resting_joints;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const auto [a, b] = joint_ends[j];
     (asleep[is_movable(a) ? a : b] ? resting_joints : awake_joints).push_back(static_cast<int>(j));
@@ -264,9 +260,9 @@ void World::Impl::list_awake() {
 }
 
 // of what may touch: what is to be looked at in every step, and what that may meet
-void World::Impl::list_shapes(const std::vector<int>& resting_bodies) {
+void World::Impl::list_shapes(const List<int>& resting_bodies) {
   const auto has_shape = [&](int body) {
-    return !bodies[at(body)].no_collision && !std::holds_alternative<Point>(bodies[at(body)].shape);
+    return !bodies[body].no_collision && !std::holds_alternative<Point>(bodies[body].shape);
   };
   moving_shapes.clear();
   std::copy_if(awake_bodies.begin(), awake_bodies.end(), std::back_inserter(moving_shapes),
@@ -274,14 +270,14 @@ void World::Impl::list_shapes(const std::vector<int>& resting_bodies) {
   proxies.clear();
   for (const int body : resting_bodies)
     if (has_shape(body)) proxies.push_back(proxy(body));
-  const auto movable = [&](int body) { return is_movable(at(body)); };
+  const auto movable = [&](int body) { return is_movable(to_index(body)); };
   const bool any_movable =
       std::any_of(moving_shapes.begin(), moving_shapes.end(), movable) ||
       std::any_of(proxies.begin(), proxies.end(), [](const Proxy& p) { return p.movable; });
   if (!any_movable || moving_shapes.size() + proxies.size() < 2) moving_shapes.clear();
   if (moving_shapes.empty()) proxies.clear();
   broadphase.set_resting(proxies);
-  thinnest = std::numeric_limits<double>::infinity();
+  thinnest = kInfinity;
   for (std::size_t i = 1; i < bodies.size(); ++i)
     if (has_shape(static_cast<int>(i))) thinnest = std::min(thinnest, thickness(bodies[i].shape));
 }

@@ -2,6 +2,8 @@
 
 #include <limits>
 
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/method_names.h"
 #include "engine/scene_joints.h"
 #include "engine/validate.h"
@@ -178,7 +180,7 @@ Wrench read_wrench(const YamlElement& item, const World& world) {
     wrench.end = end->number();
     return wrench;
   }
-  double duration = std::numeric_limits<double>::infinity();
+  double duration = kInfinity;
   item.read("duration", &duration);
   wrench.end = wrench.start + duration;
   if (!(wrench.end > wrench.start))
@@ -203,7 +205,7 @@ TouchingPair read_contact(const YamlElement& item, const World& world) {
     if (!(std::abs(normal.norm() - 1.0) <= 0.01))
       refuse("normal", "must be a unit vector, got " + shown(normal));
   });
-  const std::vector<YamlElement> points = item.at("points").items();
+  const List<YamlElement> points = item.at("points").items();
   if (points.empty() || points.size() > pair.manifold.points.size())
     item.at("points").fail("must be 1 to 8, got " + std::to_string(points.size()));
   for (const YamlElement& element : points) {
@@ -257,9 +259,9 @@ IslandMemory read_island(const YamlElement& item) {
   return memory;
 }
 
-std::vector<YamlElement> items_of(const YamlElement& scene, const std::string& key) {
+List<YamlElement> items_of(const YamlElement& scene, const std::string& key) {
   const auto list = scene.find(key);
-  return list ? list->items() : std::vector<YamlElement>{};
+  return list ? list->items() : List<YamlElement>{};
 }
 
 /// Whether a body slept when the scene was saved.

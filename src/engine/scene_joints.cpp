@@ -1,8 +1,7 @@
 #include "engine/scene_joints.h"
 
-#include <limits>
-
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/list.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
 
@@ -192,14 +191,14 @@ void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
   if (has_pitch(joint->kind)) joint->pitch = item.at("pitch").number();
   if (const auto value = item.find("value")) joint->coupling.value = value->number();
   if (!couples_joints(joint->kind)) return;
-  const std::vector<YamlElement> names = item.at("joints").items();
+  const List<YamlElement> names = item.at("joints").items();
   if (names.size() != 2)
     item.at("joints").fail("must be the names of two constraints, got " +
                            std::to_string(names.size()));
   const auto find = [&](const YamlElement& element) {
     const std::string name = element.word();
     if (!world.has_joint(name))
-      element.fail("there is no constraint " + quoted(name) + " before this one");
+      element.fail("there is no constraint " + in_quotes(name) + " before this one");
     return world.find_joint(name);
   };
   joint->coupling.first = find(names[0]);
@@ -232,7 +231,7 @@ void read_expiry(const YamlElement& item, int count, JointState* state) {
     (count > 0 ? state->coordinates[0].expires_at : state->expires_at) = item.number_or_infinity();
     return;
   }
-  const std::vector<YamlElement> ends = item.items();
+  const List<YamlElement> ends = item.items();
   if (static_cast<int>(ends.size()) != count)
     item.fail("must be one for each coordinate, got " + std::to_string(ends.size()));
   for (std::size_t i = 0; i < ends.size(); ++i)
@@ -246,7 +245,7 @@ BodyId read_body_reference(const YamlElement& item, const std::string& key, cons
   if (!reference) return kWorldBody;
   const std::string name = reference->word();
   if (name == "world") return kWorldBody;
-  if (!world.has_body(name)) reference->fail("there is no body " + quoted(name));
+  if (!world.has_body(name)) reference->fail("there is no body " + in_quotes(name));
   return world.find_body(name);
 }
 

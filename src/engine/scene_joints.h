@@ -14,7 +14,7 @@ namespace constraint_sim::engine {
 /// Fails at an element with a word that is none of those that exist.
 [[noreturn]] inline void fail_unknown(const YamlElement& element, const std::string& word,
                                       const std::string& existing) {
-  element.fail("there is no " + quoted(word) + " (yet); there are " + existing);
+  element.fail("there is no " + in_quotes(word) + " (yet); there are " + existing);
 }
 
 /// The body that a key names; the world where it is left out.

@@ -6,6 +6,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/math/list.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
 
@@ -228,7 +229,7 @@ void write_rows(YAML::Emitter* out, const char* key, const Joint& joint, const R
 
 /// Of the length or the only motor with a timeout on the first coordinate one time; else a list.
 void write_expiry(YAML::Emitter* out, const Joint& joint, const JointState& state) {
-  std::vector<double> ends;
+  List<double> ends;
   visit_motors(joint, state, [&](const Motor& motor, double end) {
     if (motor.timeout > 0.0) ends.push_back(end);
   });
@@ -369,7 +370,7 @@ void write_contact(YAML::Emitter* out, const World& world, const TouchingPair& p
 void write_contacts(YAML::Emitter* out, const World& world) {
   const auto& impl = Insides::of(world);
   const auto is_gone = [&](const TouchingPair& pair) { return !impl.is_known(pair); };
-  std::vector<TouchingPair> pairs = impl.touching;
+  List<TouchingPair> pairs = impl.touching;
   pairs.insert(pairs.end(), impl.resting.begin(), impl.resting.end());
   pairs.erase(std::remove_if(pairs.begin(), pairs.end(), is_gone), pairs.end());
   if (pairs.empty()) return;

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "engine/constraints/custom.h"
+#include "engine/math/list.h"
 #include "engine/memory.h"
 #include "engine/snapshot_checks.h"
 #include "engine/snapshot_fields.h"
@@ -210,8 +211,8 @@ class Visitor {
   void visit(const std::vector<T>& list) {
     visit_list(list);
   }
-  template <class List>
-  void visit_list(List& list) {
+  template <class Container>
+  void visit_list(Container& list) {
     std::size_t size = list.size();
     (*this)(size);
     if constexpr (kReads) {
@@ -219,7 +220,7 @@ class Visitor {
       list.resize(bytes_.checked(size));
     }
     for (std::size_t i = 0; i < size; ++i) {
-      if constexpr (std::is_same_v<std::remove_const_t<List>, std::vector<bool>>) {
+      if constexpr (std::is_same_v<std::remove_const_t<Container>, std::vector<bool>>) {
         bool flag = list[i];
         (*this)(flag);
         if constexpr (kReads) list[i] = flag;
@@ -300,14 +301,14 @@ struct ReadBytes {
   }
 };
 
-template <class Map, class List, class Ids>
-void name_all(const List& list, const Ids& ids, Map* by_name) {
+template <class Map, class Container, class Ids>
+void name_all(const Container& list, const Ids& ids, Map* by_name) {
   by_name->clear();
   for (std::size_t i = 0; i < list.size(); ++i) by_name->emplace(list[i].name, ids[i]);
 }
 
 // of plugins, which have to be there
-void make_custom_codes(std::vector<Joint>* joints) {
+void make_custom_codes(List<Joint>* joints) {
   for (Joint& joint : *joints) {
     if (!is_custom(joint.kind)) continue;
     try {
@@ -328,7 +329,7 @@ void check_rest(const Impl& impl) {
     const bool is_smooth = impl.islands[i].method != Method::kSequentialImpulses;
     if (!parts.is_fresh && is_smooth) check_indices(parts.members.joints, impl.courses.size());
   }
-  std::vector<int> loaded;
+  List<int> loaded;
   for (const AppliedWrench& load : impl.loads) loaded.push_back(load.body);
   check_indices(loaded, impl.bodies.size());
 }
@@ -383,7 +384,7 @@ void World::Impl::visit_memory(Self& self, Visit& visit) {
     visit(parts.gives_way);
     bool has_motion = parts.motion >= 0;
     visit(has_motion);
-    std::vector<int> open_points = parts.open_points;  // maybe not those that are open by now
+    List<int> open_points = parts.open_points;  // maybe not those that are open by now
     visit(open_points);
     if constexpr (Visit::kReads) check_indices(open_points, self.joints.size());
     if constexpr (Visit::kReads)

@@ -6,6 +6,7 @@
 
 #include "constraint_sim/engine/snapshot.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/list.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
@@ -17,16 +18,14 @@ void check(bool is_right, const char* what) {
 
 // index[ids[i]] is i, and no other id is there
 template <class Ids>
-void check_index(const Ids& ids, const std::vector<int>& index, const char* what) {
+void check_index(const Ids& ids, const List<int>& index, const char* what) {
   for (std::size_t i = 0; i < ids.size(); ++i)
     check(ids[i].value < index.size() && index[ids[i].value] == static_cast<int>(i), what);
   const auto used = std::count_if(index.begin(), index.end(), [](int i) { return i >= 0; });
   check(static_cast<std::size_t>(used) == ids.size(), what);
 }
 
-bool has(const std::vector<int>& index, std::uint32_t id) {
-  return id < index.size() && index[id] >= 0;
-}
+bool has(const List<int>& index, std::uint32_t id) { return id < index.size() && index[id] >= 0; }
 
 bool is_finite(const MassProperties& mass) {
   return std::isfinite(mass.inverse_mass) && mass.inverse_mass >= 0.0 && mass.inertia.allFinite() &&
@@ -113,7 +112,7 @@ void fail_damaged(const char* what) {
   throw SnapshotError(std::string("snapshot: is damaged: ") + what + " cannot be");
 }
 
-void check_pairs(const Model& model, const std::vector<TouchingPair>& pairs) {
+void check_pairs(const Model& model, const List<TouchingPair>& pairs) {
   const auto n = static_cast<int>(model.bodies.size());
   for (const TouchingPair& pair : pairs) {
     check(pair.a >= 0 && pair.a < n && pair.b >= 0 && pair.b < n, "its contacts");
@@ -141,7 +140,7 @@ void check_ids(const Model& model, const MostIds& most) {
   check(most.body <= model.body_index.size() && most.joint <= model.joint_index.size(), "its ids");
 }
 
-void check_indices(const std::vector<int>& indices, std::size_t size) {
+void check_indices(const List<int>& indices, std::size_t size) {
   for (const int index : indices)
     check(index >= 0 && static_cast<std::size_t>(index) < size, "its lists");
 }

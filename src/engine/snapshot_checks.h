@@ -2,9 +2,9 @@
 
 #include <cstdint>
 #include <string>
-#include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "engine/math/list.h"
 #include "engine/model.h"
 #include "engine/state.h"
 
@@ -23,10 +23,10 @@ struct MostIds {
 void check_model(const Model& model, const State& state);
 void check_ids(const Model& model, const MostIds& most);
 /// Whether each is the index of a body or joint, or of any list of this size.
-void check_indices(const std::vector<int>& indices, std::size_t size);
+void check_indices(const List<int>& indices, std::size_t size);
 /// read_snapshot() of bytes that begin as those of this build; for tests also without asking for
 /// checksum and hash, which whoever forges bytes can make fit.
 World read_world(const std::string& bytes, bool checks_sums);
-void check_pairs(const Model& model, const std::vector<TouchingPair>& pairs);
+void check_pairs(const Model& model, const List<TouchingPair>& pairs);
 
 }  // namespace constraint_sim::engine

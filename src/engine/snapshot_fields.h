@@ -6,7 +6,6 @@
 #include <type_traits>
 #include <utility>
 #include <variant>
-#include <vector>
 
 #include "engine/constraints/one_sided_law.h"
 #include "engine/world_impl.h"

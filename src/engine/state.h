@@ -10,19 +10,28 @@
 #include "constraint_sim/engine/id.h"
 #include "constraint_sim/engine/joint.h"
 #include "constraint_sim/engine/wrench.h"
+#include "engine/math/list.h"
 #include "engine/methods/row_solver.h"
 
 namespace constraint_sim::engine {
 
 /// Two bodies in contact, with the impulses that held their points apart in the last step.
 struct TouchingPair {
+  static std::array<Eigen::Vector3d, 8> no_impulses() {
+    std::array<Eigen::Vector3d, 8> impulses;
+    impulses.fill(Eigen::Vector3d::Zero());
+    return impulses;
+  }
+
   int a = 0, b = 0;
   BodyId id_a, id_b;  ///< survive the removal of other bodies, which moves the indices
   Manifold manifold;
-  std::array<Eigen::Vector3d, 8> impulses{};     ///< of each point on A, world [N s]
+  std::array<Eigen::Vector3d, 8> impulses = no_impulses();  ///< of each point on A, world [N s]
   std::array<ContactState, 8> contact_states{};  ///< of each point, as the last step left it
 
   std::pair<int, int> ends() const { return {a, b}; }
+  /// Orders pairs by the indices of their bodies.
+  static bool in_order(const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); }
   /// What held the same point before; zero for a new one.
   Eigen::Vector3d impulse_of(std::uint32_t feature) const;
 };
@@ -37,15 +46,15 @@ struct SelfStress {
 
 /// What moves in a world, in the order of the lists of Model.
 struct State {
-  std::vector<BodyState> states;
-  std::vector<Twist> corrections;  ///< Baumgarte's share of the velocities, of the last step
+  List<BodyState> states;
+  List<Twist> corrections;  ///< Baumgarte's share of the velocities, of the last step
   bool any_corrections = false;
-  std::vector<bool> asleep;  ///< all bodies of an island are, or none
-  std::vector<JointState> joint_states;
-  std::vector<SelfStress> self_stress;
+  List<bool> asleep;  ///< all bodies of an island are, or none
+  List<JointState> joint_states;
+  List<SelfStress> self_stress;
   std::vector<Wrench> wrenches;
-  std::vector<TouchingPair> touching;  ///< sorted by bodies
-  std::vector<TouchingPair> resting;   ///< contacts of sleepers, sorted by bodies
+  List<TouchingPair> touching;  ///< sorted by bodies
+  List<TouchingPair> resting;   ///< contacts of sleepers, sorted by bodies
 
   // time: that of the last change of the tick, and steps
   double base_time = 0.0;

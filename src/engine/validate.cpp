@@ -4,13 +4,13 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <limits>
 #include <stdexcept>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/joint.h"
 #include "constraint_sim/engine/report.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -66,7 +66,7 @@ std::string excerpt(const std::string& text) {
   return end < text.size() ? shown + "..." : shown;
 }
 
-std::string quoted(const std::string& text) { return "'" + excerpt(text) + "'"; }
+std::string in_quotes(const std::string& text) { return "'" + excerpt(text) + "'"; }
 
 std::string shown(const Eigen::Vector3d& v) {
   return "(" + shortest(v.x()) + ", " + shortest(v.y()) + ", " + shortest(v.z()) + ")";
@@ -113,7 +113,7 @@ void check_axis(const std::string& field, const Eigen::Vector3d& value) {
 // a time that is no whole number of its own roundings could stand still in the tick after next
 bool is_rounding_within(double time, double time_step) {
   const double size = std::abs(time);
-  return std::nextafter(size, std::numeric_limits<double>::infinity()) - size <= time_step;
+  return std::nextafter(size, kInfinity) - size <= time_step;
 }
 
 void check_next_tick(const std::string& field, double time, double time_step) {
@@ -134,7 +134,7 @@ void check_name(const std::string& field, const std::string& name) {
                       std::to_string(name.size()));
   bool legal = is_name_start(name.front());
   for (const char c : name) legal = legal && is_name_character(c);
-  if (!legal) refuse(field, "must match [A-Za-z0-9_][A-Za-z0-9_./-]*, got " + quoted(name));
+  if (!legal) refuse(field, "must match [A-Za-z0-9_][A-Za-z0-9_./-]*, got " + in_quotes(name));
 }
 
 namespace {
@@ -261,7 +261,6 @@ void validate(const CoordinateLaw& law) {
   const auto check_limit = [](const char* field, double value, double none) {
     if (value != none) check_finite(field, value);
   };
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   check_limit("lower", law.lower, -kInfinity);
   check_limit("upper", law.upper, kInfinity);
   if (!(law.lower < law.upper))

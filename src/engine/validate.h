@@ -3,8 +3,9 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
-#include <limits>
 #include <string>
+
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 
@@ -18,7 +19,7 @@ std::string shortest(double value);
 /// The first 40 characters of a text that came from outside, what cannot be printed as `?`.
 std::string excerpt(const std::string& text);
 /// The same in single quotes.
-std::string quoted(const std::string& text);
+std::string in_quotes(const std::string& text);
 
 /// `(x, y, z)`.
 std::string shown(const Eigen::Vector3d& v);
@@ -37,7 +38,6 @@ void check_axis(const std::string& field, const Eigen::Vector3d& value);
 bool is_rounding_within(double time, double time_step);
 /// Whether a time [s] has a next one a tick later, and that one as well.
 inline bool has_next_tick(double time, double time_step) {
-  constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
   // never less than the next number is away
   return std::abs(time) * kEpsilon <= time_step || is_rounding_within(time, time_step);
 }

@@ -5,8 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
@@ -21,10 +22,7 @@ constexpr double kRise = 1e-6;
 constexpr double kFits = 1e-6;  // [m] beyond which an error left by an edit is closed
 // Relative roundings of a step: of some ten operations on a body, and of sweeps over rows whose
 // impulses exceed the motion they leave by the ratio of masses.
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kRounding = 16.0 * kEpsilon, kRoundingOfSweeps = 1e-11;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // what there was, plus what came, never below zero, from where the next rise counts
 double gain_of(double before, double gain, double allowed) {
@@ -60,7 +58,7 @@ void World::Impl::watch_joints() {
     watch.open.push_back(now);
     // that joints cannot be met, or rest as they are, is known before any time has passed
     const auto [a, b] = joint_ends[j];
-    const MethodReason why = islands[at(island_of[is_movable(a) ? a : b])].why;
+    const MethodReason why = islands[island_of[is_movable(a) ? a : b]].why;
     const bool stays = why == MethodReason::kInconsistent || why == MethodReason::kAtRest;
     if (now.age < patience && (!stays || state.closing)) continue;
     watch.unclosed.push_back(now.id);
@@ -75,24 +73,24 @@ void World::Impl::watch_joints() {
 
 void World::Impl::watch_spin() {
   for (const int index : awake_islands) {
-    Island& island = islands[at(index)];
+    Island& island = islands[index];
     if (island.method != Method::kSequentialImpulses) continue;
-    island.unresolved_bodies = find_spinning(at(index), nullptr);
+    island.unresolved_bodies = find_spinning(to_index(index), nullptr);
     report.unresolved_bodies += island.unresolved_bodies;
   }
 }
 
 // on joints, which a step takes along a line: by more than EnergyMomentum::kResolved in a step
-std::uint32_t World::Impl::find_spinning(std::size_t i, std::vector<std::size_t>* bodies) const {
+std::uint32_t World::Impl::find_spinning(std::size_t i, List<std::size_t>* bodies) const {
   if (island_parts[i].members.joints.empty()) return 0;
   const double most = EnergyMomentum::kResolved / options.time_step;
   std::uint32_t count = 0;
   for (const int body : island_parts[i].members.bodies) {
-    const double w = std::max(states[at(body)].angular_velocity.squaredNorm(),
-                              states_before[at(body)].angular_velocity.squaredNorm());
-    if (!masses[at(body)].can_turn() || w <= most * most) continue;
+    const double w = std::max(states[body].angular_velocity.squaredNorm(),
+                              states_before[body].angular_velocity.squaredNorm());
+    if (!masses[body].can_turn() || w <= most * most) continue;
     ++count;
-    if (bodies != nullptr) bodies->push_back(at(body));
+    if (bodies != nullptr) bodies->push_back(to_index(body));
   }
   return count;
 }
@@ -110,9 +108,9 @@ void World::Impl::begin_watch() {
     parts.energy.was_driven = is_driven(i);
     parts.gives_way = false;
     for (const int index : parts.members.joints) {
-      const Joint& joint = joints[at(index)];
+      const Joint& joint = joints[index];
       if (is_rigid(joint))  // what does not fit is closed from the first step on
-        parts.energy.was_driven |= std::abs(joint_states[at(index)].error) > kFits;
+        parts.energy.was_driven |= std::abs(joint_states[index].error) > kFits;
       else
         parts.gives_way |= joint.motor.max_force > 0.0;
     }
@@ -146,9 +144,9 @@ double World::Impl::look_at_island(std::size_t i, double* allowed) {
 
   double mass = 0.0, moment = 0.0;  // Σ m |x|
   for (const int body : parts.members.bodies) {
-    const double m = 1.0 / masses[at(body)].inverse_mass;
+    const double m = 1.0 / masses[body].inverse_mass;
     mass += m;
-    moment += m * states[at(body)].position.lpNorm<1>();
+    moment += m * states[body].position.lpNorm<1>();
   }
   const double g = options.gravity.norm(), h = options.time_step;
   const double size = now.kinetic + std::abs(now.potential);
@@ -172,7 +170,7 @@ void World::Impl::look_at_energy() {
   const IslandParts* most = nullptr;
   watch.energy_rise = 0.0;
   for (std::size_t i = 0; i < islands.size(); ++i) {
-    if (!watch.awake_changed && asleep[at(island_parts[i].members.bodies.front())]) continue;
+    if (!watch.awake_changed && asleep[island_parts[i].members.bodies.front()]) continue;
     WatchedEnergy& watched = island_parts[i].energy;
     double allowed_here = 0.0;
     const double gain_here = look_at_island(i, &allowed_here);
@@ -210,7 +208,7 @@ void World::Impl::look_at_energy() {
 void World::Impl::tell_of_gain(const IslandParts& parts, double gain, double allowed) {
   if (gain <= allowed || gain <= watch.energy_rise) return;
   watch.energy_rise = gain;
-  watch.energy_rise_body = body_ids[at(parts.members.bodies.front())];
+  watch.energy_rise_body = body_ids[parts.members.bodies.front()];
 }
 
 }  // namespace constraint_sim::engine

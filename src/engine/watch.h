@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/id.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -33,7 +34,7 @@ class Watch {
     double age = 0.0;    ///< time in which it has not [s]
     double closing_since = 0.0;
   };
-  std::vector<Open> open, open_before;  ///< in the order of adding
+  List<Open> open, open_before;  ///< in the order of adding
 
   // of the window
   int steps = 0;

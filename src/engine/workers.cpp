@@ -9,7 +9,8 @@
 #include <system_error>
 #include <thread>
 #include <utility>
-#include <vector>
+
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -101,7 +102,7 @@ class Workers::Team {
   std::atomic<std::size_t> next_{0};
 
   int wanted_;
-  std::vector<std::thread> others_;
+  List<std::thread> others_;
 };
 
 Workers::Workers() = default;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
@@ -15,6 +14,7 @@
 #include "engine/constraints/joint_sum.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/islands.h"
+#include "engine/math/list.h"
 #include "engine/method_choice.h"
 #include "engine/methods/island_motion.h"
 #include "engine/methods/runge_kutta.h"
@@ -38,8 +38,8 @@ struct Energy {
 struct IslandParts : IslandMemory {
   IslandMembers members;
   MethodReason nature = MethodReason::kSmooth;  ///< of its joints and options; contacts come and go
-  int motion = -1;                  ///< into motions; -1: no joints, or never integrated
-  std::vector<int> turning_freely;  ///< bodies whose rotation no joint acts on
+  int motion = -1;           ///< into motions; -1: no joints, or never integrated
+  List<int> turning_freely;  ///< bodies whose rotation no joint acts on
 
   // of this step; each island writes its own, for several may be carried at once
   double projected_energy = 0.0, correction_work = 0.0;  ///< [J]
@@ -47,9 +47,9 @@ struct IslandParts : IslandMemory {
   bool is_to_be_asked = false;                           ///< what it is, again in the next step
   bool has_failed = false;
 
-  bool is_fresh = true;          ///< no step since an edit that concerns it
-  bool is_stale = false;         ///< the laws of its joints are others than those compiled
-  std::vector<int> open_points;  ///< joints without axes that were open when it was compiled
+  bool is_fresh = true;   ///< no step since an edit that concerns it
+  bool is_stale = false;  ///< the laws of its joints are others than those compiled
+  List<int> open_points;  ///< joints without axes that were open when it was compiled
   WatchedEnergy energy;
   bool gives_way = false;  ///< has a spring with a force limit, whose energy is not ½ k C²
 };
@@ -60,9 +60,9 @@ class ElasticSpheres;
 
 /// Islands and what is compiled for them.
 struct IslandLists {
-  std::vector<IslandParts> island_parts;
-  std::vector<Island> islands;        // the same, as it is told
-  std::vector<IslandMotion> motions;  // of the islands with joints
+  List<IslandParts> island_parts;
+  std::vector<Island> islands;  // the same, as it is told
+  List<IslandMotion> motions;   // of the islands with joints
 };
 
 /// The two bodies of a joint, by index.
@@ -75,9 +75,9 @@ struct Tick {
 
 /// Bodies that may hit each other within a step, and all that is joined to them, by index.
 struct FastGroup {
-  std::vector<int> bodies;      ///< movable
-  std::vector<int> joints;      ///< on them
-  std::vector<bool> is_member;  ///< of all bodies; of others where they are in no group
+  List<int> bodies;      ///< movable
+  List<int> joints;      ///< on them
+  List<bool> is_member;  ///< of all bodies; of others where they are in no group
 
   bool is_empty() const { return bodies.empty(); }
 };
@@ -108,8 +108,8 @@ class Storage {
 
 /// Islands that may touch each other, or what does not move, within a step.
 struct ContactGroup {
-  std::vector<int> islands;
-  std::vector<Broadphase::Pair> pairs;
+  List<int> islands;
+  List<Broadphase::Pair> pairs;
   Storage<ContactEvents> events;            ///< of this step alone
   std::shared_ptr<ElasticSpheres> spheres;  ///< or these
   bool has_failed = false;                  ///< in this step: others carry them
@@ -121,9 +121,9 @@ struct ContactGroup {
 /// What each method carries in a step; made anew when that changes.
 struct Carried {
   std::array<std::uint32_t, kMethodCount> islands{};  ///< so many
-  std::vector<int> smooth;          ///< islands that are integrated, stiff ones as well
-  std::vector<int> impulse_bodies;  ///< of all other islands
-  std::vector<int> impulse_joints;  ///< the same
+  List<int> smooth;          ///< islands that are integrated, stiff ones as well
+  List<int> impulse_bodies;  ///< of all other islands
+  List<int> impulse_joints;  ///< the same
 };
 
 /// What a snapshot answers where a world goes by what a snapshot does not have.
@@ -143,69 +143,68 @@ struct World::Impl : Model, State, IslandLists {
   std::optional<Seen> seen;                // of snapshots, which count as edited
   std::vector<BodyId> edited_bodies;       // whose islands begin anew
   std::vector<BodyId> relinked_bodies;     // whose islands are compiled anew
-  std::vector<Broadphase::Pair> unpaired;  // joined bodies that may overlap, sorted
-  std::vector<JointEnds> joint_ends;       // the two bodies of each joint
-  std::vector<std::pair<BodyId, IslandMemory>>
-      loaded_memory;                    // by first body, until there are islands
-  std::vector<bool> is_in_loop;         // joints of an island whose joints close one
-  std::vector<int> island_of;           // of bodies; -1 of immovable ones
-  std::vector<FreeRotation> rotations;  // of bodies
+  List<Broadphase::Pair> unpaired;         // joined bodies that may overlap, sorted
+  List<JointEnds> joint_ends;              // the two bodies of each joint
+  List<std::pair<BodyId, IslandMemory>> loaded_memory;  // by first body, until there are islands
+  List<bool> is_in_loop;                // joints of an island whose joints close one
+  List<int> island_of;                  // of bodies; -1 of immovable ones
+  List<FreeRotation> rotations;         // of bodies
   double reference_energy = 0.0;        // [J] at the last edit
   double largest_kinetic_energy = 0.0;  // [J] since the last edit
   std::uint64_t quiet_steps = 0;        // after which an island may rest; 0: never
-  std::vector<int> fresh_islands;       // those that begin anew
+  List<int> fresh_islands;              // those that begin anew
 
   // ---- what is awake, and what the rest tells; made anew when somebody wakes or falls asleep
   bool any_waking = false;  // somebody was woken, and the lists do not know yet
   bool awake_changed = true;
-  std::vector<int> awake_islands;
-  std::vector<int> awake_bodies;   // dynamic ones, and kinematic ones that move
-  std::vector<int> awake_joints;   // those that do not act as well
-  std::vector<int> kinematic;      // bodies that move
-  std::vector<int> moving_shapes;  // bodies that may touch something; empty where none can
+  List<int> awake_islands;
+  List<int> awake_bodies;   // dynamic ones, and kinematic ones that move
+  List<int> awake_joints;   // those that do not act as well
+  List<int> kinematic;      // bodies that move
+  List<int> moving_shapes;  // bodies that may touch something; empty where none can
   StepReport resting_report;
   Energy resting_energy;
-  int most_attempts = 0;                 // substeps of an island in one span
-  std::size_t resting_contacts = 0;      // so many of contacts, the first ones
-  std::vector<bool> is_sleep_candidate;  // islands about to fall asleep
-  std::vector<int> sleep_candidates;     // the same
+  int most_attempts = 0;             // substeps of an island in one span
+  std::size_t resting_contacts = 0;  // so many of contacts, the first ones
+  List<bool> is_sleep_candidate;     // islands about to fall asleep
+  List<int> sleep_candidates;        // the same
 
   // ---- which islands have which method; made anew when that changes
   Carried carried;
   bool any_refused = false;
-  bool any_stiff = false;                 // or one that no longer is, or was just found to be
-  std::vector<bool> in_contact;           // islands in contact
-  std::vector<int> entering;              // islands that were not integrated before, or were edited
-  std::vector<PrescribedMotion> courses;  // of joints
-  bool smooth_changed = true;             // since time_varying_joints was listed
-  std::vector<int> time_varying_joints;   // joints whose course is not constant
+  bool any_stiff = false;          // or one that no longer is, or was just found to be
+  List<bool> in_contact;           // islands in contact
+  List<int> entering;              // islands that were not integrated before, or were edited
+  List<PrescribedMotion> courses;  // of joints
+  bool smooth_changed = true;      // since time_varying_joints was listed
+  List<int> time_varying_joints;   // joints whose course is not constant
 
   // ---- what one stage hands to the next, and one step to the following
-  std::vector<double> span_ends;     // of the spans of a step in which nothing jumps [s]
-  std::vector<AppliedWrench> loads;  // of wrenches, in a span
-  bool had_wrenches = false;         // in the span before
+  List<double> span_ends;     // of the spans of a step in which nothing jumps [s]
+  List<AppliedWrench> loads;  // of wrenches, in a span
+  bool had_wrenches = false;  // in the span before
   bool any_custom_forces = false;
   Workers workers;
   Broadphase broadphase;
-  std::vector<Proxy> proxies;
-  std::vector<TouchingPair> touching_before;  // in the step before
-  double thinnest = 0.0;                      // [m] of all shapes
-  double fast_square = 0.0;                   // of the speed from which bodies are fast [m²/s²]
-  std::vector<int> fast_bodies;               // that may pass through a shape in this step
+  List<Proxy> proxies;
+  List<TouchingPair> touching_before;  // in the step before
+  double thinnest = 0.0;               // [m] of all shapes
+  double fast_square = 0.0;            // of the speed from which bodies are fast [m²/s²]
+  List<int> fast_bodies;               // that may pass through a shape in this step
   // pairs of these with joints, that are apart
-  std::vector<Broadphase::Pair> jointed_pairs;
-  FastGroup fast_group;                       // of those that hit something, carried to each hit
-  FastGroup slow_group;                       // what else impulses carry, where there is a group
-  std::vector<JointSum> joint_sums;           // of the group
-  std::vector<TouchingPair> hits;             // of the group, with the impulses of all its hits
-  std::vector<ActingWrench> acting_wrenches;  // on bodies that impulses carry
+  List<Broadphase::Pair> jointed_pairs;
+  FastGroup fast_group;                // of those that hit something, carried to each hit
+  FastGroup slow_group;                // what else impulses carry, where there is a group
+  List<JointSum> joint_sums;           // of the group
+  List<TouchingPair> hits;             // of the group, with the impulses of all its hits
+  List<ActingWrench> acting_wrenches;  // on bodies that impulses carry
   SequentialImpulses sequential_impulses;
   bool is_state_saved = false;   // the state before the step is in the next two
   bool had_corrections = false;  // in the step before
-  std::vector<BodyState> states_before;
-  std::vector<Twist> corrections_before;
-  std::vector<JointState> joint_states_before;
-  std::vector<IslandMemory> memory_before;
+  List<BodyState> states_before;
+  List<Twist> corrections_before;
+  List<JointState> joint_states_before;
+  List<IslandMemory> memory_before;
   bool contacts_are_new = false;  // those of the step before are in touching_before
 
   // ---- what a step tells
@@ -229,26 +228,26 @@ struct World::Impl : Model, State, IslandLists {
     MethodReason left_for = MethodReason::kContact;  ///< where it is not by events
     int group = -1;                                  ///< that was made of them
   };
-  std::vector<std::pair<Broadphase::Pair, double>> watched_pairs;  // with their gaps [m]
-  std::vector<GroupSize> group_sizes;
-  std::vector<ContactGroup> contact_groups;
-  std::vector<ContactGroup> unused_groups;  // their storage is used again
-  std::vector<int> place_in_group;          // of bodies; -1: not in the one that is compiled
-  std::vector<OneSidedLaw> group_laws;      // of a joint
-  std::vector<int> leader_of;               // of islands: the first one that pairs connect with it
-  std::vector<int> group_of;                // of islands; -1: none
+  List<std::pair<Broadphase::Pair, double>> watched_pairs;  // with their gaps [m]
+  List<GroupSize> group_sizes;
+  List<ContactGroup> contact_groups;
+  List<ContactGroup> unused_groups;    // their storage is used again
+  List<int> place_in_group;            // of bodies; -1: not in the one that is compiled
+  List<OneSidedLaw> group_laws;        // of a joint
+  List<int> leader_of;                 // of islands: the first one that pairs connect with it
+  List<int> group_of;                  // of islands; -1: none
   double integrated_drives = 0.0;      // work of what moves by itself on groups, in this step [J]
   std::vector<BodyId> grouped_bodies;  // whatever is edited after the step
   bool had_groups = false;             // in the step before
-  std::vector<double> reach;           // [m] of bodies in this step, whoever hits them
-  std::vector<double> own_reach;       // [m] where nobody does
+  List<double> reach;                  // [m] of bodies in this step, whoever hits them
+  List<double> own_reach;              // [m] where nobody does
 
   // ---- editing (edits/)
   void check_ends(const Joint& joint) const;
   void check_coupling(const Joint& joint, bool broken) const;
   void check_coupled_act(std::size_t j, bool enabled) const;
   BodyId movable_end(JointId id) const;
-  std::vector<std::size_t> couplings_of(std::size_t joint) const;
+  List<std::size_t> couplings_of(std::size_t joint) const;
   bool is_held_by(BodyId id, std::size_t joint) const;
   JointId add_joint(const Joint& joint, bool broken);
   void fill_in(Joint& joint) const;
@@ -277,13 +276,13 @@ struct World::Impl : Model, State, IslandLists {
     IslandMemory memory;  // that the step begins with
     bool is_fresh;        // edited
   };
-  std::vector<NextIsland> next_islands() const;
+  List<NextIsland> next_islands() const;
   NextIsland next_island(IslandMembers members) const;
-  void choose_next_methods(const std::vector<JointEnds>& ends, const std::vector<int>& next_of,
-                           std::vector<NextIsland>* next) const;
+  void choose_next_methods(const List<JointEnds>& ends, const List<int>& next_of,
+                           List<NextIsland>* next) const;
   const Impl& compiled(std::optional<Impl>* copy) const;
-  std::vector<std::pair<BodyId, IslandMemory>> memories() const;
-  std::vector<std::pair<BodyId, IslandMemory>> next_memories() const;
+  List<std::pair<BodyId, IslandMemory>> memories() const;
+  List<std::pair<BodyId, IslandMemory>> next_memories() const;
   bool restarts_methods(std::size_t island) const;
   std::uint64_t hash() const;
   template <class Self, class Visit>
@@ -312,15 +311,15 @@ struct World::Impl : Model, State, IslandLists {
   void wake_around(BodyId id);
   bool wake_touched();
   void spread_waking();
-  void spread_waking(const std::vector<const std::vector<int>*>& groups,
-                     const std::vector<std::pair<int, int>>& near, std::vector<bool>* sleeps) const;
+  void spread_waking(const List<const List<int>*>& groups, const List<std::pair<int, int>>& near,
+                     List<bool>* sleeps) const;
   void fall_asleep();
   bool is_quiet(std::size_t island) const;
   bool is_driven(std::size_t island) const;
   bool is_moving_by_itself(std::size_t body) const;
   bool find_sleep_candidates();
   void list_awake();
-  void list_shapes(const std::vector<int>& resting_bodies);
+  void list_shapes(const List<int>& resting_bodies);
 
   // ---- stepping (world.cpp), in the order of a step
   void abandon_step();
@@ -337,28 +336,28 @@ struct World::Impl : Model, State, IslandLists {
   void find_loops();
   void classify_islands();
   std::pair<std::size_t, std::size_t> ends_of(const Joint& joint) const;
-  std::vector<IslandMembers> group_bodies(const std::vector<JointEnds>& ends) const;
+  List<IslandMembers> group_bodies(const List<JointEnds>& ends) const;
   Island new_island(const IslandMembers& members) const;
   IslandMemory loaded_memory_of(BodyId first) const;
-  std::vector<double> fastest_springs(const std::vector<JointEnds>& ends, bool with_limit) const;
+  List<double> fastest_springs(const List<JointEnds>& ends, bool with_limit) const;
   /// Of bodies, those without and with a force limit [1/s].
   struct FastestSprings {
-    std::vector<double> springs, limited;
+    List<double> springs, limited;
 
-    FastestSprings(const Impl& impl, const std::vector<JointEnds>& ends)
+    FastestSprings(const Impl& impl, const List<JointEnds>& ends)
         : springs(impl.fastest_springs(ends, false)), limited(impl.fastest_springs(ends, true)) {}
   };
   IslandTraits traits_of(const IslandMembers& members, const FastestSprings& fastest) const;
-  std::vector<int> open_points_of(const IslandMembers& members) const;
+  List<int> open_points_of(const IslandMembers& members) const;
   void compile_island(IslandParts* parts);
-  void compile_island(IslandParts* parts, const std::vector<int>& open_points);
-  const std::vector<Broadphase::Pair>& find_pairs();
+  void compile_island(IslandParts* parts, const List<int>& open_points);
+  const List<Broadphase::Pair>& find_pairs();
   void find_overlapping();
   Proxy proxy(int body) const;
-  const std::vector<TouchingPair>& find_contacts(const std::vector<Broadphase::Pair>& near);
-  void collide_pairs(const std::vector<Broadphase::Pair>& near);
-  Carried& choose_methods(const std::vector<TouchingPair>& in_contact);
-  void sort_islands(const std::vector<TouchingPair>& in_contact);
+  const List<TouchingPair>& find_contacts(const List<Broadphase::Pair>& near);
+  void collide_pairs(const List<Broadphase::Pair>& near);
+  Carried& choose_methods(const List<TouchingPair>& in_contact);
+  void sort_islands(const List<TouchingPair>& in_contact);
   void restart(const IslandParts& parts);
   bool is_integrated(std::size_t j) const;
   void list_by_method();
@@ -366,7 +365,7 @@ struct World::Impl : Model, State, IslandLists {
   void assemble_entering(const JointStep& step);
   void compile_where_closed(const JointStep& step);
   void compile_if_opened(IslandParts* parts);
-  void list_changing_courses(const std::vector<int>& smooth);
+  void list_changing_courses(const List<int>& smooth);
   void split_step(const Tick& tick);
   void find_loads(double from, double to);
   bool integrate_island(std::size_t i, const SmoothSpan& span);
@@ -376,11 +375,11 @@ struct World::Impl : Model, State, IslandLists {
                                    const IntegratorOptions& accuracy);
   IntegratorOptions accuracy_within(double most_frequency) const;
   void share_attempts();
-  int threads_worth_it(const std::vector<int>& smooth) const;
+  int threads_worth_it(const List<int>& smooth) const;
   void switch_method(std::size_t i, Method method, MethodReason why);
   void refuse_island(std::size_t i, MethodReason why);
-  bool report_islands(const std::vector<int>& smooth);
-  std::uint32_t find_unresolved(std::size_t i, std::vector<std::size_t>* bodies) const;
+  bool report_islands(const List<int>& smooth);
+  std::uint32_t find_unresolved(std::size_t i, List<std::size_t>* bodies) const;
   void advance_by_impulses(const Tick& tick, const Carried& by_method);
   void finish_impulses(const Tick& tick, const Carried& by_method);
   ImpulseStep impulse_step(const Tick& tick, const Carried& by_method) const;
@@ -401,7 +400,7 @@ struct World::Impl : Model, State, IslandLists {
   double least_gap(std::size_t a, std::size_t b) const;
   std::optional<double> gap_to_watch(const Broadphase::Pair& pair) const;
   bool wake_approached();
-  void find_contact_groups(const std::vector<Broadphase::Pair>& near);
+  void find_contact_groups(const List<Broadphase::Pair>& near);
   void list_group_sizes();
   bool is_settled(const Broadphase::Pair& pair, double gap) const;
   bool is_few(const GroupSize& size) const;
@@ -440,22 +439,21 @@ struct World::Impl : Model, State, IslandLists {
   bool is_fast(const Broadphase::Pair& pair, double duration) const;
   double swept(int body, double duration) const;
   void sweep(double duration, Proxy* proxy) const;
-  void find_hits(const std::vector<Broadphase::Pair>& near);
+  void find_hits(const List<Broadphase::Pair>& near);
   std::optional<double> time_of_hit(const Broadphase::Pair& pair, double duration) const;
   bool has_joints(const Broadphase::Pair& pair) const;
   bool is_touching(const Broadphase::Pair& pair) const;
-  void list_jointed_pairs(const std::vector<Broadphase::Pair>& near);
+  void list_jointed_pairs(const List<Broadphase::Pair>& near);
   bool passes(const Broadphase::Pair& pair) const;
   void catch_what_passes();
   void add_jointed_pairs();
-  double time_on_joints(const std::vector<Broadphase::Pair>& near, double left,
-                        std::vector<double>* ways) const;
-  bool has_outrun(const std::vector<Broadphase::Pair>& near, const std::vector<double>& ways,
+  double time_on_joints(const List<Broadphase::Pair>& near, double left, List<double>* ways) const;
+  bool has_outrun(const List<Broadphase::Pair>& near, const List<double>& ways,
                   double duration) const;
   void find_fast_group(const Carried& by_method);
   void advance_fast_group(const Tick& tick);
-  bool collide_group(const std::vector<Broadphase::Pair>& near, double left);
-  std::vector<Broadphase::Pair> pairs_of_group(double duration, bool* is_any_left);
+  bool collide_group(const List<Broadphase::Pair>& near, double left);
+  List<Broadphase::Pair> pairs_of_group(double duration, bool* is_any_left);
   void advance_group(const Tick& tick, double done, double duration);
   double time_to_watch(const TouchingPair& pair) const;
   bool is_hit(const TouchingPair& pair, double duration) const;
@@ -480,12 +478,12 @@ struct World::Impl : Model, State, IslandLists {
   void begin_watch();
   void watch_joints();
   void watch_spin();
-  std::uint32_t find_spinning(std::size_t i, std::vector<std::size_t>* bodies) const;
+  std::uint32_t find_spinning(std::size_t i, List<std::size_t>* bodies) const;
   void watch_energy();
   void look_at_energy();
   double look_at_island(std::size_t island, double* allowed);
   void tell_of_gain(const IslandParts& parts, double gain, double allowed);
-  bool find_worst_joint(const std::vector<int>& among, StepReport* worst) const;
+  bool find_worst_joint(const List<int>& among, StepReport* worst) const;
   [[noreturn]] static void fail(Failure why);
   void keep_state_before(Failure why);
   Failure failure_of_motion();
@@ -499,7 +497,7 @@ struct World::Impl : Model, State, IslandLists {
   const BodyState& state_a(std::size_t j) const;
   const BodyState& state_b(std::size_t j) const;
   Energy energy() const;
-  Energy energy(const std::vector<int>& of_bodies, const std::vector<int>& of_joints) const;
+  Energy energy(const List<int>& of_bodies, const List<int>& of_joints) const;
 };
 
 /// The way in for what saves and loads.

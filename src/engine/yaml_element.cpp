@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
-#include <limits>
 #include <locale>
 #include <sstream>
 
 #include "constraint_sim/engine/scene.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
@@ -22,7 +23,7 @@ std::string location(const std::string& source, int line) {
 std::string described(const YamlNode& node) {
   switch (node.kind) {
     case Kind::kScalar:
-      return quoted(node.scalar);
+      return in_quotes(node.scalar);
     case Kind::kList:
       return "a list of " + std::to_string(node.children.size());
     case Kind::kMap:
@@ -82,9 +83,9 @@ void YamlElement::expect_keys(const Words& known) const {
     const YamlElement key = child(node_->children[i], path_, line_);
     const std::string word = key.word();
     if (std::find(known.begin(), known.end(), word) == known.end())
-      key.fail("unknown key " + quoted(word));
+      key.fail("unknown key " + in_quotes(word));
     if (std::find(seen.begin(), seen.end(), word) != seen.end())
-      key.fail("duplicate key " + quoted(word));
+      key.fail("duplicate key " + in_quotes(word));
     seen.push_back(word);
   }
 }
@@ -115,9 +116,9 @@ YamlElement::Words YamlElement::keys() const {
 
 bool YamlElement::is_list() const { return node_->kind == Kind::kList; }
 
-std::vector<YamlElement> YamlElement::items() const {
+List<YamlElement> YamlElement::items() const {
   if (node_->kind != Kind::kList) fail_expecting("a list");
-  std::vector<YamlElement> elements;
+  List<YamlElement> elements;
   for (const YamlNode* const node : node_->children)
     elements.push_back(child(node, path_ + "[" + std::to_string(elements.size()) + "]", line_));
   return elements;
@@ -134,7 +135,7 @@ double YamlElement::number() const {
 }
 
 double YamlElement::number_or_infinity() const {
-  return is_plain() && node_->scalar == ".inf" ? std::numeric_limits<double>::infinity() : number();
+  return is_plain() && node_->scalar == ".inf" ? kInfinity : number();
 }
 
 int YamlElement::whole_number() const {
@@ -172,7 +173,7 @@ Eigen::VectorXd YamlElement::numbers(Eigen::Index size) const {
   const bool has_size =
       node_->kind == Kind::kList && node_->children.size() == static_cast<std::size_t>(size);
   if (!has_size) fail_expecting(expected);
-  const std::vector<YamlElement> elements = items();
+  const List<YamlElement> elements = items();
   Eigen::VectorXd values(size);
   for (Eigen::Index i = 0; i < size; ++i)
     values[i] = elements[static_cast<std::size_t>(i)].number();

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/math/list.h"
 #include "engine/yaml_tree.h"
 
 namespace constraint_sim::engine {
@@ -32,7 +33,7 @@ class YamlElement {
   Words keys() const;
   bool is_list() const;
   /// The elements of this list.
-  std::vector<YamlElement> items() const;
+  List<YamlElement> items() const;
 
   double number() const;              ///< finite
   double number_or_infinity() const;  ///< `.inf` as well

@@ -7,6 +7,7 @@
 #include <sstream>
 #include <unordered_map>
 
+#include "engine/math/list.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
@@ -86,7 +87,7 @@ class YamlTree::Builder : public YAML::EventHandler {
   }
 
   YamlTree& tree_;
-  std::vector<YamlNode*> open_;  // from the root to where the parser is
+  List<YamlNode*> open_;  // from the root to where the parser is
   std::unordered_map<YAML::anchor_t, YamlNode*> anchors_;
   std::size_t aliases_ = 0;
   int documents_ = 0;

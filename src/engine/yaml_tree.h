@@ -5,7 +5,8 @@
 #include <memory>
 #include <stdexcept>
 #include <string>
-#include <vector>
+
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -18,7 +19,7 @@ struct YamlNode {
   int line = 1;            ///< from 1
   std::string scalar;
   /// Elements of a list; of a map keys and values in turn. An alias is the node it stands for.
-  std::vector<const YamlNode*> children;
+  List<const YamlNode*> children;
 };
 
 /// A text that is not one YAML document within the bounds.

@@ -5,6 +5,7 @@
 #include <utility>
 #include <variant>
 
+#include "engine/math/numbers.h"
 #include "ros/conversions.h"
 #include "ros/marker_lines.h"
 
@@ -27,7 +28,7 @@ constexpr double kLevel = 0.1;          // sine of the slope of an axis that cou
 constexpr double kNearer = 0.1;         // of the axis: what counts as nearer
 constexpr double kWeld = 0.4;           // of the axis: half of the cube whose diagonals are a weld
 constexpr double kThread = 2.4;         // of the thickness: diameter of a screw's thread
-constexpr double kPi = 3.14159265358979323846;
+using engine::kPi;
 constexpr int kTeethOfSmaller = 12;
 constexpr int kMostTeeth = 60;
 constexpr double kMostWheel = 3.0;  // of the axis

@@ -4,13 +4,15 @@
 #include <array>
 #include <cmath>
 
+#include "engine/math/numbers.h"
+
 namespace constraint_sim {
 namespace {
 
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kPi = 3.14159265358979323846;
+using engine::kPi;
 constexpr int kCoilTurns = 8;
 constexpr int kPartsOfTurn = 10;
 constexpr double kStraightEnd = 0.1;  // share of a spring's length

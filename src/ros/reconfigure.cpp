@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <map>
 #include <string>
 #include <type_traits>
@@ -14,6 +13,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/options.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim {
 namespace {
@@ -21,7 +21,7 @@ namespace {
 using dynamic_reconfigure::Config;
 using dynamic_reconfigure::ConfigDescription;
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+using engine::kInfinity;
 constexpr const char* kGravity[] = {"gravity_x", "gravity_y", "gravity_z"};
 
 // ---- values

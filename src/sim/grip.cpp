@@ -7,6 +7,8 @@
 #include <utility>
 #include <vector>
 
+#include "engine/math/numbers.h"
+
 namespace constraint_sim {
 namespace {
 
@@ -16,7 +18,7 @@ using engine::Joint;
 using engine::JointId;
 using engine::World;
 
-constexpr double kPi = 3.14159265358979323846;
+using engine::kPi;
 // [m] from the target to where the springs begin: so far that they stay along the axes
 constexpr double kArm = 1000.0;
 

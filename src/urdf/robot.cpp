@@ -24,7 +24,7 @@ using engine::World;
 
 [[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument("urdf: " + why); }
 
-std::string quoted(const std::string& name) { return "'" + name + "'"; }
+std::string in_quotes(const std::string& name) { return "'" + name + "'"; }
 
 Isometry3d to_isometry(const engine::BodyState& state) {
   return Eigen::Translation3d(state.position) * state.orientation;
@@ -79,7 +79,7 @@ engine::JointKind kind_of(const urdf::Joint& joint) {
     case urdf::Joint::FIXED:
       return engine::JointKind::kWeld;
     default:
-      refuse("joint " + quoted(joint.name) + " has a type that is not known");
+      refuse("joint " + in_quotes(joint.name) + " has a type that is not known");
   }
 }
 
@@ -88,7 +88,7 @@ Quaterniond along_axis(const urdf::Joint& joint) {
   if (joint.type == urdf::Joint::FIXED) return Quaterniond::Identity();
   const Vector3d axis = to_eigen(joint.axis);
   if (!axis.allFinite() || !(axis.norm() > 0.0))
-    refuse("joint " + quoted(joint.name) + " has an axis without direction");
+    refuse("joint " + in_quotes(joint.name) + " has an axis without direction");
   return engine::frame_along(axis);
 }
 
@@ -130,16 +130,16 @@ class Builder {
     for (const auto& entry : extra_.motors) check_joint("motors", entry.first);
     for (const auto& entry : extra_.links)
       if (!model_.getLink(entry.first))
-        throw std::invalid_argument("extra: links: the URDF has no link " + quoted(entry.first));
+        throw std::invalid_argument("extra: links: the URDF has no link " + in_quotes(entry.first));
   }
 
   void check_joint(const char* key, const std::string& name) const {
     const auto joint = model_.getJoint(name);
     if (!joint)
       throw std::invalid_argument(std::string("extra: ") + key + ": the URDF has no joint " +
-                                  quoted(name));
+                                  in_quotes(name));
     if (!has_position(*joint))
-      throw std::invalid_argument(std::string("extra: ") + key + ": joint " + quoted(name) +
+      throw std::invalid_argument(std::string("extra: ") + key + ": joint " + in_quotes(name) +
                                   " is not revolute, continuous or prismatic");
   }
 
@@ -200,19 +200,19 @@ class Builder {
   // answers the body's frame in the lump: centre of mass, principal axes
   Isometry3d set_mass(const Lump& lump, engine::Body* body) {
     if (!(lump.mass > 0.0))
-      refuse("link " + quoted(lump.link) +
+      refuse("link " + in_quotes(lump.link) +
              " moves and has no mass: it needs an <inertial> with a mass > 0");
     const Matrix3d inertia = lump.inertia();
     const Matrix3d wanted = axes_of_shape(lump, inertia);
     const Matrix3d axes = wanted * principal_axes(wanted.transpose() * inertia * wanted);
     const Vector3d moments = (axes.transpose() * inertia * axes).diagonal();
     if (!(moments.minCoeff() > 0.0))
-      refuse("link " + quoted(lump.link) +
+      refuse("link " + in_quotes(lump.link) +
              " has no inertia, or one that is not positive definite: its principal moments are " +
              std::to_string(moments.x()) + ", " + std::to_string(moments.y()) + ", " +
              std::to_string(moments.z()) + " kg m^2");
     if (moments.sum() < 2.0 * moments.maxCoeff() * (1.0 - 1e-9))
-      warn("link " + quoted(lump.link) +
+      warn("link " + in_quotes(lump.link) +
            ": no mass has such an inertia: one principal moment is more than the two others");
     body->mass = lump.mass;
     body->inertia = moments;
@@ -307,7 +307,7 @@ class Builder {
     for (const auto& [name, given] : model_.joints_) {
       if (!given->mimic || !has_position(*given)) continue;
       if (given->mimic->multiplier == 0.0)
-        refuse("joint " + quoted(name) + " mimics by a multiplier of 0; make it a fixed joint");
+        refuse("joint " + in_quotes(name) + " mimics by a multiplier of 0; make it a fixed joint");
       engine::Joint gear;
       gear.name = named(name) + "/mimic";
       gear.kind = engine::JointKind::kGear;
@@ -420,7 +420,8 @@ class Builder {
         const engine::Manifold manifold =
             engine::collide(engine::PlacedShape(a, a.state), engine::PlacedShape(b, b.state));
         if (manifold.count > 0)
-          warn("links " + quoted(lumps_.list[i].link) + " and " + quoted(lumps_.list[j].link) +
+          warn("links " + in_quotes(lumps_.list[i].link) + " and " +
+               in_quotes(lumps_.list[j].link) +
                " overlap and push each other apart; no_collision of one of them ends that");
       }
   }
@@ -456,7 +457,7 @@ void check_frames(const urdf::ModelInterface& model, const RobotOptions& options
   for (const auto& entry : model.links_) {
     const std::string frame = options.prefix + entry.first;
     if (frame != "world") {
-      if (world.has_body(frame)) refuse("there is already a body named " + quoted(frame));
+      if (world.has_body(frame)) refuse("there is already a body named " + in_quotes(frame));
     } else if (entry.first != root || !to_isometry(options.pose).isApprox(Isometry3d::Identity())) {
       refuse(
           "link 'world' is the world itself only as the root of a robot that is added without a "

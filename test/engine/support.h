@@ -15,15 +15,13 @@
 
 #include "constraint_sim/engine/world.h"
 #include "draw.h"
+#include "engine/math/numbers.h"
 #include "make_scene.h"
 #include "sanitized.h"
 
 namespace constraint_sim::engine {
 
-inline constexpr double kPi = 3.14159265358979323846;
-inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-inline constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
 class Random : public Draw {
  public:

@@ -2,18 +2,17 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <random>
 
 #include "engine/broadphase.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
-using Pairs = std::vector<Broadphase::Pair>;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
+using Pairs = List<Broadphase::Pair>;
 
 /// Uniform in [0, 1), the same with every standard library.
 class Random {
@@ -36,7 +35,7 @@ Proxy cube(int body, const Vector3d& centre, double size, bool movable = true) {
 
 Proxy plane(int body) { return {bounds(Plane{}, BodyState{}), body, false}; }
 
-Pairs all_pairs(const std::vector<Proxy>& proxies) {
+Pairs all_pairs(const List<Proxy>& proxies) {
   Pairs pairs;
   for (const Proxy& a : proxies) {
     for (const Proxy& b : proxies) {
@@ -135,7 +134,7 @@ TEST(Broadphase, FindsTouchingBoxesAndNotThoseJustApart) {
 
 TEST(Broadphase, PairsNothingWithinTheImmovable) {
   Broadphase broadphase;
-  std::vector<Proxy> proxies{plane(0)};
+  List<Proxy> proxies{plane(0)};
   for (int i = 1; i < 100; ++i) proxies.push_back(cube(i, Vector3d::Zero(), 1.0, false));
   EXPECT_TRUE(broadphase.find_pairs(proxies).empty());
   EXPECT_EQ(broadphase.tests(), 0u);
@@ -143,7 +142,7 @@ TEST(Broadphase, PairsNothingWithinTheImmovable) {
 
 TEST(Broadphase, PairsEverythingAtOnePlace) {
   Broadphase broadphase;
-  std::vector<Proxy> proxies;
+  List<Proxy> proxies;
   for (int i = 0; i < 50; ++i) proxies.push_back(cube(i, Vector3d::Zero(), 1.0));
   EXPECT_EQ(broadphase.find_pairs(proxies), all_pairs(proxies));
   EXPECT_EQ(broadphase.find_pairs(proxies).size(), 50u * 49u / 2u);
@@ -156,7 +155,7 @@ TEST(Broadphase, AgreesWithAllPairs) {
   for (int trial = 0; trial < 300; ++trial) {
     const int n = static_cast<int>(120.0 * random());
     const double extent = 1.0 + 10.0 * random();
-    std::vector<Proxy> proxies;
+    List<Proxy> proxies;
     for (int i = 0; i < n; ++i) {
       // sizes over four decades; every tenth a plane, of which some move; some half-bounded
       const double size = std::pow(10.0, 4.0 * random() - 3.0);
@@ -175,7 +174,7 @@ TEST(Broadphase, AgreesWithAllPairs) {
 
 TEST(Broadphase, DoesTheSameWorkInACopyAndInASecondCall) {
   Random random;
-  std::vector<Proxy> proxies;
+  List<Proxy> proxies;
   for (int i = 0; i < 500; ++i) proxies.push_back(cube(i, 5.0 * random.vector(), 0.5));
   Broadphase broadphase;
   const Pairs pairs = broadphase.find_pairs(proxies);
@@ -189,7 +188,7 @@ TEST(Broadphase, DoesTheSameWorkInACopyAndInASecondCall) {
 
 TEST(Broadphase, KeepsItsMemory) {
   Random random;
-  std::vector<Proxy> proxies{plane(1000)};
+  List<Proxy> proxies{plane(1000)};
   for (int i = 0; i < 500; ++i) proxies.push_back(cube(i, 5.0 * random.vector(), 0.5));
   Broadphase broadphase;
   const Pairs* const pairs = &broadphase.find_pairs(proxies);
@@ -197,7 +196,7 @@ TEST(Broadphase, KeepsItsMemory) {
   EXPECT_EQ(broadphase.find_pairs(proxies).data(), memory);
 }
 
-double tests_of(const std::vector<Proxy>& proxies) {
+double tests_of(const List<Proxy>& proxies) {
   Broadphase broadphase;
   broadphase.find_pairs(proxies);
   return static_cast<double>(broadphase.tests());
@@ -214,7 +213,7 @@ double slope(const Arrangement& arrangement) {
 
 TEST(Broadphase, TestsGrowWithTheBodiesInAColumnOfAnyOrder) {
   const auto column = [](int n) {
-    std::vector<Proxy> proxies;
+    List<Proxy> proxies;
     for (int i = 0; i < n; ++i) proxies.push_back(cube(i, Vector3d::UnitZ() * (i * 7919 % n), 1.0));
     return proxies;
   };
@@ -224,8 +223,8 @@ TEST(Broadphase, TestsGrowWithTheBodiesInAColumnOfAnyOrder) {
 TEST(Broadphase, TestsGrowWithTheBodiesOnBigBoxes) {
   const auto balls_on_boxes = [](int n) {
     const int side = static_cast<int>(std::ceil(std::sqrt(n)));
-    std::vector<Proxy> proxies{cube(n, Vector3d(0.0, 0.0, -10.0), 20.0),
-                               cube(n + 1, Vector3d(0.0, 0.0, -500.0), 1000.0, false)};
+    List<Proxy> proxies{cube(n, Vector3d(0.0, 0.0, -10.0), 20.0),
+                        cube(n + 1, Vector3d(0.0, 0.0, -500.0), 1000.0, false)};
     for (int i = 0; i < n; ++i) {
       proxies.push_back(cube(i, Vector3d(0.5 * (i % side), 0.5 * (i / side), 0.25), 0.5));
     }

@@ -8,6 +8,7 @@
 #include <numeric>
 
 #include "engine/linear/block_pivot.h"
+#include "engine/math/list.h"
 #include "engine/methods/chain_of_bodies.h"
 #include "problems.h"
 #include "support.h"
@@ -27,7 +28,7 @@ constexpr double kStep = 0.01;  // [s]
 /// and joints in any order. An end that is held is on a body that moves at constant velocities.
 struct Chain {
   Chain(std::size_t links, bool holds_first, bool holds_last, Random& random) {
-    std::vector<std::size_t> place(links + 1);  // of bodies along the chain, in the lists
+    List<std::size_t> place(links + 1);  // of bodies along the chain, in the lists
     std::iota(place.begin(), place.end(), 0);
     const auto shuffle = [&](auto& list) {
       for (std::size_t i = list.size(); i-- > 1;)
@@ -72,13 +73,13 @@ struct Chain {
 
   EquationsOfMotion equations() const { return {order, joints, ends, masses}; }
 
-  std::vector<MassProperties> masses;
-  std::vector<BodyState> states;
-  std::vector<Joint> joints;
-  std::vector<std::pair<std::size_t, std::size_t>> ends;
-  std::vector<AppliedWrench> loads;
-  std::vector<PrescribedMotion> courses;
-  std::vector<int> order;
+  List<MassProperties> masses;
+  List<BodyState> states;
+  List<Joint> joints;
+  List<std::pair<std::size_t, std::size_t>> ends;
+  List<AppliedWrench> loads;
+  List<PrescribedMotion> courses;
+  List<int> order;
 };
 
 /// A chain's equations, started, and carried on by one System or another.
@@ -112,7 +113,7 @@ class Motion {
   EquationsOfMotion equations;
 
  private:
-  std::vector<double> numbers_;
+  List<double> numbers_;
 };
 
 /// Calls `check` with chains of all kinds of ends.

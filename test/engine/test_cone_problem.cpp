@@ -9,6 +9,7 @@
 
 #include "draw.h"
 #include "engine/linear/cone_problem.h"
+#include "engine/math/list.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -107,7 +108,7 @@ ConeProblem column(double mass) {
 TEST(ConeProblem, AColumnOfAnyMassesCostsLittle) {
   for (const double mass : {1e-6, 1e-3, 1.0, 1e3, 1e6}) {
     const ConeProblem problem = column(mass);
-    std::vector<double> found;
+    List<double> found;
     SolveEffort effort;
     ASSERT_TRUE(ConeSolver().solve(problem, &found, &effort)) << mass;
     const Eigen::Map<const Eigen::VectorXd> p(found.data(), 24), b(problem.b.data(), 24);
@@ -129,7 +130,7 @@ TEST(ConeProblem, AColumnOfAnyMassesCostsLittle) {
 
 TEST(ConeProblem, EndsWhereItsEffortIsOver) {
   const ConeProblem problem = column(1e6);
-  std::vector<double> p;
+  List<double> p;
   SolveEffort little;
   little.most = 2.0;
   EXPECT_FALSE(ConeSolver().solve(problem, &p, &little));

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "counted_allocations.h"
+#include "engine/math/list.h"
 #include "engine/methods/implicit_step.h"
 #include "engine/methods/island_motion.h"
 #include "problems.h"
@@ -82,10 +83,10 @@ Record run_exactly(World& world, double duration) {
 /// A tree of boxes and points on rods, ball joints and springs, in a random pose; with `is_closed`
 /// also a loop.
 struct Assembly {
-  std::vector<BodyState> states;
-  std::vector<MassProperties> masses;
-  std::vector<Joint> joints;
-  std::vector<std::pair<std::size_t, std::size_t>> ends;
+  List<BodyState> states;
+  List<MassProperties> masses;
+  List<Joint> joints;
+  List<std::pair<std::size_t, std::size_t>> ends;
 
   explicit Assembly(bool is_closed) {
     Random random;
@@ -118,7 +119,7 @@ struct Assembly {
   }
 
   EquationsOfMotion equations() const {
-    std::vector<int> all(joints.size());
+    List<int> all(joints.size());
     std::iota(all.begin(), all.end(), 0);
     return EquationsOfMotion(all, joints, ends, masses);
   }
@@ -136,12 +137,12 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
         Case{false, ImplicitRule::kBdf2}, Case{true, ImplicitRule::kBdf2}}) {
     const Assembly assembly(is_closed);
     EquationsOfMotion equations = assembly.equations();
-    std::vector<PrescribedMotion> courses(assembly.joints.size());
+    List<PrescribedMotion> courses(assembly.joints.size());
     for (std::size_t j = 0; j < courses.size(); ++j) {
       JointState state;
       courses[j] = PrescribedMotion(assembly.joints[j], {0.0, 0.1, 0.1, 0.5}, state);
     }
-    const std::vector<AppliedWrench> loads{{1, {1.0, 2.0, 3.0}, {0.5, -0.3, 0.2}}};
+    const List<AppliedWrench> loads{{1, {1.0, 2.0, 3.0}, {0.5, -0.3, 0.2}}};
     equations.begin(0.0, assembly.states, {0.0, 0.0, -kGravity}, loads, courses);
     ImplicitStep step(equations);
     step.gather_state(assembly.states, equations);
@@ -156,10 +157,10 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
     for (double& unknown : unknowns) unknown = 0.3 * random();
     const double epsilon = 1e-5;
     for (std::size_t e = 0; e < unknowns.size(); ++e) {
-      std::vector<double> difference(unknowns.size());
+      List<double> difference(unknowns.size());
       for (const double sign : {-1.0, 1.0}) {
         ImplicitStep::Unknowns moved = unknowns;
-        std::vector<double> change(unknowns.size(), 0.0);
+        List<double> change(unknowns.size(), 0.0);
         change[e] = sign * epsilon;
         step.add(change.data(), &moved);
         step.evaluate(moved);
@@ -174,9 +175,9 @@ TEST(ImplicitStep, DerivativeAgreesWithFiniteDifferences) {
   }
 }
 
-double measured_order(int stiff_order, const std::vector<int>& rates) {
+double measured_order(int stiff_order, const List<int>& rates) {
   const auto reference = problems::chain_reference(2, 1.0);
-  std::vector<double> steps, errors;
+  List<double> steps, errors;
   for (const int rate : rates) {
     World world = with(problems::chain(2), 1.0 / rate, Method::kEnergyMomentum, stiff_order);
     run_exactly(world, 1.0);
@@ -237,7 +238,7 @@ World boxes_after_a_second() {
 TEST(EnergyMomentum, TurnsBodiesInItsOrder) {
   const World exact = boxes_after_a_second();
   for (const int stiff_order : {2, 4}) {
-    std::vector<double> steps, errors;
+    List<double> steps, errors;
     for (const int rate : {40, 80, 160}) {
       World world =
           unrefined(with(linked_boxes(), 1.0 / rate, Method::kEnergyMomentum, stiff_order));
@@ -263,7 +264,7 @@ World dissipating(World world, double time_step) {
 TEST(EnergyMomentum, HasOrder2WithDissipation) {
   const auto reference = problems::chain_reference(2, 1.0);
   const World exact = boxes_after_a_second();
-  std::vector<double> steps, of_chain, of_boxes;
+  List<double> steps, of_chain, of_boxes;
   for (const int rate : {200, 400, 800}) {
     World chain = dissipating(problems::chain(2), 1.0 / rate);
     World boxes = unrefined(dissipating(linked_boxes(), 1.0 / rate));
@@ -517,7 +518,7 @@ class LightLinks {
       ends_.emplace_back(i, i + 1);
     }
     courses_.resize(joints_.size());
-    std::vector<int> all(joints_.size());
+    List<int> all(joints_.size());
     std::iota(all.begin(), all.end(), 0);
     motion_.emplace(EquationsOfMotion(all, joints_, ends_, masses_));
   }
@@ -558,12 +559,12 @@ class LightLinks {
  private:
   double t_ = 0.0;
   Vector3d gravity_ = Vector3d::Zero();
-  std::vector<AppliedWrench> loads_;
-  std::vector<BodyState> states_;
-  std::vector<MassProperties> masses_;
-  std::vector<Joint> joints_;
-  std::vector<std::pair<std::size_t, std::size_t>> ends_;
-  std::vector<PrescribedMotion> courses_;
+  List<AppliedWrench> loads_;
+  List<BodyState> states_;
+  List<MassProperties> masses_;
+  List<Joint> joints_;
+  List<std::pair<std::size_t, std::size_t>> ends_;
+  List<PrescribedMotion> courses_;
   std::optional<IslandMotion> motion_;
 };
 

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "engine/constraints/joint.h"
+#include "engine/math/list.h"
 #include "engine/methods/inconsistent_motion.h"
 #include "engine/methods/runge_kutta.h"
 #include "problems.h"
@@ -61,7 +62,7 @@ class Island {
   IntegrationResult step(double h) {
     if (!motion_) compile();
     const JointStep step{t, h, 0.1, kClosingTime};
-    std::vector<PrescribedMotion> courses;
+    List<PrescribedMotion> courses;
     for (std::size_t j = 0; j < joints.size(); ++j)
       courses.emplace_back(joints[j], step, joint_states[j]);
     equations_->begin_step(joint_states);
@@ -118,7 +119,7 @@ class Island {
   }
   /// Largest ∂/∂x of ½Σ C²/a of point masses, in metres: what one of them is still pulled by.
   double gradient() const {
-    std::vector<Vector3d> pull(states.size(), Vector3d::Zero());
+    List<Vector3d> pull(states.size(), Vector3d::Zero());
     for (std::size_t j = 0; j < joints.size(); ++j) {
       const auto [a, b] = ends_[j];
       const Vector3d d = place(b, joints[j].anchor_b) - place(a, joints[j].anchor_a);
@@ -135,10 +136,10 @@ class Island {
     return states[body].position + states[body].orientation * anchor;
   }
 
-  std::vector<BodyState> states;
-  std::vector<Joint> joints;
-  std::vector<JointState> joint_states;
-  std::vector<AppliedWrench> loads;
+  List<BodyState> states;
+  List<Joint> joints;
+  List<JointState> joint_states;
+  List<AppliedWrench> loads;
   double t = 0.0;
 
  private:
@@ -152,27 +153,27 @@ class Island {
 
   // as a world does it when joints begin or end to be closed
   void compile_as_closed() {
-    std::vector<char> open(joints.size());
+    List<char> open(joints.size());
     for (std::size_t j = 0; j < joints.size(); ++j)
       open[j] = joint_states[j].closing && joints[j].kind == JointKind::kBall;
     if (open == open_ && motion_) return;
     open_ = open;
-    std::vector<int> all(joints.size());
+    List<int> all(joints.size());
     std::iota(all.begin(), all.end(), 0);
-    equations_ = std::make_unique<EquationsOfMotion>(
-        all, joints, ends_, masses_, std::vector<CoupledTerms>{}, std::vector<int>{}, open);
+    equations_ = std::make_unique<EquationsOfMotion>(all, joints, ends_, masses_,
+                                                     List<CoupledTerms>{}, List<int>{}, open);
     motion_ = std::make_unique<InconsistentMotion>(*equations_);
   }
 
   Vector3d gravity_;
-  std::vector<MassProperties> masses_;
-  std::vector<std::pair<std::size_t, std::size_t>> ends_;
-  std::vector<char> open_;  // joints
+  List<MassProperties> masses_;
+  List<std::pair<std::size_t, std::size_t>> ends_;
+  List<char> open_;  // joints
   std::unique_ptr<EquationsOfMotion> equations_;
   std::unique_ptr<InconsistentMotion> motion_;
 };
 
-const std::vector<double> kSteps{0.1, 1.0 / 30.0, 0.01, 0.001};
+const List<double> kSteps{0.1, 1.0 / 30.0, 0.01, 0.001};
 
 long ticks(double duration, double h) { return std::lround(duration / h); }
 
@@ -183,11 +184,11 @@ struct Anchor {
   double length;
 };
 
-const std::vector<Anchor> kTetrahedron{{{1.0, 1.0, 1.0}, 1.0},
-                                       {{1.0, -1.0, -1.0}, 1.5},
-                                       {{-1.0, 1.0, -1.0}, 2.0},
-                                       {{-1.0, -1.0, 1.0}, 2.5},
-                                       {{0.0, 0.0, 2.0}, 1.0}};
+const List<Anchor> kTetrahedron{{{1.0, 1.0, 1.0}, 1.0},
+                                {{1.0, -1.0, -1.0}, 1.5},
+                                {{-1.0, 1.0, -1.0}, 2.0},
+                                {{-1.0, -1.0, 1.0}, 2.5},
+                                {{0.0, 0.0, 2.0}, 1.0}};
 const Vector3d kTetrahedronStart(0.1, 0.1, 0.1);
 
 /// Where Σ (‖x − p‖ − ℓ)² is least, by Newton's method from x; ℓ goes from the lengths at first to
@@ -247,7 +248,7 @@ TEST(Inconsistent, FiveRodsComeToRestWhereTheirErrorsAreLeast) {
 
 Island five_points(double gravity, double too_long) {
   Island island(gravity);
-  const std::vector<Vector3d> places{
+  const List<Vector3d> places{
       {1.0, 1.0, 1.0}, {1.0, -1.0, -1.0}, {-1.0, 1.0, -1.0}, {-1.0, -1.0, 1.0}, {0.0, 0.0, 0.1}};
   for (std::size_t i = 0; i < places.size(); ++i) {
     const std::size_t id = island.add(i < 4 ? 1.0 + 0.3 * static_cast<double>(i) : 2.0, places[i]);
@@ -327,8 +328,8 @@ double pendulum_angle(double length, double duration) {
 // Two rods of 1 and 1.2 m hold a mass as one of 1.1 m does. It hangs still for the closing time, as
 // if gravity began then.
 TEST(Inconsistent, RodsOfTwoLengthsSwingAsOneBetween) {
-  std::vector<double> errors;
-  const std::vector<double> steps{1.0 / 50.0, 1.0 / 100.0, 1.0 / 200.0};
+  List<double> errors;
+  const List<double> steps{1.0 / 50.0, 1.0 / 100.0, 1.0 / 200.0};
   for (const double h : steps) {
     Island island;
     const std::size_t bob = island.add(2.0, {1.1, 0.0, 0.0});
@@ -498,8 +499,7 @@ TEST(Inconsistent, RandomIslandsGainNothing) {
   constexpr int kScenes = 30;
 #endif
   for (int scene = 0; scene < kScenes; ++scene) {
-    const double h =
-        std::vector<double>{0.1, 1.0 / 60.0, 0.01}[static_cast<std::size_t>(scene % 3)];
+    const double h = List<double>{0.1, 1.0 / 60.0, 0.01}[static_cast<std::size_t>(scene % 3)];
     Island island = random_island(&random, scene);
     const Vector3d P = island.momentum();
     double scale = 1.0;

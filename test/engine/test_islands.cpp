@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "engine/islands.h"
+#include "engine/math/list.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -12,16 +13,16 @@ using Eigen::Vector3d;
 
 TEST(FindIslands, JoinsWhatJointsJoin) {
   // 0 is immovable, as the world; 3-4-1 and 2-5, 6 alone; the last joint does not act
-  const std::vector<bool> movable{false, true, true, true, true, true, true};
-  const std::vector<std::pair<std::size_t, std::size_t>> ends{{3, 4}, {4, 1}, {0, 3},
-                                                              {2, 5}, {0, 5}, {5, 6}};
+  const List<bool> movable{false, true, true, true, true, true, true};
+  const List<std::pair<std::size_t, std::size_t>> ends{{3, 4}, {4, 1}, {0, 3},
+                                                       {2, 5}, {0, 5}, {5, 6}};
   const auto islands = find_islands(movable, {true, true, true, true, true, false}, ends);
   ASSERT_EQ(islands.size(), 3u);
-  EXPECT_EQ(islands[0].bodies, (std::vector<int>{1, 3, 4}));
-  EXPECT_EQ(islands[0].joints, (std::vector<int>{0, 1, 2}));
-  EXPECT_EQ(islands[1].bodies, (std::vector<int>{2, 5}));
-  EXPECT_EQ(islands[1].joints, (std::vector<int>{3, 4}));
-  EXPECT_EQ(islands[2].bodies, (std::vector<int>{6}));
+  EXPECT_EQ(islands[0].bodies, (List<int>{1, 3, 4}));
+  EXPECT_EQ(islands[0].joints, (List<int>{0, 1, 2}));
+  EXPECT_EQ(islands[1].bodies, (List<int>{2, 5}));
+  EXPECT_EQ(islands[1].joints, (List<int>{3, 4}));
+  EXPECT_EQ(islands[2].bodies, (List<int>{6}));
   EXPECT_TRUE(islands[2].joints.empty());
 }
 
@@ -29,9 +30,9 @@ TEST(FindIslands, AgreesWithLabelsSpreadAlongJoints) {
   Random random;
   for (int trial = 0; trial < 100; ++trial) {
     const std::size_t n = 30;
-    std::vector<bool> movable, acting;
+    List<bool> movable, acting;
     for (std::size_t i = 0; i < n; ++i) movable.push_back(random() > -0.7);
-    std::vector<std::pair<std::size_t, std::size_t>> ends;
+    List<std::pair<std::size_t, std::size_t>> ends;
     for (int j = 0; j < 25; ++j) {
       const auto a = static_cast<std::size_t>(15.0 * (1.0 + random()));
       const auto b = static_cast<std::size_t>(15.0 * (1.0 + random()));
@@ -39,7 +40,7 @@ TEST(FindIslands, AgreesWithLabelsSpreadAlongJoints) {
       ends.emplace_back(a, b);
       acting.push_back(random() > -0.5);
     }
-    std::vector<std::size_t> label(n);
+    List<std::size_t> label(n);
     for (std::size_t i = 0; i < n; ++i) label[i] = i;
     for (std::size_t pass = 0; pass < n; ++pass) {
       for (std::size_t j = 0; j < ends.size(); ++j) {

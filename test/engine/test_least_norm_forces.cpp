@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "engine/constraints/joint.h"
+#include "engine/math/list.h"
 #include "engine/methods/least_norm_forces.h"
 #include "engine/methods/runge_kutta.h"
 #include "redundant_scenes.h"
@@ -161,7 +162,7 @@ class OneIsland {
       courses_.emplace_back(joints.back(), JointStep{0.0, 0.01, 0.1, 0.5}, state);
       joint_states_.push_back(state);
     }
-    std::vector<int> all(joints.size());
+    List<int> all(joints.size());
     std::iota(all.begin(), all.end(), 0);
     motion_ = std::make_unique<RungeKutta>(EquationsOfMotion(all, joints, ends, masses));
   }
@@ -174,16 +175,16 @@ class OneIsland {
   }
   const EquationsOfMotion& equations() const { return motion_->equations(); }
 
-  std::vector<BodyState> states;
-  std::vector<MassProperties> masses;
-  std::vector<Joint> joints;
-  std::vector<std::pair<std::size_t, std::size_t>> ends;
+  List<BodyState> states;
+  List<MassProperties> masses;
+  List<Joint> joints;
+  List<std::pair<std::size_t, std::size_t>> ends;
 
  private:
   Vector3d gravity_;
-  std::vector<AppliedWrench> loads_;
-  std::vector<PrescribedMotion> courses_;
-  std::vector<JointState> joint_states_;
+  List<AppliedWrench> loads_;
+  List<PrescribedMotion> courses_;
+  List<JointState> joint_states_;
   double t_ = 0.0;
   std::unique_ptr<RungeKutta> motion_;
 };
@@ -196,7 +197,7 @@ struct Columns {
 
   explicit Columns(const OneIsland& island) {
     const auto n = static_cast<Eigen::Index>(6 * island.states.size());
-    std::vector<Vector> columns;
+    List<Vector> columns;
     by_mass.setZero(n);
     for (std::size_t b = 0; b < island.states.size(); ++b) {
       const auto first = static_cast<Eigen::Index>(6 * b);
@@ -270,7 +271,7 @@ RowVector impulse_of(const EquationsOfMotion& told, const EquationsOfMotion&, st
 
 template <class Forces>
 Vector by_row(const OneIsland& island, const Forces& told) {
-  std::vector<Real> rows;
+  List<Real> rows;
   for (std::size_t l = 0; l < island.equations().joints().size(); ++l) {
     const RowVector impulse = impulse_of(told, island.equations(), l);
     rows.push_back(impulse.x());

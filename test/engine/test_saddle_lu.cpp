@@ -5,6 +5,7 @@
 
 #include "counted_allocations.h"
 #include "engine/linear/saddle_lu.h"
+#include "engine/math/list.h"
 #include "problems.h"
 #include "support.h"
 
@@ -25,12 +26,11 @@ struct Held {
 struct System {
   SaddleLu lu;
   MatrixXd A;
-  std::vector<int> first_of_body, first_of_link;
+  List<int> first_of_body, first_of_link;
 
-  System(const std::vector<int>& dofs, const std::vector<int>& parents,
-         const std::vector<Held>& held) {
-    std::vector<SaddleLu::Node> nodes;
-    std::vector<SaddleLu::Link> links(held.size());
+  System(const List<int>& dofs, const List<int>& parents, const List<Held>& held) {
+    List<SaddleLu::Node> nodes;
+    List<SaddleLu::Link> links(held.size());
     int unknown = 0;
     for (int body = 0; body < static_cast<int>(dofs.size()); ++body) {
       const auto i = static_cast<std::size_t>(body);
@@ -52,7 +52,7 @@ struct System {
 
   /// [K, -Gᵀ; G, 0] with K near the identity and unsymmetric rows: G and what pulls differ by as
   /// much as in a step that bends the mechanism.
-  void fill(const std::vector<int>& dofs, const std::vector<Held>& held, Random* random) {
+  void fill(const List<int>& dofs, const List<Held>& held, Random* random) {
     for (std::size_t i = 0; i < dofs.size(); ++i)
       block(first_of_body[i], first_of_body[i], dofs[i], dofs[i], 0.2, random) +=
           MatrixXd::Identity(dofs[i], dofs[i]);
@@ -101,8 +101,8 @@ struct System {
 
 struct Graph {
   const char* name;
-  std::vector<int> dofs, parents;
-  std::vector<Held> held;
+  List<int> dofs, parents;
+  List<Held> held;
 };
 
 /// n bodies, each held by the next one, the last by the world.
@@ -132,8 +132,8 @@ Graph net(int n) {
   return graph;
 }
 
-std::vector<Graph> graphs() {
-  std::vector<Graph> all{chain(1, 3, 1), chain(30, 3, 1), chain(20, 6, 3), net(3), net(9), net(12)};
+List<Graph> graphs() {
+  List<Graph> all{chain(1, 3, 1), chain(30, 3, 1), chain(20, 6, 3), net(3), net(9), net(12)};
   Graph through_world = chain(8, 6, 3);  // no block is singular: 6 rows hold the last body
   through_world.name = "chain held at both ends";
   through_world.held.push_back({0, -1, 3});

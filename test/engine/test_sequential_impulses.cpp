@@ -1,6 +1,7 @@
 // The method: its order, what it conserves, and what it leaves alone.
 
 #include "engine/constraints/contact.h"
+#include "engine/math/list.h"
 #include "engine/methods/row_solver.h"
 #include "support.h"
 
@@ -45,8 +46,8 @@ using ErrorOf = double (*)(double h, double beta);
 
 // With β = 1 the next order is 2 % of the first here.
 void expect_order_one(ErrorOf error) {
-  const std::vector<double> steps{1.0 / 2000.0, 1.0 / 4000.0, 1.0 / 8000.0, 1.0 / 16000.0};
-  std::vector<double> errors;
+  const List<double> steps{1.0 / 2000.0, 1.0 / 4000.0, 1.0 / 8000.0, 1.0 / 16000.0};
+  List<double> errors;
   for (const double h : steps) errors.push_back(error(h, 1.0));
   EXPECT_NEAR(order(steps, errors), 1.0, 0.03);
   EXPECT_LT(errors.back(), 2e-4);
@@ -55,8 +56,8 @@ void expect_order_one(ErrorOf error) {
 // With β = 0.1 the rod is ten times as far off, which is of second order and of the other sign:
 // both are equal at 1/1500 s, and only well below that the first is what remains.
 void expect_order_one_in_the_end(ErrorOf error) {
-  const std::vector<double> steps{1.0 / 16000.0, 1.0 / 32000.0, 1.0 / 64000.0};
-  std::vector<double> errors;
+  const List<double> steps{1.0 / 16000.0, 1.0 / 32000.0, 1.0 / 64000.0};
+  List<double> errors;
   for (const double h : steps) errors.push_back(error(h, 0.1));
   EXPECT_NEAR(order(steps, errors), 1.0, 0.05);
   EXPECT_LT(errors.back(), 5e-5);
@@ -260,8 +261,8 @@ TEST(Friction, NeverLeavesTheDisk) {
   Random random;
   int sliding = 0;
   for (int trial = 0; trial < 500; ++trial) {
-    std::vector<BodyState> bodies{BodyState{}, random.state(), random.state()};
-    std::vector<MassProperties> masses(3);
+    List<BodyState> bodies{BodyState{}, random.state(), random.state()};
+    List<MassProperties> masses(3);
     for (int i = 1; i < 3; ++i) {
       masses[i].inverse_mass = 1.0;
       masses[i].inertia = {1.0, 2.0, 2.5};
@@ -269,7 +270,7 @@ TEST(Friction, NeverLeavesTheDisk) {
     }
     Body rough;
     rough.friction = 0.3 + 0.3 * random();
-    std::vector<Row> rows;
+    List<Row> rows;
     for (int contact = 0; contact < 3; ++contact) {
       std::array<Row, kMaxContactRows> written;
       const Manifold::Point point{random.vector(), 0.01, 0};

@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 
 #include "engine/linear/sparse_ldlt.h"
+#include "engine/math/list.h"
 #include "support.h"
 
 namespace constraint_sim::engine {
@@ -11,7 +12,7 @@ namespace {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
-using Pattern = std::vector<std::pair<int, int>>;
+using Pattern = List<std::pair<int, int>>;
 
 /// Puts A into a factorisation with this pattern.
 SparseLdlt with_values(const MatrixXd& A, const Pattern& pattern) {
@@ -155,7 +156,7 @@ TEST(SparseLdlt, LeavesDependentRowsOut) {
         if (has_loop || i == 1) pattern.emplace_back(i, j);
     SparseLdlt ldlt = with_values(A, pattern);
     const int left_out = ldlt.factor(1e-8);
-    std::vector<int> kept;
+    List<int> kept;
     for (int i = 0; i < 5; ++i)
       if (!ldlt.is_left_out(static_cast<std::size_t>(ldlt.place(i)))) kept.push_back(i);
     EXPECT_EQ(left_out, 1) << has_loop;

@@ -11,6 +11,7 @@
 #include <map>
 #include <sstream>
 
+#include "engine/math/numbers.h"
 #include "problems.h"
 #include "report/measures.h"
 #include "report/tree.h"
@@ -22,7 +23,7 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kPi = 3.14159265358979323846;
+using engine::kPi;
 
 // ---- measures
 

@@ -1,12 +1,12 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
 #include <random>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "engine/math/numbers.h"
 #include "ros/conversions.h"
 
 namespace constraint_sim {
@@ -168,7 +168,7 @@ TEST(Conversions, ALengthOfZeroOrLessIsThePresentDistance) {
   EXPECT_EQ(length(2.0), 2.0);
   EXPECT_FALSE(length(0.0));
   EXPECT_FALSE(length(-1.0));
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  using engine::kInfinity;
   for (const double value : {kInfinity, -kInfinity, std::nan("")})
     EXPECT_EQ(error_of([&] { length(value); }).rfind("length: ", 0), 0u);
 }

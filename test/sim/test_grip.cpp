@@ -3,6 +3,7 @@
 #include <cmath>
 #include <string>
 
+#include "engine/math/numbers.h"
 #include "sim/grip.h"
 
 namespace constraint_sim {
@@ -12,7 +13,7 @@ using engine::World;
 
 using Eigen::Vector3d;
 
-constexpr double kPi = 3.14159265358979323846;
+using engine::kPi;
 
 engine::Body ball(const std::string& name, double mass, const Vector3d& position) {
   engine::Body body;

@@ -6,10 +6,11 @@
 #include <string>
 
 #include "../references.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::report {
 
-inline constexpr double kPi = 3.14159265358979323846;
+using engine::kPi;
 inline constexpr double kGravity = 9.81;  // [m/s²]
 
 inline Eigen::Vector3d box_inertia(double mass, const Eigen::Vector3d& size) {

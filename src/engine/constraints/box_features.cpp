@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
+
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -53,7 +55,7 @@ struct Corners {
       at[k] = seen.place(own[k]);
     }
     for (int face = 0; face < 6; ++face) {
-      apart[static_cast<std::size_t>(face)] = std::numeric_limits<double>::infinity();
+      apart[static_cast<std::size_t>(face)] = kInfinity;
       for (const Vector3d& place : at)
         apart[static_cast<std::size_t>(face)] =
             std::min(apart[static_cast<std::size_t>(face)], beyond(place, face));
@@ -104,7 +106,7 @@ void set_face(const Box& box, int face, Vector3d* point, Vector3d* axis) {
 
 // the corners of one box, on faces of the other one
 void add_corners(const Corners& corners, const Box& home, bool is_of_a, int only_face,
-                 std::vector<ContactFeature>* features) {
+                 List<ContactFeature>* features) {
   for (std::size_t k = 0; k < 8; ++k) {
     ContactFeature feature;
     const int face = only_face >= 0 ? only_face : corners.face_of(k);
@@ -120,7 +122,7 @@ void add_corners(const Corners& corners, const Box& home, bool is_of_a, int only
   }
 }
 
-void add_nothing(std::size_t count, std::vector<ContactFeature>* features) {
+void add_nothing(std::size_t count, List<ContactFeature>* features) {
   ContactFeature nothing;
   nothing.kind = Kind::kNothing;
   features->insert(features->end(), count, nothing);
@@ -219,7 +221,7 @@ struct NearestEdges {
 
 // Edges that face each other, the nearest ones first.
 void add_edges(const Box& box_a, const BodyState& a, const Box& box_b, const BodyState& b,
-               std::vector<ContactFeature>* features) {
+               List<ContactFeature>* features) {
   NearestEdges found;
   for (int i = 0; i < 12; ++i) {
     const Edge of_a(box_a, a, i);
@@ -270,7 +272,7 @@ FeatureMargin to_end(double at, double rate, double half) {
 }  // namespace
 
 void add_box_features(const Box& box_a, const BodyState& a, const Box& box_b, const BodyState& b,
-                      std::vector<ContactFeature>* features) {
+                      List<ContactFeature>* features) {
   const Corners of_a(box_a, box_b, b, a), of_b(box_b, box_a, a, b);
   const int on_b = of_a.best_face(), on_a = of_b.best_face();
   const double above_b = of_a.apart[static_cast<std::size_t>(on_b)];
@@ -291,7 +293,7 @@ void add_box_features(const Box& box_a, const BodyState& a, const Box& box_b, co
 
 FeatureMargin margin_of_boxes(const ContactFeature& feature, const Box& box_a, const BodyState& a,
                               const Box& box_b, const BodyState& b) {
-  FeatureMargin least{std::numeric_limits<double>::infinity(), 0.0};
+  FeatureMargin least{kInfinity, 0.0};
   if (feature.kind == Kind::kEdges) {
     Crossing crossing(feature, a, b);
     crossing.move(a, b);

@@ -1,9 +1,9 @@
 #pragma once
 
 #include <cstddef>
-#include <vector>
 
 #include "engine/constraints/contact_feature.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -26,7 +26,7 @@ inline constexpr double kBoxOverlap = 1e-7;
 
 /// Adds kBoxCorners + kBoxEdges features; of edges the nearest ones first.
 void add_box_features(const Box& box_a, const BodyState& a, const Box& box_b, const BodyState& b,
-                      std::vector<ContactFeature>* features);
+                      List<ContactFeature>* features);
 
 /// How far, and how fast, a corner is from the border of the face that it is on, or where two edges
 /// cross from their ends.

@@ -2,9 +2,10 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <limits>
 
 #include "engine/constraints/box_features.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -95,7 +96,7 @@ ContactMotion motion_on_a(const ContactFeature& feature, const BodyState& a, con
 ContactMotion motion_of(const ContactFeature& feature, const BodyState& a, const BodyState& b) {
   if (feature.kind == ContactFeature::Kind::kNothing) {
     ContactMotion nothing;
-    nothing.gap = std::numeric_limits<double>::infinity();
+    nothing.gap = kInfinity;
     return nothing;
   }
   if (feature.kind == ContactFeature::Kind::kPlaneOfA) return motion_on_a(feature, a, b);
@@ -140,7 +141,7 @@ bool has_features(const Shape& a, const Shape& b) {
 }
 
 void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
-                  const BodyState& b, std::vector<ContactFeature>* features) {
+                  const BodyState& b, List<ContactFeature>* features) {
   ContactFeature feature;
   if (const auto* box = std::get_if<Box>(&shape_a)) {
     if (const auto* other = std::get_if<Box>(&shape_b)) {
@@ -172,7 +173,7 @@ void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b
 
 FeatureMargin margin_of(const ContactFeature& feature, const Shape& shape_a, const BodyState& a,
                         const Shape& shape_b, const BodyState& b) {
-  FeatureMargin least{std::numeric_limits<double>::infinity(), 0.0};
+  FeatureMargin least{kInfinity, 0.0};
   const auto* box = std::get_if<Box>(&shape_b);
   if (box == nullptr) return least;
   if (const auto* box_a = std::get_if<Box>(&shape_a))

@@ -2,11 +2,11 @@
 
 #include <Eigen/Core>
 #include <cstdint>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/row.h"
 #include "constraint_sim/engine/shape.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -70,7 +70,7 @@ bool has_features(const Shape& a, const Shape& b);
 /// What of A can meet what of B as they lie; the same number whatever lies where. The centre of a
 /// sphere in a box meets the nearest face. A must come first as has_features() has it.
 void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
-                  const BodyState& b, std::vector<ContactFeature>* features);
+                  const BodyState& b, List<ContactFeature>* features);
 
 /// How far, and how fast, a point of A is from where it meets another face, edge or corner of a box
 /// B than `feature` says, or of two boxes from where other ones meet: the least of several.

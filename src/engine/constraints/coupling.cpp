@@ -1,5 +1,7 @@
 #include "engine/constraints/coupling.h"
 
+#include "engine/math/list.h"
+
 namespace constraint_sim::engine {
 
 double lead(const Joint& screw) {
@@ -7,7 +9,7 @@ double lead(const Joint& screw) {
   return screw.pitch / kTurn;
 }
 
-void read_coupling(const CoupledTerms& terms, const std::vector<JointState>& states,
+void read_coupling(const CoupledTerms& terms, const List<JointState>& states,
                    CouplingState* coupling) {
   coupling->value = coupling->rate = 0.0;
   for (const CoupledTerm& term : terms) {
@@ -18,7 +20,7 @@ void read_coupling(const CoupledTerms& terms, const std::vector<JointState>& sta
   }
 }
 
-void add_coupled_effort(const CoupledTerms& terms, double effort, std::vector<JointState>* states) {
+void add_coupled_effort(const CoupledTerms& terms, double effort, List<JointState>* states) {
   for (const CoupledTerm& term : terms) {
     JointState& state = (*states)[term.joint];
     state.coordinates[static_cast<std::size_t>(term.coordinate)].effort += term.ratio * effort;

@@ -2,9 +2,9 @@
 
 #include <array>
 #include <cstddef>
-#include <vector>
 
 #include "constraint_sim/engine/joint.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -23,10 +23,10 @@ using CoupledTerms = std::array<CoupledTerm, 2>;
 double lead(const Joint& screw);
 
 /// Takes value and rate from the coordinates as they read now.
-void read_coupling(const CoupledTerms& terms, const std::vector<JointState>& states,
+void read_coupling(const CoupledTerms& terms, const List<JointState>& states,
                    CouplingState* coupling);
 
 /// Adds what it does along these coordinates [N or N m], once the joints are read.
-void add_coupled_effort(const CoupledTerms& terms, double effort, std::vector<JointState>* states);
+void add_coupled_effort(const CoupledTerms& terms, double effort, List<JointState>* states);
 
 }  // namespace constraint_sim::engine

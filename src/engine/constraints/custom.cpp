@@ -6,11 +6,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <map>
 #include <mutex>
 #include <utility>
 
+#include "engine/math/numbers.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
@@ -40,7 +40,8 @@ Registry& registry() {
 
 void add_type(const std::string& type, Factories factories) {
   check_name("type", type);
-  if (!factories.constraint && !factories.force) refuse("type", quoted(type) + " has no factory");
+  if (!factories.constraint && !factories.force)
+    refuse("type", in_quotes(type) + " has no factory");
   const std::lock_guard<std::mutex> lock(registry().mutex);
   registry().types[type] = std::move(factories);
 }
@@ -136,7 +137,8 @@ CustomCode::CustomCode(std::string joint_name, std::string type,
       force_(std::move(force)) {}
 
 void CustomCode::fail(const std::string& why) const {
-  throw CustomFailure(joint_name_, quoted(joint_name_) + " of type " + quoted(type_) + ": " + why);
+  throw CustomFailure(joint_name_,
+                      in_quotes(joint_name_) + " of type " + in_quotes(type_) + ": " + why);
 }
 
 template <class Call>
@@ -191,8 +193,7 @@ Jacobian CustomCode::discrete_gradient(const JointVectors& start, const JointVec
   const double square = product(change, change);
   const double missed = value(end) - value(start) - product(g, change);
   // less is rounding of values of this slope, which is nothing to divide by a short change
-  const double rounding = 8.0 * std::numeric_limits<double>::epsilon() * std::sqrt(product(g, g)) *
-                          (1.0 + mean.d.norm());
+  const double rounding = 8.0 * kEpsilon * std::sqrt(product(g, g)) * (1.0 + mean.d.norm());
   if (std::abs(missed) > rounding) g = sum(g, missed / square, change);
   return on_bodies(mean, g);
 }
@@ -259,7 +260,7 @@ void make_custom_code(Joint* joint) {
     check_name("parameters", parameters[i].name);
     check_finite(parameters[i].name.c_str(), parameters[i].value);
     if (i > 0 && parameters[i - 1].name == parameters[i].name)
-      refuse("parameters", quoted(parameters[i].name) + " is there twice");
+      refuse("parameters", in_quotes(parameters[i].name) + " is there twice");
   }
   Factories factories;
   {
@@ -272,7 +273,7 @@ void make_custom_code(Joint* joint) {
     std::string known;
     for (const std::string& type : custom_types()) known += (known.empty() ? "" : ", ") + type;
     refuse("custom", std::string("no plugin has a ") + (is_force ? "force" : "constraint") +
-                         " of type " + quoted(custom.type) +
+                         " of type " + in_quotes(custom.type) +
                          "; types are: " + (known.empty() ? "none" : known));
   }
   std::shared_ptr<const CustomConstraint> constraint;
@@ -284,10 +285,10 @@ void make_custom_code(Joint* joint) {
       constraint = factories.constraint(parameters);
   } catch (const std::exception& thrown) {
     refuse("custom",
-           quoted(joint->name) + " of type " + quoted(custom.type) + ": " + thrown.what());
+           in_quotes(joint->name) + " of type " + in_quotes(custom.type) + ": " + thrown.what());
   }
   if (constraint == nullptr && force == nullptr)
-    refuse("custom", quoted(custom.type) + " has made nothing");
+    refuse("custom", in_quotes(custom.type) + " has made nothing");
   custom.code = std::make_shared<const CustomCode>(joint->name, custom.type, std::move(constraint),
                                                    std::move(force));
 }

@@ -3,10 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/numbers.h"
+
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kShortestShare = 0.01;  // of the length as added: what a motor cannot wind in
 
 // where the two ends are now; without a lower limit 0, without an upper one infinity

@@ -3,11 +3,10 @@
 #include <cmath>
 
 #include "engine/constraints/custom.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
-
-constexpr double kPi = 3.14159265358979323846;
 
 // x/sin x and its derivative
 struct Stretch {

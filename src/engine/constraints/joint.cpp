@@ -13,14 +13,13 @@
 #include "engine/constraints/joint_parts.h"
 #include "engine/constraints/joint_sum.h"
 #include "engine/constraints/law.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 constexpr double kFits = 1e-6;         // [m] an error no larger than this is none
 constexpr double kClosedShare = 0.01;  // of the initial error: what is left counts as closed
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 const MovingFrame kHome;  // which does not move
 
@@ -42,7 +41,7 @@ std::pair<Eigen::Vector3d, Eigen::Vector3d> opening_of(const Joint& joint, const
   const JointVectors vectors(joint, a, b);
   Eigen::Vector3d open = Eigen::Vector3d::Zero();
   for (int k = 0; k < kind.separation_rows; ++k) {
-    const RowForm& form = kind.row[at(k)];
+    const RowForm& form = kind.row[k];
     open +=
         value(form, vectors) * vectors[form.u.kind == VectorKind::kSeparation ? form.v : form.u];
   }
@@ -100,9 +99,9 @@ void measure_coordinates(const Joint& joint, const JointVectors& vectors, const 
                          const Passed& passed, JointState& state) {
   const JointKindInfo& kind = info(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i) {
-    const ScalarForm& form = kind.coordinate[at(i)];
-    const CoordinateLaw& law = joint.coordinates[at(i)];
-    CoordinateState& coordinate = state.coordinates[at(i)];
+    const ScalarForm& form = kind.coordinate[i];
+    const CoordinateLaw& law = joint.coordinates[i];
+    CoordinateState& coordinate = state.coordinates[i];
     const double velocity = rate(form, vectors, motion);
     coordinate.position = reading(form, value(form, vectors), law.zero,
                                   expected(passed, law, coordinate, velocity, i));
@@ -125,7 +124,7 @@ void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState&
   const JointMotion motion(vectors, a, b);
   NormAndRate separation, angle;
   for (int k = 0; k < kind.rows; ++k) {
-    const RowForm form = kind.row[at(k)];
+    const RowForm form = kind.row[k];
     NormAndRate& part = k < kind.separation_rows ? separation : angle;
     const int i = k < kind.separation_rows ? k : k - kind.separation_rows;
     part.values[i] = value(form, vectors);
@@ -183,13 +182,13 @@ RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
   }
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, a, b);
-  for (int k = 0; k < kind.rows; ++k) errors[k] = value(kind.row[at(k)], vectors);
+  for (int k = 0; k < kind.rows; ++k) errors[k] = value(kind.row[k], vectors);
   for (int i = 0; i < kind.coordinates; ++i) {
-    const CoordinateState& coordinate = state.coordinates[at(i)];
-    if (is_held(joint.coordinates[at(i)]) || has_course_to_lose(joint.coordinates[at(i)]))
+    const CoordinateState& coordinate = state.coordinates[i];
+    if (is_held(joint.coordinates[i]) || has_course_to_lose(joint.coordinates[i]))
       errors[kind.rows + i] = coordinate.position - coordinate.held;
-    else if (!joint.coordinates[at(i)].motor || !joint.coordinates[at(i)].motor->is_rigid())
-      errors[kind.rows + i] = beyond_limits(joint.coordinates[at(i)], coordinate.position);
+    else if (!joint.coordinates[i].motor || !joint.coordinates[i].motor->is_rigid())
+      errors[kind.rows + i] = beyond_limits(joint.coordinates[i], coordinate.position);
   }
   return errors;
 }
@@ -230,7 +229,7 @@ MovingFrame frame_in(const Joint& joint, const JointStep& step, const JointState
 void note_force(const Joint& joint, const RowVector& impulse, double h, JointState& state) {
   const JointKindInfo& kind = info(joint.kind);
   for (int i = 0; i < kind.coordinates; ++i)
-    state.coordinates[at(i)].effort = impulse[kind.rows + i] / h;
+    state.coordinates[i].effort = impulse[kind.rows + i] / h;
   Eigen::Vector3d separation = impulse.head<3>();
   for (int k = kind.separation_rows; k < 3; ++k) separation[k] = 0.0;
   state.force = kind.coordinates > 0 ? state.coordinates[0].effort : separation.norm() / h;
@@ -279,7 +278,7 @@ void JointSum::add(const Joint& joint, double h, JointState* state) {
   }
   done.head(kind.rows) += state->impulse.head(kind.rows);
   for (int i = 0; i < kind.coordinates; ++i)
-    done[kind.rows + i] += h * state->coordinates[at(i)].effort;
+    done[kind.rows + i] += h * state->coordinates[i].effort;
 }
 
 void JointSum::finish(const Joint& joint, const BodyState& a, const BodyState& b, double h,
@@ -311,9 +310,9 @@ void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& 
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, a, b, frame_where_met(joint, a, b, state.radius));
   for (int i = 0; i < kind.coordinates; ++i) {
-    CoordinateState& coordinate = state.coordinates[at(i)];
-    const CoordinateLaw& law = joint.coordinates[at(i)];
-    coordinate.position = coordinate.held = value(kind.coordinate[at(i)], vectors) + law.zero;
+    CoordinateState& coordinate = state.coordinates[i];
+    const CoordinateLaw& law = joint.coordinates[i];
+    coordinate.position = coordinate.held = value(kind.coordinate[i], vectors) + law.zero;
     if (law.motor && law.motor->is_rigid())
       coordinate.held = law.motor->position.value_or(coordinate.position);
   }
@@ -333,7 +332,7 @@ World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyS
   const JointKindInfo& kind = info(joint.kind);
   Jacobian sum;
   for (int k = 0; k < kind.rows + kind.coordinates; ++k)
-    sum = combined(1.0, sum, impulse[k] / h, jacobian(kind.function[at(k)], vectors));
+    sum = combined(1.0, sum, impulse[k] / h, jacobian(kind.function[k], vectors));
   const Eigen::Matrix3d to_joint = kind.has_frames ? Eigen::Matrix3d(vectors.axes_B.transpose())
                                                    : b.orientation.toRotationMatrix().transpose();
   return {to_joint * sum.j3, to_joint * (sum.j4 - vectors.r_B.cross(sum.j3))};
@@ -342,7 +341,7 @@ World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyS
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
                  JointState& state, bool b_turns) {
   const JointKindInfo& kind = info(joint.kind);
-  for (std::size_t i = 0; i < at(kind.coordinates); ++i) {
+  for (std::size_t i = 0; i < to_index(kind.coordinates); ++i) {
     if (!has_course_to_lose(joint.coordinates[i])) continue;
     state.coordinates[i].held = *joint.coordinates[i].motor->position;
     state.coordinates[i].braking = 0.0;
@@ -379,7 +378,7 @@ double elastic_energy(const Joint& joint, const JointState& state) {
   if (const auto* distance = if_distance(joint))
     return elastic_energy(distance->stiffness, state.error, joint.motor.max_force);
   double energy = 0.0;
-  for (std::size_t i = 0; i < at(info(joint.kind).coordinates); ++i)
+  for (std::size_t i = 0; i < to_index(info(joint.kind).coordinates); ++i)
     energy += elastic_energy(joint.coordinates[i], state.coordinates[i].position);
   return energy;
 }
@@ -411,17 +410,17 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   const JointVectors vectors(joint, a, b, frame_in(joint, step, state, false));
   if (kind.alignment != Alignment::kFree) {
     Eigen::Vector3d open = Eigen::Vector3d::Zero();
-    for (int k = 0; k < kind.separation_rows; ++k) open[k] = value(kind.row[at(k)], vectors);
+    for (int k = 0; k < kind.separation_rows; ++k) open[k] = value(kind.row[k], vectors);
     const double angle = misalignment(kind.alignment, vectors).norm();
     if (!(std::max(open.norm(), state.radius * angle) <= kFits)) return false;
   }
   // may be off by this, but not elsewhere
   const RowVector allowed = share * state.closing_offset;
   for (int i = 0; i < kind.coordinates; ++i) {
-    const CoordinateLaw& law = joint.coordinates[at(i)];
+    const CoordinateLaw& law = joint.coordinates[i];
     if (!is_held(law)) continue;
-    const ScalarForm& form = kind.coordinate[at(i)];
-    const CoordinateState& coordinate = state.coordinates[at(i)];
+    const ScalarForm& form = kind.coordinate[i];
+    const CoordinateState& coordinate = state.coordinates[i];
     const double q = reading(form, value(form, vectors), law.zero, coordinate.position);
     const double metres = form.is_angle ? state.radius : 1.0;
     if (!(metres * std::abs(q - coordinate.held - allowed[kind.rows + i]) <= kFits)) return false;
@@ -429,7 +428,7 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   if (kind.alignment != Alignment::kFree) return true;
   double square = 0.0;
   for (int k = 0; k < kind.rows; ++k) {
-    const double off = value(kind.row[at(k)], vectors) - allowed[k];
+    const double off = value(kind.row[k], vectors) - allowed[k];
     square += off * off;
   }
   return square <= kFits * kFits;

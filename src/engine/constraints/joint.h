@@ -1,7 +1,6 @@
 #pragma once
 
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/joint.h"
 #include "constraint_sim/engine/row.h"
@@ -10,6 +9,7 @@
 #include "engine/constraints/course.h"
 #include "engine/constraints/law.h"
 #include "engine/constraints/moving_frame.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -34,7 +34,7 @@ void forget_impulses(JointState* state);
 /// Adds the rows of a joint with their targets to `rows`. Sets the bias of `state`, and ends it
 /// when its time is over.
 void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
-                   const JointStep& step, JointState& state, std::vector<Row>* rows);
+                   const JointStep& step, JointState& state, List<Row>* rows);
 
 /// Writes the Jacobians of those rows at other states of the bodies.
 void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
@@ -55,7 +55,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
 /// Adds the two rows of the coupling of a joint, each with the bodies of one term; `a` and `b` are
 /// those of the joint's own rows. Both have the value and the target of the whole in the first.
 void prepare_coupling(const Joint& joint, const JointStep& step, const JointState& state,
-                      const std::array<Jacobian, 2>& J, std::vector<Row>* rows);
+                      const std::array<Jacobian, 2>& J, List<Row>* rows);
 
 /// The gradient of a coordinate in a step of impulses, at its start or its end.
 Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyState& b,

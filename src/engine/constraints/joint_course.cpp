@@ -8,14 +8,9 @@
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/joint_parts.h"
 #include "engine/constraints/law.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
-namespace {
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-}  // namespace
-
 Motor drive(const DistanceJoint& distance, const JointStep& step, Motor motor, JointState& state) {
   state.saturated = false;
   state.bias = 0.0;
@@ -52,14 +47,14 @@ void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointSta
   start_ = span.t;
   is_driven_ = false;
   rows_ = kind.rows;
-  count_ = at(kind.coordinates);
+  count_ = to_index(kind.coordinates);
   if (const auto* distance = if_distance(joint)) {
     count_ = 1;
     rows_ = 0;
     const Motor motor = drive(*distance, span, joint.motor, state);
     hold(0, distance->length.value_or(0.0) + state.travel, motor);
   }
-  for (std::size_t i = 0; i < at(kind.coordinates); ++i) {
+  for (std::size_t i = 0; i < to_index(kind.coordinates); ++i) {
     CoordinateState& coordinate = state.coordinates[i];
     coordinate.bias = 0.0;
     held_[i] = Held{};
@@ -101,7 +96,7 @@ Prescribed PrescribedMotion::target(int function, double t) const {
   const double offset = closing_offset_[function];
   Prescribed target{offset * share.value, offset * share.rate, offset * share.acceleration};
   if (function < rows_) return target;
-  const Held& held = held_[at(function - rows_)];
+  const Held& held = held_[function - rows_];
   const Prescribed driven = moved(held, t);
   target.value += held.value + driven.value;
   target.rate += driven.rate;

@@ -10,11 +10,10 @@
 #include "engine/constraints/joint_parts.h"
 #include "engine/constraints/law.h"
 #include "engine/constraints/target.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // What the row may be off by at the start of the step, and the rate at which that goes.
 struct Closing {
@@ -69,7 +68,7 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
   if (frame.moves) ahead = JointVectors(joint, a, b, frame_in(joint, step, state, true));
   const double beta = joint.baumgarte.value_or(step.beta);
   for (int k = 0; k < kind.rows; ++k) {
-    const RowForm form = kind.row[at(k)];
+    const RowForm form = kind.row[k];
     const Closing closing(state, step, k);
     rows[k].J = jacobian(form, vectors);
     rows[k].C = value(form, vectors) - closing.offset;
@@ -81,11 +80,11 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
   int count = kind.rows;
   state.saturated = false;
   for (int i = 0; i < kind.coordinates; ++i) {
-    const CoordinateLaw& law = joint.coordinates[at(i)];
-    CoordinateState& coordinate = state.coordinates[at(i)];
+    const CoordinateLaw& law = joint.coordinates[i];
+    CoordinateState& coordinate = state.coordinates[i];
     coordinate.bias = 0.0;
     if (law.is_none()) continue;
-    const ScalarForm& form = kind.coordinate[at(i)];
+    const ScalarForm& form = kind.coordinate[i];
     CoordinateStep asked{step.h, beta, 0.0, coordinate.held};
     const Closing closing(state, step, kind.rows + i);
     if (law.motor && law.motor->is_rigid()) {
@@ -142,8 +141,7 @@ RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, con
   RowVector done = RowVector::Zero();
   state.impulse.setZero();
   for (int i = 0; i < kind.coordinates; ++i)
-    if (joint.coordinates[at(i)].motor)
-      state.coordinates[at(i)].held += state.coordinates[at(i)].bias * step.h;
+    if (joint.coordinates[i].motor) state.coordinates[i].held += state.coordinates[i].bias * step.h;
   for (const Row* row = rows; row != rows + count; ++row) {
     const double impulse = row->impulse + row->correction_impulse;
     if (row->coordinate == kOfCoupling) {  // both have the same
@@ -155,16 +153,16 @@ RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, con
     done[component] += impulse;
     if (row->component >= 0) state.impulse[row->component] = row->impulse;
     if (row->coordinate < 0) continue;
-    const auto& motor = joint.coordinates[at(row->coordinate)].motor;
+    const auto& motor = joint.coordinates[row->coordinate].motor;
     const bool is_first = row == rows || row[-1].coordinate != row->coordinate;
     if (!is_first || !motor || motor->max_force == 0.0) continue;  // its row comes first
     if (!is_at_limit(*row, motor->max_force * step.h)) continue;
     state.saturated = true;
     if (row->component < 0) continue;  // a spring or a force, which hold nothing
-    CoordinateState& coordinate = state.coordinates[at(row->coordinate)];
-    const ScalarForm& form = kind.coordinate[at(row->coordinate)];
+    CoordinateState& coordinate = state.coordinates[row->coordinate];
+    const ScalarForm& form = kind.coordinate[row->coordinate];
     coordinate.held =
-        reading(form, value(form, vectors), joint.coordinates[at(row->coordinate)].zero,
+        reading(form, value(form, vectors), joint.coordinates[row->coordinate].zero,
                 coordinate.position + 0.5 * step.h * (coordinate.velocity + coordinate.bias));
   }
   return done;
@@ -173,12 +171,12 @@ RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, con
 }  // namespace
 
 void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
-                   const JointStep& step, JointState& state, std::vector<Row>* rows) {
+                   const JointStep& step, JointState& state, List<Row>* rows) {
   const std::size_t first = rows->size();
   const bool is_distance = has_length(joint.kind);
   const JointKindInfo& kind = info(joint.kind);
-  rows->resize(first +
-               at(is_distance ? kMaxDistanceRows : kind.rows + kMaxLawRows * kind.coordinates));
+  rows->resize(first + to_index(is_distance ? kMaxDistanceRows
+                                            : kind.rows + kMaxLawRows * kind.coordinates));
   Row* const written = rows->data() + first;
   int count = 0;
   if (is_distance) {
@@ -204,13 +202,13 @@ void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
   const JointKindInfo& kind = info(joint.kind);
   const JointVectors vectors(joint, a, b, frame_in(joint, step, state, true));
   for (int k = 0; k < count && rows[k].coordinate != kOfCoupling; ++k)
-    J[k] = jacobian(rows[k].coordinate < 0 ? kind.function[at(rows[k].component)]
-                                           : kind.coordinate[at(rows[k].coordinate)],
+    J[k] = jacobian(rows[k].coordinate < 0 ? kind.function[rows[k].component]
+                                           : kind.coordinate[rows[k].coordinate],
                     vectors);
 }
 
 void prepare_coupling(const Joint& joint, const JointStep& step, const JointState& state,
-                      const std::array<Jacobian, 2>& J, std::vector<Row>* rows) {
+                      const std::array<Jacobian, 2>& J, List<Row>* rows) {
   Row row;
   row.coordinate = kOfCoupling;
   row.normal_row = Row::kCoupled;
@@ -237,16 +235,16 @@ void prepare_coupling(const Joint& joint, const JointStep& step, const JointStat
 Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyState& b,
                              const JointStep& step, const JointState& state, int coordinate,
                              bool at_end) {
-  return jacobian(info(joint.kind).coordinate[at(coordinate)],
+  return jacobian(info(joint.kind).coordinate[coordinate],
                   JointVectors(joint, a, b, frame_in(joint, step, state, at_end)));
 }
 
 double spring_stretch(const Joint& joint, const JointState& state, const Row& row) {
   if (row.coordinate < 0) return state.error;
-  const CoordinateLaw& law = joint.coordinates[at(row.coordinate)];
+  const CoordinateLaw& law = joint.coordinates[row.coordinate];
   const bool is_servo = law.motor && law.motor->is_servo() && law.motor->max_force > 0.0 &&
                         row.stiffness == law.motor->servo_stiffness;
-  return state.coordinates[at(row.coordinate)].position -
+  return state.coordinates[row.coordinate].position -
          (is_servo ? *law.motor->position : soft_law(law).R);
 }
 

@@ -5,6 +5,7 @@
 
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -70,7 +71,7 @@ bool is_switchable(const Joint& joint) {
          joint.motor.max_force == 0.0;
 }
 
-void add_one_sided_laws(const Joint& joint, std::size_t index, std::vector<OneSidedLaw>* laws) {
+void add_one_sided_laws(const Joint& joint, std::size_t index, List<OneSidedLaw>* laws) {
   if (has_one_sided_length(joint)) {
     laws->push_back(law_of_length(joint));
     laws->back().joint = index;

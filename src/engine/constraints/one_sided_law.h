@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <limits>
 #include <optional>
-#include <vector>
 
 #include "constraint_sim/engine/joint.h"
 #include "engine/constraints/forms.h"
 #include "engine/constraints/law.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 
@@ -56,9 +56,9 @@ struct OneSidedLaw {
   bool is_distance = false;
   ScalarForm form;
   double zero = 0.0;  ///< as CoordinateLaw
-  double lower = -std::numeric_limits<double>::infinity();
-  double upper = std::numeric_limits<double>::infinity();
-  double limit_force = std::numeric_limits<double>::infinity();  ///< most of a limit [N or N m]
+  double lower = -kInfinity;
+  double upper = kInfinity;
+  double limit_force = kInfinity;  ///< most of a limit [N or N m]
   double restitution = 0.0;
   double friction = 0.0;       ///< [N or N m]
   double drive = 0.0;          ///< most force of the motor [N or N m]
@@ -99,7 +99,7 @@ bool has_one_sided_law(const Joint& joint);
 bool is_switchable(const Joint& joint);
 
 /// Adds the laws of a joint.
-void add_one_sided_laws(const Joint& joint, std::size_t index, std::vector<OneSidedLaw>* laws);
+void add_one_sided_laws(const Joint& joint, std::size_t index, List<OneSidedLaw>* laws);
 
 /// The constant force of a coordinate that is not held, without that of a servo [N or N m].
 double constant_force(const OneSidedLaw& law, const OneSidedState& state);

@@ -29,7 +29,7 @@ std::size_t Model::index(BodyId id) const {
 
 BodyId World::add_body(const Body& body) {
   validate(body);
-  if (has_body(body.name)) refuse("name", "there is already a body named " + quoted(body.name));
+  if (has_body(body.name)) refuse("name", "there is already a body named " + in_quotes(body.name));
 
   const BodyId id{static_cast<std::uint32_t>(impl_->body_index.size())};
   impl_->body_index.push_back(static_cast<int>(impl_->bodies.size()));

@@ -10,6 +10,7 @@
 
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/list.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
@@ -34,9 +35,9 @@ struct Acting {
 /// What couplings say of the coordinates that one leads to.
 class CoupledCoordinates {
  public:
-  CoupledCoordinates(std::size_t root, const std::vector<Acting>& couplings) {
+  CoupledCoordinates(std::size_t root, const List<Acting>& couplings) {
     known_[root] = {};
-    std::vector<Acting> left = couplings;
+    List<Acting> left = couplings;
     for (std::size_t before = left.size() + 1; left.size() < before;) {
       before = left.size();
       const auto follows = [this](const Acting& coupling) { return follow(coupling); };
@@ -123,7 +124,7 @@ class CoupledCoordinates {
 void check_coupling_loop(const Model& model, const State& state, const Joint& joint) {
   const std::size_t first = model.index(joint.coupling.first);
   const std::size_t second = model.index(joint.coupling.second);
-  std::vector<Acting> couplings;
+  List<Acting> couplings;
   bool has_first = false, has_second = false;
   for (std::size_t j = 0; j < model.joints.size(); ++j) {
     if (!couples_joints(model.joints[j].kind) || !acts(model.joints[j], state.joint_states[j]))
@@ -148,7 +149,7 @@ void check_coupling_loop(const Model& model, const State& state, const Joint& jo
   if (std::abs(value - implied->constant) <= kFits + kRounding * implied->off) return;
   std::string names;
   for (const std::size_t j : coordinates.reasons(first, ratio, second))
-    names += (names.empty() ? "" : ", ") + quoted(model.joints[j].name);
+    names += (names.empty() ? "" : ", ") + in_quotes(model.joints[j].name);
   refuse("value", "contradicts " + names + ", by which it is " + shortest(implied->constant) +
                       ", got " + shortest(value));
 }

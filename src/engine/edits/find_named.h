@@ -11,7 +11,7 @@ namespace constraint_sim::engine {
 template <class Map>
 auto find_named(const Map& map, std::string_view name, const char* field) {
   const auto found = map.find(std::string(name));
-  if (found == map.end()) refuse(field, "there is none named " + quoted(std::string(name)));
+  if (found == map.end()) refuse(field, "there is none named " + in_quotes(std::string(name)));
   return found->second;
 }
 

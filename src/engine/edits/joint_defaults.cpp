@@ -9,6 +9,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/math/numbers.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
 
@@ -18,7 +19,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kCoincident = 1e-9;  // of the anchors' coordinates: nearer than this is one point
-constexpr double kPi = 3.14159265358979323846;
 
 // Two axes that are to be at a right angle: along each other nothing says where to turn to.
 void check_apart(const Eigen::Quaterniond& frame_a, const Eigen::Quaterniond& frame_b,
@@ -116,7 +116,7 @@ void World::Impl::fill_in_laws(Joint& joint) const {
     const double inverse_mass = inverse_effective_mass(joint, i);
     if (!(inverse_mass > 0.0))
       refuse(law.frequency > 0.0 ? "frequency" : "servo_frequency",
-             "nothing can move along this coordinate of " + quoted(std::as_const(joint.name)));
+             "nothing can move along this coordinate of " + in_quotes(std::as_const(joint.name)));
     const auto set = [&](double frequency, double ratio, double* stiffness, double* damping) {
       const double omega = 2.0 * kPi * frequency;
       *stiffness = omega * omega / inverse_mass;

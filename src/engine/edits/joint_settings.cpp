@@ -1,22 +1,16 @@
 // Settings of a joint changed while it acts: laws, springs, limits, motors, and whether it acts.
 
-#include <limits>
 #include <tuple>
 #include <utility>
 
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/edits/coupling_loops.h"
+#include "engine/math/numbers.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
-namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-
-}  // namespace
-
 // by one that has been checked and filled in
 void World::Impl::replace_joint(std::size_t j, const Joint& joint,
                                 const std::array<LawChange, kMaxCoordinates>& changes) {
@@ -161,12 +155,12 @@ void World::Impl::check_coupled_act(std::size_t j, bool enabled) const {
   if (enabled && couples_joints(joints[j].kind))
     for (const JointId id : {joints[j].coupling.first, joints[j].coupling.second})
       if (!joints[index(id)].enabled)
-        refuse("enabled", quoted(joints[index(id)].name) + ", which it couples, is disabled");
+        refuse("enabled", in_quotes(joints[index(id)].name) + ", which it couples, is disabled");
   if (enabled) return;
   for (const std::size_t coupling : couplings_of(j))
     if (joints[coupling].enabled)
       refuse("enabled",
-             "it is coupled by " + quoted(joints[coupling].name) + ", disable that first");
+             "it is coupled by " + in_quotes(joints[coupling].name) + ", disable that first");
 }
 
 void World::set_enabled(JointId id, bool enabled) {

@@ -1,6 +1,5 @@
 #include <algorithm>
 #include <iomanip>
-#include <limits>
 #include <sstream>
 #include <utility>
 
@@ -13,6 +12,8 @@
 #include "engine/constraints/one_sided_law.h"
 #include "engine/edits/coupling_loops.h"
 #include "engine/edits/find_named.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
 
@@ -52,7 +53,7 @@ JointId World::add_joint(const Joint& joint, bool broken) {
 JointId World::Impl::add_joint(const Joint& joint, bool broken) {
   validate(joint);
   if (joint_by_name.count(joint.name) > 0)
-    refuse("name", "there is already a constraint named " + quoted(joint.name));
+    refuse("name", "there is already a constraint named " + in_quotes(joint.name));
   Joint filled = joint;
   if (couples_joints(joint.kind)) {
     check_coupling(joint, broken);
@@ -88,14 +89,14 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
 void World::Impl::check_ends(const Joint& joint) const {
   const std::size_t a = index(joint.body_a);
   const std::size_t b = index(joint.body_b);
-  const std::string names = quoted(bodies[a].name) + " and " + quoted(bodies[b].name);
+  const std::string names = in_quotes(bodies[a].name) + " and " + in_quotes(bodies[b].name);
   if (a == b) refuse("body_b", "must be another body than body_a, got " + names);
   if (!is_movable(a) && !is_movable(b))
     refuse("body_b", "one of the two bodies must be dynamic, got " + names);
   const auto check_anchor = [&](const char* field, std::size_t i, const Vector3d& anchor) {
     const bool cannot_turn = is_movable(i) && masses[i].inertia.isZero(0.0);
     if (cannot_turn && !anchor.isZero(0.0))
-      refuse(field, quoted(bodies[i].name) +
+      refuse(field, in_quotes(bodies[i].name) +
                         " is a point mass without inertia, its anchor must be (0, 0, 0), got " +
                         shown(anchor));
   };
@@ -104,7 +105,8 @@ void World::Impl::check_ends(const Joint& joint) const {
   const JointKindInfo& kind = info(joint.kind);
   const auto check_axes = [&](const char* field, std::size_t i, bool has_axes) {
     if (has_axes && is_movable(i) && !masses[i].can_turn())
-      refuse(field, quoted(bodies[i].name) + " is a point mass without inertia and has no axes, " +
+      refuse(field, in_quotes(bodies[i].name) +
+                        " is a point mass without inertia and has no axes, " +
                         "which a joint of type " + kind.name + " needs");
   };
   check_axes("body_a", a, kind.has_frames);
@@ -119,19 +121,20 @@ void World::Impl::check_coupling(const Joint& joint, bool broken) const {
     const bool fits =
         couples_lengths(joint.kind) ? is_free_length(of.kind) : coordinates(of.kind) > 0;
     if (!fits)
-      refuse("joints", quoted(of.name) + " is of type " + name(of.kind) + ", a " +
+      refuse("joints", in_quotes(of.name) + " is of type " + name(of.kind) + ", a " +
                            name(joint.kind) +
                            (couples_lengths(joint.kind)
                                 ? " joins distance constraints with free: true"
                                 : " joins constraints with a free coordinate, such as hinges"));
-    if (!broken && joint_states[index(id)].broken) refuse("joints", quoted(of.name) + " is broken");
-    if (joint.enabled && !of.enabled) refuse("joints", quoted(of.name) + " is disabled");
+    if (!broken && joint_states[index(id)].broken)
+      refuse("joints", in_quotes(of.name) + " is broken");
+    if (joint.enabled && !of.enabled) refuse("joints", in_quotes(of.name) + " is disabled");
   };
   check(coupling.first);
   check(coupling.second);
   if (coupling.first == coupling.second)
-    refuse("joints",
-           "must be two constraints, got " + quoted(joints[index(coupling.first)].name) + " twice");
+    refuse("joints", "must be two constraints, got " +
+                         in_quotes(joints[index(coupling.first)].name) + " twice");
 }
 
 BodyId World::Impl::movable_end(JointId id) const {
@@ -140,8 +143,8 @@ BodyId World::Impl::movable_end(JointId id) const {
 }
 
 // joints that couple this one with another
-std::vector<std::size_t> World::Impl::couplings_of(std::size_t joint) const {
-  std::vector<std::size_t> found;
+List<std::size_t> World::Impl::couplings_of(std::size_t joint) const {
+  List<std::size_t> found;
   for (std::size_t j = joint + 1; j < joints.size(); ++j) {
     if (!couples_joints(joints[j].kind)) continue;
     const Coupling& coupling = joints[j].coupling;
@@ -253,7 +256,7 @@ bool World::Impl::is_as_added(JointId id) const {
 
 // when a motor set now loses its bias
 double World::Impl::end_of(const Motor& motor) const {
-  return motor.timeout > 0.0 ? time() + motor.timeout : std::numeric_limits<double>::infinity();
+  return motor.timeout > 0.0 ? time() + motor.timeout : kInfinity;
 }
 
 // of motors that are all set now
@@ -284,10 +287,10 @@ void World::Impl::erase_joint(std::size_t j) {
 
 void World::remove_joint(JointId id) {
   const std::size_t j = impl_->index(id);
-  const std::vector<std::size_t> couplings = impl_->couplings_of(j);
+  const List<std::size_t> couplings = impl_->couplings_of(j);
   if (!couplings.empty())
-    refuse("name", quoted(std::as_const(impl_->joints[j].name)) + " is coupled by " +
-                       quoted(std::as_const(impl_->joints[couplings.front()].name)) +
+    refuse("name", in_quotes(std::as_const(impl_->joints[j].name)) + " is coupled by " +
+                       in_quotes(std::as_const(impl_->joints[couplings.front()].name)) +
                        ", remove that first");
   impl_->erase_joint(j);
 }
@@ -315,7 +318,7 @@ World::Anchors World::anchors(JointId id) const {
 World::JointWrench World::joint_wrench(JointId id) const {
   const Joint& joint = this->joint(id);
   if (couples_joints(joint.kind))
-    refuse("constraint", quoted(joint.name) + " is a " + engine::name(joint.kind) +
+    refuse("constraint", in_quotes(joint.name) + " is a " + engine::name(joint.kind) +
                              ", which couples others and has no wrench of its own");
   const JointState& state = joint_state(id);
   const BodyState &a = this->state(joint.body_a), &b = this->state(joint.body_b);
@@ -391,7 +394,7 @@ void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, 
 // a coordinate reads otherwise than it did, and so do the couplings that have it
 void World::Impl::shift_couplings(std::size_t j, int coordinate, double change) {
   if (change == 0.0) return;
-  std::vector<std::size_t> affected = couplings_of(j);
+  List<std::size_t> affected = couplings_of(j);
   if (has_pitch(joints[j].kind)) affected.push_back(j);
   for (const std::size_t coupling : affected)
     for (const CoupledTerm& term : terms_of(coupling))
@@ -415,7 +418,7 @@ void World::set_broken(JointId id, bool broken) {
   if (!broken && couples_joints(joint.kind))
     for (const JointId coupled : {joint.coupling.first, joint.coupling.second})
       if (joint_state(coupled).broken)
-        refuse("name", quoted(this->joint(coupled).name) + ", which " + quoted(joint.name) +
+        refuse("name", in_quotes(this->joint(coupled).name) + ", which " + in_quotes(joint.name) +
                            " couples, is broken");
   if (broken)
     for (const std::size_t coupling : impl_->couplings_of(j))

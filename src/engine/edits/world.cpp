@@ -4,16 +4,12 @@
 #include <array>
 #include <cmath>
 
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
 
 namespace constraint_sim::engine {
-namespace {
-
-constexpr double kPi = 3.14159265358979323846;
-
-}  // namespace
-
 World::World(const WorldOptions& options) : impl_(std::make_unique<Impl>()) {
   validate(options);
   impl_->options = options;
@@ -126,7 +122,7 @@ void World::set_time(double time, std::uint64_t step_count) {
 }
 
 void World::reserve_ids(const World& other) {
-  const auto reserve = [](const std::vector<int>& used, std::vector<int>* index) {
+  const auto reserve = [](const List<int>& used, List<int>* index) {
     if (index->size() < used.size()) index->resize(used.size(), -1);
   };
   reserve(other.impl_->body_index, &impl_->body_index);
@@ -164,7 +160,7 @@ void World::continue_from(const World& other) {
   for (auto& [name, id] : impl_->joint_by_name) id.value += new_joints;
   impl_->body_index.insert(impl_->body_index.begin() + 1, new_bodies, -1);
   impl_->joint_index.insert(impl_->joint_index.begin(), new_joints, -1);
-  for (std::vector<TouchingPair>* pairs : {&impl_->touching, &impl_->resting}) {
+  for (List<TouchingPair>* pairs : {&impl_->touching, &impl_->resting}) {
     for (TouchingPair& pair : *pairs) {
       renumber(pair.id_a);
       renumber(pair.id_b);
@@ -205,7 +201,7 @@ void World::Impl::continue_contact(TouchingPair pair) {
   pair.b = static_cast<int>(index(pair.id_b));
   if (pair.b < pair.a) refuse("body_b", "must have been added after body_a");
   const bool sleeps = asleep[index(pair.id_a)] || asleep[index(pair.id_b)];
-  std::vector<TouchingPair>& pairs = sleeps ? resting : touching;
+  List<TouchingPair>& pairs = sleeps ? resting : touching;
   if (!pairs.empty() && !(pairs.back().ends() < pair.ends()))
     refuse("body_a", "contacts must be in the order of their bodies, each once");
   pairs.push_back(pair);
@@ -238,17 +234,17 @@ const World::Impl& World::Impl::compiled(std::optional<Impl>* copy) const {
 }
 
 // what islands remember, as far as it outlives the next step; in their order
-std::vector<std::pair<BodyId, IslandMemory>> World::Impl::memories() const {
-  std::vector<std::pair<BodyId, IslandMemory>> memories;
+List<std::pair<BodyId, IslandMemory>> World::Impl::memories() const {
+  List<std::pair<BodyId, IslandMemory>> memories;
   for (std::size_t i = 0; i < island_parts.size(); ++i)
     if (!island_parts[i].is_none()) memories.emplace_back(islands[i].first_body, island_parts[i]);
   return memories;
 }
 
 // those that the next step begins with
-std::vector<std::pair<BodyId, IslandMemory>> World::Impl::next_memories() const {
+List<std::pair<BodyId, IslandMemory>> World::Impl::next_memories() const {
   if (!edited) return memories();
-  std::vector<std::pair<BodyId, IslandMemory>> memories;
+  List<std::pair<BodyId, IslandMemory>> memories;
   for (const NextIsland& next : next_islands())
     if (!next.memory.is_none()) memories.emplace_back(next.island.first_body, next.memory);
   return memories;
@@ -312,7 +308,7 @@ std::vector<Island> World::islands() const {
 std::vector<BodyId> World::unresolved_bodies() const {
   if (impl_->seen) return impl_->seen->unresolved_bodies;
   if (impl_->edited) return {};  // islands and bodies may be others now
-  std::vector<std::size_t> indices;
+  List<std::size_t> indices;
   for (std::size_t i = 0; i < impl_->islands.size(); ++i)
     if (impl_->islands[i].unresolved_bodies > 0) impl_->find_unresolved(i, &indices);
   std::sort(indices.begin(), indices.end());

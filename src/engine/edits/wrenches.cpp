@@ -8,7 +8,7 @@ namespace constraint_sim::engine {
 
 void World::add_wrench(const Wrench& wrench) {
   const std::size_t i = impl_->index(wrench.body);
-  const std::string name = quoted(impl_->bodies[i].name);
+  const std::string name = in_quotes(impl_->bodies[i].name);
   if (!impl_->is_movable(i)) refuse("body", name + " is not dynamic");
   check_finite("force", wrench.force);
   check_finite("torque", wrench.torque);

@@ -3,8 +3,9 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <vector>
+
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -13,8 +14,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kSingular = kDependent;  // pivots below, of rows scaled to a diagonal of one
-constexpr double kSolved = 1e-11;         // of the largest a without x
+constexpr double kDependentPivot = kDependent;  // pivots below, of rows scaled to a diagonal of one
+constexpr double kBoxSolved = 1e-11;            // of the largest a without x
 
 /// A problem scaled to a diagonal of one, and how far it is solved.
 class ActiveSet {
@@ -23,7 +24,7 @@ class ActiveSet {
       : problem_(problem),
         x_(VectorXd::Zero(problem.b.size()).cwiseMax(problem.least).cwiseMin(problem.most)),
         a_(problem.b + problem.A * x_),
-        tolerance_(kSolved *
+        tolerance_(kBoxSolved *
                    std::max(problem.b.lpNorm<Eigen::Infinity>(), a_.lpNorm<Eigen::Infinity>())) {}
 
   bool solve();
@@ -38,7 +39,7 @@ class ActiveSet {
   const BoxLcp& problem_;
   VectorXd x_, a_;
   double tolerance_;
-  std::vector<Index> free_;  // rows between their bounds, independent of each other
+  List<Index> free_;  // rows between their bounds, independent of each other
 };
 
 // of the rows at a bound the one that most wants to leave it; -1 where none does
@@ -68,7 +69,7 @@ VectorXd ActiveSet::solve_free(const VectorXd& b) const {
 // Moves the free rows by a step, or in a direction, as far as the bounds let them; rows that come
 // to a bound are no longer free. False where no bound ends a direction.
 bool ActiveSet::move(const VectorXd& step, bool is_direction) {
-  double share = is_direction ? std::numeric_limits<double>::infinity() : 1.0;
+  double share = is_direction ? kInfinity : 1.0;
   const auto room = [&](std::size_t k) {
     const Index i = free_[k];
     return (step[static_cast<Index>(k)] > 0.0 ? problem_.most[i] : problem_.least[i]) - x_[i];
@@ -95,7 +96,8 @@ bool ActiveSet::set_free(Index row) {
   const VectorXd along = solve_free(column);
   const double pivot = problem_.A(row, row) - column.dot(along);
   free_.push_back(row);
-  if (pivot < kSingular) {  // it follows from others: they change together, until one is bounded
+  if (pivot <
+      kDependentPivot) {  // it follows from others: they change together, until one is bounded
     VectorXd direction(along.size() + 1);
     direction << -along, 1.0;
     if (!move(a_[row] > 0.0 ? VectorXd(-direction) : direction, true)) return false;
@@ -121,7 +123,7 @@ bool ActiveSet::solve() {
 
 }  // namespace
 
-double pivot_beside(const MatrixXd& A, const std::vector<Index>& rows, Index row) {
+double pivot_beside(const MatrixXd& A, const List<Index>& rows, Index row) {
   const auto n = static_cast<Index>(rows.size());
   const VectorXd scale = A.diagonal().cwiseSqrt().cwiseInverse();
   if (n == 0) return 1.0;
@@ -138,8 +140,8 @@ double pivot_beside(const MatrixXd& A, const std::vector<Index>& rows, Index row
   return 1.0 - column.dot(among.ldlt().solve(column));
 }
 
-double response_beside(const MatrixXd& A, const std::vector<Index>& others, Index row) {
-  std::vector<Index> held;
+double response_beside(const MatrixXd& A, const List<Index>& others, Index row) {
+  List<Index> held;
   for (const Index other : others)
     if (pivot_beside(A, held, other) > kDependent) held.push_back(other);
   const double pivot = pivot_beside(A, held, row);

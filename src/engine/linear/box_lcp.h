@@ -1,7 +1,8 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
+
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -22,12 +23,11 @@ bool solve(const BoxLcp& problem, Eigen::VectorXd* x);
 inline constexpr double kDependent = 1e-9;
 
 /// The pivot of a row after others, which are independent.
-double pivot_beside(const Eigen::MatrixXd& A, const std::vector<Eigen::Index>& rows,
-                    Eigen::Index row);
+double pivot_beside(const Eigen::MatrixXd& A, const List<Eigen::Index>& rows, Eigen::Index row);
 
 /// What a unit along a row does to it while others hold, those of them that do not follow from each
 /// other; and as without these where they leave nothing of it.
-double response_beside(const Eigen::MatrixXd& A, const std::vector<Eigen::Index>& others,
+double response_beside(const Eigen::MatrixXd& A, const List<Eigen::Index>& others,
                        Eigen::Index row);
 
 }  // namespace constraint_sim::engine

@@ -3,7 +3,9 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
-#include <limits>
+
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -15,13 +17,12 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-constexpr double kSingular = 1e-12;    // of the trace: a direction that nothing moves along
-constexpr double kDone = 1e-14;        // of the largest rate: rounding
-constexpr double kNearlyDone = 1e-12;  // the same, where another step takes off no more
-constexpr double kStrict = 1e-8;       // the same, of what leaves a bound
-constexpr double kSolved = 1e-9;       // the same, of what rounding adds along what has no effect
-constexpr double kRounding = 4.0 * kEpsilon;  // of what rates are the sums of
+constexpr double kFreeDirection = 1e-12;  // of the trace: a direction that nothing moves along
+constexpr double kDone = 1e-14;           // of the largest rate: rounding
+constexpr double kNearlyDone = 1e-12;     // the same, where another step takes off no more
+constexpr double kStrict = 1e-8;          // the same, of what leaves a bound
+constexpr double kConeSolved = 1e-9;  // the same, of what rounding adds along what has no effect
+constexpr double kRateRounding = 4.0 * kEpsilon;  // of what rates are the sums of
 constexpr int kMostSweeps = 1025;
 constexpr double kCompliance = 1e-6;  // beside one of 1 on average
 constexpr int kMostPasses = 4;
@@ -46,14 +47,15 @@ class Slipping {
     const Vector2d c = b.tail<2>() + A.block<2, 1>(1, 0) * pushed_;
     solver_.computeDirect(S);
     c_ = solver_.eigenvectors().transpose() * c;
-    least_ = kSingular * A.trace();
+    least_ = kFreeDirection * A.trace();
     scale_ = b.norm();
   }
 
   /// 0 is to stick; where a direction that nothing moves along has a rate, that is none.
   bool can_stick() const {
     for (Index i = 0; i < 2; ++i)
-      if (solver_.eigenvalues()[i] <= least_ && std::abs(c_[i]) > kSingular * scale_) return false;
+      if (solver_.eigenvalues()[i] <= least_ && std::abs(c_[i]) > kFreeDirection * scale_)
+        return false;
     return true;
   }
   Vector3d impulse(double kappa) const { return in_full(tangential(kappa)); }
@@ -61,7 +63,7 @@ class Slipping {
   /// κ > 0 where the impulse is on the cone of friction μ, or infinity: Newton's method on
   /// μ p_n/‖p_t‖ − 1, which is close to linear in κ, within a bracket.
   double kappa_on_cone(double mu, double start) const {
-    double low = 0.0, high = std::numeric_limits<double>::infinity(), kappa = start;
+    double low = 0.0, high = kInfinity, kappa = start;
     double least = high;  // that the last step was off by
     for (int k = 0; k < kMostSteps && low < (1.0 - 2.0 * kEpsilon) * high; ++k) {
       const Vector2d p = tangential(kappa);
@@ -117,13 +119,13 @@ class Slipping {
 bool solve_contact(const Matrix3d& A, const Vector3d& b, const ConeContact& contact, Vector3d* p) {
   p->setZero();
   if (b[0] >= 0.0) return true;
-  if (!(A(0, 0) > kSingular * A.trace())) return false;
+  if (!(A(0, 0) > kFreeDirection * A.trace())) return false;
   const double mu = contact.friction;
   if (contact.slips || mu == 0.0) {
     Vector3d along = Vector3d::UnitX();
     along.tail<2>() = -mu * contact.direction;
     const double response = A.row(0).dot(along);
-    if (!(response > kSingular * A.trace())) return false;  // friction pushes it in: Painlevé
+    if (!(response > kFreeDirection * A.trace())) return false;  // friction pushes it in: Painlevé
     *p = -b[0] / response * along;
     return true;
   }
@@ -162,7 +164,7 @@ double ConeSolver::cost_of_a_step(std::size_t rows) {
 
 // Where A is singular impulses are shared as those of least norm: at once, or by a small compliance
 // that is taken away again by passes from what the one before found.
-bool ConeSolver::solve(const ConeProblem& problem, std::vector<double>* p, SolveEffort* effort) {
+bool ConeSolver::solve(const ConeProblem& problem, List<double>* p, SolveEffort* effort) {
   p->resize(problem.b.size());
   if (effort->is_over()) return false;
   effort_ = effort;
@@ -289,10 +291,10 @@ bool ConeSolver::is_strict(const double* p) {
 
 /// A solution from p on, or what is closest to one. False where it is not.
 bool ConeSolver::find(double* p) {
-  std::vector<double>&x = swept_, &tried = tried_;
+  List<double>&x = swept_, &tried = tried_;
   x.assign(p, p + size());
   double least = residual(p);
-  const auto consider = [&](const std::vector<double>& other) {
+  const auto consider = [&](const List<double>& other) {
     const double now = residual(other.data());
     if (!(now < least)) return;
     least = now;
@@ -306,14 +308,14 @@ bool ConeSolver::find(double* p) {
       tried = x;
       polish(tried.data());
       consider(tried);
-      stalled = least <= kSolved * largest_rate_ && least > 0.5 * before ? stalled + 1 : 0;
+      stalled = least <= kConeSolved * largest_rate_ && least > 0.5 * before ? stalled + 1 : 0;
       if (stalled == kMostStalled) break;
       before = least;
     }
     if (!sweep(k % 2 == 1, x.data())) return false;
     consider(x);
   }
-  return least <= kSolved * largest_rate_;
+  return least <= kConeSolved * largest_rate_;
 }
 
 /// One contact after the other, there or back. False where one has no answer.
@@ -325,7 +327,8 @@ bool ConeSolver::sweep(bool back, double* p) {
     const Matrix3d own = matrix().block<3, 3>(i, i);
     const Vector3d before = all.segment<3>(i);
     Vector3d b = u.segment<3>(i) - own * before, now;
-    if (std::abs(b[0]) <= kSingular * largest_rate_ && own(0, 0) <= kSingular * own.trace())
+    if (std::abs(b[0]) <= kFreeDirection * largest_rate_ &&
+        own(0, 0) <= kFreeDirection * own.trace())
       b[0] = 0.0;
     if (!solve_contact(own, b, contact(i), &now)) return false;
     all.segment<3>(i) = now;
@@ -345,8 +348,8 @@ bool ConeSolver::sweep(bool back, double* p) {
 /// what p does is more than a solution may be off.
 double ConeSolver::residual(const double* p) {
   const ConstNumbers all(p, size());
-  if (size() > 0 && kEpsilon * all.lpNorm<Eigen::Infinity>() > kSolved * largest_rate_)
-    return std::numeric_limits<double>::infinity();
+  if (size() > 0 && kEpsilon * all.lpNorm<Eigen::Infinity>() > kConeSolved * largest_rate_)
+    return kInfinity;
   const double* const rate = rates(p);
   const ConstNumbers u(rate, size());
   double worst = 0.0;
@@ -379,7 +382,8 @@ double ConeSolver::rounding(const double* p) const {
     largest =
         std::max(largest, i < end_of_contacts() ? (1.0 + contact(i).friction) * terms : terms);
   }
-  return std::min(std::max(kDone * largest_rate_, kRounding * largest), kSolved * largest_rate_);
+  return std::min(std::max(kDone * largest_rate_, kRateRounding * largest),
+                  kConeSolved * largest_rate_);
 }
 
 // False where the effort is over.
@@ -390,7 +394,7 @@ bool ConeSolver::count_newton() {
 
 /// Newton's method on which contacts are open, stick and slip, from p on. Leaves its best.
 void ConeSolver::polish(double* p) {
-  std::vector<double>& x = x_;
+  List<double>& x = x_;
   x.assign(p, p + size());
   double before = residual(p), least = before;
   for (int k = 0, worse = 0; least > rounding(p) && k < kMostNewton && worse < kMostWorse; ++k) {
@@ -429,7 +433,7 @@ void ConeSolver::take_newton(bool is_of_least_norm, double* p) {
       right[i] = bound;
     }
   }
-  factors_.factor(kSingular);
+  factors_.factor(kFreeDirection);
   factors_.solve(is_of_least_norm ? right_.data() : off_.data());
   if (is_of_least_norm)
     all = right;

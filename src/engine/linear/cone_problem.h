@@ -1,11 +1,11 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <limits>
-#include <vector>
 
 #include "constraint_sim/engine/stop_flag.h"
 #include "engine/linear/least_norm_solver.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 
@@ -28,16 +28,16 @@ struct BoundedRow {
 /// and for each row
 ///   u = 0, or p at the least and u ≥ 0, or p at the most and u ≤ 0.
 struct ConeProblem {
-  std::vector<double> A;  ///< symmetric, positive semidefinite
-  std::vector<double> b;
-  std::vector<ConeContact> contacts;
-  std::vector<BoundedRow> rows = {};
+  List<double> A;  ///< symmetric, positive semidefinite
+  List<double> b;
+  List<ConeContact> contacts;
+  List<BoundedRow> rows = {};
 };
 
 /// What a solution may take, and has taken. The unit is a substep of one body with one contact, 7
 /// µs.
 struct SolveEffort {
-  double most = std::numeric_limits<double>::infinity();
+  double most = kInfinity;
   StopFlag stop = nullptr;
   double spent = 0.0;
 
@@ -53,7 +53,7 @@ struct SolveEffort {
 /// many contacts make it take too long, or `effort` is over. A residual of rounding is none.
 class ConeSolver {
  public:
-  bool solve(const ConeProblem& problem, std::vector<double>* p, SolveEffort* effort);
+  bool solve(const ConeProblem& problem, List<double>* p, SolveEffort* effort);
   /// What a step of Newton's method costs, as SolveEffort has it.
   static double cost_of_a_step(std::size_t rows);
 
@@ -95,11 +95,11 @@ class ConeSolver {
   // The problem with the rates of each contact scaled so that its A has a trace of 3: masses of
   // many orders are then alike. What is solved for is scaled the other way.
   ConeProblem scaled_;
-  std::vector<double> scale_;
+  List<double> scale_;
   double largest_rate_ = 0.0;
   SolveEffort* effort_ = nullptr;
   LeastNormSolver factors_;
-  std::vector<double> swept_, tried_, x_, u_, off_, right_, stiff_A_, stiff_b_;  // scratch
+  List<double> swept_, tried_, x_, u_, off_, right_, stiff_A_, stiff_b_;  // scratch
 };
 
 /// The impulse of one contact on its own: A of 3×3, b of 3. False where no impulse along the normal

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/linear/dense_front.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -13,13 +14,13 @@ namespace {
 constexpr double kRefined = 1e-10;
 constexpr double kGain = 0.3;
 constexpr int kMostRefinements = 10;
-constexpr double kSolved = 1e-8;
+constexpr double kRefinementSolved = 1e-8;
 // What an entry costs in a refinement, where it is read from far, in operations of a factorisation.
 constexpr double kMemory = 4.0;
 
 // with some to spare, since what is delayed varies
 template <class Number>
-void make_room(std::vector<Number>* list, std::size_t size) {
+void make_room(List<Number>* list, std::size_t size) {
   if (list->size() < size) list->resize(size + size / 4);
 }
 
@@ -227,7 +228,7 @@ bool FrontalLu::solve(const double* values, double* b) {
   bool done = has_factors_ && worthwhile_ > 0 && refine(values, b, worthwhile_, 0.0);
   if (!done) {
     has_factors_ = factor(values);
-    done = has_factors_ && refine(values, b, kMostRefinements, kSolved);
+    done = has_factors_ && refine(values, b, kMostRefinements, kRefinementSolved);
   }
   if (done) std::copy(solution_.begin(), solution_.end(), b);
   return done;

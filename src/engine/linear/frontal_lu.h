@@ -3,7 +3,8 @@
 #include <array>
 #include <cstddef>
 #include <utility>
-#include <vector>
+
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -32,7 +33,7 @@ class FrontalLu {
     std::array<int, 2> more{-1, -1};  ///< further ones, or -1
   };
 
-  void analyze(const std::vector<Body>& bodies, const std::vector<Link>& links);
+  void analyze(const List<Body>& bodies, const List<Link>& links);
   /// Entries in the order of the values that solve() takes: row by row.
   std::size_t entries() const { return column_.size(); }
   std::size_t slot(int row, int column) const;
@@ -76,13 +77,13 @@ class FrontalLu {
   };
   struct Groups;
 
-  void find_pattern(const std::vector<Body>& bodies, const std::vector<Link>& links);
-  static Groups find_groups(const std::vector<Body>& bodies, const std::vector<Link>& links);
+  void find_pattern(const List<Body>& bodies, const List<Link>& links);
+  static Groups find_groups(const List<Body>& bodies, const List<Link>& links);
   static void find_borders(Groups* groups);
   static void join(Groups* groups);
   void make_fronts(const Groups& groups);
-  void add_front(const Groups& groups, std::size_t g, const std::vector<std::size_t>& children,
-                 std::vector<std::size_t>* place);
+  void add_front(const Groups& groups, std::size_t g, const List<std::size_t>& children,
+                 List<std::size_t>* place);
 
   bool factor(const double* values);
   void assemble(std::size_t f, const double* values);
@@ -92,18 +93,18 @@ class FrontalLu {
   void substitute(double* b, double* x);
 
   std::size_t n_ = 0;
-  std::vector<std::size_t> row_begin_, column_;  // pattern
-  std::vector<Front> fronts_;                    // children before parents
-  std::vector<std::size_t> unknown_, child_, place_;
-  std::vector<Entry> entry_;
+  List<std::size_t> row_begin_, column_;  // pattern
+  List<Front> fronts_;                    // children before parents
+  List<std::size_t> unknown_, child_, place_;
+  List<Entry> entry_;
 
-  std::vector<Factor> factors_;
-  std::vector<double> factor_, stack_;
-  std::vector<std::size_t> index_;
+  List<Factor> factors_;
+  List<double> factor_, stack_;
+  List<std::size_t> index_;
   std::size_t factor_end_ = 0, stack_end_ = 0, index_end_ = 0;
-  std::vector<double> solution_, residual_, change_;
-  std::vector<double> front_;  // of the longest front
-  int worthwhile_ = 0;         // refinements that cost less than new factors
+  List<double> solution_, residual_, change_;
+  List<double> front_;  // of the longest front
+  int worthwhile_ = 0;  // refinements that cost less than new factors
   bool has_factors_ = false;
 };
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "engine/linear/frontal_lu.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -13,12 +14,9 @@ namespace {
 constexpr double kInVain = 0.1;
 constexpr std::size_t kFewInVain = 100;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 // place of each body in an elimination with little fill
-std::vector<std::size_t> little_fill_order(std::size_t n,
-                                           const std::vector<FrontalLu::Link>& links) {
-  std::vector<Eigen::Triplet<double>> triplets;
+List<std::size_t> little_fill_order(std::size_t n, const List<FrontalLu::Link>& links) {
+  List<Eigen::Triplet<double>> triplets;
   const auto size = static_cast<int>(n);
   triplets.reserve(n + 2 * links.size());
   for (int i = 0; i < size; ++i) triplets.emplace_back(i, i, 1.0);
@@ -36,13 +34,13 @@ std::vector<std::size_t> little_fill_order(std::size_t n,
   pattern.setFromTriplets(triplets.begin(), triplets.end());
   Eigen::AMDOrdering<int>::PermutationType permutation;
   Eigen::AMDOrdering<int>()(pattern, permutation);
-  std::vector<std::size_t> order(n);
+  List<std::size_t> order(n);
   for (std::size_t k = 0; k < n; ++k)
-    order[at(permutation.indices()[static_cast<Eigen::Index>(k)])] = k;
+    order[permutation.indices()[static_cast<Eigen::Index>(k)]] = k;
   return order;
 }
 
-void sort_unique(std::vector<std::size_t>* list) {
+void sort_unique(List<std::size_t>* list) {
   std::sort(list->begin(), list->end());
   list->erase(std::unique(list->begin(), list->end()), list->end());
 }
@@ -51,17 +49,17 @@ void sort_unique(std::vector<std::size_t>* list) {
 
 // Bodies with the rows that go with them, in the order of the elimination.
 struct FrontalLu::Groups {
-  std::vector<std::vector<std::size_t>> own, border;  // unknowns
-  std::vector<std::vector<std::size_t>> couples;      // with unknowns of later groups
-  std::vector<std::size_t> group_of;                  // of unknowns
-  std::vector<std::size_t> parent;                    // or itself, of a root
-  std::vector<char> is_joined;                        // to its parent
+  List<List<std::size_t>> own, border;  // unknowns
+  List<List<std::size_t>> couples;      // with unknowns of later groups
+  List<std::size_t> group_of;           // of unknowns
+  List<std::size_t> parent;             // or itself, of a root
+  List<char> is_joined;                 // to its parent
 };
 
-void FrontalLu::analyze(const std::vector<Body>& bodies, const std::vector<Link>& links) {
+void FrontalLu::analyze(const List<Body>& bodies, const List<Link>& links) {
   n_ = 0;
-  for (const Body& body : bodies) n_ += at(body.dofs);
-  for (const Link& link : links) n_ += at(link.rows);
+  for (const Body& body : bodies) n_ += to_index(body.dofs);
+  for (const Link& link : links) n_ += to_index(link.rows);
   find_pattern(bodies, links);
   Groups groups = find_groups(bodies, links);
   find_borders(&groups);
@@ -71,25 +69,24 @@ void FrontalLu::analyze(const std::vector<Body>& bodies, const std::vector<Link>
   has_factors_ = false;
 }
 
-void FrontalLu::find_pattern(const std::vector<Body>& bodies, const std::vector<Link>& links) {
-  std::vector<std::vector<std::size_t>> columns(n_);
+void FrontalLu::find_pattern(const List<Body>& bodies, const List<Link>& links) {
+  List<List<std::size_t>> columns(n_);
   const auto couple = [&](int first, int count, int other, int others) {
     for (int i = first; i < first + count; ++i)
       for (int j = other; j < other + others; ++j) {
-        columns[at(i)].push_back(at(j));
-        columns[at(j)].push_back(at(i));
+        columns[i].push_back(to_index(j));
+        columns[j].push_back(to_index(i));
       }
   };
   for (const Body& body : bodies) couple(body.first, body.dofs, body.first, body.dofs);
   for (const Link& link : links) {
-    const Body& body = bodies[at(link.body)];
+    const Body& body = bodies[link.body];
     couple(link.first, link.rows, link.first, link.rows);
     couple(link.first, link.rows, body.first, body.dofs);
     for (const int further : link.more)
-      if (further >= 0)
-        couple(link.first, link.rows, bodies[at(further)].first, bodies[at(further)].dofs);
+      if (further >= 0) couple(link.first, link.rows, bodies[further].first, bodies[further].dofs);
     if (link.other < 0) continue;
-    const Body& other = bodies[at(link.other)];
+    const Body& other = bodies[link.other];
     couple(link.first, link.rows, other.first, other.dofs);
     couple(body.first, body.dofs, other.first, other.dofs);
   }
@@ -104,15 +101,14 @@ void FrontalLu::find_pattern(const std::vector<Body>& bodies, const std::vector<
 
 // Rows go with the first of their bodies, so that they are in as few fronts as may be; but no more
 // of them than it has freedoms, since those would have no pivots there.
-FrontalLu::Groups FrontalLu::find_groups(const std::vector<Body>& bodies,
-                                         const std::vector<Link>& links) {
-  const std::vector<std::size_t> place = little_fill_order(bodies.size(), links);
+FrontalLu::Groups FrontalLu::find_groups(const List<Body>& bodies, const List<Link>& links) {
+  const List<std::size_t> place = little_fill_order(bodies.size(), links);
   Groups groups;
   groups.own.resize(bodies.size());
   groups.couples.resize(bodies.size());
-  std::vector<int> room(bodies.size());
+  List<int> room(bodies.size());
   const auto fill = [&](std::size_t group, int begin, int count) {
-    for (int k = begin; k < begin + count; ++k) groups.own[group].push_back(at(k));
+    for (int k = begin; k < begin + count; ++k) groups.own[group].push_back(to_index(k));
   };
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     fill(place[i], bodies[i].first, bodies[i].dofs);
@@ -121,21 +117,21 @@ FrontalLu::Groups FrontalLu::find_groups(const std::vector<Body>& bodies,
   struct Span {
     std::size_t first, last, link;
   };
-  std::vector<Span> spans;
+  List<Span> spans;
   for (std::size_t l = 0; l < links.size(); ++l) {
-    const std::size_t a = place[at(links[l].body)];
+    const std::size_t a = place[links[l].body];
     Span span{a, a, l};
     for (const int other : {links[l].other, links[l].more[0], links[l].more[1]}) {
       if (other < 0) continue;
-      span.first = std::min(span.first, place[at(other)]);
-      span.last = std::max(span.last, place[at(other)]);
+      span.first = std::min(span.first, place[other]);
+      span.last = std::max(span.last, place[other]);
     }
     spans.push_back(span);
   }
   // rows whose elimination would be delayed most have the first choice
   std::stable_sort(spans.begin(), spans.end(),
                    [](const Span& a, const Span& b) { return a.last > b.last; });
-  std::vector<std::size_t> group_of_link(links.size());
+  List<std::size_t> group_of_link(links.size());
   for (const Span& span : spans) {
     const Link& link = links[span.link];
     const bool has_room = room[span.first] >= link.rows;
@@ -152,19 +148,19 @@ FrontalLu::Groups FrontalLu::find_groups(const std::vector<Body>& bodies,
   for (const Span& span : spans) {
     const Link& link = links[span.link];
     const auto couple = [&](std::size_t group, int begin, int count) {
-      for (int k = 0; k < count; ++k) groups.couples[group].push_back(at(begin + k));
+      for (int k = 0; k < count; ++k) groups.couples[group].push_back(to_index(begin + k));
     };
     const std::size_t of_rows = group_of_link[span.link];
     for (const int body : {link.body, link.other, link.more[0], link.more[1]}) {
       if (body < 0) continue;
-      const std::size_t p = place[at(body)];
+      const std::size_t p = place[body];
       if (p < of_rows) couple(p, link.first, link.rows);
-      if (p > of_rows) couple(of_rows, bodies[at(body)].first, bodies[at(body)].dofs);
+      if (p > of_rows) couple(of_rows, bodies[body].first, bodies[body].dofs);
     }
     if (link.other < 0) continue;
-    const bool is_other_later = place[at(link.other)] > place[at(link.body)];
-    const Body& later = bodies[at(is_other_later ? link.other : link.body)];
-    couple(place[at(is_other_later ? link.body : link.other)], later.first, later.dofs);
+    const bool is_other_later = place[link.other] > place[link.body];
+    const Body& later = bodies[is_other_later ? link.other : link.body];
+    couple(place[is_other_later ? link.body : link.other], later.first, later.dofs);
   }
   return groups;
 }
@@ -193,11 +189,11 @@ void FrontalLu::find_borders(Groups* groups) {
 void FrontalLu::join(Groups* groups) {
   const std::size_t n = groups->own.size();
   groups->is_joined.assign(n, 0);
-  std::vector<std::vector<std::size_t>> children(n);
+  List<List<std::size_t>> children(n);
   const auto entries = [](std::size_t own, std::size_t border) { return own * (own + 2 * border); };
   for (std::size_t g = 0; g < n; ++g)
     if (groups->parent[g] != g) children[groups->parent[g]].push_back(g);
-  std::vector<std::size_t> needed(n);  // entries without joining
+  List<std::size_t> needed(n);  // entries without joining
   for (std::size_t g = 0; g < n; ++g) {
     auto& own = groups->own[g];
     const std::size_t border = groups->border[g].size();
@@ -225,8 +221,8 @@ void FrontalLu::join(Groups* groups) {
 }
 
 void FrontalLu::make_fronts(const Groups& groups) {
-  std::vector<std::vector<std::size_t>> children(groups.own.size());
-  std::vector<std::size_t> pending, order;
+  List<List<std::size_t>> children(groups.own.size());
+  List<std::size_t> pending, order;
   for (std::size_t g = groups.own.size(); g-- > 0;) {
     if (groups.is_joined[g]) continue;
     if (groups.parent[g] != g)
@@ -246,11 +242,11 @@ void FrontalLu::make_fronts(const Groups& groups) {
   child_.clear();
   place_.clear();
   entry_.clear();
-  std::vector<std::size_t> front_of(groups.own.size()), place(n_);
+  List<std::size_t> front_of(groups.own.size()), place(n_);
   for (std::size_t k = order.size(); k-- > 0;) {  // children before parents
     const std::size_t g = order[k];
     front_of[g] = fronts_.size();
-    std::vector<std::size_t> of_front;
+    List<std::size_t> of_front;
     for (const std::size_t child : children[g]) of_front.push_back(front_of[child]);
     std::sort(of_front.begin(), of_front.end());  // as what they leave is on the stack
     add_front(groups, g, of_front, &place);
@@ -259,9 +255,8 @@ void FrontalLu::make_fronts(const Groups& groups) {
 }
 
 // `place`: room for where unknowns are in the front.
-void FrontalLu::add_front(const Groups& groups, std::size_t g,
-                          const std::vector<std::size_t>& children,
-                          std::vector<std::size_t>* place) {
+void FrontalLu::add_front(const Groups& groups, std::size_t g, const List<std::size_t>& children,
+                          List<std::size_t>* place) {
   Front front;
   front.own = groups.own[g].size();
   front.border = groups.border[g].size();
@@ -294,9 +289,9 @@ void FrontalLu::add_front(const Groups& groups, std::size_t g,
 }
 
 std::size_t FrontalLu::slot(int row, int column) const {
-  const auto begin = column_.begin() + static_cast<std::ptrdiff_t>(row_begin_[at(row)]);
-  const auto end = column_.begin() + static_cast<std::ptrdiff_t>(row_begin_[at(row) + 1]);
-  return static_cast<std::size_t>(std::lower_bound(begin, end, at(column)) - column_.begin());
+  const auto begin = column_.begin() + static_cast<std::ptrdiff_t>(row_begin_[row]);
+  const auto end = column_.begin() + static_cast<std::ptrdiff_t>(row_begin_[to_index(row) + 1]);
+  return static_cast<std::size_t>(std::lower_bound(begin, end, to_index(column)) - column_.begin());
 }
 
 }  // namespace constraint_sim::engine

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "engine/math/list.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -11,25 +13,22 @@ using Eigen::VectorXd;
 
 constexpr double kAboutAsLarge = 0.25;
 
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
 // Row to be added next; −1 where no pivot is above `least`.
-Index next_pivot(const VectorXd& left, const std::vector<char>& is_kept,
-                 const std::vector<char>& preferred, const std::vector<char>& required,
-                 double least) {
+Index next_pivot(const VectorXd& left, const List<char>& is_kept, const List<char>& preferred,
+                 const List<char>& required, double least) {
   const Index n = left.size();
   Index largest = -1;
   for (Index i = 0; i < n; ++i) {
-    if (is_kept[at(i)] || left[i] < least) continue;
-    if (required[at(i)]) return i;
+    if (is_kept[i] || left[i] < least) continue;
+    if (required[i]) return i;
     if (largest < 0 || left[i] > left[largest]) largest = i;
   }
   if (largest < 0) return -1;
   const double enough = kAboutAsLarge * left[largest];
   Index first = -1;
   for (Index i = 0; i < n; ++i) {
-    if (is_kept[at(i)] || left[i] < enough) continue;
-    if (preferred[at(i)]) return i;
+    if (is_kept[i] || left[i] < enough) continue;
+    if (preferred[i]) return i;
     if (first < 0) first = i;
   }
   return first;
@@ -37,11 +36,11 @@ Index next_pivot(const VectorXd& left, const std::vector<char>& is_kept,
 
 }  // namespace
 
-IndependentRows choose_independent_rows(Eigen::MatrixXd A, const std::vector<char>& preferred,
-                                        const std::vector<char>& required, double least) {
+IndependentRows choose_independent_rows(Eigen::MatrixXd A, const List<char>& preferred,
+                                        const List<char>& required, double least) {
   const Index n = A.rows();
   IndependentRows chosen;
-  chosen.is_kept.assign(at(n), 0);
+  chosen.is_kept.assign(to_index(n), 0);
   VectorXd scale(n);
   for (Index i = 0; i < n; ++i) scale[i] = A(i, i) > 0.0 ? 1.0 / std::sqrt(A(i, i)) : 0.0;
   A = scale.asDiagonal() * A * scale.asDiagonal();
@@ -56,7 +55,7 @@ IndependentRows choose_independent_rows(Eigen::MatrixXd A, const std::vector<cha
     L.col(k).noalias() -= L.leftCols(k) * L.row(pivot).head(k).transpose();
     L.col(k) /= std::sqrt(left[pivot]);
     left -= L.col(k).cwiseAbs2();
-    chosen.is_kept[at(pivot)] = 1;
+    chosen.is_kept[pivot] = 1;
   }
   return chosen;
 }

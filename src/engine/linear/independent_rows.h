@@ -1,13 +1,14 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
+
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
 /// Rows of a mechanism that all its other rows follow from.
 struct IndependentRows {
-  std::vector<char> is_kept;
+  List<char> is_kept;
   double smallest_pivot = 1.0;  ///< of the rows kept
 };
 
@@ -17,7 +18,7 @@ struct IndependentRows {
 /// Of pivots within a factor of four, a row that `preferred` marks comes first, then the first by
 /// index, so that a choice does not alternate with the rounding. Rows that `required` marks come
 /// before all others.
-IndependentRows choose_independent_rows(Eigen::MatrixXd A, const std::vector<char>& preferred,
-                                        const std::vector<char>& required, double least);
+IndependentRows choose_independent_rows(Eigen::MatrixXd A, const List<char>& preferred,
+                                        const List<char>& required, double least);
 
 }  // namespace constraint_sim::engine

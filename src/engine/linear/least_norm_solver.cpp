@@ -6,6 +6,8 @@
 #include <limits>
 #include <numeric>
 
+#include "engine/math/list.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -56,7 +58,7 @@ void LeastNormSolver::factor_regular() {
 
 void LeastNormSolver::factor(double least_pivot) {
   is_lu_ = false;
-  for (std::vector<double>* of : {&diagonal_, &beta_, &squares_}) of->resize(n_);
+  for (List<double>* of : {&diagonal_, &beta_, &squares_}) of->resize(n_);
   order_.resize(n_);
   std::iota(order_.begin(), order_.end(), std::size_t{0});
   double sum = 0.0, least = 0.0;

@@ -1,7 +1,8 @@
 #pragma once
 
 #include <cstddef>
-#include <vector>
+
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -31,13 +32,13 @@ class LeastNormSolver {
 
   std::size_t n_ = 0, rank_ = 0;
   bool is_lu_ = false, is_finite_ = true;
-  std::vector<double> A_;                  // reflections below, R or T above; or L and U
-  std::vector<double> diagonal_;           // of R or T
-  std::vector<double> beta_;               // of reflections of columns,
-  std::vector<double> head_, tau_, tail_;  // and of rows: tail_ has n − rank numbers of each
-  std::vector<double> squares_, exact_;    // of what is left of columns, and when last summed up
-  std::vector<std::size_t> order_;         // of columns, or rows that were swapped
-  std::vector<double> x_;                  // scratch
+  List<double> A_;                  // reflections below, R or T above; or L and U
+  List<double> diagonal_;           // of R or T
+  List<double> beta_;               // of reflections of columns,
+  List<double> head_, tau_, tail_;  // and of rows: tail_ has n − rank numbers of each
+  List<double> squares_, exact_;    // of what is left of columns, and when last summed up
+  List<std::size_t> order_;         // of columns, or rows that were swapped
+  List<double> x_;                  // scratch
 };
 
 }  // namespace constraint_sim::engine

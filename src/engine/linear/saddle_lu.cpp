@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/math/list.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -82,7 +84,7 @@ void pass_up(const double* above, const double* solutions, std::size_t some_dofs
 
 }  // namespace
 
-void SaddleLu::analyze(const std::vector<Node>& nodes, const std::vector<Link>& links) {
+void SaddleLu::analyze(const List<Node>& nodes, const List<Link>& links) {
   blocks_.clear();
   node_of_.clear();
   std::size_t end = 0;
@@ -105,7 +107,7 @@ void SaddleLu::analyze(const std::vector<Node>& nodes, const std::vector<Link>& 
   shape_ = shape_of(nodes, links);
   general_ = FrontalLu{};
   if (shape_ != Shape::kForest) {
-    std::vector<FrontalLu::Body> bodies;
+    List<FrontalLu::Body> bodies;
     for (const Block& block : blocks_)
       bodies.push_back({static_cast<int>(block.first), static_cast<int>(block.dofs)});
     general_.analyze(bodies, links);
@@ -114,8 +116,8 @@ void SaddleLu::analyze(const std::vector<Node>& nodes, const std::vector<Link>& 
   if (shape_ == Shape::kCheckedForest) place_entries();
 }
 
-SaddleLu::Shape SaddleLu::shape_of(const std::vector<Node>& nodes, const std::vector<Link>& links) {
-  std::vector<int> links_of(nodes.size(), 0);
+SaddleLu::Shape SaddleLu::shape_of(const List<Node>& nodes, const List<Link>& links) {
+  List<int> links_of(nodes.size(), 0);
   Shape shape = Shape::kForest;
   for (const Link& link : links) {
     const auto body = static_cast<std::size_t>(link.body);

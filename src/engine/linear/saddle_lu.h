@@ -1,9 +1,9 @@
 #pragma once
 
 #include <cstddef>
-#include <vector>
 
 #include "engine/linear/frontal_lu.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -29,11 +29,11 @@ class SaddleLu {
   /// `body` of it is the node that its rows belong to.
   using Link = FrontalLu::Link;
 
-  void analyze(const std::vector<Node>& nodes, const std::vector<Link>& links);
+  void analyze(const List<Node>& nodes, const List<Link>& links);
 
   Slot slot(int i, int j) const;
   /// Entries of the matrix, to be set to zero and summed up before solve(), which overwrites them.
-  std::vector<double>& values() { return values_; }
+  List<double>& values() { return values_; }
   std::size_t size() const { return node_of_.size(); }
 
   /// Replaces b by A⁻¹ b; false where A is singular.
@@ -58,19 +58,19 @@ class SaddleLu {
     kGeneral,
   };
 
-  static Shape shape_of(const std::vector<Node>& nodes, const std::vector<Link>& links);
+  static Shape shape_of(const List<Node>& nodes, const List<Link>& links);
   void place_entries();
   bool solve_forest(double* b);
   bool solve_checked(double* b);
 
   Shape shape_ = Shape::kForest;
-  std::vector<Block> blocks_;
-  std::vector<std::size_t> node_of_;  // of unknowns
-  std::vector<double> values_;
+  List<Block> blocks_;
+  List<std::size_t> node_of_;  // of unknowns
+  List<double> values_;
   FrontalLu general_;
   // ---- of a checked forest: where general_ has its entries, and those; b
-  std::vector<Slot> slot_of_;
-  std::vector<double> entries_, right_side_;
+  List<Slot> slot_of_;
+  List<double> entries_, right_side_;
 };
 
 }  // namespace constraint_sim::engine

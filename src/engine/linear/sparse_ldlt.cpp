@@ -4,25 +4,25 @@
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <array>
-#include <limits>
 #include <type_traits>
+
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // Pivots below this share of their diagonal entry are round-off even of a row to be kept.
 constexpr double kRoundOff = 1e-20;
 
 // share of a supernode's entries that may be kept although they are zero: what measures best
-constexpr double kInVain = 0.2;
+constexpr double kZeroShare = 0.2;
 
 // Place of each row in an elimination of a forest without fill: leaves first, from all ends at
 // once, so that neighbours in the order depend little on each other. Empty if there are loops.
-std::vector<int> leaves_first_order(int n, const std::vector<std::pair<int, int>>& entries) {
+List<int> leaves_first_order(int n, const List<std::pair<int, int>>& entries) {
   const auto size = static_cast<std::size_t>(n);
-  std::vector<int> degree(size, 0), sum_of_neighbours(size, 0);  // the sum is a leaf's only one
+  List<int> degree(size, 0), sum_of_neighbours(size, 0);  // the sum is a leaf's only one
   for (const auto& [i, j] : entries) {
     const auto a = static_cast<std::size_t>(i);
     const auto b = static_cast<std::size_t>(j);
@@ -31,7 +31,7 @@ std::vector<int> leaves_first_order(int n, const std::vector<std::pair<int, int>
     sum_of_neighbours[a] += j;
     sum_of_neighbours[b] += i;
   }
-  std::vector<int> order(size, -1), queue;
+  List<int> order(size, -1), queue;
   for (int i = 0; i < n; ++i)
     if (degree[static_cast<std::size_t>(i)] <= 1) queue.push_back(i);
   for (std::size_t k = 0; k < queue.size(); ++k) {
@@ -47,8 +47,8 @@ std::vector<int> leaves_first_order(int n, const std::vector<std::pair<int, int>
 }
 
 // place of each row in an elimination with little fill
-std::vector<int> little_fill_order(int n, const std::vector<std::pair<int, int>>& entries) {
-  std::vector<Eigen::Triplet<double>> triplets;
+List<int> little_fill_order(int n, const List<std::pair<int, int>>& entries) {
+  List<Eigen::Triplet<double>> triplets;
   triplets.reserve(static_cast<std::size_t>(n) + 2 * entries.size());
   for (int i = 0; i < n; ++i) triplets.emplace_back(i, i, 1.0);
   for (const auto& [i, j] : entries) {
@@ -59,7 +59,7 @@ std::vector<int> little_fill_order(int n, const std::vector<std::pair<int, int>>
   pattern.setFromTriplets(triplets.begin(), triplets.end());
   Eigen::AMDOrdering<int>::PermutationType permutation;
   Eigen::AMDOrdering<int>()(pattern, permutation);
-  std::vector<int> order(static_cast<std::size_t>(n));
+  List<int> order(static_cast<std::size_t>(n));
   for (int k = 0; k < n; ++k) order[static_cast<std::size_t>(permutation.indices()[k])] = k;
   return order;
 }
@@ -104,24 +104,24 @@ void subtract_columns(const double* L, std::size_t rows, std::size_t columns, st
 
 }  // namespace
 
-void SparseLdlt::analyze(int n, const std::vector<std::pair<int, int>>& entries) {
+void SparseLdlt::analyze(int n, const List<std::pair<int, int>>& entries) {
   const auto size = n_ = static_cast<std::size_t>(n);
   order_ = leaves_first_order(n, entries);
   is_forest_ = order_.size() == size;
   if (!is_forest_) order_ = little_fill_order(n, entries);
 
   // pattern of L, column by column: that of A and of the children in the elimination tree
-  std::vector<std::vector<int>> below(size);
+  List<List<int>> below(size);
   for (const auto& [i, j] : entries) {
     const int p = order_[static_cast<std::size_t>(i)];
     const int q = order_[static_cast<std::size_t>(j)];
     if (p != q) below[static_cast<std::size_t>(std::min(p, q))].push_back(std::max(p, q));
   }
-  for (std::vector<int>& rows : below) {
+  for (List<int>& rows : below) {
     std::sort(rows.begin(), rows.end());
     rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
     if (rows.empty()) continue;
-    std::vector<int>& parent = below[static_cast<std::size_t>(rows.front())];
+    List<int>& parent = below[static_cast<std::size_t>(rows.front())];
     parent.insert(parent.end(), rows.begin() + 1, rows.end());
   }
   inverse_diagonal_.assign(size, 0.0);
@@ -137,7 +137,7 @@ void SparseLdlt::analyze(int n, const std::vector<std::pair<int, int>>& entries)
   }
 }
 
-void SparseLdlt::find_parents(const std::vector<std::vector<int>>& below) {
+void SparseLdlt::find_parents(const List<List<int>>& below) {
   parent_.assign(n_, n_);
   for (std::size_t k = 0; k < n_; ++k)
     if (!below[k].empty()) parent_[k] = static_cast<std::size_t>(below[k].front());
@@ -146,20 +146,20 @@ void SparseLdlt::find_parents(const std::vector<std::vector<int>>& below) {
 }
 
 // A column joins the one before, its child, where few of the entries then kept are zero.
-void SparseLdlt::join_columns(const std::vector<std::vector<int>>& below) {
+void SparseLdlt::join_columns(const List<List<int>>& below) {
   supernodes_.clear();
   supernode_of_.resize(n_);
   row_of_.clear();
   std::size_t in_vain = 0, entries = 0;
   for (std::size_t k = 0; k < n_; ++k) {
-    const std::vector<int>& rows = below[k];
+    const List<int>& rows = below[k];
     bool joins = false;
     if (k > 0 && !below[k - 1].empty() && static_cast<std::size_t>(below[k - 1].front()) == k) {
       Supernode& node = supernodes_.back();
       const std::size_t more = node.columns * (rows.size() + 1 - below[k - 1].size());
       const std::size_t all =
           (node.columns + 1) * (node.columns + 2) / 2 + (node.columns + 1) * rows.size();
-      joins = static_cast<double>(in_vain + more) <= kInVain * static_cast<double>(all);
+      joins = static_cast<double>(in_vain + more) <= kZeroShare * static_cast<double>(all);
       if (joins) {
         in_vain += more;
         row_of_.resize(node.rows_at + node.columns++);
@@ -182,7 +182,7 @@ void SparseLdlt::join_columns(const std::vector<std::vector<int>>& below) {
 }
 
 void SparseLdlt::find_updates() {
-  std::vector<std::vector<Update>> of_node(supernodes_.size());
+  List<List<Update>> of_node(supernodes_.size());
   for (std::size_t s = 0; s < supernodes_.size(); ++s) {
     const Supernode& node = supernodes_[s];
     const std::size_t* const row = row_of_.data() + node.rows_at;

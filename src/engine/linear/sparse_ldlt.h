@@ -2,7 +2,8 @@
 
 #include <cstddef>
 #include <utility>
-#include <vector>
+
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -19,11 +20,11 @@ class SparseLdlt {
 
   /// Takes the pattern of an n × n matrix: its entries (i, j), either triangle, repetitions
   /// allowed. The diagonal is always there.
-  void analyze(int n, const std::vector<std::pair<int, int>>& entries);
+  void analyze(int n, const List<std::pair<int, int>>& entries);
 
   Slot slot(int i, int j) const;
   /// Entries of A, to be set to zero and summed up before factor(), which overwrites them.
-  std::vector<double>& values() { return values_; }
+  List<double>& values() { return values_; }
 
   /// Factors. A row whose pivot falls below `least` times its diagonal entry of A depends on the
   /// rows before it and is left out: its solution is 0. Returns how many rows are left out.
@@ -72,8 +73,8 @@ class SparseLdlt {
     std::size_t targets;  // where their rows in this block are in targets_
   };
 
-  void find_parents(const std::vector<std::vector<int>>& below);
-  void join_columns(const std::vector<std::vector<int>>& below);
+  void find_parents(const List<List<int>>& below);
+  void join_columns(const List<List<int>>& below);
   void find_updates();
   std::size_t row_in_block(const Supernode& node, std::size_t row) const;
   int factor_forest(double least);
@@ -85,21 +86,21 @@ class SparseLdlt {
   void solve_supernodes(double* b) const;
 
   std::size_t n_ = 0;
-  std::vector<int> order_;  // of original rows: place in the elimination
-  bool is_forest_ = true;   // no loops, no entry twice: no column of L has more than one entry
-  std::vector<std::size_t> parent_;  // of a forest: the row of each column; n_ where there is none
-  std::vector<Supernode> supernodes_;      // otherwise
-  std::vector<std::size_t> supernode_of_;  // of columns
-  std::vector<std::size_t> row_of_;        // of all blocks, one after the other
-  std::vector<Update> updates_;            // in the order of what they update
-  std::vector<std::size_t> targets_;
+  List<int> order_;             // of original rows: place in the elimination
+  bool is_forest_ = true;       // no loops, no entry twice: no column of L has more than one entry
+  List<std::size_t> parent_;    // of a forest: the row of each column; n_ where there is none
+  List<Supernode> supernodes_;  // otherwise
+  List<std::size_t> supernode_of_;  // of columns
+  List<std::size_t> row_of_;        // of all blocks, one after the other
+  List<Update> updates_;            // in the order of what they update
+  List<std::size_t> targets_;
   // A before factor(). Of a forest the diagonal, then the entry below it; otherwise the blocks.
-  std::vector<double> values_;
-  std::vector<double> inverse_diagonal_;
-  std::vector<double> work_;  // of a forest
+  List<double> values_;
+  List<double> inverse_diagonal_;
+  List<double> work_;  // of a forest
   double smallest_pivot_ = 1.0;
   bool any_left_out_ = false;
-  std::vector<char> left_out_, is_kept_;  // by place
+  List<char> left_out_, is_kept_;  // by place
   char any_kept_ = 0;
 };
 

@@ -1,7 +1,8 @@
 #pragma once
 
 #include <cstddef>
-#include <vector>
+
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -100,9 +101,9 @@ class TridiagonalLdlt {
     }
   }
 
-  std::vector<double> diagonal_;
-  std::vector<double> off_diagonal_;  // after factoring that of L
-  std::vector<double> inverse_;       // of the pivots
+  List<double> diagonal_;
+  List<double> off_diagonal_;  // after factoring that of L
+  List<double> inverse_;       // of the pivots
 };
 
 }  // namespace constraint_sim::engine

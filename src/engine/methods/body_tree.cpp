@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "engine/math/list.h"
+
 namespace constraint_sim::engine {
 namespace {
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 /// Of B against A along what the kind leaves free, with the coordinates first.
 std::size_t directions_of(const JointKindInfo& kind, std::array<TreeNode::Direction, 6>* to) {
@@ -17,7 +17,7 @@ std::size_t directions_of(const JointKindInfo& kind, std::array<TreeNode::Direct
   };
   bool has_turned = false;
   for (int i = 0; i < kind.coordinates; ++i) {
-    const ScalarForm& form = kind.coordinate[at(i)];
+    const ScalarForm& form = kind.coordinate[i];
     if (form.is_angle)
       add(true, has_turned ? 3 : 2);
     else
@@ -40,9 +40,9 @@ TreeNode node_of(const IslandModel& island, std::size_t l, bool is_b) {
   node.count = directions_of(info(link.kind), &node.directions);
   const int rows = info(link.kind).rows;
   for (int k = rows; k < link.rows; ++k)
-    node.directions[link.function[at(k)] - at(rows)].row = island.row_of(l) + at(k);
+    node.directions[link.function[k] - to_index(rows)].row = island.row_of(l) + to_index(k);
   for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
-    node.directions[at(island.soft_coordinates()[s].function - rows)].soft = s;
+    node.directions[island.soft_coordinates()[s].function - rows].soft = s;
   return node;
 }
 
@@ -56,7 +56,7 @@ TreeNode free_root() {
   return root;
 }
 
-std::size_t free_directions(const std::vector<TreeNode>& tree) {
+std::size_t free_directions(const List<TreeNode>& tree) {
   std::size_t count = 0;
   for (const TreeNode& node : tree)
     for (std::size_t k = 0; k < node.count; ++k)
@@ -83,14 +83,14 @@ BodyTree tree_of(const IslandModel& island) {
       [&](const IslandModel::Link& link) { return is_fixed(link.a) || is_fixed(link.b); }));
   if (holds_on > 1 || links.size() + 1 != bodies + holds_on) return {};
 
-  std::vector<TreeNode> nodes;
-  std::vector<char> is_placed(bodies, 0);
+  List<TreeNode> nodes;
+  List<char> is_placed(bodies, 0);
   const auto place = [&](const TreeNode& node) {
     is_placed[node.body] = 1;
     nodes.push_back(node);
   };
   const auto hang = [&](std::size_t l, bool is_b) { place(node_of(island, l, is_b)); };
-  std::vector<std::vector<std::size_t>> links_on(bodies);
+  List<List<std::size_t>> links_on(bodies);
   for (std::size_t l = 0; l < links.size(); ++l) {
     const auto& link = links[l];
     for (const std::size_t point : {link.a, link.b})

@@ -5,8 +5,8 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
+#include "engine/math/list.h"
 #include "engine/methods/island_model.h"
 
 namespace constraint_sim::engine {
@@ -77,9 +77,9 @@ struct TreeNode {
 
 /// From its leaves to the root.
 struct BodyTree {
-  std::vector<TreeNode> nodes;
-  std::vector<SpatialInertia> inertias;        ///< of bodies
-  std::vector<SpatialVector> forces, motions;  ///< of bodies
+  List<TreeNode> nodes;
+  List<SpatialInertia> inertias;        ///< of bodies
+  List<SpatialVector> forces, motions;  ///< of bodies
 };
 
 /// The bodies of an island that is a tree of joints, from its leaves to the root

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/list.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -48,7 +50,7 @@ Eigen::Matrix<Lanes, 4, 1> quaternion_rate(const Lanes3& w, const Eigen::Quatern
 
 // ---- what is compiled
 
-std::vector<ChainPair> pairs_of_chain(const IslandModel& island) {
+List<ChainPair> pairs_of_chain(const IslandModel& island) {
   const auto& links = island.links();
   const std::size_t joints = links.size();
   const std::size_t bodies = island.bodies().size();
@@ -79,7 +81,7 @@ std::vector<ChainPair> pairs_of_chain(const IslandModel& island) {
   const auto in_lanes = [](const Vector3d& a, const Vector3d& b) {
     return gather({a.data(), b.data()});
   };
-  std::vector<ChainPair> pairs(middle + 1);
+  List<ChainPair> pairs(middle + 1);
   for (std::size_t e = 0; e <= middle; ++e) {
     ChainPair& pair = pairs[e];
     const Side a = side(e, e - 1, e);

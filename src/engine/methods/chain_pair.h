@@ -2,9 +2,9 @@
 
 #include <array>
 #include <cstddef>
-#include <vector>
 
 #include "engine/linear/block_pivot.h"
+#include "engine/math/list.h"
 #include "engine/methods/island_model.h"
 
 namespace constraint_sim::engine {
@@ -25,6 +25,6 @@ struct ChainPair {
 
 /// Of an island of which is_chain_of_bodies() holds, from its ends to the middle
 /// (chain_of_bodies.cpp).
-std::vector<ChainPair> pairs_of_chain(const IslandModel& island);
+List<ChainPair> pairs_of_chain(const IslandModel& island);
 
 }  // namespace constraint_sim::engine

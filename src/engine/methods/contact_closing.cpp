@@ -4,9 +4,10 @@
 // the cone problem of impulses without friction, with gaps in place of velocities.
 
 #include <algorithm>
-#include <limits>
 
 #include "engine/linear/cone_problem.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/contact_events.h"
 #include "engine/methods/law_events.h"
 #include "engine/narrowphase.h"
@@ -16,9 +17,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kMostRounds = 10;   // each leaves about the square of what there was
-constexpr int kMostMeetings = 2;  // rounds after that
-constexpr double kClosed = 1e-9;  // [m] of overlap, that events close themselves
+constexpr int kMostClosingRounds = 10;  // each leaves about the square of what there was
+constexpr int kMostMeetings = 2;        // rounds after that
+constexpr double kClosed = 1e-9;        // [m] of overlap, that events close themselves
 constexpr double kNear = 2.0;  // of the largest overlap: points that far apart could be pushed in
 
 }  // namespace
@@ -59,7 +60,6 @@ double ContactEvents::beyond_limits() const {
 // A round: the overlaps that find_overlaps() has found, or, where they are to be `met`, gaps as
 // well.
 bool ContactEvents::close_found(bool met) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   responses_.clear();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
     responses_.add(c, equations_.motion(equations_.contacts[c]));
@@ -78,19 +78,19 @@ bool ContactEvents::close_found(bool met) {
 }
 
 // False where it does not come to an end, or would push a joint beyond what holds it.
-bool ContactEvents::close_overlaps(Span* span, std::vector<BodyState>* states) {
+bool ContactEvents::close_overlaps(Span* span, List<BodyState>* states) {
   const double before = equations_.kinetic_energy() + equations_.potential_energy();
   const double beyond = std::max(beyond_limits(), kTouching);
   double deepest = find_overlaps(0.0), last = 0.0;
   for (int round = 0; deepest > kClosed; ++round) {
-    if (round == kMostRounds || is_set(span->all.stop)) return false;
+    if (round == kMostClosingRounds || is_set(span->all.stop)) return false;
     last = deepest;
     find_overlaps(kNear * last);
     if (!close_found(false)) return false;
     deepest = find_overlaps(0.0);
   }
   // gaps of the second order are left, from which bodies would fall, and rattle
-  const std::vector<double> closed = equations_.numbers();
+  const List<double> closed = equations_.numbers();
   for (int round = 0; round < kMostMeetings && last > 0.0; ++round) {
     find_overlaps(kNear * last);
     if (close_found(true) && find_overlaps(0.0) <= kClosed) continue;

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/linear/larger.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/quaternion_state.h"
 #include "engine/narrowphase.h"
 
@@ -15,16 +16,15 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr int kMostNewton = 12;
-constexpr double kStill = 1e-13;      // of gravity: less is rounding of forces that balance
-constexpr double kStillFor = 1.0;     // [s] and a speed that it has after so long
-constexpr double kProjected = 1e-12;  // of the scale: rows that are off by more are not met
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kStill = 1e-13;              // of gravity: less is rounding of forces that balance
+constexpr double kStillFor = 1.0;             // [s] and a speed that it has after so long
+constexpr double kContactsProjected = 1e-12;  // of the scale: rows that are off by more are not met
 
 }  // namespace
 
 // ---- where things are
 
-void ContactEquations::gather_state(const std::vector<BodyState>& states, double since_tick) {
+void ContactEquations::gather_state(const List<BodyState>& states, double since_tick) {
   t_ = 0.0;
   since_tick_ = since_tick;
   movers_.clear();
@@ -122,7 +122,7 @@ void ContactEquations::place_shape(std::size_t i) {
   if (bodies[i].shape_pose) shapes_[i] = beside(states_[i], *bodies[i].shape_pose);
 }
 
-void ContactEquations::set_states(const std::vector<BodyState>& states) {
+void ContactEquations::set_states(const List<BodyState>& states) {
   states_ = states;
   for (std::size_t i = 0; i < bodies.size(); ++i) place_shape(i);
 }
@@ -143,7 +143,7 @@ ContactMotion ContactEquations::motion(const Contact& contact,
   return motion;
 }
 
-void ContactEquations::scatter_state(std::vector<BodyState>* states) const {
+void ContactEquations::scatter_state(List<BodyState>* states) const {
   for (std::size_t i = 0; i < movable; ++i)
     (*states)[static_cast<std::size_t>(bodies[i].index)] = states_[i];
 }
@@ -153,7 +153,7 @@ void ContactEquations::scatter_state(std::vector<BodyState>* states) const {
 void ContactEquations::derivative(std::size_t stage, double t, const double* y, double* dydt) {
   t_ = t;
   place(y);
-  std::vector<Vector3d>&linear = free_linear_, &angular = free_angular_;
+  List<Vector3d>&linear = free_linear_, &angular = free_angular_;
   clear_motion(&linear, &angular);
   for (std::size_t i = 0; i < movable; ++i) {
     const Vector3d& w = states_[i].angular_velocity;
@@ -168,11 +168,11 @@ void ContactEquations::derivative(std::size_t stage, double t, const double* y, 
   Stage& told = stages_[stage];
   told.clear();
   if (!rows_.empty()) factor_rows(stage == 0);
-  std::vector<Vector3d>&push_linear = linear_, &push_angular = angular_;
+  List<Vector3d>&push_linear = linear_, &push_angular = angular_;
   clear_motion(&push_linear, &push_angular);
   if (!coordinates.empty()) pull_coordinates(&told, &push_linear, &push_angular);
   if (!rows_.empty()) {
-    std::vector<double>& lambda = lambda_;
+    List<double>& lambda = lambda_;
     lambda.resize(rows_.size());
     for (std::size_t i = 0; i < rows_.size(); ++i) {
       lambda[i] = -rows_[i].gamma - along(rows_[i], linear, angular);
@@ -225,7 +225,7 @@ bool ContactEquations::find_change(double Row::*by) {
 
 bool ContactEquations::project(double t, double* y) {
   t_ = t;
-  double before = std::numeric_limits<double>::infinity();
+  double before = kInfinity;
   for (int k = 0;; ++k) {
     for (std::size_t i = 0; i < movable; ++i)
       Eigen::Map<Eigen::Vector4d>(y + kNumbers * i + kQ).normalize();
@@ -237,7 +237,7 @@ bool ContactEquations::project(double t, double* y) {
     double error = 0.0;
     for (const Row& row : rows_) error = larger(error, std::abs(row.value));
     if (error <= kEpsilon * scale_) return true;
-    if (!(error <= 0.5 * before) || k == kMostNewton) return error <= kProjected * scale_;
+    if (!(error <= 0.5 * before) || k == kMostNewton) return error <= kContactsProjected * scale_;
     before = error;
     if (!find_change(&Row::value)) return false;
     for (std::size_t i = 0; i < movable; ++i) {

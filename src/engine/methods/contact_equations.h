@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <optional>
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/joint.h"
@@ -14,6 +13,7 @@
 #include "engine/constraints/one_sided_law.h"
 #include "engine/linear/least_norm_solver.h"
 #include "engine/mass_properties.h"
+#include "engine/math/list.h"
 #include "engine/methods/embedded_pairs.h"
 #include "engine/methods/equations_of_motion.h"
 
@@ -75,11 +75,11 @@ class ContactEquations {
     double until = 0.0;      ///< until when its motor brakes, simulated [s]
   };
 
-  std::vector<Body> bodies;  ///< movable ones first, then those that stand, or move by themselves
+  List<Body> bodies;  ///< movable ones first, then those that stand, or move by themselves
   std::size_t movable = 0;
-  std::vector<BodyJoint> joints;
-  std::vector<Coordinate> coordinates;
-  std::vector<Contact> contacts;
+  List<BodyJoint> joints;
+  List<Coordinate> coordinates;
+  List<Contact> contacts;
   /// Slips keep the directions of where the substep starts: rows hold them across.
   bool is_straight = false;
   Eigen::Vector3d gravity = Eigen::Vector3d::Zero();
@@ -88,13 +88,13 @@ class ContactEquations {
   double origin = 0.0;
 
   /// Where all bodies are, those that move by themselves as they were so long ago [s].
-  void gather_state(const std::vector<BodyState>& states, double since_tick = 0.0);
+  void gather_state(const List<BodyState>& states, double since_tick = 0.0);
   /// Room for what contacts, coordinates and joints do in stages; after the last one was added.
   void prepare_stages();
-  void scatter_state(std::vector<BodyState>* states) const;
+  void scatter_state(List<BodyState>* states) const;
   const BodyState& state(std::size_t body) const { return states_[body]; }
-  const std::vector<BodyState>& states() const { return states_; }
-  void set_states(const std::vector<BodyState>& states);
+  const List<BodyState>& states() const { return states_; }
+  void set_states(const List<BodyState>& states);
   /// Where the shape of a body is, and how it moves there: what features are found with.
   const BodyState& shape_state(std::size_t body) const {
     return bodies[body].shape_pose ? shapes_[body] : states_[body];
@@ -104,8 +104,8 @@ class ContactEquations {
     const std::optional<ShapePose>& pose = bodies[body].shape_pose;
     return pose && !pose->position.isZero(0.0);
   }
-  std::vector<double>& numbers() { return y_; }
-  const std::vector<double>& numbers() const { return y_; }
+  List<double>& numbers() { return y_; }
+  const List<double>& numbers() const { return y_; }
   /// Moves to these numbers.
   void place(const double* y);
   /// Moves to a time since `origin` [s], at which bodies stay where they are until place().
@@ -138,7 +138,7 @@ class ContactEquations {
   // ---- for events, as the bodies lie and with what restart() found
   /// Accelerations of bodies in a derivative; of immovable ones 0.
   struct Accelerations {
-    std::vector<Eigen::Vector3d> linear, angular;
+    List<Eigen::Vector3d> linear, angular;
   };
   void find_accelerations(const double* dydt, Accelerations* rates) const;
   /// ẇ of a contact.
@@ -206,13 +206,13 @@ class ContactEquations {
   /// What unit impulses do while the joints hold: three columns for each contact with friction,
   /// then one for each of the others, then one for each coordinate.
   struct Responses {
-    std::vector<Touching> contacts;
-    std::vector<std::size_t> coordinates;
+    List<Touching> contacts;
+    List<std::size_t> coordinates;
     std::size_t columns = 0, of_contacts = 0;  ///< of all, and of contacts
-    std::vector<char> is_free;                 ///< coordinates that the joints leave free
-    std::vector<double> velocity;              ///< of each column, the change of (v, ω) of bodies
-    std::vector<double> joints;                ///< and the impulses of joints' rows
-    std::vector<double> A;                     ///< and the change of the rates of all columns
+    List<char> is_free;                        ///< coordinates that the joints leave free
+    List<double> velocity;                     ///< of each column, the change of (v, ω) of bodies
+    List<double> joints;                       ///< and the impulses of joints' rows
+    List<double> A;                            ///< and the change of the rates of all columns
 
     void clear() {
       contacts.clear();
@@ -249,10 +249,10 @@ class ContactEquations {
     Eigen::Vector3d along{0, 0, 0};  // force of one unit on A, of a contact
   };
   struct Stage {
-    std::vector<Eigen::Vector3d> contact;  // forces on A
-    std::vector<double> normal;            // the same along normals
-    std::vector<double> coordinate;        // what holds them
-    std::vector<RowVector> joint;
+    List<Eigen::Vector3d> contact;  // forces on A
+    List<double> normal;            // the same along normals
+    List<double> coordinate;        // what holds them
+    List<RowVector> joint;
     double driven_power = 0.0;  // of bodies that move by themselves, on the others
 
     void clear();
@@ -272,47 +272,46 @@ class ContactEquations {
   Row& add_row(std::size_t a, std::size_t b, const Jacobian& J);
   Jacobian accelerations(const Row& row, const Jacobian& F) const;
   double response(const Row& of, const Row& to) const;
-  double along(const Row& row, const std::vector<Eigen::Vector3d>& linear,
-               const std::vector<Eigen::Vector3d>& angular) const;
-  void push(const Row& row, double amount, std::vector<Eigen::Vector3d>* linear,
-            std::vector<Eigen::Vector3d>* angular) const;
-  bool solve_rows(std::vector<double>* lambda);
+  double along(const Row& row, const List<Eigen::Vector3d>& linear,
+               const List<Eigen::Vector3d>& angular) const;
+  void push(const Row& row, double amount, List<Eigen::Vector3d>* linear,
+            List<Eigen::Vector3d>* angular) const;
+  bool solve_rows(List<double>* lambda);
   void factor_rows(bool asks_rank);
   bool find_change(double Row::*by);
   Prescribed target(const Coordinate& coordinate) const;
   double free_force(const Coordinate& coordinate, const Reading& now) const;
-  void pull_coordinates(Stage* told, std::vector<Eigen::Vector3d>* linear,
-                        std::vector<Eigen::Vector3d>* angular) const;
-  void clear_motion(std::vector<Eigen::Vector3d>* linear,
-                    std::vector<Eigen::Vector3d>* angular) const;
+  void pull_coordinates(Stage* told, List<Eigen::Vector3d>* linear,
+                        List<Eigen::Vector3d>* angular) const;
+  void clear_motion(List<Eigen::Vector3d>* linear, List<Eigen::Vector3d>* angular) const;
   void add_impulses(double weight, std::size_t stage);
 
-  std::vector<double> y_;
+  List<double> y_;
   double t_ = 0.0;  // [s] since origin
-  std::vector<BodyState> states_;
-  std::vector<BodyState> shapes_;  // of bodies whose shape has a pose
+  List<BodyState> states_;
+  List<BodyState> shapes_;  // of bodies whose shape has a pose
   struct Mover {
     std::size_t body;
     BodyState start;  // of the tick
   };
-  std::vector<Mover> movers_;                     // bodies that move by themselves
-  double since_tick_ = 0.0;                       // of t_ = 0 [s]
-  std::vector<Eigen::Matrix3d> inverse_inertia_;  // world
-  std::vector<Row> rows_;
-  std::vector<Row> directions_;   // of unit impulses
-  std::vector<double> weight_;    // that scale rows to a diagonal of one
-  std::vector<double> lambda_;    // forces of rows
+  List<Mover> movers_;                     // bodies that move by themselves
+  double since_tick_ = 0.0;                // of t_ = 0 [s]
+  List<Eigen::Matrix3d> inverse_inertia_;  // world
+  List<Row> rows_;
+  List<Row> directions_;          // of unit impulses
+  List<double> weight_;           // that scale rows to a diagonal of one
+  List<double> lambda_;           // forces of rows
   bool are_independent_ = false;  // rows, as restart() found them
   LeastNormSolver factors_;
   std::array<Stage, DormandPrince8::kStages + 1> stages_;
   double scale_ = 0.0;  // [m] that rounding goes by
   // scratch: of forces, of what is free, and of references
-  std::vector<Eigen::Vector3d> linear_, angular_, free_linear_, free_angular_;
-  std::vector<Eigen::Vector3d> reference_linear_, reference_angular_;
+  List<Eigen::Vector3d> linear_, angular_, free_linear_, free_angular_;
+  List<Eigen::Vector3d> reference_linear_, reference_angular_;
   Stage kept_;
   double kept_work_ = 0.0;
-  std::vector<Eigen::Vector3d> kept_contacts_;  // impulses
-  std::vector<RowVector> kept_joints_;
+  List<Eigen::Vector3d> kept_contacts_;  // impulses
+  List<RowVector> kept_joints_;
 };
 
 }  // namespace constraint_sim::engine

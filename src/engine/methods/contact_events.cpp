@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "engine/constraints/box_features.h"
+#include "engine/math/list.h"
 #include "engine/methods/law_events.h"
 #include "engine/narrowphase.h"
 
@@ -18,7 +19,6 @@ constexpr std::uint32_t kTaken = std::numeric_limits<std::uint32_t>::max();
 constexpr double kFastShare = 0.25;     // of a thickness, that a substep may move by
 constexpr double kMostTurn = 1.0;       // [rad] of a box in a substep
 constexpr std::uint32_t kMostJams = 4;  // in a step
-constexpr int kMostUnchanged = 100;     // events in a step, that changed nothing
 constexpr double kOverlap = 1e-9;       // [m] more has been missed
 constexpr int kMostMissed = 40;         // substeps in a step that are taken again for that
 
@@ -29,7 +29,7 @@ constexpr int kMostMissed = 40;         // substeps in a step that are taken aga
 // What of each pair can meet. Contacts that hold go on with their features, unless `all`. Those of
 // two boxes stay what they are within a substep.
 void ContactEvents::find_features(bool all, bool is_within) {
-  std::vector<ContactFeature>& found = found_;
+  List<ContactFeature>& found = found_;
   for (const Pair& pair : pairs_) {
     if (pair.has_fixed_features() || (is_within && pair.is_of_boxes())) continue;
     found.clear();
@@ -44,8 +44,7 @@ void ContactEvents::find_features(bool all, bool is_within) {
 }
 
 // Edges that were there before are where they were.
-void ContactEvents::keep_places(const Pair& pair, bool all,
-                                std::vector<ContactFeature>* found) const {
+void ContactEvents::keep_places(const Pair& pair, bool all, List<ContactFeature>* found) const {
   std::array<ContactFeature, kBoxEdges> edges;
   std::array<char, kBoxEdges> is_free;
   std::copy(found->begin() + kBoxCorners, found->end(), edges.begin());
@@ -78,7 +77,7 @@ void ContactEvents::keep_places(const Pair& pair, bool all,
 // event may be late.
 bool ContactEvents::has_missed() {
   bool any = false;
-  std::vector<double>& depth = depth_now_;
+  List<double>& depth = depth_now_;
   depth = depth_;
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     const Pair& pair = pairs_[p];
@@ -116,7 +115,7 @@ std::size_t ContactEvents::most_points(const Shape& a, const Shape& b) {
 void ContactEvents::add_contacts() {
   equations_.contacts.clear();
   pair_of_.clear();
-  std::vector<ContactFeature>& found = found_;
+  List<ContactFeature>& found = found_;
   for (std::size_t p = 0; p < pairs_.size(); ++p) {
     Pair& pair = pairs_[p];
     found.clear();
@@ -136,7 +135,7 @@ void ContactEvents::add_contacts() {
   }
 }
 
-bool ContactEvents::begin(const std::vector<BodyState>& states, bool closes) {
+bool ContactEvents::begin(const List<BodyState>& states, bool closes) {
   closes_ = closes;
   done_ = {};
   told_.clear();
@@ -176,7 +175,7 @@ bool ContactEvents::has_touched(std::size_t contact) const {
 
 // What motors ask for in a span, where coordinates are and what has given way by now.
 void ContactEvents::begin_joints(const Span& span, const JointStep& step,
-                                 const std::vector<JointState>& states) {
+                                 const List<JointState>& states) {
   equations_.origin = span.all.t;
   equations_.set_time(0.0);
   for (ContactEquations::BodyJoint& joint : equations_.joints) {
@@ -260,8 +259,8 @@ void ContactEvents::write(std::size_t c, JointState* state) const {
 
 IntegrationResult ContactEvents::advance(const SmoothSpan& all, const IntegratorOptions& accuracy,
                                          const JointStep& joint_step,
-                                         const std::vector<JointState>& joint_states,
-                                         double most_work, std::vector<BodyState>* states) {
+                                         const List<JointState>& joint_states, double most_work,
+                                         List<BodyState>* states) {
   most_work_ = most_work;
   stop_ = all.stop;
   Span span{all, accuracy, SubstepSpan(0.0, all.h), {}};

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cstdint>
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/event.h"
 #include "engine/constraints/joint.h"
 #include "engine/linear/cone_problem.h"
 #include "engine/linear/least_norm_solver.h"
+#include "engine/math/list.h"
 #include "engine/methods/contact_equations.h"
 #include "engine/methods/event_watch.h"
 #include "engine/methods/integrate.h"
@@ -52,21 +52,20 @@ class ContactEvents {
 
   /// What it is of, to be set before begin(): bodies and joints, without contacts, and pairs.
   ContactEquations& equations() { return equations_; }
-  std::vector<Pair>& pairs() { return pairs_; }
+  List<Pair>& pairs() { return pairs_; }
 
   /// In how many points two shapes may touch.
   static std::size_t most_points(const Shape& a, const Shape& b);
 
   /// Finds the contacts, open, and forgets all that was done. False where two shapes overlap by
   /// more than kMostOverlap, unless the first span `closes` such overlaps.
-  bool begin(const std::vector<BodyState>& states, bool closes);
+  bool begin(const List<BodyState>& states, bool closes);
   /// As method.h says. Not done: too many events, or no answer to one; the states are then those of
   /// any time within the span. `joint_step`, `joint_states`: of the span, of all joints.
   /// `most_work` may be done in the step.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
-                            const JointStep& joint_step,
-                            const std::vector<JointState>& joint_states, double most_work,
-                            std::vector<BodyState>* states);
+                            const JointStep& joint_step, const List<JointState>& joint_states,
+                            double most_work, List<BodyState>* states);
 
   // ---- what was done since the beginning
   std::uint32_t events() const { return done_.events; }
@@ -80,8 +79,8 @@ class ContactEvents {
     double impulse;  ///< of an impact [N s or N m s]
     int joint = -1;  ///< of equations(), one that broke
   };
-  const std::vector<Told>& told() const { return told_; }
-  const std::vector<Pair>& pairs() const { return pairs_; }
+  const List<Told>& told() const { return told_; }
+  const List<Pair>& pairs() const { return pairs_; }
   const ContactEquations& equations() const { return equations_; }
   /// Whether a contact holds now, or had an impulse.
   bool has_touched(std::size_t contact) const;
@@ -124,8 +123,8 @@ class ContactEvents {
     ContactMotion motion;
   };
   struct Hits {
-    std::vector<ContactHit> contacts;
-    std::vector<LimitHit> limits;
+    List<ContactHit> contacts;
+    List<LimitHit> limits;
 
     bool empty() const { return contacts.empty() && limits.empty(); }
     void clear() {
@@ -136,7 +135,7 @@ class ContactEvents {
   /// Which bounce no more, or what impulses they had.
   template <class Number>
   struct Of {
-    std::vector<Number> contacts, coordinates;
+    List<Number> contacts, coordinates;
 
     void reset(std::size_t contact_count, std::size_t coordinate_count) {
       contacts.assign(contact_count, Number{});
@@ -145,11 +144,11 @@ class ContactEvents {
   };
   /// What impacts start from.
   struct BeforeImpacts {
-    std::vector<double> numbers;
+    List<double> numbers;
     double driven_work = 0.0;
-    std::vector<ContactEquations::Contact> contacts;
-    std::vector<ContactEquations::BodyJoint> joints;
-    std::vector<ContactEquations::Coordinate> coordinates;
+    List<ContactEquations::Contact> contacts;
+    List<ContactEquations::BodyJoint> joints;
+    List<ContactEquations::Coordinate> coordinates;
   };
   /// A coordinate that moves as something that holds it.
   struct Candidate {
@@ -168,7 +167,7 @@ class ContactEvents {
   };
   /// Contacts whose force has reached a bound just now.
   struct AtBound {
-    std::vector<std::size_t> contacts;
+    List<std::size_t> contacts;
     double since = 0.0;  ///< [s]
 
     bool has(std::size_t contact) const {
@@ -188,11 +187,11 @@ class ContactEvents {
     bool is_known = false;
     Eigen::Vector3d gravity{0, 0, 0};
     double h = 0.0;
-    std::vector<double> numbers;  ///< of movable bodies
-    std::vector<ContactEquations::Body> bodies;
-    std::vector<BodyState> states;  ///< at its end
-    std::vector<Pair> pairs;
-    std::vector<ContactEquations::Contact> contacts;  ///< at its end
+    List<double> numbers;  ///< of movable bodies
+    List<ContactEquations::Body> bodies;
+    List<BodyState> states;  ///< at its end
+    List<Pair> pairs;
+    List<ContactEquations::Contact> contacts;  ///< at its end
   };
   struct Span {
     const SmoothSpan& all;
@@ -204,20 +203,20 @@ class ContactEvents {
   double find_overlaps(double margin);
   double beyond_limits() const;
   bool close_found(bool met);
-  bool close_overlaps(Span* span, std::vector<BodyState>* states);
+  bool close_overlaps(Span* span, List<BodyState>* states);
   // ---- spans in which nothing moves (contact_stillness.cpp)
   bool is_as_when_still(const SmoothSpan& span) const;
   void note_beginning(const SmoothSpan& span);
   void note_stillness();
-  void go_on_as_when_still(std::vector<BodyState>* states);
+  void go_on_as_when_still(List<BodyState>* states);
 
-  void begin_joints(const Span& span, const JointStep& step, const std::vector<JointState>& states);
+  void begin_joints(const Span& span, const JointStep& step, const List<JointState>& states);
   void note_last_states();
   void note_positions();
   void give_way(std::size_t coordinate);
   void add_contacts();
   void find_features(bool all, bool is_within = false);
-  void keep_places(const Pair& pair, bool all, std::vector<ContactFeature>* found) const;
+  void keep_places(const Pair& pair, bool all, List<ContactFeature>* found) const;
   bool has_changed() const;
   bool has_missed();
   double gap_of_boxes(const Pair& pair) const;
@@ -226,11 +225,11 @@ class ContactEvents {
   // ---- between events
   double longest_substep(double left) const;
   void set_directions();
-  void watch_forces(std::size_t contact, std::vector<Watched>* list) const;
-  void watch_held(std::size_t coordinate, std::vector<Watched>* list) const;
-  void watch_coordinate(std::size_t coordinate, std::vector<Watched>* list) const;
-  void watch_breaking(std::size_t joint, std::vector<Watched>* list) const;
-  void watch(std::vector<Watched>* list);
+  void watch_forces(std::size_t contact, List<Watched>* list) const;
+  void watch_held(std::size_t coordinate, List<Watched>* list) const;
+  void watch_coordinate(std::size_t coordinate, List<Watched>* list) const;
+  void watch_breaking(std::size_t joint, List<Watched>* list) const;
+  void watch(List<Watched>* list);
   bool take(Span* span, SubstepSpan* left, double tolerance, double* step);
   bool repeat(Span* span, double t, double h, bool is_start);
   bool advance_to_event(Span* span);
@@ -245,8 +244,8 @@ class ContactEvents {
 
   // ---- forces of redundant contacts (contact_sharing.cpp)
   void list_sharing();
-  double mean_beside(const Share& of, const std::vector<double>& force) const;
-  double least_margin(const std::vector<double>& force) const;
+  double mean_beside(const Share& of, const List<double>& force) const;
+  double least_margin(const List<double>& force) const;
   bool find_shares(double beyond);
   void share_forces();
 
@@ -255,8 +254,7 @@ class ContactEvents {
   bool have_impacts(double left, Of<double>* hit);
   bool is_hit(double gap, double rate) const;
   void find_hits(const Of<char>& rests, Hits* hits) const;
-  void add_touching_limits(const Of<char>& rests, bool only_slow,
-                           std::vector<LimitHit>* hits) const;
+  void add_touching_limits(const Of<char>& rests, bool only_slow, List<LimitHit>* hits) const;
   std::pair<std::size_t, std::size_t> bodies_of(const ContactEquations::Coordinate& of) const;
   bool have_impact(const Hits& hits, const Of<char>& rests, double faster, Of<double>* hit);
   bool solve_counted();
@@ -271,10 +269,10 @@ class ContactEvents {
   void find_lost();
   double braking_of(std::size_t coordinate);
   void choose_servos();
-  bool find_candidates(std::vector<Candidate>* candidates);
+  bool find_candidates(List<Candidate>* candidates);
   void begin_problem();
   static void set_rate(const ContactEquations::Touching& of, const Eigen::Vector3d& rate,
-                       std::vector<double>* all);
+                       List<double>* all);
   void set_problem(double least_slip);
   void choose_acts();
   void find_solved_accelerations();
@@ -282,60 +280,59 @@ class ContactEvents {
   void take_forces();
   bool is_within_bounds();
   void hold_coordinates(bool is_begin);
-  void tell(const Span& span, const std::vector<Acts>& before, const Of<double>& hit,
-            bool is_begin);
-  void tell_pair(double t, std::size_t pair, const std::vector<Acts>& before, const Of<double>& hit,
+  void tell(const Span& span, const List<Acts>& before, const Of<double>& hit, bool is_begin);
+  void tell_pair(double t, std::size_t pair, const List<Acts>& before, const Of<double>& hit,
                  bool is_begin);
   void add_told(const Told& told, double rests_in);
   bool is_saturated(std::size_t coordinate, const OneSidedState& state) const;
 
   ContactEquations equations_;
-  std::vector<Pair> pairs_;
-  std::vector<std::size_t> pair_of_;  // of contacts
-  std::vector<double> numbers_;       // of StageMemory
-  std::vector<double> kept_;          // state and derivative where the substep starts
-  double step_ = 0.0;                 // what the next substep is tried with [s]
-  bool has_stages_ = false;           // of the last substep
-  bool closes_ = false;               // overlaps, in the next span
-  bool begins_ = false;               // a span, at what is settled now
+  List<Pair> pairs_;
+  List<std::size_t> pair_of_;  // of contacts
+  List<double> numbers_;       // of StageMemory
+  List<double> kept_;          // state and derivative where the substep starts
+  double step_ = 0.0;          // what the next substep is tried with [s]
+  bool has_stages_ = false;    // of the last substep
+  bool closes_ = false;        // overlaps, in the next span
+  bool begins_ = false;        // a span, at what is settled now
   ContactEquations::Accelerations rates_;
-  std::vector<double> gap_acceleration_;         // of contacts, as decide() found it
-  std::vector<double> coordinate_acceleration_;  // the same of coordinates
-  std::vector<OneSidedState> states_before_;     // of coordinates, where the event is
-  std::vector<OneSidedState> last_states_;       // the same, where the span before ended
-  std::vector<char> was_saturated_;              // the same
-  Of<double> rests_in_;  // [s] after which bounces that are not followed are over
+  List<double> gap_acceleration_;         // of contacts, as decide() found it
+  List<double> coordinate_acceleration_;  // the same of coordinates
+  List<OneSidedState> states_before_;     // of coordinates, where the event is
+  List<OneSidedState> last_states_;       // the same, where the span before ended
+  List<char> was_saturated_;              // the same
+  Of<double> rests_in_;                   // [s] after which bounces that are not followed are over
   WatchedSubstep<Watched> watched_;
   Done done_;
   double error_ = 0.0;  // of the substep that was repeated last, estimated [m]
   double most_work_ = 0.0;
-  StopFlag stop_ = nullptr;        // of the span
-  std::vector<double> depth_;      // [m] of pairs of boxes, where the substep starts,
-  std::vector<double> depth_now_;  // and where it ends
-  AtBound at_cone_, at_zero_;      // of friction, and of the force along the normal
-  std::vector<Told> told_;
+  StopFlag stop_ = nullptr;    // of the span
+  List<double> depth_;         // [m] of pairs of boxes, where the substep starts,
+  List<double> depth_now_;     // and where it ends
+  AtBound at_cone_, at_zero_;  // of friction, and of the force along the normal
+  List<Told> told_;
   Still still_;  // the last one, where nothing has moved since
 
   // storage of what is done at one event
   ContactEquations::Responses responses_;
   ConeProblem problem_;
   ConeSolver solver_;
-  std::vector<double> force_, rate_, solved_;  // of the problem; rates before and after
-  std::vector<Share> shares_;
-  std::vector<double> shared_;
+  List<double> force_, rate_, solved_;  // of the problem; rates before and after
+  List<Share> shares_;
+  List<double> shared_;
   LeastNormSolver sharing_;
-  std::vector<Candidate> held_;
+  List<Candidate> held_;
   Hits hits_;
   Of<char> rests_;
   Of<double> hit_;
   BeforeImpacts before_impacts_;
-  std::vector<Acts> acts_before_;
-  std::vector<std::uint32_t> features_before_;  // their ids
-  std::vector<Watched> forces_;
-  std::vector<double> free_;     // a derivative: without what acts, or with all that was decided
+  List<Acts> acts_before_;
+  List<std::uint32_t> features_before_;  // their ids
+  List<Watched> forces_;
+  List<double> free_;            // a derivative: without what acts, or with all that was decided
   bool has_derivative_ = false;  // it is the latter
-  std::vector<double> before_projection_;
-  std::vector<ContactFeature> found_;
+  List<double> before_projection_;
+  List<ContactFeature> found_;
 };
 
 }  // namespace constraint_sim::engine

@@ -8,15 +8,15 @@
 #include <cmath>
 
 #include "engine/linear/cone_problem.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/contact_events.h"
 #include "engine/methods/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kNoWork = 1e-12;  // of the energy that impulses exchange: rounding
-constexpr double kJam = 1e-9;      // [m/s] that what jams is taken to approach with
-constexpr int kMostImpacts = 2000;
+constexpr double kJam = 1e-9;  // [m/s] that what jams is taken to approach with
 
 }  // namespace
 
@@ -60,7 +60,7 @@ std::pair<std::size_t, std::size_t> ContactEvents::bodies_of(
 // Limits that are reached, and not left: those that are hit, and those without restitution.
 // `only_slow`: none that is hit.
 void ContactEvents::add_touching_limits(const Of<char>& rests, bool only_slow,
-                                        std::vector<LimitHit>* hits) const {
+                                        List<LimitHit>* hits) const {
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     const ContactEquations::Coordinate& of = equations_.coordinates[c];
     if (!of.is_one_sided || std::isfinite(of.law.limit_force)) continue;
@@ -137,7 +137,6 @@ void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
 // none.
 bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double faster,
                                 Of<double>* hit) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
   ContactEquations::Responses& responses = responses_;
   responses.clear();
   for (const ContactHit& of : hits.contacts) responses.add(of.contact, of.motion);

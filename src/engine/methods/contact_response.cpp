@@ -6,13 +6,12 @@
 #include "engine/constraints/contact.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/methods/contact_equations.h"
+#include "engine/methods/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr double kHeld = 1e-12;  // of what a coordinate would do without the joints
 
 }  // namespace
 

@@ -6,6 +6,7 @@
 
 #include "engine/constraints/contact.h"
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/list.h"
 #include "engine/methods/contact_equations.h"
 #include "engine/methods/law_events.h"
 
@@ -14,13 +15,13 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kDependent = 1e-10;  // pivots below, of rows scaled to a diagonal of one
-constexpr double kTiny = 0.5e-9;      // [m/s] a slip below has the direction of the substep's start
+constexpr double kDependentRow = 1e-10;  // pivots below, of rows scaled to a diagonal of one
+constexpr double kTiny = 0.5e-9;  // [m/s] a slip below has the direction of the substep's start
 
 }  // namespace
 
-double ContactEquations::along(const Row& row, const std::vector<Vector3d>& linear,
-                               const std::vector<Vector3d>& angular) const {
+double ContactEquations::along(const Row& row, const List<Vector3d>& linear,
+                               const List<Vector3d>& angular) const {
   double sum = 0.0;
   if (row.a < movable) sum += row.J.j1.dot(linear[row.a]) + row.J.j2.dot(angular[row.a]);
   if (row.b < movable) sum += row.J.j3.dot(linear[row.b]) + row.J.j4.dot(angular[row.b]);
@@ -65,8 +66,8 @@ double ContactEquations::response(const Row& of, const Row& to) const {
   return sum;
 }
 
-void ContactEquations::push(const Row& row, double amount, std::vector<Vector3d>* linear,
-                            std::vector<Vector3d>* angular) const {
+void ContactEquations::push(const Row& row, double amount, List<Vector3d>* linear,
+                            List<Vector3d>* angular) const {
   if (row.a < movable) {
     (*linear)[row.a] += amount * row.inv_M_F.j1;
     (*angular)[row.a] += amount * row.inv_M_F.j2;
@@ -209,8 +210,8 @@ double ContactEquations::free_force(const Coordinate& of, const Reading& now) co
   return force;
 }
 
-void ContactEquations::pull_coordinates(Stage* told, std::vector<Vector3d>* linear,
-                                        std::vector<Vector3d>* angular) const {
+void ContactEquations::pull_coordinates(Stage* told, List<Vector3d>* linear,
+                                        List<Vector3d>* angular) const {
   for (const Coordinate& of : coordinates) {
     if (of.is_prescribed) continue;
     const Reading now = read(of, nullptr);
@@ -272,8 +273,7 @@ void ContactEquations::add_contact_rows(bool with_slip, bool with_tangents) {
   }
 }
 
-void ContactEquations::clear_motion(std::vector<Vector3d>* linear,
-                                    std::vector<Vector3d>* angular) const {
+void ContactEquations::clear_motion(List<Vector3d>* linear, List<Vector3d>* angular) const {
   linear->assign(movable, Vector3d::Zero());
   angular->assign(movable, Vector3d::Zero());
 }
@@ -302,12 +302,12 @@ void ContactEquations::factor_rows(bool asks_rank) {
     factors_.factor_regular();
     return;
   }
-  factors_.factor(kDependent);
+  factors_.factor(kDependentRow);
   are_independent_ = factors_.is_regular();
 }
 
 // From what the rows are to change by to their forces: those of least norm beside the reference.
-bool ContactEquations::solve_rows(std::vector<double>* lambda) {
+bool ContactEquations::solve_rows(List<double>* lambda) {
   const bool has_reference =
       !are_independent_ &&
       std::any_of(rows_.begin(), rows_.end(), [](const Row& row) { return row.reference != 0.0; });

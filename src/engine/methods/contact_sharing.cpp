@@ -9,8 +9,9 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/contact_events.h"
 
 namespace constraint_sim::engine {
@@ -20,12 +21,12 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kDependent = 1e-10;  // pivots below
-constexpr double kLeastShare = 1e-3;  // of the mean normal force: what has less could bear more
-constexpr int kMostRounds = 4;        // of Newton's method
-constexpr double kLeastStep = 0.1;    // of a round
-constexpr double kWorthwhile = 1.05;  // times the margin before
-constexpr double kBeyond = 0.1;       // of the mean normal force, and of the round before
+constexpr double kDependentShare = 1e-10;  // pivots below
+constexpr double kLeastShare = 1e-3;   // of the mean normal force: what has less could bear more
+constexpr int kMostSharingRounds = 4;  // of Newton's method
+constexpr double kLeastStep = 0.1;     // of a round
+constexpr double kWorthwhile = 1.05;   // times the margin before
+constexpr double kBeyond = 0.1;        // of the mean normal force, and of the round before
 
 // L with L Lᵀ the inverse of the second derivative of the barrier at x in a cone, or, without
 // friction, along its normal alone: x xᵀ − D J/2 with D = xᵀ J x, x scaled to a slope of 1.
@@ -50,7 +51,7 @@ Matrix3d metric_in_cone(const Vector3d& x, double friction) {
 // Of contacts that act: one column along the normal, with friction of what slips; three of what
 // sticks. Of coordinates that are held a row alone: their forces stay.
 void ContactEvents::list_sharing() {
-  std::vector<Share>& shares = shares_;
+  List<Share>& shares = shares_;
   shares.clear();
   for (const ContactEquations::Touching& touching : responses_.contacts) {
     const ContactEquations::Contact& contact = equations_.contacts[touching.contact];
@@ -65,7 +66,7 @@ void ContactEvents::list_sharing() {
 }
 
 // The mean normal force between the two bodies of a contact.
-double ContactEvents::mean_beside(const Share& of, const std::vector<double>& force) const {
+double ContactEvents::mean_beside(const Share& of, const List<double>& force) const {
   double sum = 0.0, count = 0.0;
   for (const Share& other : shares_) {
     if (pair_of_[other.contact] != pair_of_[of.contact]) continue;
@@ -76,8 +77,8 @@ double ContactEvents::mean_beside(const Share& of, const std::vector<double>& fo
 }
 
 // What is left to the nearest bound of any contact, as a share of that.
-double ContactEvents::least_margin(const std::vector<double>& force) const {
-  double least = std::numeric_limits<double>::infinity();
+double ContactEvents::least_margin(const List<double>& force) const {
+  double least = kInfinity;
   for (const Share& of : shares_) {
     double left = force[of.column];
     if (of.sticks)
@@ -95,7 +96,7 @@ double ContactEvents::least_margin(const std::vector<double>& force) const {
 // much farther, as a share of the mean normal force. False where there is one way to share only.
 bool ContactEvents::find_shares(double beyond) {
   const std::size_t n = force_.size();
-  std::vector<std::size_t> rows;
+  List<std::size_t> rows;
   for (const Share& of : shares_)
     for (std::size_t k = 0; k < (of.sticks ? 3 : 1); ++k) rows.push_back(of.column + k);
   const std::size_t columns = rows.size();
@@ -105,9 +106,9 @@ bool ContactEvents::find_shares(double beyond) {
   const std::size_t count = rows.size();
   double* const M = sharing_.resize(count);
   std::fill_n(M, count * count, 0.0);
-  std::vector<double> right(count, 0.0);
-  std::vector<Matrix3d> metrics;
-  std::vector<Vector3d> places;
+  List<double> right(count, 0.0);
+  List<Matrix3d> metrics;
+  List<Vector3d> places;
   std::size_t first = 0;
   for (const Share& of : shares_) {
     const Eigen::Index size = of.sticks ? 3 : 1;
@@ -130,7 +131,7 @@ bool ContactEvents::find_shares(double beyond) {
     }
     first += static_cast<std::size_t>(size);
   }
-  sharing_.factor(kDependent);
+  sharing_.factor(kDependentShare);
   if (sharing_.rank() == columns) return false;
   sharing_.solve(right.data());
   shared_.assign(n, 0.0);
@@ -154,9 +155,9 @@ void ContactEvents::share_forces() {
   list_sharing();
   const double first = least_margin(force_);
   double margin = first;
-  std::vector<double> next;
+  List<double> next;
   double beyond = kBeyond;
-  for (int round = 0; round < kMostRounds; ++round, beyond *= kBeyond) {
+  for (int round = 0; round < kMostSharingRounds; ++round, beyond *= kBeyond) {
     done_.work += ConeSolver::cost_of_a_step(force_.size());
     if (!find_shares(beyond)) return;
     const double before = margin;

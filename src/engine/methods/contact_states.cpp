@@ -12,6 +12,8 @@
 
 #include "engine/linear/box_lcp.h"
 #include "engine/linear/cone_problem.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/contact_events.h"
 #include "engine/methods/law_events.h"
 #include "engine/methods/same_bits.h"
@@ -23,7 +25,6 @@ using Eigen::Vector3d;
 
 constexpr double kAtRest = 1e-8;      // of the largest acceleration: less is none
 constexpr double kLeastScale = 0.01;  // [m/s²] of these: where nothing pulls all are rounding
-constexpr double kAtBound = 1e-6;     // of the force that gives way
 constexpr double kSameTime = 1e-6;    // of a span
 
 }  // namespace
@@ -73,7 +74,7 @@ void ContactEvents::break_joint(const Span& span, std::size_t joint) {
 // What bears more than it can from one moment to the next, as where something else lets go, breaks
 // then: the one that is farthest beyond first, for it may spare the others.
 bool ContactEvents::break_overloaded(Span* span) {
-  std::vector<Watched> loads;
+  List<Watched> loads;
   for (std::size_t j = 0; j < equations_.joints.size(); ++j) watch_breaking(j, &loads);
   const auto worst =
       std::min_element(loads.begin(), loads.end(), [](const Watched& left, const Watched& right) {
@@ -95,7 +96,7 @@ void ContactEvents::note_bounds(const Span& span, const Watched& event) {
       return kind != Watched::Kind::kCone || contact.acts != Acts::kSlips ||
              equations_.motion(contact).slip().norm() > kEndOfSlip;
     };
-    std::vector<std::size_t>& contacts = at->contacts;
+    List<std::size_t>& contacts = at->contacts;
     if (is_over)
       contacts.clear();
     else if (t - at->since > kSameTime * span.all.h)
@@ -182,12 +183,12 @@ void ContactEvents::begin_problem() {
     if (touching.is_rough)
       problem_.contacts.push_back({equations_.contacts[touching.contact].friction});
     else
-      problem_.rows.push_back({0.0, std::numeric_limits<double>::infinity()});
+      problem_.rows.push_back({0.0, kInfinity});
   }
 }
 
 void ContactEvents::set_rate(const ContactEquations::Touching& of, const Vector3d& rate,
-                             std::vector<double>* all) {
+                             List<double>* all) {
   for (std::size_t k = 0; k < (of.is_rough ? 3 : 1); ++k)
     (*all)[of.column + k] = rate[static_cast<Eigen::Index>(k)];
 }
@@ -239,7 +240,7 @@ double ContactEvents::braking_of(std::size_t c) {
         equations_.coordinates[d].law.drive > 0.0)
       responses.coordinates.push_back(d);
   equations_.find_responses(&responses);
-  std::vector<Eigen::Index> others;
+  List<Eigen::Index> others;
   const std::size_t n = responses.columns;
   for (std::size_t k = 1; k < n; ++k)
     if (responses.is_free[k]) others.push_back(static_cast<Eigen::Index>(k));
@@ -260,7 +261,7 @@ void ContactEvents::choose_servos() {
 
 // Coordinates that move as something that may hold them; of the others sets what acts. False where
 // one goes beyond a limit of any force.
-bool ContactEvents::find_candidates(std::vector<Candidate>* candidates) {
+bool ContactEvents::find_candidates(List<Candidate>* candidates) {
   candidates->clear();
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     ContactEquations::Coordinate& of = equations_.coordinates[c];
@@ -378,7 +379,7 @@ void ContactEvents::take_forces() {
 bool ContactEvents::is_within_bounds() {
   free_.resize(equations_.size());
   equations_.derivative(0, equations_.time(), numbers_.data(), free_.data());
-  std::vector<Watched>& forces = forces_;
+  List<Watched>& forces = forces_;
   forces.clear();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
     if (equations_.contacts[c].acts != Acts::kOpen) watch_forces(c, &forces);
@@ -406,7 +407,7 @@ void ContactEvents::hold_coordinates(bool is_begin) {
 // ---- what is told
 
 // Of contacts and coordinates whose span begins: against where the last one ended.
-void ContactEvents::tell(const Span& span, const std::vector<Acts>& before, const Of<double>& hit,
+void ContactEvents::tell(const Span& span, const List<Acts>& before, const Of<double>& hit,
                          bool is_begin) {
   const double t = span.all.t + span.left.t;
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
@@ -426,7 +427,7 @@ void ContactEvents::tell(const Span& span, const std::vector<Acts>& before, cons
   for (std::size_t p = 0; p < pairs_.size(); ++p) tell_pair(t, p, before, hit, is_begin);
 }
 
-void ContactEvents::tell_pair(double t, std::size_t p, const std::vector<Acts>& before,
+void ContactEvents::tell_pair(double t, std::size_t p, const List<Acts>& before,
                               const Of<double>& hit, bool is_begin) {
   Pair& pair = pairs_[p];
   bool was = pair.held, is = false, stuck = pair.stuck, sticks = false;

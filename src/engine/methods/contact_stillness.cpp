@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "engine/math/list.h"
 #include "engine/methods/contact_events.h"
 #include "engine/methods/same_bits.h"
 
@@ -43,8 +44,8 @@ bool are_same(const ContactEvents::Pair& l, const ContactEvents::Pair& r) {
          are_same(l.shape_a, r.shape_a) && are_same(l.shape_b, r.shape_b);
 }
 
-template <class List>
-bool are_all_same(const List& l, const List& r) {
+template <class Container>
+bool are_all_same(const Container& l, const Container& r) {
   return std::equal(l.begin(), l.end(), r.begin(), r.end(),
                     [](const auto& a, const auto& b) { return are_same(a, b); });
 }
@@ -57,7 +58,7 @@ bool ContactEvents::is_as_when_still(const SmoothSpan& span) const {
       span.h != still_.h || !have_same_bits(span.gravity, still_.gravity) ||
       !are_all_same(equations_.bodies, still_.bodies) || !are_all_same(pairs_, still_.pairs))
     return false;
-  const std::vector<double>& numbers = equations_.numbers();
+  const List<double>& numbers = equations_.numbers();
   if (!have_same_bits(numbers.data(), still_.numbers.data(), numbers.size())) return false;
   for (std::size_t i = equations_.movable; i < still_.states.size(); ++i)
     if (!are_same(equations_.state(i), still_.states[i])) return false;
@@ -80,7 +81,7 @@ void ContactEvents::note_stillness() {
   still_.contacts = equations_.contacts;
 }
 
-void ContactEvents::go_on_as_when_still(std::vector<BodyState>* states) {
+void ContactEvents::go_on_as_when_still(List<BodyState>* states) {
   for (Pair& pair : pairs_)
     pair.held = pair.stuck = pair.is_still = false;  // as what is told has it
   equations_.contacts = still_.contacts;

@@ -3,8 +3,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/contact_events.h"
 #include "engine/methods/law_events.h"
 
@@ -13,12 +14,9 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-constexpr double kForceShare = 1e-9;  // of the largest force: less is rounding
-
 }  // namespace
 
-void ContactEvents::watch_forces(std::size_t c, std::vector<Watched>* list) const {
+void ContactEvents::watch_forces(std::size_t c, List<Watched>* list) const {
   const ContactEquations::Contact& contact = equations_.contacts[c];
   const bool has_cone = contact.acts == Acts::kSticks;
   const auto margins = [&](std::size_t stage) {
@@ -44,7 +42,7 @@ void ContactEvents::watch_forces(std::size_t c, std::vector<Watched>* list) cons
 }
 
 // the force that holds a coordinate, beside its bounds
-void ContactEvents::watch_held(std::size_t c, std::vector<Watched>* list) const {
+void ContactEvents::watch_held(std::size_t c, List<Watched>* list) const {
   const ContactEquations::Coordinate& of = equations_.coordinates[c];
   const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
   const auto zeta = [&] { return equations_.zeta(of); };
@@ -70,7 +68,7 @@ void ContactEvents::watch_held(std::size_t c, std::vector<Watched>* list) const 
   watch_side(bounds.most, 1);
 }
 
-void ContactEvents::watch_coordinate(std::size_t c, std::vector<Watched>* list) const {
+void ContactEvents::watch_coordinate(std::size_t c, List<Watched>* list) const {
   const ContactEquations::Coordinate& of = equations_.coordinates[c];
   const ContactEquations::Reading reading = equations_.read(of, &rates_);
   const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
@@ -93,7 +91,7 @@ void ContactEvents::watch_coordinate(std::size_t c, std::vector<Watched>* list) 
     add_rate(watched_end(of.until - equations_.clock(), of.braking));
 }
 
-void ContactEvents::watch_breaking(std::size_t j, std::vector<Watched>* list) const {
+void ContactEvents::watch_breaking(std::size_t j, List<Watched>* list) const {
   const ContactEquations::BodyJoint& of = equations_.joints[j];
   const Joint& joint = of.joint;
   if (of.is_broken || (joint.break_force == 0.0 && joint.break_torque == 0.0)) return;
@@ -124,7 +122,7 @@ void ContactEvents::watch_breaking(std::size_t j, std::vector<Watched>* list) co
 }
 
 // In an order that depends on what contacts and coordinates do alone.
-void ContactEvents::watch(std::vector<Watched>* list) {
+void ContactEvents::watch(List<Watched>* list) {
   list->clear();
   equations_.find_accelerations(derivative(), &rates_);
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {

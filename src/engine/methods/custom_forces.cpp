@@ -4,6 +4,7 @@
 #include <tuple>
 
 #include "engine/constraints/custom.h"
+#include "engine/math/list.h"
 #include "engine/methods/equations_of_motion.h"
 
 namespace constraint_sim::engine {
@@ -24,9 +25,9 @@ void EquationsOfMotion::pull_custom() {
   }
 }
 
-void EquationsOfMotion::add_custom_loads(double t, const std::vector<BodyState>& states) {
+void EquationsOfMotion::add_custom_loads(double t, const List<BodyState>& states) {
   if (!has_custom_forces_) return;
-  std::vector<double> y(size());
+  List<double> y(size());
   gather_state(states, y.data());
   update_kinematics(t, y.data());
   set_velocities(y.data());

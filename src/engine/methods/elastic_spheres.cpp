@@ -1,16 +1,17 @@
 #include "engine/methods/elastic_spheres.h"
 
 #include <cmath>
-#include <limits>
 
 #include "engine/mass_properties.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr double kNever = kInfinity;
 constexpr double kLowest = 1e-10;  // [m] of a bounce; what is lower lies
 
 /// When g + v t + a t²/2 falls to 0, of a gap that is open or closed; never where it is left.
@@ -67,7 +68,7 @@ void ElasticSpheres::expect_all(std::size_t a, double now) {
   for (std::size_t p = 0; p < planes_.size(); ++p) expect(a, n + p, now);
 }
 
-bool ElasticSpheres::begin(const std::vector<BodyState>& states, double most) {
+bool ElasticSpheres::begin(const List<BodyState>& states, double most) {
   const auto state_of = [&](const Sphere& sphere) -> const BodyState& {
     return states[static_cast<std::size_t>(sphere.body)];
   };
@@ -116,7 +117,7 @@ void ElasticSpheres::have_hit(const Expected& hit, double start) {
   hits_.push_back({start + hit.time, spheres_[hit.a].body, spheres_[hit.b].body, impulse});
 }
 
-IntegrationResult ElasticSpheres::advance(const SmoothSpan& span, std::vector<BodyState>* states) {
+IntegrationResult ElasticSpheres::advance(const SmoothSpan& span, List<BodyState>* states) {
   const std::size_t n = spheres_.size();
   const auto state_of = [&](std::size_t i) -> BodyState& {
     return (*states)[static_cast<std::size_t>(spheres_[i].body)];

@@ -2,9 +2,9 @@
 
 #include <cstdint>
 #include <queue>
-#include <vector>
 
 #include "constraint_sim/engine/event.h"
+#include "engine/math/list.h"
 #include "engine/methods/integrate.h"
 #include "engine/methods/method.h"
 
@@ -32,18 +32,18 @@ class ElasticSpheres {
   static constexpr std::uint32_t kMostHits = 200;  ///< of a sphere in a step, on the mean
 
   /// One that is faster than `most_speed` [m/s] may meet what is no part of this.
-  ElasticSpheres(std::vector<Sphere> spheres, std::vector<Plane> planes, double most_speed)
+  ElasticSpheres(List<Sphere> spheres, List<Plane> planes, double most_speed)
       : spheres_(std::move(spheres)), planes_(std::move(planes)), most_speed_(most_speed) {}
 
   /// False where two overlap by more than `most` [m], or one is at rest on what it lies on: that is
   /// for others.
-  bool begin(const std::vector<BodyState>& states, double most);
+  bool begin(const List<BodyState>& states, double most);
   /// As method.h says. Not done: too many hits, as of spheres that come to lie, or one too fast.
-  IntegrationResult advance(const SmoothSpan& span, std::vector<BodyState>* states);
+  IntegrationResult advance(const SmoothSpan& span, List<BodyState>* states);
 
-  const std::vector<Hit>& hits() const { return hits_; }
-  const std::vector<Sphere>& spheres() const { return spheres_; }
-  const std::vector<Plane>& planes() const { return planes_; }
+  const List<Hit>& hits() const { return hits_; }
+  const List<Sphere>& spheres() const { return spheres_; }
+  const List<Plane>& planes() const { return planes_; }
 
  private:
   /// Where a sphere was at a time, and how fast.
@@ -73,14 +73,14 @@ class ElasticSpheres {
   void expect_all(std::size_t a, double now);
   void have_hit(const Expected& hit, double start);
 
-  std::vector<Sphere> spheres_;
-  std::vector<Plane> planes_;
+  List<Sphere> spheres_;
+  List<Plane> planes_;
   double most_speed_;
-  std::vector<Flight> flights_;
+  List<Flight> flights_;
   Eigen::Vector3d gravity_;
   double end_ = 0.0;  // of the span, from its start
   std::priority_queue<Expected> expected_;
-  std::vector<Hit> hits_;
+  List<Hit> hits_;
 };
 
 }  // namespace constraint_sim::engine

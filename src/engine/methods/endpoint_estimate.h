@@ -2,14 +2,15 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <vector>
+
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
 /// Positions and velocities of points at one time: centres of mass, and of bodies that turn three
 /// points at the radius of gyration, along their axes.
 struct Points {
-  std::vector<Eigen::Vector3d> position, velocity;  ///< world [m], [m/s]
+  List<Eigen::Vector3d> position, velocity;  ///< world [m], [m/s]
 };
 
 /// Estimates the local error of a method without an embedded formula from what points do at the

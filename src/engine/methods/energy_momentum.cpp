@@ -3,33 +3,34 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/fit_velocities.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
-constexpr int kMostNewtonSteps = 25;
+constexpr int kMostStepIterations = 25;
 // Newton's steps end when a change moves nothing by more than this share of the scene, or by less
 // than the second and no longer half of the change before: then it is rounding. Or when the next
 // change, of those that go down as squares, is to be below the third, and what rows are off by then
 // below the fourth, a hundredth of rounding: what such steps leave has the same sign from step to
 // step, and changes the energy by as much as rounding of ten thousand times as many steps. That is
 // believed of changes below the second as a share of the mechanism, wherever it lies.
-constexpr double kSolved = 1e-14;
-constexpr double kRounding = 1e-7;
+constexpr double kStepSolved = 1e-14;
+constexpr double kStepRounding = 1e-7;
 constexpr double kSquared = 1e-18;
 constexpr double kRowSquared = 3e-18;
 // They are given up where the changes are larger than this, and grow.
 constexpr double kDiverged = 10.0;
 // What a row may be off then, as a share of the scene.
-constexpr double kRowSolved = 1e-11;
+constexpr double kStepRowSolved = 1e-11;
 // The same of a row that has no force in the step, where with one there is no step.
 constexpr double kMomentaryOff = 1e-9;
 // Rows off by less keep the energy: a force of 1e7 N does 1e-6 J of work over what is closed next.
 constexpr double kMomentaryMet = 1e-13;
 
-constexpr double kMostParts = 32.0;
+constexpr double kMostStepParts = 32.0;
 constexpr int kSpansUntilLonger = 4;
 
 // Suzuki's coefficients
@@ -39,7 +40,7 @@ const double kInner = 1.0 - 4.0 * kOuter;
 }  // namespace
 
 bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
-                           std::vector<BodyState>* states, IntegrationResult* progress) {
+                           List<BodyState>* states, IntegrationResult* progress) {
   for (auto& unknowns : found_) unknowns.assign(step_equations_.size(), 0.0);
   change_.assign(step_equations_.size(), 0.0);
   numbers_.resize(2 * equations->size());
@@ -62,12 +63,11 @@ int EnergyMomentum::parts_for_turning(double h, bool composes, double tolerance)
   if (speed == 0.0 || tolerance == 0.0) return 1;
   const double longest = composes ? std::sqrt(std::sqrt(1075.0 * tolerance / speed))
                                   : std::sqrt(12.0 * tolerance / speed);
-  return static_cast<int>(std::clamp(std::ceil(h * spin / longest), 1.0, kMostParts));
+  return static_cast<int>(std::clamp(std::ceil(h * spin / longest), 1.0, kMostStepParts));
 }
 
 IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
-                                          EquationsOfMotion* equations,
-                                          std::vector<BodyState>* states) {
+                                          EquationsOfMotion* equations, List<BodyState>* states) {
   const ImplicitMode mode = accuracy.mode;
   IntegrationResult progress;
   bool is_new = !has_started_ || span.is_edited || mode != mode_;
@@ -76,7 +76,7 @@ IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const Integrat
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   was_first_ = is_new = is_new || equations->has_jumped();
   if (is_new) {
-    std::vector<BodyState> before;
+    List<BodyState> before;
     if (std::isfinite(accuracy.most_projected)) before = states_of(*equations, *states);
     has_started_ = start(span, equations, states, &progress);
     if (!has_started_) {
@@ -183,8 +183,8 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
 
 // Newton's method from the unknowns there; false where it does not converge.
 bool EnergyMomentum::find_end(IntegrationResult* progress) {
-  double before = std::numeric_limits<double>::infinity();
-  for (int i = 0; i < kMostNewtonSteps; ++i) {
+  double before = kInfinity;
+  for (int i = 0; i < kMostStepIterations; ++i) {
     if (is_set(stop_)) return false;
     step_equations_.evaluate(unknowns_);
     const double worst_row = step_equations_.worst_row();
@@ -194,13 +194,14 @@ bool EnergyMomentum::find_end(IntegrationResult* progress) {
     const double moved = step_equations_.add(change_.data(), &unknowns_) / step_equations_.scale();
     const bool diverges = i > 1 && moved > kDiverged && moved > before;
     if (!std::isfinite(moved) || diverges) return false;
-    const bool is_rounding = moved < kRounding && moved > 0.5 * before;
-    const bool is_solved =
-        (moved < kSolved || is_rounding) && worst_row <= kRowSolved * step_equations_.scale();
+    const bool is_rounding = moved < kStepRounding && moved > 0.5 * before;
+    const bool is_solved = (moved < kStepSolved || is_rounding) &&
+                           worst_row <= kStepRowSolved * step_equations_.scale();
     const double ratio = i > 0 ? (moved / before) * (moved / before) : kInfinity;
     const bool is_next_nothing =
         moved * ratio < kSquared && worst_row * ratio < kRowSquared * step_equations_.scale();
-    const bool is_close = moved * step_equations_.scale() < kRounding * step_equations_.extent();
+    const bool is_close =
+        moved * step_equations_.scale() < kStepRounding * step_equations_.extent();
     if (is_solved || (is_close && is_next_nothing)) return true;
     before = moved;
   }

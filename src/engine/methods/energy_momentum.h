@@ -1,9 +1,9 @@
 #pragma once
 
 #include <array>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
+#include "engine/math/list.h"
 #include "engine/methods/endpoint_estimate.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/implicit_step.h"
@@ -25,7 +25,7 @@ class EnergyMomentum {
   /// As method.h says. The tolerance is for the turning of bodies, whose other motion the span is
   /// short enough for.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
-                            EquationsOfMotion* equations, std::vector<BodyState>* states);
+                            EquationsOfMotion* equations, List<BodyState>* states);
   /// Whether the last span was made of two halves, as a first one is.
   bool was_first() const { return was_first_; }
   /// Largest ω of the bodies by what held them in the last step [rad/s].
@@ -67,7 +67,7 @@ class EnergyMomentum {
  private:
   static constexpr std::size_t kStages = 5;
 
-  bool start(const SmoothSpan& span, EquationsOfMotion* equations, std::vector<BodyState>* states,
+  bool start(const SmoothSpan& span, EquationsOfMotion* equations, List<BodyState>* states,
              IntegrationResult* progress);
   bool step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
             IntegrationResult* progress);
@@ -79,8 +79,8 @@ class EnergyMomentum {
   ImplicitStep::Unknowns unknowns_;
   /// What was found last, by stage of the composition: where the next Newton steps begin.
   std::array<ImplicitStep::Unknowns, kStages> found_;
-  std::vector<double> change_;
-  std::vector<double> numbers_;  // a state and its derivative, as EquationsOfMotion has them
+  List<double> change_;
+  List<double> numbers_;  // a state and its derivative, as EquationsOfMotion has them
   EndpointEstimate estimate_;
   bool was_first_ = false;
   bool has_started_ = false;

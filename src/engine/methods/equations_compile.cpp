@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <iterator>
 
+#include "engine/math/list.h"
 #include "engine/methods/embedded_pairs.h"
 #include "engine/methods/equations_of_motion.h"
 
@@ -13,16 +14,14 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 constexpr std::size_t kMostStages = DormandPrince8::kStages + 1;
 
 }  // namespace
 
-EquationsOfMotion::EquationsOfMotion(std::vector<int> joints, const std::vector<Joint>& all_joints,
-                                     const Ends& ends, const std::vector<MassProperties>& masses,
-                                     const std::vector<CoupledTerms>& couplings,
-                                     const std::vector<int>& idle, const std::vector<char>& open)
+EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_joints,
+                                     const Ends& ends, const List<MassProperties>& masses,
+                                     const List<CoupledTerms>& couplings, const List<int>& idle,
+                                     const List<char>& open)
     : IslandModel(std::move(joints), all_joints, ends, masses, couplings, idle, open) {
   const auto even = [](std::size_t n) { return n + n % 2; };
   v_at_ = even(3 * bodies_.size());
@@ -81,21 +80,21 @@ void EquationsOfMotion::couple_rows() {
     double sign;
     int turn;
   };
-  std::vector<std::vector<End>> ends_on(bodies_.size());
+  List<List<End>> ends_on(bodies_.size());
   for (std::size_t i = 0; i < parts(); ++i) {
     const Row& row = part(i);
     if (row.a < bodies_.size()) ends_on[row.a].push_back({i, -1.0, row.block_a});
     if (row.b < bodies_.size()) ends_on[row.b].push_back({i, 1.0, row.block_b});
   }
-  std::vector<int> number(rows_.size(), -1);  // of rows among those kept
+  List<int> number(rows_.size(), -1);  // of rows among those kept
   kept_ = 0;
   for (std::size_t i = 0; i < rows_.size(); ++i)
     if (!is_redundant_[i]) number[i] = static_cast<int>(kept_++);
   const auto is_kept = [&](const End& end) { return !is_redundant_[row_of_part(end.row)]; };
   const auto number_of = [&](const End& end) { return number[row_of_part(end.row)]; };
 
-  std::vector<std::pair<int, int>> pattern;
-  std::vector<std::vector<End>> kept_on(bodies_.size());
+  List<std::pair<int, int>> pattern;
+  List<List<End>> kept_on(bodies_.size());
   for (std::size_t body = 0; body < bodies_.size(); ++body) {
     auto& ends = kept_on[body];
     std::copy_if(ends_on[body].begin(), ends_on[body].end(), std::back_inserter(ends), is_kept);
@@ -107,7 +106,7 @@ void EquationsOfMotion::couple_rows() {
 
   std::size_t last = kept_;
   for (std::size_t i = 0; i < rows_.size(); ++i)
-    rows_[i].unknown = is_redundant_[i] ? last++ : at(ldlt_.place(number[i]));
+    rows_[i].unknown = is_redundant_[i] ? last++ : to_index(ldlt_.place(number[i]));
   for (AngularBlock& turn : angular_blocks_) turn.unknown = rows_[row_of_part(turn.row)].unknown;
 
   pulls_.clear();
@@ -147,7 +146,7 @@ void EquationsOfMotion::couple_rows() {
       }
       if (!rotates(body)) continue;
       for (std::size_t n = 0; n <= m; ++n) {
-        const AngularCoupling coupling{at(ends[m].turn), at(ends[n].turn),
+        const AngularCoupling coupling{to_index(ends[m].turn), to_index(ends[n].turn),
                                        ldlt_.slot(number_of(ends[m]), number_of(ends[n]))};
         angular_couplings_.push_back(coupling);
         if (n < m && number_of(ends[m]) == number_of(ends[n]))  // both parts of one row

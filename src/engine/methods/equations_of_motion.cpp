@@ -3,9 +3,10 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <limits>
 
 #include "engine/linear/larger.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/embedded_pairs.h"
 #include "engine/methods/quaternion_state.h"
 
@@ -17,10 +18,6 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using ConstVector = Eigen::Map<const Vector3d>;
 using Vector = Eigen::Map<Vector3d>;
-
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // without the call that std::copy is, for a few numbers
 void copy(const double* from, std::size_t n, double* to) {
@@ -142,8 +139,8 @@ void EquationsOfMotion::update_arms() {
     const std::size_t end = is_rod(l) ? l + 1 : begin + 3;
     for (std::size_t i = begin; i < end; ++i) {
       const Row& row = rows_[i];
-      if (row.block_a >= 0) J_angular_[at(row.block_a)] = direction_[i].cross(arm_a_[l]);
-      if (row.block_b >= 0) J_angular_[at(row.block_b)] = arm_b_[l].cross(direction_[i]);
+      if (row.block_a >= 0) J_angular_[row.block_a] = direction_[i].cross(arm_a_[l]);
+      if (row.block_b >= 0) J_angular_[row.block_b] = arm_b_[l].cross(direction_[i]);
     }
   }
   for (std::size_t p = 0; p < angular_blocks_.size(); ++p)
@@ -152,7 +149,7 @@ void EquationsOfMotion::update_arms() {
 
 // A = G M⁻¹ Gᵀ here
 void EquationsOfMotion::find_matrix() {
-  std::vector<double>& A = ldlt_.values();
+  List<double>& A = ldlt_.values();
   std::fill(A.begin(), A.end(), 0.0);
   for (const LinearCoupling& c : linear_couplings_)
     A[c.slot] += c.inverse_mass * direction_[c.i].dot(direction_[c.j]);

@@ -7,7 +7,6 @@
 #include <cstddef>
 #include <limits>
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "engine/constraints/coupling.h"
@@ -16,6 +15,8 @@
 #include "engine/linear/sparse_ldlt.h"
 #include "engine/linear/tridiagonal_ldlt.h"
 #include "engine/mass_properties.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/body_tree.h"
 #include "engine/methods/chain_pair.h"
 #include "engine/methods/integrate.h"
@@ -46,11 +47,10 @@ class EquationsOfMotion : public IslandModel {
   /// where none does. `idle`: joints that do nothing here; their bodies move with the others.
   /// `open`: ball joints that are being closed, which are general ones until they are compiled
   /// anew, by index; empty where none is. Only this allocates.
-  EquationsOfMotion(std::vector<int> joints, const std::vector<Joint>& all_joints,
-                    const std::vector<std::pair<std::size_t, std::size_t>>& ends,
-                    const std::vector<MassProperties>& masses,
-                    const std::vector<CoupledTerms>& couplings = {},
-                    const std::vector<int>& idle = {}, const std::vector<char>& open = {});
+  EquationsOfMotion(List<int> joints, const List<Joint>& all_joints,
+                    const List<std::pair<std::size_t, std::size_t>>& ends,
+                    const List<MassProperties>& masses, const List<CoupledTerms>& couplings = {},
+                    const List<int>& idle = {}, const List<char>& open = {});
 
   /// Bodies that turn on joints with rows, without a loop, and no frame of a joint moves now.
   bool is_tree() const {
@@ -100,12 +100,11 @@ class EquationsOfMotion : public IslandModel {
   /// Marks rows without a force, with the bodies there and those that turn so: redundant rows by
   /// kRedundant, and rows whose pivot falls below this share of its entry by kMomentary. False
   /// where the step before has left redundant rows so far off that it has to be shorter.
-  bool find_dependent(double t, const std::vector<Eigen::Vector3d>& positions,
-                      const std::vector<Eigen::Quaterniond>& orientations, double least,
-                      std::vector<char>* rows);
+  bool find_dependent(double t, const List<Eigen::Vector3d>& positions,
+                      const List<Eigen::Quaterniond>& orientations, double least, List<char>* rows);
   /// Whether the redundant rows are met there; makes those that are not ordinary rows again.
-  bool redundant_rows_are_met(double t, const std::vector<Eigen::Vector3d>& positions,
-                              const std::vector<Eigen::Quaterniond>& orientations);
+  bool redundant_rows_are_met(double t, const List<Eigen::Vector3d>& positions,
+                              const List<Eigen::Quaterniond>& orientations);
   /// Of its rigid rows.
   void add_impulse(std::size_t l, const RowVector& impulse);
   void add_coupled_impulse(std::size_t coupled, double impulse) {
@@ -129,21 +128,20 @@ class EquationsOfMotion : public IslandModel {
 
   // ---- a span of time in which nothing jumps
 
-  void gather_state(const std::vector<BodyState>& states, double* y) const;
-  void scatter_state(const double* y, std::vector<BodyState>* states);
+  void gather_state(const List<BodyState>& states, double* y) const;
+  void scatter_state(const double* y, List<BodyState>* states);
   /// Adds custom forces as they are in these states to what acts, as if they were constant; after
   /// begin(), for methods that evaluate no others.
-  void add_custom_loads(double t, const std::vector<BodyState>& states);
+  void add_custom_loads(double t, const List<BodyState>& states);
   /// Sets what acts from time t on; `courses` are those of all joints of the world. `since_tick`:
   /// from the tick's start, where bodies that move by themselves still are in `states` [s].
-  void begin(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
-             const std::vector<AppliedWrench>& loads, const std::vector<PrescribedMotion>& courses,
+  void begin(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
+             const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses,
              double since_tick = 0.0);
   /// Lets equations that were just compiled, with what visit_memory() reads, go on from the span
   /// before.
-  void continue_from(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
-                     const std::vector<AppliedWrench>& loads,
-                     const std::vector<PrescribedMotion>& courses) {
+  void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
+                     const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses) {
     const double scale = fixed_scale_;  // of where coupled coordinates were when that began
     const bool knows_energy = knows_energy_;
     begin(t, states, gravity, loads, courses);
@@ -169,7 +167,7 @@ class EquationsOfMotion : public IslandModel {
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit, bool with_first_stage) {
     if constexpr (Visit::kReads) {
-      std::vector<char> redundant;
+      List<char> redundant;
       visit(redundant);
       self.set_redundant(redundant);
     } else {
@@ -197,7 +195,7 @@ class EquationsOfMotion : public IslandModel {
 
   /// What moves, one of these a body as bodies().
   struct Motions {
-    std::vector<Eigen::Vector3d> linear, angular;  ///< of bodies that do not turn here 0
+    List<Eigen::Vector3d> linear, angular;  ///< of bodies that do not turn here 0
   };
   /// An impulse on two bodies, by index; others than bodies() do not move.
   struct BodyImpulse {
@@ -205,12 +203,11 @@ class EquationsOfMotion : public IslandModel {
     std::array<Eigen::Vector3d, 2> linear, angular;
   };
   /// The change of velocities, and in `impulses` what rigid rows do to keep their rates.
-  Motions held_response(const BodyImpulse& impulse, std::vector<double>* impulses);
+  Motions held_response(const BodyImpulse& impulse, List<double>* impulses);
   /// The same without any rows: impulse times change of velocity [J].
   double free_response(const BodyImpulse& impulse) const;
   /// Adds `share` of such a change to the velocities, and to the impulses of the joints.
-  void add_response(const Motions& change, const std::vector<double>& impulses, double share,
-                    double* y);
+  void add_response(const Motions& change, const List<double>& impulses, double share, double* y);
   /// Accelerations that a derivative at y says.
   void find_accelerations(const double* y, const double* dydt, Motions* rates) const;
   /// Largest force that the last first stage knows of, loads and gravity included [N or N m].
@@ -225,7 +222,7 @@ class EquationsOfMotion : public IslandModel {
   // ---- what the joints did since begin_step()
 
   /// Clears it, and takes coordinates from the states of all joints.
-  void begin_step(const std::vector<JointState>& states);
+  void begin_step(const List<JointState>& states);
   /// As read_smooth_joint() wants it, of joints()[l].
   RowVector impulse(std::size_t l) const;
   /// Of its rigid rows alone.
@@ -302,7 +299,7 @@ class EquationsOfMotion : public IslandModel {
   bool project_by(double t, double* y, FindValues find_values, Correct correct) {
     if (is_time_dependent()) move_with_time(t);
     double error = find_values();
-    const double rounding = std::numeric_limits<double>::epsilon() * std::max(scale_, error);
+    const double rounding = kEpsilon * std::max(scale_, error);
     while (!(error <= rounding)) {
       correct();
       const double before = error;
@@ -371,7 +368,7 @@ class EquationsOfMotion : public IslandModel {
   void find_right_hand_side(const Eigen::Vector3d* free, double* b) const;
   void multipliers_to_forces(double* lambda) const;
 
-  bool rates_jump(const std::vector<PrescribedMotion>& courses) const;
+  bool rates_jump(const List<PrescribedMotion>& courses) const;
   double largest_coordinate(const double* y) const;
   Eigen::Vector3d d_dot(std::size_t l) const;
   Eigen::Vector3d gamma_d(std::size_t l) const;
@@ -392,10 +389,10 @@ class EquationsOfMotion : public IslandModel {
   bool is_conservative() const;
   int choose_rows(double t, const double* y);
   Eigen::MatrixXd dense_matrix();
-  std::vector<char> independent_rows(double least);
+  List<char> independent_rows(double least);
   double self_stress_imbalance(std::size_t row);
   double redundant_self_stress() const;
-  void set_redundant(const std::vector<char>& redundant);
+  void set_redundant(const List<char>& redundant);
   double offset_of(std::size_t l, const PrescribedMotion& course, bool with_motors) const;
   double closing_arm(std::size_t l) const;
   double opening(bool with_motors) const;
@@ -406,10 +403,10 @@ class EquationsOfMotion : public IslandModel {
   double redundant_limit(std::size_t row) const;
   bool redundant_rows_are_off() const;
   bool restore_redundant_if_off();
-  void make_rows_again(const std::vector<char>& redundant);
+  void make_rows_again(const List<char>& redundant);
   bool redundant_rates_are_met();
-  void read_pose(const std::vector<Eigen::Vector3d>& positions,
-                 const std::vector<Eigen::Quaterniond>& orientations);
+  void read_pose(const List<Eigen::Vector3d>& positions,
+                 const List<Eigen::Quaterniond>& orientations);
   bool choose_again(double t, const double* y);
   void verify_left_out(double least);
   void note_left_out();
@@ -432,15 +429,15 @@ class EquationsOfMotion : public IslandModel {
 
   // in a state, where x is at 0; even, so that no pair of numbers is of two kinds
   std::size_t v_at_ = 0, q_at_ = 0, L_at_ = 0, size_ = 0;
-  std::vector<Pull> pulls_;  // on one body after the other
-  std::vector<std::size_t> pulls_end_;
-  std::vector<LinearCoupling> linear_couplings_;
-  std::vector<AngularCoupling> angular_couplings_;
+  List<Pull> pulls_;  // on one body after the other
+  List<std::size_t> pulls_end_;
+  List<LinearCoupling> linear_couplings_;
+  List<AngularCoupling> angular_couplings_;
   SparseLdlt ldlt_;
-  TridiagonalLdlt tridiagonal_;         // of a chain, where no rows depend on each other
-  std::vector<Eigen::Vector3d> falls_;  // of its rods
-  std::vector<ChainPair> pairs_;        // of a chain of bodies, from its ends to the middle
-  BodyTree tree_;                       // of a tree of bodies
+  TridiagonalLdlt tridiagonal_;  // of a chain, where no rows depend on each other
+  List<Eigen::Vector3d> falls_;  // of its rods
+  List<ChainPair> pairs_;        // of a chain of bodies, from its ends to the middle
+  BodyTree tree_;                // of a tree of bodies
 
   // ---- what acts in this span
   double tick_start_ = 0.0;
@@ -448,65 +445,65 @@ class EquationsOfMotion : public IslandModel {
   bool fixed_points_move_ = false;
   bool is_time_dependent_ = false;  // these, or courses
   bool has_jumped_ = false;
-  double placed_at_ = 0.0, noted_at_ = 0.0;  // times of place(), and of positions of coordinates
-  double fixed_scale_ = 0.0;                 // largest coordinate of fixed points, or length [m]
-  double scale_ = 0.0;                       // also of bodies: what rounding goes by
-  std::vector<Eigen::Vector3d> applied_acceleration_;              // of points
-  std::vector<Eigen::Vector3d> applied_torque_;                    // of those that turn
-  std::vector<std::pair<std::size_t, PrescribedMotion>> courses_;  // of links that change with time
-  std::vector<bool> is_changing_;                                  // links that do
+  double placed_at_ = 0.0, noted_at_ = 0.0;     // times of place(), and of positions of coordinates
+  double fixed_scale_ = 0.0;                    // largest coordinate of fixed points, or length [m]
+  double scale_ = 0.0;                          // also of bodies: what rounding goes by
+  List<Eigen::Vector3d> applied_acceleration_;  // of points
+  List<Eigen::Vector3d> applied_torque_;        // of those that turn
+  List<std::pair<std::size_t, PrescribedMotion>> courses_;  // of links that change with time
+  List<bool> is_changing_;                                  // links that do
 
   // ---- where things are and what they do, as of the last evaluation
-  std::vector<Eigen::Vector3d> position_, velocity_, acceleration_, constraint_force_;  // of points
-  std::vector<Eigen::Matrix3d> orientation_, inverse_inertia_;  // of those that turn
-  std::vector<Eigen::Vector3d> angular_velocity_, angular_acceleration_, torque_,
-      constraint_torque_;                                  // of those that turn
-  std::vector<Eigen::Vector3d> d_;                         // of ball joints and springs, as links
-  std::vector<Eigen::Vector3d> arm_a_, arm_b_;             // of links
-  std::vector<Prescribed> length_;                         // of links
-  std::vector<JointVectors> vectors_;                      // of general joints
-  std::vector<MovingFrame> frames_;                        // the same, on B
-  std::vector<JointMotion> motions_;                       // of these, since set_velocities()
-  std::vector<Eigen::Matrix3d> fixed_axes_;                // of fixed points, where they have axes
-  std::vector<Eigen::Vector3d> direction_;                 // of parts: d of rods, an axis of balls
-  std::vector<double> value_, rate_;                       // of rows
-  std::vector<double> value_target_;                       // of rows of general joints
-  std::vector<double> rate_target_, acceleration_target_;  // of rows
-  std::vector<Eigen::Vector3d> J_angular_, M_inv_Jt_;      // of turns: J_ang, I⁻¹ J_angᵀ
+  List<Eigen::Vector3d> position_, velocity_, acceleration_, constraint_force_;  // of points
+  List<Eigen::Matrix3d> orientation_, inverse_inertia_;  // of those that turn
+  List<Eigen::Vector3d> angular_velocity_, angular_acceleration_, torque_,
+      constraint_torque_;                           // of those that turn
+  List<Eigen::Vector3d> d_;                         // of ball joints and springs, as links
+  List<Eigen::Vector3d> arm_a_, arm_b_;             // of links
+  List<Prescribed> length_;                         // of links
+  List<JointVectors> vectors_;                      // of general joints
+  List<MovingFrame> frames_;                        // the same, on B
+  List<JointMotion> motions_;                       // of these, since set_velocities()
+  List<Eigen::Matrix3d> fixed_axes_;                // of fixed points, where they have axes
+  List<Eigen::Vector3d> direction_;                 // of parts: d of rods, an axis of balls
+  List<double> value_, rate_;                       // of rows
+  List<double> value_target_;                       // of rows of general joints
+  List<double> rate_target_, acceleration_target_;  // of rows
+  List<Eigen::Vector3d> J_angular_, M_inv_Jt_;      // of turns: J_ang, I⁻¹ J_angᵀ
 
   // ---- rows that follow from others
-  std::size_t kept_ = 0;               // rows that have a force
-  bool has_chosen_ = false;            // which rows are redundant
-  std::vector<char> is_redundant_;     // rows
-  std::vector<char> is_of_branch_;     // rows that no loop of joints goes through
-  std::vector<char> is_needed_;        // rows that were redundant once, and should not have been
-  std::vector<char> is_verified_;      // rows left out, whose forces balance those of others
-  std::vector<double> imbalance_;      // of the forces of redundant rows, when they were chosen
-  std::vector<double> redundant_off_;  // what redundant rows may be off by [m]
-  double worst_redundant_ = 0.0;       // share of that, as of find_values()
-  double pivot_at_choice_ = 1.0;       // the smallest of the rows kept
-  int too_far_ = 0;                    // steps in a row that took the rows kept near dependence
-  int left_out_for_ = 0;               // restarts in a row
-  int choose_after_ = 0;               // such restarts
-  double time_ = 0.0;                  // of the last project() [s]
-  double substep_ = 0.0;               // the last one [s]
-  double momentary_error_ = 0.0;       // since begin_step() [m]
-  bool came_back_ = false;             // rows that were left out, since the last restart()
-  bool knows_energy_ = false;          // where momentary rows were left out last
-  double energy_ = 0.0;                // that, of loads and springs as well [J]
-  double projected_energy_ = 0.0;      // since take_projected_energy() [J]
+  std::size_t kept_ = 0;           // rows that have a force
+  bool has_chosen_ = false;        // which rows are redundant
+  List<char> is_redundant_;        // rows
+  List<char> is_of_branch_;        // rows that no loop of joints goes through
+  List<char> is_needed_;           // rows that were redundant once, and should not have been
+  List<char> is_verified_;         // rows left out, whose forces balance those of others
+  List<double> imbalance_;         // of the forces of redundant rows, when they were chosen
+  List<double> redundant_off_;     // what redundant rows may be off by [m]
+  double worst_redundant_ = 0.0;   // share of that, as of find_values()
+  double pivot_at_choice_ = 1.0;   // the smallest of the rows kept
+  int too_far_ = 0;                // steps in a row that took the rows kept near dependence
+  int left_out_for_ = 0;           // restarts in a row
+  int choose_after_ = 0;           // such restarts
+  double time_ = 0.0;              // of the last project() [s]
+  double substep_ = 0.0;           // the last one [s]
+  double momentary_error_ = 0.0;   // since begin_step() [m]
+  bool came_back_ = false;         // rows that were left out, since the last restart()
+  bool knows_energy_ = false;      // where momentary rows were left out last
+  double energy_ = 0.0;            // that, of loads and springs as well [J]
+  double projected_energy_ = 0.0;  // since take_projected_energy() [J]
   bool is_inconsistent_ = false;
 
   bool factors_are_there_ = false;
   int left_out_ = 0;  // rows without a force in the factors that are there, redundant ones apart
   int dependent_rows_ = 0;
-  std::vector<double> solution_, residual_, stress_;  // by unknown
+  List<double> solution_, residual_, stress_;  // by unknown
   // by unknown, then of springs and soft coordinates; stage by stage
-  std::vector<double> stage_forces_;
-  std::vector<double> impulses_;  // the same, summed up
-  std::vector<double> kept_impulses_, kept_positions_, kept_forces_;
-  std::vector<double> pose_;     // a state, for find_dependent()
-  std::vector<double> squares_;  // ω² of bodies, for frequency()
+  List<double> stage_forces_;
+  List<double> impulses_;  // the same, summed up
+  List<double> kept_impulses_, kept_positions_, kept_forces_;
+  List<double> pose_;     // a state, for find_dependent()
+  List<double> squares_;  // ω² of bodies, for frequency()
 };
 
 }  // namespace constraint_sim::engine

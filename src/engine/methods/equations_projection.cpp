@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/linear/larger.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/quaternion_state.h"
 
@@ -14,13 +14,11 @@ namespace {
 using Eigen::Vector3d;
 using Vector = Eigen::Map<Vector3d>;
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-
 // Rows left out are passed at velocities that are off by no more than the square root of their
 // pivot.
-constexpr double kRatesAgree = 1e-4;  // of the largest speed
-constexpr int kMostNewtonSteps = 8;
-constexpr double kProjected = 1e-10;  // of the scene's size: more is no solution
+constexpr double kLeftOutRatesAgree = 1e-4;  // of the largest speed
+constexpr int kMostProjectionSteps = 8;
+constexpr double kProjectionFailed = 1e-10;  // of the scene's size: more is no solution
 
 }  // namespace
 
@@ -85,7 +83,7 @@ double EquationsOfMotion::largest_speed() const {
 bool EquationsOfMotion::prescribed_rates_are_met() {
   find_rates();
   if (!is_time_dependent()) return true;
-  const double most = kRatesAgree * largest_speed();
+  const double most = kLeftOutRatesAgree * largest_speed();
   for (std::size_t i = 0; i < rows_.size(); ++i)
     if (!is_redundant_[i] && std::abs(rate_[i] - rate_target_[i]) > most * row_length(i))
       return false;
@@ -106,7 +104,7 @@ bool EquationsOfMotion::fit_positions(double t, double* y) {
   double* const q = y + q_at_;
   time_ = t;
   update_prescribed(t);
-  double before = std::numeric_limits<double>::infinity();
+  double before = kInfinity;
   double rounding = 0.0;
   bool factors_are_near = true;
   for (int i = 0;; ++i) {
@@ -118,11 +116,12 @@ bool EquationsOfMotion::fit_positions(double t, double* y) {
     if (!(error <= 0.5 * before)) {
       if (error <= 16.0 * rounding) return !restore_redundant_if_off();
       if (!factors_are_near || !std::isfinite(error))
-        return error <= kProjected * scale_ && !restore_redundant_if_off();
+        return error <= kProjectionFailed * scale_ && !restore_redundant_if_off();
       factors_are_near = false;
       factor(kLeastPivotOfProjections);
     }
-    if (i == kMostNewtonSteps) return error <= kProjected * scale_ && !restore_redundant_if_off();
+    if (i == kMostProjectionSteps)
+      return error <= kProjectionFailed * scale_ && !restore_redundant_if_off();
     before = error;
 
     for (std::size_t r = 0; r < rows_.size(); ++r) solution_[rows_[r].unknown] = -value_[r];

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/math/list.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/quaternion_state.h"
 
@@ -14,8 +15,6 @@ using Eigen::Quaterniond;
 using Eigen::Vector3d;
 using ConstVector = Eigen::Map<const Vector3d>;
 using Vector = Eigen::Map<Vector3d>;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
@@ -40,7 +39,7 @@ RowVector EquationsOfMotion::by_function(std::size_t l, const RowVector& of_rows
   if (!is_general(l)) return of_rows;
   RowVector sorted = RowVector::Zero();
   const Link& link = links_[l];
-  for (int k = 0; k < link.rows; ++k) sorted[link.function[at(k)]] = of_rows[k];
+  for (int k = 0; k < link.rows; ++k) sorted[link.function[k]] = of_rows[k];
   for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
     sorted[softs_[s].function] += of_unknowns[soft_force(s)];
   return sorted;
@@ -79,17 +78,17 @@ Vector3d EquationsOfMotion::body_velocity(std::size_t fixed_point, double t) con
   return body.linear_velocity + body.angular_velocity.cross(position_[fixed_point] - centre);
 }
 
-void EquationsOfMotion::read_pose(const std::vector<Vector3d>& positions,
-                                  const std::vector<Quaterniond>& orientations) {
+void EquationsOfMotion::read_pose(const List<Vector3d>& positions,
+                                  const List<Quaterniond>& orientations) {
   pose_.resize(size());
   for (std::size_t i = 0; i < bodies_.size(); ++i) Vector(pose_.data() + 3 * i) = positions[i];
   for (std::size_t i = 0; i < rotating_; ++i)
     Eigen::Map<Eigen::Vector4d>(pose_.data() + q_at_ + 4 * i) = orientations[i].coeffs();
 }
 
-bool EquationsOfMotion::find_dependent(double t, const std::vector<Vector3d>& positions,
-                                       const std::vector<Quaterniond>& orientations, double least,
-                                       std::vector<char>* rows) {
+bool EquationsOfMotion::find_dependent(double t, const List<Vector3d>& positions,
+                                       const List<Quaterniond>& orientations, double least,
+                                       List<char>* rows) {
   read_pose(positions, orientations);
   update_prescribed(t);
   update_kinematics(t, pose_.data());
@@ -141,10 +140,10 @@ bool EquationsOfMotion::count_turns(std::size_t l,
   if (!is_general(l) || (link.softs == 0 && coupled_.empty())) return false;
   positions->fill(std::numeric_limits<double>::quiet_NaN());
   for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
-    (*positions)[at(softs_[s].function - info(link.kind).rows)] = softs_[s].position;
+    (*positions)[softs_[s].function - info(link.kind).rows] = softs_[s].position;
   for (const CoupledRow& coupled : coupled_)
     for (const CoupledRow::Term& term : coupled.terms)
-      if (term.link == l) (*positions)[at(term.coordinate)] = term.position;
+      if (term.link == l) (*positions)[term.coordinate] = term.position;
   return true;
 }
 
@@ -182,8 +181,8 @@ double EquationsOfMotion::frequency() {
     const double force = std::abs(forces[rows_[row_of_part(i)].unknown]);
     for (const int turn : {part(i).block_a, part(i).block_b}) {
       if (turn < 0) continue;
-      const std::size_t body = angular_blocks_[at(turn)].body;
-      squares_[body] += force * J_angular_[at(turn)].norm() / inertia_[body].minCoeff();
+      const std::size_t body = angular_blocks_[turn].body;
+      squares_[body] += force * J_angular_[turn].norm() / inertia_[body].minCoeff();
     }
   }
   return std::sqrt(*std::max_element(squares_.begin(), squares_.end()));

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/equations_of_motion.h"
 
 namespace constraint_sim::engine {
@@ -15,18 +17,14 @@ using Eigen::Vector3d;
 using ConstVector = Eigen::Map<const Vector3d>;
 using Vector = Eigen::Map<Vector3d>;
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 }  // namespace
 
-void EquationsOfMotion::gather_state(const std::vector<BodyState>& states, double* y) const {
+void EquationsOfMotion::gather_state(const List<BodyState>& states, double* y) const {
   double* v = y + v_at_;
   double* q = y + q_at_;
   double* L = y + L_at_;
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
-    const BodyState& state = states[at(bodies_[i])];
+    const BodyState& state = states[bodies_[i]];
     Vector(y + 3 * i) = state.position;
     Vector(v + 3 * i) = state.linear_velocity;
     if (!rotates(i)) continue;
@@ -35,13 +33,13 @@ void EquationsOfMotion::gather_state(const std::vector<BodyState>& states, doubl
   }
 }
 
-void EquationsOfMotion::scatter_state(const double* y, std::vector<BodyState>* states) {
+void EquationsOfMotion::scatter_state(const double* y, List<BodyState>* states) {
   scale_ = std::max(fixed_scale_, largest_coordinate(y));
   const double* v = y + v_at_;
   const double* q = y + q_at_;
   const double* L = y + L_at_;
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
-    BodyState& state = (*states)[at(bodies_[i])];
+    BodyState& state = (*states)[bodies_[i]];
     state.position = ConstVector(y + 3 * i);
     state.linear_velocity = ConstVector(v + 3 * i);
     if (!rotates(i)) continue;
@@ -51,9 +49,9 @@ void EquationsOfMotion::scatter_state(const double* y, std::vector<BodyState>* s
   }
 }
 
-void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
-                              const Vector3d& gravity, const std::vector<AppliedWrench>& loads,
-                              const std::vector<PrescribedMotion>& courses, double since_tick) {
+void EquationsOfMotion::begin(double t, const List<BodyState>& states, const Vector3d& gravity,
+                              const List<AppliedWrench>& loads,
+                              const List<PrescribedMotion>& courses, double since_tick) {
   std::fill_n(applied_acceleration_.begin(), bodies_.size(), gravity);
   for (Vector3d& torque : applied_torque_) torque.setZero();
   for (const AppliedWrench& load : loads) {
@@ -68,7 +66,7 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
   noted_at_ = t;
   fixed_points_move_ = false;
   for (FixedPoint& point : fixed_points_) {
-    point.start = states[at(point.body)];
+    point.start = states[point.body];
     fixed_points_move_ = fixed_points_move_ || !point.start.linear_velocity.isZero(0.0) ||
                          !point.start.angular_velocity.isZero(0.0);
   }
@@ -81,7 +79,7 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
   std::fill(rate_target_.begin(), rate_target_.end(), 0.0);
   std::fill(acceleration_target_.begin(), acceleration_target_.end(), 0.0);
   for (std::size_t l = 0; l < links_.size(); ++l) {
-    const PrescribedMotion& course = courses[at(joints_[l])];
+    const PrescribedMotion& course = courses[joints_[l]];
     if (is_changing_[l] == course.is_constant()) {
       has_jumped_ = true;
       has_chosen_ = false;
@@ -116,9 +114,9 @@ void EquationsOfMotion::begin(double t, const std::vector<BodyState>& states,
 
 // Whether a motor asks for another rate from t on than until then, since its time is over or it was
 // set anew while another one, or a sinusoid, goes on.
-bool EquationsOfMotion::rates_jump(const std::vector<PrescribedMotion>& courses) const {
+bool EquationsOfMotion::rates_jump(const List<PrescribedMotion>& courses) const {
   for (const auto& [l, before] : courses_)
-    if (!courses[at(joints_[l])].is_driven_as(before)) return true;
+    if (!courses[joints_[l]].is_driven_as(before)) return true;
   return false;
 }
 
@@ -179,16 +177,16 @@ bool EquationsOfMotion::meet(double t, double* y) {
   }
 }
 
-void EquationsOfMotion::begin_step(const std::vector<JointState>& states) {
+void EquationsOfMotion::begin_step(const List<JointState>& states) {
   for (SoftCoordinate& soft : softs_) {
-    const auto i = at(soft.function - info(links_[soft.link].kind).rows);
-    const CoordinateState& state = states[at(joints_[soft.link])].coordinates[i];
+    const auto i = to_index(soft.function - info(links_[soft.link].kind).rows);
+    const CoordinateState& state = states[joints_[soft.link]].coordinates[i];
     soft.position = state.position;
   }
   for (CoupledRow& coupled : coupled_) {
-    coupled.constant = states[at(joints_[coupled.link])].coupling.constant;
+    coupled.constant = states[joints_[coupled.link]].coupling.constant;
     for (CoupledRow::Term& term : coupled.terms)
-      term.position = states[at(joints_[term.link])].coordinates[at(term.coordinate)].position;
+      term.position = states[joints_[term.link]].coordinates[term.coordinate].position;
   }
   std::fill(impulses_.begin(), impulses_.end(), 0.0);
   dependent_rows_ = 0;

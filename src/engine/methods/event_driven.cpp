@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/constraints/joint_kinds.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/event_span.h"
 #include "engine/methods/law_events.h"
 
@@ -15,36 +16,31 @@ using Eigen::Vector3d;
 
 constexpr std::uint32_t kMostEvents = 5000;  // in a step
 constexpr double kShortest = 1e-12;          // [s] of a course; an event may be where a span ends
-constexpr int kMostUnchanged = 100;          // in a step, that changed nothing
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
 // ---- compiled
 
-EventDriven::EventDriven(const std::vector<int>& members, const std::vector<Joint>& all_joints,
-                         const Ends& ends, const std::vector<CoupledTerms>& couplings,
-                         const std::vector<MassProperties>& masses, const std::vector<char>& open)
+EventDriven::EventDriven(const List<int>& members, const List<Joint>& all_joints, const Ends& ends,
+                         const List<CoupledTerms>& couplings, const List<MassProperties>& masses,
+                         const List<char>& open)
     : members_(members), bare_({}, {}, {}, masses) {
   for (const int j : members_) {
-    const Joint& joint = all_joints[at(j)];
+    const Joint& joint = all_joints[j];
     const std::size_t l = joints_.size();
     joints_.push_back(joint);
     joints_.back().name.clear();  // so that copies allocate nothing
-    ends_.push_back(ends[at(j)]);
-    if (!open.empty()) open_.push_back(open[at(j)]);
+    ends_.push_back(ends[j]);
+    if (!open.empty()) open_.push_back(open[j]);
     first_law_.push_back(laws_.size());
     add_one_sided_laws(joint, l, &laws_);
     if ((joint.break_force > 0.0 || joint.break_torque > 0.0) && !couples_joints(joint.kind)) {
-      const auto most = [](double force) {
-        return force > 0.0 ? force : std::numeric_limits<double>::infinity();
-      };
+      const auto most = [](double force) { return force > 0.0 ? force : kInfinity; };
       breaking_.push_back({l, most(joint.break_force), most(joint.break_torque)});
     }
     if (!couples(joint.kind)) continue;
     couplings_.resize(members_.size());
-    couplings_[l] = couplings[at(j)];
+    couplings_[l] = couplings[j];
     for (CoupledTerm& term : couplings_[l]) {
       const auto found = std::find(members_.begin(), members_.end(), static_cast<int>(term.joint));
       term.joint = static_cast<std::size_t>(found - members_.begin());
@@ -77,7 +73,7 @@ std::pair<std::size_t, std::size_t> EventDriven::laws_of(std::size_t joint) cons
 }
 
 // the joint with rows as the states say; false where it does not act
-bool EventDriven::switched(std::size_t joint, const std::vector<OneSidedState>& states,
+bool EventDriven::switched(std::size_t joint, const List<OneSidedState>& states,
                            Joint* result) const {
   *result = joints_[joint];
   if (is_broken_[joint]) return false;
@@ -85,18 +81,18 @@ bool EventDriven::switched(std::size_t joint, const std::vector<OneSidedState>& 
   return with_rows_switched(laws_.data() + first, states.data() + first, count, result);
 }
 
-EquationsOfMotion EventDriven::compile(const std::vector<OneSidedState>& states,
-                                       const std::vector<MassProperties>& masses) const {
-  std::vector<Joint> joints = joints_;
-  std::vector<int> acting, idle;
+EquationsOfMotion EventDriven::compile(const List<OneSidedState>& states,
+                                       const List<MassProperties>& masses) const {
+  List<Joint> joints = joints_;
+  List<int> acting, idle;
   for (std::size_t l = 0; l < joints_.size(); ++l)
     (switched(l, states, &joints[l]) ? acting : idle).push_back(static_cast<int>(l));
   return {acting, joints, ends_, masses, couplings_, idle, open_};
 }
 
 // both the bare equations and those of the rows that act
-void EventDriven::compile_again(const std::vector<MassProperties>& masses, RungeKutta* motion) {
-  bare_ = compile(std::vector<OneSidedState>(laws_.size()), masses);
+void EventDriven::compile_again(const List<MassProperties>& masses, RungeKutta* motion) {
+  bare_ = compile(List<OneSidedState>(laws_.size()), masses);
   std::swap(is_broken_, broken_then_);
   *motion = RungeKutta(compile(compiled_for_, masses));
   std::swap(is_broken_, broken_then_);
@@ -106,8 +102,8 @@ void EventDriven::compile_again(const std::vector<MassProperties>& masses, Runge
 
 // bodies that move by themselves are where the tick starts
 BodyState EventDriven::body(const Span& span, int body, double t) const {
-  BodyState state = (*span.states)[at(body)];
-  if (span.around.masses[at(body)].is_movable()) return state;
+  BodyState state = (*span.states)[body];
+  if (span.around.masses[body].is_movable()) return state;
   const double since = t - (span.all.t - span.all.since_tick);
   state.position += since * state.linear_velocity;
   if (!state.angular_velocity.isZero(0.0))
@@ -131,7 +127,7 @@ EventDriven::Reading EventDriven::read(const Span& span, const OneSidedLaw& law,
   if (frame.moves) motion.add(frame, b.orientation.toRotationMatrix());
   Reading reading;
   const double reference =
-      law.is_distance ? 0.0 : joint_states_[law.joint].coordinates[at(law.coordinate)].position;
+      law.is_distance ? 0.0 : joint_states_[law.joint].coordinates[law.coordinate].position;
   reading.q = engine::reading(law.form, value(law.form, vectors), law.zero, reference);
   reading.rate = rate(law.form, vectors, motion);
   reading.J = jacobian(law.form, vectors);
@@ -140,7 +136,7 @@ EventDriven::Reading EventDriven::read(const Span& span, const OneSidedLaw& law,
   for (int k = 0; k < 2; ++k) {
     linear[k].setZero();
     angular[k].setZero();
-    const std::vector<int>& bodies = equations.bodies();
+    const List<int>& bodies = equations.bodies();
     const auto found = std::find(bodies.begin(), bodies.end(), static_cast<int>(of_joint[k]));
     if (found == bodies.end()) continue;
     linear[k] = rates.linear[static_cast<std::size_t>(found - bodies.begin())];
@@ -162,9 +158,9 @@ void EventDriven::note_positions(const Span& span, double t) {
     const JointVectors vectors(joints_[l], body(span, static_cast<int>(ends_[l].first), t),
                                body(span, static_cast<int>(ends_[l].second), t), frame);
     for (int i = 0; i < kind.coordinates; ++i) {
-      double& position = joint_states_[l].coordinates[at(i)].position;
-      const ScalarForm& form = kind.coordinate[at(i)];
-      position = reading(form, value(form, vectors), joints_[l].coordinates[at(i)].zero, position);
+      double& position = joint_states_[l].coordinates[i].position;
+      const ScalarForm& form = kind.coordinate[i];
+      position = reading(form, value(form, vectors), joints_[l].coordinates[i].zero, position);
     }
   }
 }
@@ -227,7 +223,7 @@ void EventDriven::begin_course(const Span& span, std::size_t l, double t) {
   for (std::size_t c = first; c < first + count; ++c) {
     const OneSidedLaw& law = laws_[c];
     if (law.is_distance) continue;
-    CoordinateState& coordinate = told.coordinates[at(law.coordinate)];
+    CoordinateState& coordinate = told.coordinates[law.coordinate];
     const Hold hold = states_[c].hold;
     double& offset = told.closing_offset[law.function];
     if (hold == Hold::kUpper || hold == Hold::kLower) {
@@ -246,10 +242,9 @@ void EventDriven::begin_course(const Span& span, std::size_t l, double t) {
   courses_[l].begin(switched_joints_[l], step, told);
   for (std::size_t c = first; c < first + count; ++c)
     if (states_[c].hold == Hold::kBrake && laws_[c].goal)
-      courses_[l].brake(
-          laws_[c].coordinate, held_[c],
-          std::copysign(braking_[c],
-                        told.coordinates[at(laws_[c].coordinate)].position - *laws_[c].goal));
+      courses_[l].brake(laws_[c].coordinate, held_[c],
+                        std::copysign(braking_[c], told.coordinates[laws_[c].coordinate].position -
+                                                       *laws_[c].goal));
 }
 
 // True where all courses go on as they did.
@@ -270,28 +265,28 @@ bool EventDriven::begin_courses(const Span& span) {
 
 // ---- a step
 
-void EventDriven::begin_step(const std::vector<JointState>& joint_states, RungeKutta* motion) {
+void EventDriven::begin_step(const List<JointState>& joint_states, RungeKutta* motion) {
   for (std::size_t l = 0; l < joints_.size(); ++l) {
-    joint_states_[l] = joint_states[at(members_[l])];
+    joint_states_[l] = joint_states[members_[l]];
     impulses_[l].setZero();
     coupled_impulses_[l] = 0.0;
   }
   for (std::size_t c = 0; c < laws_.size(); ++c)
-    braking_[c] = joint_states_[laws_[c].joint].coordinates[at(laws_[c].coordinate)].braking;
+    braking_[c] = joint_states_[laws_[c].joint].coordinates[laws_[c].coordinate].braking;
   events_ = 0;
   told_.clear();
   unchanged_ = 0;
   motion->begin_step(joint_states_);
 }
 
-void EventDriven::collect(const std::vector<BodyState>& states, RungeKutta* motion) {
+void EventDriven::collect(const List<BodyState>& states, RungeKutta* motion) {
   const EquationsOfMotion& equations = motion->equations();
   const bool shares = equations.redundant_rows() > 0;
   if (shares && !least_forces_) least_forces_.emplace(equations);
   if (shares) least_forces_->share(equations, states);
   const LeastNormForces* const shared = shares ? &*least_forces_ : nullptr;
   for (std::size_t k = 0; k < equations.joints().size(); ++k) {
-    const std::size_t l = at(equations.joints()[k]);
+    const std::size_t l = to_index(equations.joints()[k]);
     impulses_[l] += shared ? shared->impulse(equations, k) : equations.impulse(k);
     if (equations.coupled_rows().empty() || !couples(joints_[l].kind)) continue;
     coupled_impulses_[l] +=
@@ -306,18 +301,17 @@ void EventDriven::write(std::size_t l, JointState* state) const {
   for (std::size_t c = first; c < first + count; ++c) {
     const OneSidedLaw& law = laws_[c];
     state->saturated = joint_states_[l].saturated;
-    if (law.drive == 0.0 && law.limit_force == std::numeric_limits<double>::infinity()) continue;
+    if (law.drive == 0.0 && law.limit_force == kInfinity) continue;
     if (law.is_distance)
       state->travel = held_[c];
     else if (law.goal) {
-      state->coordinates[at(law.coordinate)].braking = braking_[c];
-      state->coordinates[at(law.coordinate)].held =
-          braking_[c] > 0.0 ? joint_states_[l].coordinates[at(law.coordinate)].position : *law.goal;
+      state->coordinates[law.coordinate].braking = braking_[c];
+      state->coordinates[law.coordinate].held =
+          braking_[c] > 0.0 ? joint_states_[l].coordinates[law.coordinate].position : *law.goal;
     } else
-      state->coordinates[at(law.coordinate)].held =
-          states_[c].hold == Hold::kDrive
-              ? held_[c]
-              : joint_states_[l].coordinates[at(law.coordinate)].position;
+      state->coordinates[law.coordinate].held =
+          states_[c].hold == Hold::kDrive ? held_[c]
+                                          : joint_states_[l].coordinates[law.coordinate].position;
     if (states_[c].is_saturated() && law.is_distance) state->closing = false;
   }
 }
@@ -330,7 +324,7 @@ SmoothSpan EventDriven::rest_of(const Span& span) const {
 
 IntegrationResult EventDriven::advance(const SmoothSpan& all, const IntegratorOptions& accuracy,
                                        const Surroundings& around, RungeKutta* motion,
-                                       std::vector<BodyState>* states) {
+                                       List<BodyState>* states) {
   Span span{all, accuracy, around, motion, states, SubstepSpan(all.t, all.h), {}};
   bool is_done = begin_span(&span);
   while (is_done && span.left.left > 0.0) is_done = advance_to_event(&span);
@@ -367,13 +361,13 @@ bool EventDriven::begin_span(Span* span) {
   // a step that was given up broke nothing
   if (!has_started_ && std::find(is_broken_.begin(), is_broken_.end(), 1) != is_broken_.end()) {
     is_broken_.assign(joints_.size(), 0);
-    bare_ = compile(std::vector<OneSidedState>(laws_.size()), span->around.masses);
+    bare_ = compile(List<OneSidedState>(laws_.size()), span->around.masses);
   }
   if (!has_started_) states_.assign(laws_.size(), {});
   for (std::size_t l = 0; l < joints_.size(); ++l) {  // but for where coordinates are by now
     JointState& state = joint_states_[l];
     const auto coordinates_before = state.coordinates;
-    state = span->around.joint_states[at(members_[l])];
+    state = span->around.joint_states[members_[l]];
     for (std::size_t i = 0; i < kMaxCoordinates; ++i)
       state.coordinates[i].position = coordinates_before[i].position;
     if (!has_started_) continue;
@@ -428,7 +422,7 @@ bool EventDriven::finish_event(Span* span, std::size_t which) {
   const Watched watched = watched_.before[which];
   if (watched.breaks >= 0) break_joint(span, static_cast<std::size_t>(watched.breaks));
   const Release release{watched.known == 0 && watched.law >= 0 ? watched.law : -1, watched.side};
-  const std::vector<OneSidedState> states = states_;
+  const List<OneSidedState> states = states_;
   bool had_impacts = false;
   if (!settle(span, release, watched.breaks >= 0, &had_impacts)) return false;
   if (had_impacts || watched.breaks >= 0 || !(states == states_)) {
@@ -451,7 +445,7 @@ void EventDriven::break_joint(Span* span, std::size_t joint) {
     if (couples_joints(joints_[l].kind))
       for (const CoupledTerm& term : couplings_[l])
         if (term.joint == joint) break_one(l);
-  bare_ = compile(std::vector<OneSidedState>(laws_.size()), span->around.masses);
+  bare_ = compile(List<OneSidedState>(laws_.size()), span->around.masses);
 }
 
 }  // namespace constraint_sim::engine

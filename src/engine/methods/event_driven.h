@@ -5,7 +5,6 @@
 #include <cstdint>
 #include <optional>
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/event.h"
@@ -13,6 +12,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/one_sided_law.h"
+#include "engine/math/list.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/event_watch.h"
 #include "engine/methods/least_norm_forces.h"
@@ -29,15 +29,15 @@ namespace constraint_sim::engine {
 /// says what each row does from there on.
 class EventDriven {
  public:
-  using Ends = std::vector<std::pair<std::size_t, std::size_t>>;
+  using Ends = List<std::pair<std::size_t, std::size_t>>;
 
   /// Beyond so many rows an island is left to others.
   static constexpr std::size_t kMostRows = 32;
 
   /// Of the joints of an island, `members` by index. `couplings`, `open` as EquationsOfMotion.
-  EventDriven(const std::vector<int>& members, const std::vector<Joint>& all_joints,
-              const Ends& ends, const std::vector<CoupledTerms>& couplings,
-              const std::vector<MassProperties>& masses, const std::vector<char>& open);
+  EventDriven(const List<int>& members, const List<Joint>& all_joints, const Ends& ends,
+              const List<CoupledTerms>& couplings, const List<MassProperties>& masses,
+              const List<char>& open);
 
   /// The equations without any one-sided row, to begin with.
   const EquationsOfMotion& bare() const { return bare_; }
@@ -45,17 +45,17 @@ class EventDriven {
   /// What surrounds an island in a span.
   struct Surroundings {
     JointStep step;  ///< of the span
-    const std::vector<JointState>& joint_states;
-    const std::vector<JointState>& told;  ///< these, as the last step left them
-    const std::vector<MassProperties>& masses;
+    const List<JointState>& joint_states;
+    const List<JointState>& told;  ///< these, as the last step left them
+    const List<MassProperties>& masses;
   };
 
   /// Clears impulses and counts of the step before.
-  void begin_step(const std::vector<JointState>& joint_states, RungeKutta* motion);
+  void begin_step(const List<JointState>& joint_states, RungeKutta* motion);
   /// As method.h says; `motion` has the equations of the rows that act now.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                             const Surroundings& around, RungeKutta* motion,
-                            std::vector<BodyState>* states);
+                            List<BodyState>* states);
   /// What rows do is decided anew: somebody else has moved the bodies.
   void forget() { has_started_ = false; }
 
@@ -69,10 +69,10 @@ class EventDriven {
     int coordinate;     ///< -1 of a distance joint, and of a joint that broke
     double impulse;     ///< of an impact ≥ 0
   };
-  const std::vector<Told>& told() const { return told_; }
+  const List<Told>& told() const { return told_; }
   /// Adds what the rows that act now have done.
-  void collect(const std::vector<BodyState>& states, RungeKutta* motion);
-  const std::vector<int>& joints() const { return members_; }
+  void collect(const List<BodyState>& states, RungeKutta* motion);
+  const List<int>& joints() const { return members_; }
   /// As EquationsOfMotion::impulse(), of joints()[l].
   const RowVector& impulse(std::size_t l) const { return impulses_[l]; }
   double coupled_impulse(std::size_t l) const { return coupled_impulses_[l]; }
@@ -81,7 +81,7 @@ class EventDriven {
 
   /// Visits which rows act, which `motion` then has, as engine/memory.h says.
   template <class Self, class Visit, class Motion>
-  static void visit_rows(Self& self, Visit& visit, const std::vector<MassProperties>& masses,
+  static void visit_rows(Self& self, Visit& visit, const List<MassProperties>& masses,
                          Motion& motion) {
     visit.beside(self.is_broken_);
     visit.beside(self.compiled_for_);
@@ -106,8 +106,8 @@ class EventDriven {
       for (std::size_t l = 0; l < self.joints_.size(); ++l) self.set_rows(l);
   }
   /// Lets equations that were just compiled go on from `t`, where a span begins.
-  void continue_from(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
-                     const std::vector<AppliedWrench>& loads, RungeKutta* motion) const {
+  void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
+                     const List<AppliedWrench>& loads, RungeKutta* motion) const {
     motion->equations().continue_from(t, states, gravity, loads, courses_);
   }
 
@@ -124,8 +124,8 @@ class EventDriven {
   };
   /// The rows that act, with their equations.
   struct Variant {
-    std::vector<OneSidedState> states;
-    std::vector<char> is_broken;
+    List<OneSidedState> states;
+    List<char> is_broken;
     RungeKutta motion;
   };
   /// A joint that breaks.
@@ -157,10 +157,10 @@ class EventDriven {
   struct Rows;  // a problem at an event
 
   // ---- compiled
-  EquationsOfMotion compile(const std::vector<OneSidedState>& states,
-                            const std::vector<MassProperties>& masses) const;
-  void compile_again(const std::vector<MassProperties>& masses, RungeKutta* motion);
-  bool switched(std::size_t joint, const std::vector<OneSidedState>& states, Joint* result) const;
+  EquationsOfMotion compile(const List<OneSidedState>& states,
+                            const List<MassProperties>& masses) const;
+  void compile_again(const List<MassProperties>& masses, RungeKutta* motion);
+  bool switched(std::size_t joint, const List<OneSidedState>& states, Joint* result) const;
   std::pair<std::size_t, std::size_t> laws_of(std::size_t joint) const;
 
   // ---- where things are
@@ -185,10 +185,10 @@ class EventDriven {
   bool begin_span(Span* span);
   void hold_from(const Span& span, std::size_t law);
   bool advance_to_event(Span* span);
-  void watch(const Span& span, double t, std::vector<Watched>* list);
+  void watch(const Span& span, double t, List<Watched>* list);
   void watch_force(const Span& span, std::size_t law, const Reading& reading, double t,
-                   std::vector<Watched>* list) const;
-  void watch_breaking(const Span& span, double t, std::vector<Watched>* list) const;
+                   List<Watched>* list) const;
+  void watch_breaking(const Span& span, double t, List<Watched>* list) const;
   bool locate(Span* span, const SubstepSpan& start, double h, std::optional<Crossing>* event);
   void break_joint(Span* span, std::size_t joint);
   bool finish_event(Span* span, std::size_t which);
@@ -200,58 +200,57 @@ class EventDriven {
   void read_rows(const Span& span, Rows* rows) const;
   void find_responses(Rows* rows);
   void apply_impulse(Rows* rows, std::size_t law, double impulse);
-  std::vector<Hit> find_hits(const Span& span, const Rows& rows,
-                             const std::vector<char>& rests) const;
+  List<Hit> find_hits(const Span& span, const Rows& rows, const List<char>& rests) const;
   bool have_impacts(Span* span, Rows* rows, bool* any);
-  bool have_impact(const std::vector<Hit>& hits, Rows* rows);
+  bool have_impact(const List<Hit>& hits, Rows* rows);
   bool go_on_after_impacts(Span* span, Rows* rows);
-  bool let_rest(const Span& span, Rows* rows, const std::vector<char>& bounced,
-                std::vector<char>* rests, bool* is_settled) const;
+  bool let_rest(const Span& span, Rows* rows, const List<char>& bounced, List<char>* rests,
+                bool* is_settled) const;
   std::optional<Candidate> candidate(const Span& span, std::size_t law, const Reading& reading,
                                      OneSidedState* state) const;
   OneSidedState leaving(const Candidate& from, signed char side) const;
   void find_lost(const Span& span, const Rows& rows);
-  void note_lost(const Rows& rows, const std::vector<OneSidedState>& next);
+  void note_lost(const Rows& rows, const List<OneSidedState>& next);
   double braking_of(const Rows& rows, std::size_t law) const;
   bool decide_holds(const Span& span, Rows* rows, const Release& release,
-                    std::vector<OneSidedState>* next) const;
+                    List<OneSidedState>* next) const;
   bool decide(const Span& span, Rows* rows, const Release& release,
-              std::vector<OneSidedState>* next) const;
-  void hold_rows(const Span& span, const Rows& rows, const std::vector<OneSidedState>& next);
-  void tell(const Span& span, const Rows& rows, const std::vector<OneSidedState>& next);
+              List<OneSidedState>* next) const;
+  void hold_rows(const Span& span, const Rows& rows, const List<OneSidedState>& next);
+  void tell(const Span& span, const Rows& rows, const List<OneSidedState>& next);
   bool switch_to_states(Span* span);
 
-  std::vector<int> members_;
-  std::vector<Joint> joints_;  // the same
-  Ends ends_;                  // of these
-  std::vector<char> open_;     // which of these EquationsOfMotion takes for open; none where empty
-  std::vector<CoupledTerms> couplings_;
-  std::vector<OneSidedLaw> laws_;       // of one joint after the other
-  std::vector<std::size_t> first_law_;  // of joints, and the end
-  std::vector<Joint> bare_joints_;      // without one-sided rows
-  std::vector<Breaking> breaking_;
+  List<int> members_;
+  List<Joint> joints_;  // the same
+  Ends ends_;           // of these
+  List<char> open_;     // which of these EquationsOfMotion takes for open; none where empty
+  List<CoupledTerms> couplings_;
+  List<OneSidedLaw> laws_;       // of one joint after the other
+  List<std::size_t> first_law_;  // of joints, and the end
+  List<Joint> bare_joints_;      // without one-sided rows
+  List<Breaking> breaking_;
   EquationsOfMotion bare_;
-  std::vector<OneSidedState> compiled_for_;  // what RungeKutta has
-  std::vector<char> broken_then_;            // the same
-  std::vector<Variant> others_;              // those compiled before, for the next time
+  List<OneSidedState> compiled_for_;  // what RungeKutta has
+  List<char> broken_then_;            // the same
+  List<Variant> others_;              // those compiled before, for the next time
 
   bool has_started_ = false;
-  std::vector<OneSidedState> states_;   // of laws
-  std::vector<Joint> switched_joints_;  // as these say, for courses
-  std::vector<double> held_;  // what friction and motors hold: q, the travel of a length, or until
-                              // when a motor brakes [s]
-  std::vector<double> braking_;  // of motors, as CoordinateState has it
+  List<OneSidedState> states_;   // of laws
+  List<Joint> switched_joints_;  // as these say, for courses
+  List<double> held_;     // what friction and motors hold: q, the travel of a length, or until
+                          // when a motor brakes [s]
+  List<double> braking_;  // of motors, as CoordinateState has it
 
   // ---- of this step
-  std::vector<char> is_broken_;           // joints
-  std::vector<JointState> joint_states_;  // where coordinates are, and what is being closed
-  std::vector<PrescribedMotion> courses_, bare_courses_;
-  std::vector<double> base_;     // of a distance joint's course, without travel
-  std::vector<char> is_at_end_;  // of joints: a winch, of its travel
-  std::vector<RowVector> impulses_;
-  std::vector<double> coupled_impulses_;
+  List<char> is_broken_;           // joints
+  List<JointState> joint_states_;  // where coordinates are, and what is being closed
+  List<PrescribedMotion> courses_, bare_courses_;
+  List<double> base_;     // of a distance joint's course, without travel
+  List<char> is_at_end_;  // of joints: a winch, of its travel
+  List<RowVector> impulses_;
+  List<double> coupled_impulses_;
   std::uint32_t events_ = 0;
-  std::vector<Told> told_;
+  List<Told> told_;
   int unchanged_ = 0;  // events that changed nothing
   WatchedSubstep<Watched> watched_;
   EquationsOfMotion::Motions rates_;

@@ -3,13 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/list.h"
 #include "engine/methods/event_span.h"
 #include "engine/methods/law_events.h"
 
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kForceShare = 1e-9;  // of the largest force: less is rounding
 constexpr std::size_t kStagesWatched = 12;
 
 }  // namespace
@@ -18,7 +18,7 @@ constexpr std::size_t kStagesWatched = 12;
 
 // what is watched of a coordinate, which has been read, and with what force its row holds it
 void EventDriven::watch_force(const Span& span, std::size_t c, const Reading& reading, double t,
-                              std::vector<Watched>* list) const {
+                              List<Watched>* list) const {
   const OneSidedLaw& law = laws_[c];
   const EquationsOfMotion& equations = span.motion->equations();
   const auto found =
@@ -54,7 +54,7 @@ void EventDriven::watch_force(const Span& span, std::size_t c, const Reading& re
 }
 
 // What events wait for, in an order that depends on what rows do alone.
-void EventDriven::watch(const Span& span, double t, std::vector<Watched>* list) {
+void EventDriven::watch(const Span& span, double t, List<Watched>* list) {
   list->clear();
   const EquationsOfMotion& equations = span.motion->equations();
   equations.find_accelerations(span.motion->state(), span.motion->derivative(), &rates_);
@@ -80,7 +80,7 @@ void EventDriven::watch(const Span& span, double t, std::vector<Watched>* list) 
   if (!breaking_.empty() && equations.redundant_rows() == 0) watch_breaking(span, t, list);
 }
 
-void EventDriven::watch_breaking(const Span& span, double t, std::vector<Watched>* list) const {
+void EventDriven::watch_breaking(const Span& span, double t, List<Watched>* list) const {
   const EquationsOfMotion& equations = span.motion->equations();
   for (const Breaking& breaking : breaking_) {
     const auto found = std::find(equations.joints().begin(), equations.joints().end(),

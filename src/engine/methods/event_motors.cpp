@@ -4,16 +4,11 @@
 #include <cmath>
 
 #include "engine/linear/box_lcp.h"
+#include "engine/math/list.h"
 #include "engine/methods/event_span.h"
 #include "engine/methods/law_events.h"
 
 namespace constraint_sim::engine {
-namespace {
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-}  // namespace
-
 // where a servo acts about
 Prescribed EventDriven::rest(std::size_t c, double t) const {
   const OneSidedLaw& law = laws_[c];
@@ -38,9 +33,9 @@ Prescribed EventDriven::zeta(const Span& span, std::size_t c, double t, double q
     return rate_until(*law.goal, std::copysign(braking_[c], q - *law.goal), held_[c] - t);
   if (law.goal && braking_[c] > 0.0) return rate_to_goal(*law.goal, braking_[c], q);
   if (law.goal) return course_of(c, t);
-  Motor motor = *joints_[law.joint].coordinates[at(law.coordinate)].motor;
+  Motor motor = *joints_[law.joint].coordinates[law.coordinate].motor;
   const JointState& state = joint_states_[law.joint];
-  if (motor.timeout > 0.0 && state.coordinates[at(law.coordinate)].expires_at <= span.all.t)
+  if (motor.timeout > 0.0 && state.coordinates[law.coordinate].expires_at <= span.all.t)
     motor.bias = 0.0;
   return motor_course(motor, t, 0.0);
 }
@@ -57,7 +52,7 @@ bool EventDriven::is_saturated(const Span& span, std::size_t c, const OneSidedSt
 // the same, as the last step has told it
 bool EventDriven::was_saturated(const Span& span, std::size_t c, const Reading& now) const {
   const double t = span.left.t;
-  return span.around.told[at(members_[laws_[c].joint])].saturated &&
+  return span.around.told[members_[laws_[c].joint]].saturated &&
          was_at_force_limit(
              laws_[c], laws_, [](const OneSidedLaw& law) -> const OneSidedLaw& { return law; }, now,
              rest(c, t), [&] { return zeta(span, c, t, now.q); });
@@ -90,14 +85,14 @@ void EventDriven::find_lost(const Span& span, const Rows& rows) {
 }
 
 // The same once it is decided: what leaves its course from here on.
-void EventDriven::note_lost(const Rows& rows, const std::vector<OneSidedState>& next) {
+void EventDriven::note_lost(const Rows& rows, const List<OneSidedState>& next) {
   for (std::size_t c = 0; c < laws_.size(); ++c)
     if (laws_[c].goal && next[c].drive != 0 && braking_[c] == 0.0)
       braking_[c] = braking_of(rows, c);
 }
 
 double EventDriven::braking_of(const Rows& rows, std::size_t c) const {
-  std::vector<Eigen::Index> others;
+  List<Eigen::Index> others;
   for (std::size_t d = 0; d < laws_.size(); ++d)
     if (d != c && laws_[d].drive > 0.0 && rows.is_free[d] && !is_broken_[laws_[d].joint])
       others.push_back(static_cast<Eigen::Index>(d));

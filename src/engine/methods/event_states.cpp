@@ -11,6 +11,8 @@
 #include <cmath>
 
 #include "engine/linear/box_lcp.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/event_span.h"
 #include "engine/methods/law_events.h"
 
@@ -20,13 +22,9 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kHeld = 1e-12;        // of what a coordinate would do without the rigid joints
-constexpr double kNoWork = 1e-12;      // of the energy that impulses exchange: rounding
-constexpr double kAtRest = 1e-10;      // of the largest acceleration: less is none
-constexpr double kLeast = 1e-12;       // [m/s² or rad/s²] the same, where nothing pulls
-constexpr double kAtBound = 1e-6;      // of the force that gives way
-constexpr double kKeepsTravel = 1e-6;  // [m] a length that is off by less is what a motor holds
-constexpr int kMostImpacts = 2000;
+constexpr double kNoAcceleration = 1e-10;  // of the largest acceleration: less is none
+constexpr double kLeast = 1e-12;           // [m/s² or rad/s²] the same, where nothing pulls
+constexpr double kKeepsTravel = 1e-6;      // [m] a length that is off by less is what a motor holds
 constexpr std::size_t kMostVariants = 16;
 
 Index index(std::size_t i) { return static_cast<Index>(i); }
@@ -68,7 +66,7 @@ void EventDriven::find_responses(Rows* rows) {
   rows->joint_impulses.resize(n);
   rows->is_free.assign(n, 0);
   rows->A.setZero(index(n), index(n));
-  const std::vector<int>& bodies = bare_.bodies();
+  const List<int>& bodies = bare_.bodies();
   const auto rate_of = [&](const OneSidedLaw& law, const Jacobian& J,
                            const EquationsOfMotion::Motions& motions) {
     double rate = 0.0;
@@ -112,15 +110,15 @@ void EventDriven::apply_impulse(Rows* rows, std::size_t c, double impulse) {
 // Impacts one after the other until no limit is hit any more. Limits that would bounce too low to
 // be seen have no restitution: then all is done again.
 bool EventDriven::have_impacts(Span* span, Rows* rows, bool* any) {
-  const std::vector<double> start = rows->y;
-  const std::vector<RowVector> impulses = impulses_;
-  const std::vector<double> coupled = coupled_impulses_;
-  std::vector<char> rests(laws_.size(), 0);
+  const List<double> start = rows->y;
+  const List<RowVector> impulses = impulses_;
+  const List<double> coupled = coupled_impulses_;
+  List<char> rests(laws_.size(), 0);
   for (bool is_settled = false; !is_settled;) {
-    std::vector<char> bounced(laws_.size(), 0);
+    List<char> bounced(laws_.size(), 0);
     int count = 0;
     for (; count < kMostImpacts; ++count) {
-      const std::vector<Hit> hits = find_hits(*span, *rows, rests);
+      const List<Hit> hits = find_hits(*span, *rows, rests);
       if (hits.empty()) break;
       if (!have_impact(hits, rows)) return false;
       for (const Hit& hit : hits)
@@ -155,9 +153,9 @@ bool EventDriven::go_on_after_impacts(Span* span, Rows* rows) {
 
 // The limits that take part in the next impact: of those with a restitution the one that is hit
 // fastest with all others between the same two bodies, and all without. None where none is hit.
-std::vector<EventDriven::Hit> EventDriven::find_hits(const Span& span, const Rows& rows,
-                                                     const std::vector<char>& rests) const {
-  std::vector<Hit> touching;
+List<EventDriven::Hit> EventDriven::find_hits(const Span& span, const Rows& rows,
+                                              const List<char>& rests) const {
+  List<Hit> touching;
   const Hit* fastest = nullptr;
   bool any_hit = false;
   for (std::size_t c = 0; c < laws_.size(); ++c) {
@@ -189,10 +187,10 @@ std::vector<EventDriven::Hit> EventDriven::find_hits(const Span& span, const Row
 }
 
 // With less restitution where kinetic energy would rise. False where there is no answer.
-bool EventDriven::have_impact(const std::vector<Hit>& hits, Rows* rows) {
+bool EventDriven::have_impact(const List<Hit>& hits, Rows* rows) {
   const Index n = index(hits.size());
   BoxLcp problem{Eigen::MatrixXd(n, n), VectorXd(n), VectorXd::Zero(n),
-                 VectorXd::Constant(n, std::numeric_limits<double>::infinity())};
+                 VectorXd::Constant(n, kInfinity)};
   VectorXd rate(n), impulse;
   for (Index i = 0; i < n; ++i) {
     const Hit& hit = hits[static_cast<std::size_t>(i)];
@@ -218,9 +216,9 @@ bool EventDriven::have_impact(const std::vector<Hit>& hits, Rows* rows) {
 }
 
 // Finds those that bounce too low to be seen.
-bool EventDriven::let_rest(const Span& span, Rows* rows, const std::vector<char>& bounced,
-                           std::vector<char>* rests, bool* is_settled) const {
-  std::vector<OneSidedState> states;
+bool EventDriven::let_rest(const Span& span, Rows* rows, const List<char>& bounced,
+                           List<char>* rests, bool* is_settled) const {
+  List<OneSidedState> states;
   *is_settled = true;
   if (std::find(bounced.begin(), bounced.end(), 1) == bounced.end()) return true;
   if (!decide(span, rows, {}, &states)) return false;
@@ -272,7 +270,7 @@ OneSidedState EventDriven::leaving(const Candidate& from, signed char side) cons
 
 // Also finds the accelerations of all coordinates with that.
 bool EventDriven::decide(const Span& span, Rows* rows, const Release& release,
-                         std::vector<OneSidedState>* next) const {
+                         List<OneSidedState>* next) const {
   if (!decide_holds(span, rows, release, next)) return false;
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     if (laws_[c].servo_most == 0.0 || is_broken_[laws_[c].joint]) continue;
@@ -284,10 +282,10 @@ bool EventDriven::decide(const Span& span, Rows* rows, const Release& release,
 }
 
 bool EventDriven::decide_holds(const Span& span, Rows* problem_at, const Release& release,
-                               std::vector<OneSidedState>* next) const {
+                               List<OneSidedState>* next) const {
   Rows& rows = *problem_at;
   next->assign(laws_.size(), {});
-  std::vector<Candidate> candidates;
+  List<Candidate> candidates;
   VectorXd force = VectorXd::Zero(index(laws_.size()));
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     if (is_broken_[laws_[c].joint]) continue;
@@ -325,11 +323,11 @@ bool EventDriven::decide_holds(const Span& span, Rows* problem_at, const Release
   const VectorXd roots = problem.A.diagonal().cwiseSqrt();
   const double largest = problem.b.cwiseQuotient(roots).lpNorm<Eigen::Infinity>();
   const double largest_force = bare_.largest_force();
-  std::vector<Index> held;
-  std::vector<signed char> sides;
+  List<Index> held;
+  List<signed char> sides;
   for (Index i = 0; i < n; ++i) {
     const Candidate& row = candidates[static_cast<std::size_t>(i)];
-    const bool is_leaving = std::abs(a[i]) > std::max(kAtRest * largest * roots[i], kLeast);
+    const bool is_leaving = std::abs(a[i]) > std::max(kNoAcceleration * largest * roots[i], kLeast);
     signed char side = is_leaving ? sign_of(a[i]) : sign_of(0.0);
     const double bound = release.side < 0 ? row.bounds.least : row.bounds.most;
     if (side == 0 && release.law == static_cast<int>(row.law) &&
@@ -360,10 +358,9 @@ bool EventDriven::decide_holds(const Span& span, Rows* problem_at, const Release
 // ---- from one set of rows to the next
 
 // Where rows hold their coordinates from now on, and what is on its way there.
-void EventDriven::hold_rows(const Span& span, const Rows& rows,
-                            const std::vector<OneSidedState>& next) {
+void EventDriven::hold_rows(const Span& span, const Rows& rows, const List<OneSidedState>& next) {
   const double t = span.left.t;
-  std::vector<char> is_changed(joints_.size(), 0);
+  List<char> is_changed(joints_.size(), 0);
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     const OneSidedLaw& law = laws_[c];
     const OneSidedState& before = states_[c];
@@ -415,7 +412,7 @@ void EventDriven::hold_rows(const Span& span, const Rows& rows,
 }
 
 // What of the change from the present states to the next ones is told.
-void EventDriven::tell(const Span& span, const Rows& rows, const std::vector<OneSidedState>& next) {
+void EventDriven::tell(const Span& span, const Rows& rows, const List<OneSidedState>& next) {
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     const OneSidedLaw& law = laws_[c];
     if (is_broken_[law.joint]) continue;
@@ -481,7 +478,7 @@ bool EventDriven::settle(Span* span, const Release& release, bool is_changed, bo
   Rows rows;
   rows.hit.assign(laws_.size(), 0.0);
   rows.rests_in = rows.hit;
-  std::vector<OneSidedState> next;
+  List<OneSidedState> next;
   if (!load_rows(span, &rows) || !have_impacts(span, &rows, had_impacts) ||
       !decide(*span, &rows, release, &next))
     return false;

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstddef>
 #include <optional>
-#include <vector>
 
+#include "engine/math/list.h"
 #include "engine/methods/first_root.h"
 
 namespace constraint_sim::engine {
@@ -89,8 +89,8 @@ inline std::optional<double> first_crossing(const WatchedValue& from, const Watc
 /// The values watched in one substep, of a type that is a WatchedValue.
 template <class Watched>
 struct WatchedSubstep {
-  std::vector<Watched> before, after;  ///< at its ends
-  std::vector<char> is_muted;          ///< in this substep; may be shorter
+  List<Watched> before, after;  ///< at its ends
+  List<char> is_muted;          ///< in this substep; may be shorter
 
   double level(std::size_t k) const {
     return event_watch::level_of(before[k], k < is_muted.size() && is_muted[k]);
@@ -98,8 +98,8 @@ struct WatchedSubstep {
 
   /// The earliest crossing that models of what is watched have between two places, h apart.
   /// `is_all`: these are both ends of a substep.
-  std::optional<Crossing> earliest(const std::vector<Watched>& from, const std::vector<Watched>& to,
-                                   double h, bool is_all) const {
+  std::optional<Crossing> earliest(const List<Watched>& from, const List<Watched>& to, double h,
+                                   bool is_all) const {
     std::optional<Crossing> first;
     for (std::size_t k = 0; k < from.size(); ++k) {
       std::optional<double> root = event_watch::first_crossing(from[k], to[k], h, level(k), is_all);
@@ -191,7 +191,7 @@ struct WatchedSubstep {
   }
 
  private:
-  std::vector<Watched> low_, high_;
+  List<Watched> low_, high_;
 };
 
 }  // namespace constraint_sim::engine

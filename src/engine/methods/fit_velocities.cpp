@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/list.h"
 #include "engine/methods/rigid_motion.h"
 
 namespace constraint_sim::engine {
@@ -16,10 +17,10 @@ bool is_free(const EquationsOfMotion& equations) {
   return equations.points() == equations.bodies().size();
 }
 
-RigidMotion as_one_body(const EquationsOfMotion& equations, const std::vector<BodyState>& bodies) {
-  std::vector<double> mass;
-  std::vector<Eigen::Vector3d> inertia, position;
-  std::vector<Eigen::Quaterniond> orientation;
+RigidMotion as_one_body(const EquationsOfMotion& equations, const List<BodyState>& bodies) {
+  List<double> mass;
+  List<Eigen::Vector3d> inertia, position;
+  List<Eigen::Quaterniond> orientation;
   BodyVectors velocity;
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     mass.push_back(1.0 / equations.inverse_mass(i));
@@ -36,10 +37,10 @@ RigidMotion as_one_body(const EquationsOfMotion& equations, const std::vector<Bo
 }  // namespace
 
 void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion* equations,
-                    std::vector<BodyState>* states) {
+                    List<BodyState>* states) {
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
   if (equations->is_time_dependent() || equations->has_jumped()) return;
-  std::vector<double> numbers(2 * equations->size());
+  List<double> numbers(2 * equations->size());
   double* const y = numbers.data();
   equations->gather_state(*states, y);
   const double energy = equations->kinetic_energy(y);
@@ -51,7 +52,7 @@ void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion
   const double moved = energy - left;
   if (!(moved > 0.0) || moved > std::min(most_moved, kMostKept) * energy) return;
 
-  const std::vector<BodyState> before = states_of(*equations, *states);
+  const List<BodyState> before = states_of(*equations, *states);
   equations->scatter_state(y, states);
   RigidMotion whole;
   if (is_free(*equations)) whole = as_one_body(*equations, states_of(*equations, *states));

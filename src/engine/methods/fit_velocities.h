@@ -1,17 +1,16 @@
 #pragma once
 
-#include <vector>
-
 #include "constraint_sim/engine/body.h"
+#include "engine/math/list.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/method.h"
 
 namespace constraint_sim::engine {
 
 /// The bodies of the equations, in their order.
-inline std::vector<BodyState> states_of(const EquationsOfMotion& equations,
-                                        const std::vector<BodyState>& states) {
-  std::vector<BodyState> bodies;
+inline List<BodyState> states_of(const EquationsOfMotion& equations,
+                                 const List<BodyState>& states) {
+  List<BodyState> bodies;
   for (const int body : equations.bodies())
     bodies.push_back(states[static_cast<std::size_t>(body)]);
   return bodies;
@@ -29,6 +28,6 @@ inline std::vector<BodyState> states_of(const EquationsOfMotion& equations,
 /// other reasons not to fit, and where more than `most_moved` of the kinetic energy would move, or
 /// more than a second order leaves.
 void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion* equations,
-                    std::vector<BodyState>* states);
+                    List<BodyState>* states);
 
 }  // namespace constraint_sim::engine

@@ -10,8 +10,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 }  // namespace
 
 // the rows of general joints: vectors, and with these their Jacobians
@@ -42,12 +40,11 @@ void EquationsOfMotion::update_general_rows() {
     const JointVectors& vectors = vectors_[general.link - first_general_];
     const Jacobian J = jacobian(general.form, vectors);
     direction_[general.row] = J.j3;
-    if (row.block_a >= 0) J_angular_[at(row.block_a)] = J.j2;
-    if (row.block_b >= 0) J_angular_[at(row.block_b)] = J.j4;
+    if (row.block_a >= 0) J_angular_[row.block_a] = J.j2;
+    if (row.block_b >= 0) J_angular_[row.block_b] = J.j4;
     for (const int turn : {row.block_a, row.block_b})
       if (turn >= 0)
-        M_inv_Jt_[at(turn)].noalias() =
-            inverse_inertia_[angular_blocks_[at(turn)].body] * J_angular_[at(turn)];
+        M_inv_Jt_[turn].noalias() = inverse_inertia_[angular_blocks_[turn].body] * J_angular_[turn];
   }
 }
 
@@ -57,12 +54,12 @@ void EquationsOfMotion::update_coupled() {
       const Row& row = part(term.part);
       const Jacobian J = jacobian(term.form, vectors_[term.link - first_general_]);
       direction_[term.part] = term.ratio * J.j3;
-      if (row.block_a >= 0) J_angular_[at(row.block_a)] = term.ratio * J.j2;
-      if (row.block_b >= 0) J_angular_[at(row.block_b)] = term.ratio * J.j4;
+      if (row.block_a >= 0) J_angular_[row.block_a] = term.ratio * J.j2;
+      if (row.block_b >= 0) J_angular_[row.block_b] = term.ratio * J.j4;
       for (const int turn : {row.block_a, row.block_b})
         if (turn >= 0)
-          M_inv_Jt_[at(turn)].noalias() =
-              inverse_inertia_[angular_blocks_[at(turn)].body] * J_angular_[at(turn)];
+          M_inv_Jt_[turn].noalias() =
+              inverse_inertia_[angular_blocks_[turn].body] * J_angular_[turn];
     }
   }
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "engine/math/list.h"
 #include "engine/methods/equations_of_motion.h"
 
 namespace constraint_sim::engine {
@@ -27,10 +28,10 @@ void EquationsOfMotion::restore_first_stage() {
 
 // Δv = M⁻¹(f + Gᵀλ) with G Δv = 0
 EquationsOfMotion::Motions EquationsOfMotion::held_response(const BodyImpulse& impulse,
-                                                            std::vector<double>* impulses) {
+                                                            List<double>* impulses) {
   const std::size_t bodies = bodies_.size();
-  Motions f{std::vector<Vector3d>(inverse_mass_.size(), Vector3d::Zero()),
-            std::vector<Vector3d>(bodies, Vector3d::Zero())};
+  Motions f{List<Vector3d>(inverse_mass_.size(), Vector3d::Zero()),
+            List<Vector3d>(bodies, Vector3d::Zero())};
   for (std::size_t k = 0; k < 2; ++k) {
     const auto found = std::find(bodies_.begin(), bodies_.end(), impulse.body[k]);
     if (found == bodies_.end()) continue;
@@ -70,7 +71,7 @@ double EquationsOfMotion::free_response(const BodyImpulse& impulse) const {
   return response;
 }
 
-void EquationsOfMotion::add_response(const Motions& change, const std::vector<double>& impulses,
+void EquationsOfMotion::add_response(const Motions& change, const List<double>& impulses,
                                      double share, double* y) {
   knows_energy_ = false;
   for (std::size_t i = 0; i < bodies_.size(); ++i)

@@ -2,14 +2,13 @@
 
 #include <algorithm>
 
+#include "engine/math/list.h"
 #include "engine/methods/implicit_step.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
@@ -32,7 +31,7 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
     link.function = from.function;
     link.first_soft = from.first_soft;
     for (std::size_t s = 0; s < from.softs; ++s)
-      link.function[at(link.rigid_rows) + s] =
+      link.function[to_index(link.rigid_rows) + s] =
           static_cast<std::uint8_t>(equations.soft_coordinates()[from.first_soft + s].function);
     link.joint = from.kind;
     link.frames = {from.frame_a, from.frame_b};
@@ -81,16 +80,16 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
 // Bodies from roots on, which the world holds if it holds any: the order in which they are found,
 // each with its place in that and its parent.
 struct ImplicitStep::Forest {
-  std::vector<std::size_t> found;
-  std::vector<int> parent, place;
+  List<std::size_t> found;
+  List<int> parent, place;
 
   /// The other way round, as SaddleLu eliminates.
   int node_of(std::size_t body) const { return static_cast<int>(place.size()) - 1 - place[body]; }
 };
 
 ImplicitStep::Forest ImplicitStep::find_forest() const {
-  std::vector<std::vector<std::size_t>> links_of(bodies_);
-  std::vector<std::size_t> roots;
+  List<List<std::size_t>> links_of(bodies_);
+  List<std::size_t> roots;
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const auto& ends = links_[l].ends;
     for (std::size_t e = 0; e < 2; ++e) {
@@ -101,13 +100,13 @@ ImplicitStep::Forest ImplicitStep::find_forest() const {
   }
   for (std::size_t i = 0; i < bodies_; ++i) roots.push_back(i);
 
-  Forest forest{{}, std::vector<int>(bodies_, -1), std::vector<int>(bodies_, -1)};
+  Forest forest{{}, List<int>(bodies_, -1), List<int>(bodies_, -1)};
   auto& [found, parent, place] = forest;
   for (const std::size_t root : roots) {
     if (place[root] >= 0) continue;
     place[root] = static_cast<int>(found.size());
     found.push_back(root);
-    for (std::size_t k = at(place[root]); k < found.size(); ++k) {
+    for (std::size_t k = to_index(place[root]); k < found.size(); ++k) {
       for (const std::size_t l : links_of[found[k]]) {
         const auto& ends = links_[l].ends;
         const std::size_t other = ends[0].point == found[k] ? ends[1].point : ends[0].point;
@@ -123,8 +122,7 @@ ImplicitStep::Forest ImplicitStep::find_forest() const {
 
 // The rows between two bodies belong to the one further from the root.
 ImplicitStep::RowsOfBodies ImplicitStep::share_rows(const Forest& forest) {
-  RowsOfBodies rows{std::vector<std::vector<std::size_t>>(bodies_),
-                    std::vector<std::vector<std::size_t>>(bodies_), false};
+  RowsOfBodies rows{List<List<std::size_t>>(bodies_), List<List<std::size_t>>(bodies_), false};
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const End& a = links_[l].ends[0];
     const End& b = links_[l].ends[1];
@@ -147,14 +145,14 @@ ImplicitStep::RowsOfBodies ImplicitStep::share_rows(const Forest& forest) {
 void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
   const Forest forest = find_forest();
   const RowsOfBodies rows = share_rows(forest);
-  std::vector<SaddleLu::Node> nodes(bodies_);
+  List<SaddleLu::Node> nodes(bodies_);
   first_unknown_.assign(bodies_, 0);
   int unknown = 0;
   for (std::size_t k = bodies_; k-- > 0;) {
     const std::size_t body = forest.found[k];
-    SaddleLu::Node& node = nodes[at(forest.node_of(body))];
+    SaddleLu::Node& node = nodes[forest.node_of(body)];
     node.dofs = body < rotating_ ? 6 : 3;
-    node.parent = forest.parent[body] < 0 ? -1 : forest.node_of(at(forest.parent[body]));
+    node.parent = forest.parent[body] < 0 ? -1 : forest.node_of(to_index(forest.parent[body]));
     first_unknown_[body] = unknown;
     unknown += node.dofs;
     for (const std::size_t l : rows.links[body]) {
@@ -176,9 +174,9 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
 }
 
 // the rows as SaddleLu has them, those of couplings last
-std::vector<SaddleLu::Link> ImplicitStep::rows_between(const Forest& forest,
-                                                       const RowsOfBodies& rows) const {
-  std::vector<SaddleLu::Link> links(links_.size());
+List<SaddleLu::Link> ImplicitStep::rows_between(const Forest& forest,
+                                                const RowsOfBodies& rows) const {
+  List<SaddleLu::Link> links(links_.size());
   for (std::size_t body = 0; body < bodies_; ++body) {
     for (const std::size_t l : rows.links[body]) {
       const auto& ends = links_[l].ends;
@@ -189,7 +187,7 @@ std::vector<SaddleLu::Link> ImplicitStep::rows_between(const Forest& forest,
   }
   for (std::size_t body = 0; body < bodies_; ++body) {
     for (const std::size_t c : rows.coupled[body]) {
-      std::vector<int> others;  // than this one
+      List<int> others;  // than this one
       for (const CoupledRow::Term& term : coupled_[c].terms) {
         for (const End& end : links_[term.link].ends) {
           if (end.dofs == 0 || end.point == body) continue;

@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 
+#include "engine/math/list.h"
 #include "engine/methods/cross_matrix.h"
 #include "engine/methods/implicit_step.h"
 
@@ -15,8 +16,6 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using ConstVector = Eigen::Map<const Vector3d>;
 using Vector = Eigen::Map<Vector3d>;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
@@ -37,7 +36,8 @@ void ImplicitStep::evaluate(const Unknowns& unknowns) {
   std::size_t slot = 0;
   for (std::size_t i = 0; i < rotating_; ++i) {
     slot += 3;
-    const double scale = left_[at(first_unknown_[i]) + 3] * right_[at(first_unknown_[i]) + 3];
+    const double scale =
+        left_[to_index(first_unknown_[i]) + 3] * right_[to_index(first_unknown_[i]) + 3];
     const Matrix3d change = (-0.5 * s_ * scale) * cross_matrix(J_angular_[i].torque);
     for (int k = 0; k < 3; ++k)
       for (int m = 0; m < 3; ++m) lu_.values()[diagonal_[slot++]] += change(k, m);
@@ -50,7 +50,7 @@ void ImplicitStep::evaluate_bodies(const Unknowns& unknowns) {
   double* const values = lu_.values().data();
   std::size_t slot = 0;
   for (std::size_t i = 0; i < bodies_; ++i) {
-    const auto first = at(first_unknown_[i]);
+    const auto first = to_index(first_unknown_[i]);
     const ConstVector dx(unknowns.data() + first);
     Vector(residual_.data() + first) = mass_[i] * (dx - p_[i]) - s_ * force_[i];
     for (int k = 0; k < 3; ++k) values[diagonal_[slot++]] += 1.0;
@@ -96,7 +96,7 @@ ImplicitStep::LinkMotion ImplicitStep::move_link(const Link& link, Shape* shape,
       change += end.sign * shift_[end.point];
       continue;
     }
-    const auto first = at(end.unknown);
+    const auto first = to_index(end.unknown);
     change += end.sign * ConstVector(unknowns.data() + first);
     motion.E[e].leftCols<3>().setIdentity();
     if (end.dofs < 6) continue;
@@ -118,7 +118,7 @@ ImplicitStep::LinkPull ImplicitStep::pull_link(const Link& link, const Vector3d&
   auto& [P, pull, gradient, value] = at_link;
   const Vector3d& d = shape->d;
   const double compliance = shape->compliance;
-  const double lambda = unknowns[at(link.unknown)];
+  const double lambda = unknowns[link.unknown];
   switch (link.kind) {
     case Kind::kRod:
       shape->force = lambda * d;
@@ -130,9 +130,9 @@ ImplicitStep::LinkPull ImplicitStep::pull_link(const Link& link, const Vector3d&
       break;
     case Kind::kBall:
       for (int k = 0; k < 3; ++k)
-        shape->force[k] = shape->is_left_out[at(k)] ? 0.0 : unknowns[at(link.unknown + k)];
+        shape->force[k] = shape->is_left_out[k] ? 0.0 : unknowns[link.unknown + k];
       value = d1 - shape->offset.head<3>() + compliance * shape->force;
-      for (int k = 0; k < 3; ++k) note_row(*shape, at(k), std::abs(value[k]));
+      for (int k = 0; k < 3; ++k) note_row(*shape, to_index(k), std::abs(value[k]));
       break;
     case Kind::kGeneral:
       break;  // evaluate_general()
@@ -209,17 +209,17 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
         // s of the column and 1/s of its scale cancel
         const double column = -row.sign * H[e].row(i).dot(pull.col(k));
         const double entry = row.sign * gradient.col(k).dot(motion.E[e].col(i));
-        const bool is_in = !shape->is_left_out[at(k)];
+        const bool is_in = !shape->is_left_out[k];
         values[slots_[slot++]] += is_in ? left[i] * column * scale : 0.0;
-        values[slots_[slot++]] += is_in ? scale * entry * right_[at(row.unknown + i)] : 0.0;
+        values[slots_[slot++]] += is_in ? scale * entry * right_[row.unknown + i] : 0.0;
       }
     }
   }
   for (int k = 0; k < link.rows; ++k) {
-    const double diagonal = scale * compliance * right_[at(link.unknown)];
-    const bool is_in = !shape->is_left_out[at(k)];
+    const double diagonal = scale * compliance * right_[link.unknown];
+    const bool is_in = !shape->is_left_out[k];
     values[slots_[slot++]] += is_in ? diagonal : 1.0;
-    residual_[at(link.unknown + k)] = is_in ? value[k] : 0.0;
+    residual_[link.unknown + k] = is_in ? value[k] : 0.0;
   }
 }
 
@@ -233,7 +233,7 @@ void ImplicitStep::evaluate_rod(const Link& link, Shape* shape, const Unknowns& 
   const Vector3d d1 = shape->d0 + change;
   shape->d = shape->d0 + share_ * change;
   const bool is_in = !shape->is_left_out[0];
-  const double lambda = is_in ? unknowns[at(link.unknown)] : 0.0;
+  const double lambda = is_in ? unknowns[link.unknown] : 0.0;
   shape->force = lambda * shape->d;
   const double value = 0.5 * d1.squaredNorm() - shape->target + shape->compliance * lambda;
   note_row(*shape, 0, std::abs(value) / std::sqrt(2.0 * shape->target));
@@ -242,11 +242,11 @@ void ImplicitStep::evaluate_rod(const Link& link, Shape* shape, const Unknowns& 
   std::size_t slot = link.slot;
   for (const End& row : link.ends) {
     if (row.dofs == 0) continue;
-    const double left = left_[at(row.unknown)];
+    const double left = left_[row.unknown];
     for (const End& column : link.ends) {
       if (column.dofs == 0) continue;
       const double K =
-          -share_ * s_ * row.sign * column.sign * lambda * left * right_[at(column.unknown)];
+          -share_ * s_ * row.sign * column.sign * lambda * left * right_[column.unknown];
       for (int k = 0; k < 3; ++k) values[slots_[slot++]] += K;
     }
     const double weight = row.sign * left * scale;
@@ -256,8 +256,8 @@ void ImplicitStep::evaluate_rod(const Link& link, Shape* shape, const Unknowns& 
     }
     Vector(residual_.data() + row.unknown) -= (s_ * row.sign) * shape->force;
   }
-  values[slots_[slot]] += is_in ? scale * shape->compliance * right_[at(link.unknown)] : 1.0;
-  residual_[at(link.unknown)] = is_in ? value : 0.0;
+  values[slots_[slot]] += is_in ? scale * shape->compliance * right_[link.unknown] : 1.0;
+  residual_[link.unknown] = is_in ? value : 0.0;
 }
 
 }  // namespace constraint_sim::engine

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "engine/linear/larger.h"
+#include "engine/math/list.h"
 #include "engine/methods/cross_matrix.h"
 #include "engine/methods/implicit_step.h"
 
@@ -13,8 +14,6 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using ConstVector = Eigen::Map<const Vector3d>;
 using Vector = Eigen::Map<Vector3d>;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
@@ -54,7 +53,7 @@ void ImplicitStep::place_axes(const EquationsOfMotion& equations, const Link& li
   if (!info(link.joint).has_frames) return;
   for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
-    const std::size_t l = at(static_cast<int>(&link - links_.data()));
+    const std::size_t l = to_index(static_cast<int>(&link - links_.data()));
     const Matrix3d& frame = e == 0 ? link.frames[0] : equations.frame_b(l).axes;
     (*axes)[e] = frame;
     if (end.dofs == 6) (*axes)[e] = J_angular_[end.point].R0 * frame;
@@ -77,7 +76,7 @@ JointVectors ImplicitStep::start_of(const Shape& shape) {
 void ImplicitStep::begin_general(const Link& link, Shape* shape) const {
   const JointVectors vectors = start_of(*shape);
   for (int k = 0; k < link.rows; ++k) {
-    const Jacobian J = jacobian(info(link.joint).function[link.function[at(k)]], vectors);
+    const Jacobian J = jacobian(info(link.joint).function[link.function[k]], vectors);
     double sum = 0.0;
     for (std::size_t e = 0; e < 2; ++e) {
       const End& end = link.ends[e];
@@ -122,8 +121,7 @@ void ImplicitStep::move_general(const Link& link, const Shape& shape, const Unkn
     change += end.sign * (arm - shape.r0[e]);
     slopes.d.rightCols<3>() = end.sign * slopes.arm.rightCols<3>();
     for (int k = 0; has_frames && k < 3; ++k)
-      axes.col(k) =
-          advance((e == 0 ? shape.axes0[0] : shape.next_axes_B).col(k), &slopes.axes[at(k)]);
+      axes.col(k) = advance((e == 0 ? shape.axes0[0] : shape.next_axes_B).col(k), &slopes.axes[k]);
   }
   end_vectors.d = shape.d0 + change;
   motion->at_force = between(start_of(shape), end_vectors, share_);
@@ -136,7 +134,7 @@ void ImplicitStep::begin_softs(const Link& link, const Shape& shape,
                                const EquationsOfMotion& equations) {
   const JointVectors vectors = start_of(shape);
   for (int k = link.rigid_rows; k < link.rows; ++k) {
-    const std::size_t s = link.first_soft + at(k - link.rigid_rows);
+    const std::size_t s = link.first_soft + to_index(k - link.rigid_rows);
     const EquationsOfMotion::SoftCoordinate& from = equations.soft_coordinates()[s];
     const SoftLaw& law = from.law;
     SoftRow& soft = softs_[s];
@@ -245,21 +243,21 @@ void ImplicitStep::evaluate_general(const Link& link, Shape* shape, const Unknow
   GeneralForces forces;
   shape->swing = {};
   for (int k = 0; k < link.rows; ++k) {
-    const ScalarForm& form = info(link.joint).function[link.function[at(k)]];
-    const double lambda = shape->is_left_out[at(k)] ? 0.0 : unknowns[at(link.unknown + k)];
+    const ScalarForm& form = info(link.joint).function[link.function[k]];
+    const double lambda = shape->is_left_out[k] ? 0.0 : unknowns[link.unknown + k];
     FormInStep there;
     evaluate_form(form, link, start, motion, lambda, &there);
-    forces.J[at(k)] = there.J;
-    forces.gradient[at(k)] = there.gradient;
+    forces.J[k] = there.J;
+    forces.gradient[k] = there.gradient;
     for (std::size_t f = 0; f < 2; ++f) forces.slopes[f].add(1.0, there.slopes[f]);
     if (k < link.rigid_rows) {
       const double start_value = form.is_angle ? value(form, start) : 0.0;
       const double off = start_value + there.value - shape->offset[k];
       forces.value[k] = form.is_angle ? unwound(off, 0.0) : off;
-      note_row(*shape, at(k),
+      note_row(*shape, to_index(k),
                std::abs(forces.value[k]) * (form.has_separation() ? 1.0 : link.radius));
     } else {
-      const std::size_t s = link.first_soft + at(k - link.rigid_rows);
+      const std::size_t s = link.first_soft + to_index(k - link.rigid_rows);
       SoftRow& soft = softs_[s];
       soft.end =
           form.is_angle ? soft.start + there.value : soft.start + there.value - value(form, start);
@@ -320,30 +318,30 @@ void ImplicitStep::write_general(const Link& link, const Shape& shape,
     write_slopes(link, e, C, forces.slopes, &slot);
     std::array<Eigen::Matrix<double, 6, 1>, kMaxJointRows> columns;
     for (int k = 0; k < link.rows; ++k) {
-      const Jacobian& J = forces.J[at(k)];
-      columns[at(k)].head<3>() = -row.sign * J.j3;
-      columns[at(k)].tail<3>() = -(C * (e == 0 ? J.j2 : J.j4));
+      const Jacobian& J = forces.J[k];
+      columns[k].head<3>() = -row.sign * J.j3;
+      columns[k].tail<3>() = -(C * (e == 0 ? J.j2 : J.j4));
     }
     for (int i = 0; i < row.dofs; ++i) {
       for (int k = 0; k < link.rows; ++k) {
-        const double scale = shape.is_left_out[at(k)] ? 0.0 : shape.row_scale[k];
-        const double taken = k < link.rigid_rows
-                                 ? scale
-                                 : scale * softs_[link.first_soft + at(k - link.rigid_rows)].taken;
-        values[slots_[slot++]] += left[i] * columns[at(k)][i] * scale;
-        values[slots_[slot++]] +=
-            taken * forces.gradient[at(k)][e][i] * right_[at(row.unknown + i)];
+        const double scale = shape.is_left_out[k] ? 0.0 : shape.row_scale[k];
+        const double taken =
+            k < link.rigid_rows
+                ? scale
+                : scale * softs_[link.first_soft + to_index(k - link.rigid_rows)].taken;
+        values[slots_[slot++]] += left[i] * columns[k][i] * scale;
+        values[slots_[slot++]] += taken * forces.gradient[k][e][i] * right_[row.unknown + i];
       }
     }
   }
   for (int k = 0; k < link.rows; ++k) {
-    const bool is_in = !shape.is_left_out[at(k)];
+    const bool is_in = !shape.is_left_out[k];
     double diagonal = is_in ? 0.0 : 1.0;
     if (k >= link.rigid_rows)
-      diagonal = left_[at(link.unknown + k)] * right_[at(link.unknown + k)] *
-                 softs_[link.first_soft + at(k - link.rigid_rows)].given;
+      diagonal = left_[link.unknown + k] * right_[link.unknown + k] *
+                 softs_[link.first_soft + to_index(k - link.rigid_rows)].given;
     values[slots_[slot++]] += diagonal;
-    residual_[at(link.unknown + k)] = is_in ? forces.value[k] : 0.0;
+    residual_[link.unknown + k] = is_in ? forces.value[k] : 0.0;
   }
 }
 
@@ -406,13 +404,13 @@ void ImplicitStep::begin_coupled(const EquationsOfMotion& equations) {
       }
     }
     coupled.scale = sum > 0.0 ? 1.0 / std::sqrt(sum) : 1.0;
-    left_[at(coupled.unknown)] = coupled.scale;
-    right_[at(coupled.unknown)] = coupled.scale / s_;
+    left_[coupled.unknown] = coupled.scale;
+    right_[coupled.unknown] = coupled.scale / s_;
   }
 }
 
 void ImplicitStep::evaluate_coupled(CoupledRow* coupled, const Unknowns& unknowns) {
-  const double lambda = coupled->is_left_out ? 0.0 : unknowns[at(coupled->unknown)];
+  const double lambda = coupled->is_left_out ? 0.0 : unknowns[coupled->unknown];
   const double scale = coupled->is_left_out ? 0.0 : coupled->scale;
   double off = -coupled->target;
   std::size_t slot = coupled->first_slot;
@@ -444,7 +442,7 @@ void ImplicitStep::evaluate_coupled(CoupledRow* coupled, const Unknowns& unknown
   double& worst = coupled->is_left_out ? worst_momentary_row_ : worst_row_;
   if (!coupled->is_redundant) worst = larger(worst, coupled->metres * std::abs(off));
   lu_.values()[slots_[slot]] += coupled->is_left_out ? 1.0 : 0.0;
-  residual_[at(coupled->unknown)] = coupled->is_left_out ? 0.0 : off;
+  residual_[coupled->unknown] = coupled->is_left_out ? 0.0 : off;
 }
 
 // The blocks of one term in the derivative, in the order of its slots.
@@ -464,7 +462,7 @@ void ImplicitStep::write_coupled(const CoupledRow::Term& term, const FormInStep&
     for (int i = 0; i < row.dofs; ++i) {
       values[slots_[(*slot)++]] += left[i] * push[i] * scale;
       values[slots_[(*slot)++]] +=
-          scale * term.ratio * there.gradient[e][i] * right_[at(row.unknown + i)];
+          scale * term.ratio * there.gradient[e][i] * right_[row.unknown + i];
     }
   }
 }

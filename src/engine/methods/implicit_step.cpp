@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "engine/linear/larger.h"
+#include "engine/math/list.h"
 #include "engine/methods/cross_matrix.h"
 
 namespace constraint_sim::engine {
@@ -20,17 +21,14 @@ using Vector = Eigen::Map<Vector3d>;
 // Rows whose pivot falls below this share of its entry follow from others in this step.
 constexpr double kDependentPivot = 1e-10;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 }  // namespace
 
 // ---- the state that is carried
 
-void ImplicitStep::gather_state(const std::vector<BodyState>& states,
-                                const EquationsOfMotion& equations) {
+void ImplicitStep::gather_state(const List<BodyState>& states, const EquationsOfMotion& equations) {
   lu_.forget();
   for (std::size_t i = 0; i < bodies_; ++i) {
-    const BodyState& state = states[at(equations.bodies()[i])];
+    const BodyState& state = states[equations.bodies()[i]];
     x_[i] = state.position;
     v_[i] = state.linear_velocity;
     if (i >= rotating_) continue;
@@ -40,9 +38,9 @@ void ImplicitStep::gather_state(const std::vector<BodyState>& states,
 }
 
 void ImplicitStep::scatter_state(const EquationsOfMotion& equations,
-                                 std::vector<BodyState>* states) const {
+                                 List<BodyState>* states) const {
   for (std::size_t i = 0; i < bodies_; ++i) {
-    BodyState& state = (*states)[at(equations.bodies()[i])];
+    BodyState& state = (*states)[equations.bodies()[i]];
     state.position = x_[i];
     state.linear_velocity = v_[i];
     if (i >= rotating_) continue;
@@ -228,7 +226,7 @@ void ImplicitStep::ask_spring(const Link& link, const Prescribed& length, Shape*
 void ImplicitStep::scale_equations(const EquationsOfMotion& equations) {
   for (std::size_t i = 0; i < bodies_; ++i) {
     force_[i] = mass_[i] * equations.applied_acceleration(i);
-    const auto first = at(first_unknown_[i]);
+    const auto first = to_index(first_unknown_[i]);
     const double scale = 1.0 / std::sqrt(mass_[i]);
     std::fill_n(left_.begin() + static_cast<std::ptrdiff_t>(first), 3, scale);
     std::fill_n(right_.begin() + static_cast<std::ptrdiff_t>(first), 3, scale);
@@ -242,8 +240,8 @@ void ImplicitStep::scale_equations(const EquationsOfMotion& equations) {
     for (int k = 0; k < links_[l].rows; ++k) {
       const double scale =
           links_[l].kind == Kind::kGeneral ? shapes_[l].row_scale[k] : shapes_[l].scale;
-      left_[at(links_[l].unknown + k)] = scale;
-      right_[at(links_[l].unknown + k)] = scale / s_;
+      left_[links_[l].unknown + k] = scale;
+      right_[links_[l].unknown + k] = scale / s_;
     }
   }
 }
@@ -263,7 +261,7 @@ void ImplicitStep::leave_out_momentary_rows(bool are_out, const EquationsOfMotio
   for (std::size_t l = 0; l < links_.size(); ++l) {
     if (links_[l].kind == Kind::kSpring) continue;
     const std::size_t row = equations.row_of(l);
-    for (std::size_t k = 0; k < at(links_[l].rigid_rows); ++k)
+    for (std::size_t k = 0; k < to_index(links_[l].rigid_rows); ++k)
       mark(row + k, &shapes_[l].is_left_out[k], &shapes_[l].is_redundant[k]);
   }
   for (CoupledRow& coupled : coupled_)
@@ -285,7 +283,7 @@ double ImplicitStep::add(const double* change, Unknowns* unknowns) const {
   const auto consider = [&](double square) { largest = larger(largest, square); };
   for (std::size_t u = 0; u < unknowns->size(); ++u) (*unknowns)[u] += right_[u] * change[u];
   for (std::size_t i = 0; i < bodies_; ++i) {
-    const auto first = at(first_unknown_[i]);
+    const auto first = to_index(first_unknown_[i]);
     consider(right_[first] * right_[first] * ConstVector(change + first).squaredNorm());
     if (i >= rotating_) continue;
     const double scale = right_[first + 3] * radius_[i];
@@ -300,8 +298,9 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
     const Link& link = links_[l];
     const Shape& shape = shapes_[l];
     const double length = std::sqrt(2.0 * std::max(shape.target, 0.0));
-    const bool has_row = at(link.unknown) < unknowns.size();  // a force of another package has none
-    const double lambda = !has_row || shape.is_left_out[0] ? 0.0 : unknowns[at(link.unknown)];
+    const bool has_row =
+        to_index(link.unknown) < unknowns.size();  // a force of another package has none
+    const double lambda = !has_row || shape.is_left_out[0] ? 0.0 : unknowns[link.unknown];
     double stiffness = 0.0;  // across the link
     RowVector impulse = RowVector::Zero();
     switch (link.kind) {
@@ -315,11 +314,11 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
         break;
       case Kind::kGeneral:
         for (int k = 0; k < link.rigid_rows; ++k)
-          if (!shape.is_left_out[at(k)]) impulse[k] = h_ * unknowns[at(link.unknown + k)];
+          if (!shape.is_left_out[k]) impulse[k] = h_ * unknowns[link.unknown + k];
         equations->add_impulse(l, impulse);
         for (int k = link.rigid_rows; k < link.rows; ++k) {
-          const std::size_t s = link.first_soft + at(k - link.rigid_rows);
-          equations->add_soft_impulse(s, h_ * unknowns[at(link.unknown + k)]);
+          const std::size_t s = link.first_soft + to_index(k - link.rigid_rows);
+          equations->add_soft_impulse(s, h_ * unknowns[link.unknown + k]);
           equations->set_position(s, softs_[s].end);
         }
         for (std::size_t e = 0; e < 2; ++e)
@@ -343,7 +342,7 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
   }
   for (std::size_t c = 0; c < coupled_.size(); ++c) {
     const CoupledRow& coupled = coupled_[c];
-    if (!coupled.is_left_out) equations->add_coupled_impulse(c, h_ * unknowns[at(coupled.unknown)]);
+    if (!coupled.is_left_out) equations->add_coupled_impulse(c, h_ * unknowns[coupled.unknown]);
     for (std::size_t k = 0; k < 2; ++k) equations->set_position(c, k, coupled.terms[k].end);
   }
   frequency_ = std::sqrt(*std::max_element(squares_.begin(), squares_.end()));
@@ -354,7 +353,7 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
     return Vector3d((1.5 * change - 0.5 * before) / h_);
   };
   for (std::size_t i = 0; i < bodies_; ++i) {
-    const auto first = at(first_unknown_[i]);
+    const auto first = to_index(first_unknown_[i]);
     const ConstVector dx(unknowns.data() + first);
     x_[i] += dx;
     v_[i] = rate(dx, dx_before_[i], v_[i]);

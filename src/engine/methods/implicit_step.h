@@ -5,11 +5,11 @@
 #include <array>
 #include <cmath>
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "engine/linear/larger.h"
 #include "engine/linear/saddle_lu.h"
+#include "engine/math/list.h"
 #include "engine/methods/endpoint_estimate.h"
 #include "engine/methods/equations_of_motion.h"
 
@@ -48,8 +48,8 @@ class ImplicitStep {
   bool has_dampers() const { return has_dampers_; }
 
   // ---- the state that is carried
-  void gather_state(const std::vector<BodyState>& states, const EquationsOfMotion& equations);
-  void scatter_state(const EquationsOfMotion& equations, std::vector<BodyState>* states) const;
+  void gather_state(const List<BodyState>& states, const EquationsOfMotion& equations);
+  void scatter_state(const EquationsOfMotion& equations, List<BodyState>* states) const;
 
   /// Points of all bodies in that state.
   void write_points(Points* points) const;
@@ -57,7 +57,7 @@ class ImplicitStep {
   // ---- one step
 
   /// Δx and w, body by body, then λ; what is not there is zero.
-  using Unknowns = std::vector<double>;
+  using Unknowns = List<double>;
 
   /// From time t to t + h [s], h of either sign; `equations` know what acts. BDF2 goes on from a
   /// finish() of the same h, whatever its rule, with the state as it was left.
@@ -65,7 +65,7 @@ class ImplicitStep {
   bool begin(double t, double h, ImplicitRule rule, EquationsOfMotion* equations);
   /// The residual and its derivative there.
   void evaluate(const Unknowns& unknowns);
-  const std::vector<double>& residual() const { return residual_; }
+  const List<double>& residual() const { return residual_; }
   /// Replaces b by the inverse of the derivative times b; false where it is singular. Once after
   /// each evaluate().
   bool solve(double* b) { return lu_.solve(b); }
@@ -251,13 +251,13 @@ class ImplicitStep {
   struct Forest;
   /// Links and coupled rows by the body whose they are.
   struct RowsOfBodies {
-    std::vector<std::vector<std::size_t>> links, coupled;
+    List<List<std::size_t>> links, coupled;
     bool have_loops;
   };
   Forest find_forest() const;
   RowsOfBodies share_rows(const Forest& forest);
   void make_nodes(const EquationsOfMotion& equations);
-  std::vector<SaddleLu::Link> rows_between(const Forest& forest, const RowsOfBodies& rows) const;
+  List<SaddleLu::Link> rows_between(const Forest& forest, const RowsOfBodies& rows) const;
   void set_rule(double h, ImplicitRule rule);
   void predict();
   void find_slots();
@@ -311,39 +311,39 @@ class ImplicitStep {
   }
 
   std::size_t bodies_ = 0, rotating_ = 0;
-  std::vector<Link> links_;
-  std::vector<int> first_unknown_;  // of bodies
-  std::vector<double> mass_;
-  std::vector<Eigen::Vector3d> inertia_;
-  std::vector<double> radius_;  // of gyration
-  bool may_depend_ = false;     // more rows than a forest of bodies has
+  List<Link> links_;
+  List<int> first_unknown_;  // of bodies
+  List<double> mass_;
+  List<Eigen::Vector3d> inertia_;
+  List<double> radius_;      // of gyration
+  bool may_depend_ = false;  // more rows than a forest of bodies has
   bool has_dampers_ = false;
   SaddleLu lu_;
-  std::vector<SaddleLu::Slot> slots_, diagonal_;  // of links; of unknowns and blocks of bodies
+  List<SaddleLu::Slot> slots_, diagonal_;  // of links; of unknowns and blocks of bodies
 
-  std::vector<Eigen::Vector3d> x_, v_;  // of points; those that are fixed last
-  std::vector<Eigen::Quaterniond> q_;
-  std::vector<Eigen::Vector3d> angular_velocity_;
+  List<Eigen::Vector3d> x_, v_;  // of points; those that are fixed last
+  List<Eigen::Quaterniond> q_;
+  List<Eigen::Vector3d> angular_velocity_;
 
   // ---- what BDF2 needs of the step before, of bodies
-  std::vector<Eigen::Vector3d> dx_before_, v_before_, w_before_, L_before_;
+  List<Eigen::Vector3d> dx_before_, v_before_, w_before_, L_before_;
 
   ImplicitRule rule_ = ImplicitRule::kMidpoint;
   double t_ = 0.0, h_ = 0.0, s_ = 0.0;
   double share_ = 0.5;  // of the step at which forces are taken
-  std::vector<Eigen::Vector3d> p_;
-  std::vector<Eigen::Vector3d> force_, torque_;  // constant ones [N], [N m]
-  std::vector<Eigen::Vector3d> shift_;           // Δx of points that are fixed but move
-  std::vector<Turning> J_angular_;
-  std::vector<Shape> shapes_;
-  std::vector<SoftRow> softs_;
-  std::vector<CoupledRow> coupled_;
-  std::vector<double> left_, right_;  // scales of equations and unknowns
-  std::vector<double> residual_;
+  List<Eigen::Vector3d> p_;
+  List<Eigen::Vector3d> force_, torque_;  // constant ones [N], [N m]
+  List<Eigen::Vector3d> shift_;           // Δx of points that are fixed but move
+  List<Turning> J_angular_;
+  List<Shape> shapes_;
+  List<SoftRow> softs_;
+  List<CoupledRow> coupled_;
+  List<double> left_, right_;  // scales of equations and unknowns
+  List<double> residual_;
   double worst_row_ = 0.0, worst_momentary_row_ = 0.0, frequency_ = 0.0;
   double scale_ = 1.0, extent_ = 1.0;
-  std::vector<char> is_dependent_;
-  std::vector<double> squares_;  // ω² of bodies
+  List<char> is_dependent_;
+  List<double> squares_;  // ω² of bodies
 };
 
 }  // namespace constraint_sim::engine

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/list.h"
 #include "engine/methods/row_solver.h"
 
 namespace constraint_sim::engine {
@@ -12,8 +13,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // Turns a body without torque for h. With L' = L_B × ω of the body frame, a rotation about
 // I⁻¹ (L₀ + L₁) from L₀ to L₁ keeps L in the world and the energy, both exactly; the angle is that
@@ -87,12 +86,12 @@ void advance_orientation(const MassProperties& mass, double h, BodyState* body) 
     body->orientation = (rotation(h * body->angular_velocity) * body->orientation).normalized();
 }
 
-double RowSolver::update_positions(const std::vector<int>& moved, const Masses& masses,
+double RowSolver::update_positions(const List<int>& moved, const Masses& masses,
                                    const Vector3d& gravity, double h, Bodies& bodies) {
   double work = 0.0;
   spring_work_ = 0.0;
   for (const int index : moved) {
-    const std::size_t i = at(index);
+    const std::size_t i = to_index(index);
     BodyState& body = bodies[i];
     body.linear_velocity = velocities_[i].head<3>();
     body.angular_velocity = velocities_[i].tail<3>();
@@ -125,42 +124,42 @@ double RowSolver::update_positions(const std::vector<int>& moved, const Masses& 
 void RowSolver::finish_row(std::size_t i, const Row& row, const Jacobian& J, double C) {
   const double b = row.correction_impulse;
   if (b != 0.0) {
-    effects_[at(row.body_a)] += b * twist(row.J.j1 - J.j1, row.J.j2 - J.j2);
-    effects_[at(row.body_b)] += b * twist(row.J.j3 - J.j3, row.J.j4 - J.j4);
+    effects_[row.body_a] += b * twist(row.J.j1 - J.j1, row.J.j2 - J.j2);
+    effects_[row.body_b] += b * twist(row.J.j3 - J.j3, row.J.j4 - J.j4);
   }
   if (row.stiffness == 0.0) return;
   const double by_v = row.C + h_ * responses_[i].rate;
   const double by_all = by_v + h_ * responses_[i].correction_rate;
-  Component& part = components_[at(responses_[i].component)];
+  Component& part = components_[responses_[i].component];
   part.work += 0.5 * row.stiffness * (C * C - by_all * by_all);
   spring_work_ += 0.5 * row.stiffness * (by_all * by_all - by_v * by_v);
 }
 
 // Gives back what a step along straight lines loses, as far as the component lost it; and takes out
 // what the curved course of springs' ends has added.
-double RowSolver::take_out_corrections(const std::vector<int>& moved, const Masses& masses,
-                                       const Bodies& bodies, std::vector<Twist>* corrections) {
+double RowSolver::take_out_corrections(const List<int>& moved, const Masses& masses,
+                                       const Bodies& bodies, List<Twist>* corrections) {
   for (const int body : moved) {
-    Component& part = components_[at(body)];
+    Component& part = components_[body];
     part.linear = part.quadratic = part.damping = 0.0;
     part.scale = 1.0;
   }
   for (const int index : moved) {
-    const std::size_t i = at(index);
+    const std::size_t i = to_index(index);
     const Twist momentum = effects_[i];
     Twist& change = effects_[i];
     change.head<3>() *= masses[i].inverse_mass;
     if (masses[i].can_turn())
       change.tail<3>() =
           apply_inertia(masses[i].inverse_inertia, bodies[i].orientation, momentum.tail<3>());
-    Component& part = components_[at(component_of(index))];
+    Component& part = components_[component_of(index)];
     part.linear += momentum.dot(velocities_[i]);
     part.quadratic += 0.5 * momentum.dot(change);
   }
   bool any_limited = false;
   for (const int body : moved) {
-    Component& part = components_[at(body)];
-    if (parents_[at(body)] != body) continue;
+    Component& part = components_[body];
+    if (parents_[body] != body) continue;
     const double lost = part.absorbed - part.work;
     part.gains = part.has_springs && lost < 0.0;
     if (lost <= 0.0)
@@ -171,32 +170,30 @@ double RowSolver::take_out_corrections(const std::vector<int>& moved, const Mass
   }
   double work = spring_work_;
   if (any_limited) work += limit_changes(moved, masses, bodies);
-  for (const int body : moved)
-    (*corrections)[at(body)] = corrections_[at(body)] - effects_[at(body)];
+  for (const int body : moved) (*corrections)[body] = corrections_[body] - effects_[body];
   return work;
 }
 
 // each component as one rigid body, by its motion and what is about to change it
-void RowSolver::gather_rigid(const std::vector<int>& moved, const Masses& masses,
-                             const Bodies& bodies) {
+void RowSolver::gather_rigid(const List<int>& moved, const Masses& masses, const Bodies& bodies) {
   rigid_.resize(components_.size());
-  for (const int body : moved) rigid_[at(body)] = Rigid{};
+  for (const int body : moved) rigid_[body] = Rigid{};
   for (const int index : moved) {
-    const std::size_t i = at(index);
-    Rigid& rigid = rigid_[at(component_of(index))];
+    const std::size_t i = to_index(index);
+    Rigid& rigid = rigid_[component_of(index)];
     const double mass = 1.0 / masses[i].inverse_mass;
     rigid.mass += mass;
     rigid.centre += mass * bodies[i].position;
     rigid.velocity += mass * velocities_[i].head<3>();
   }
   for (const int index : moved) {
-    if (parents_[at(index)] != index) continue;
-    rigid_[at(index)].centre /= rigid_[at(index)].mass;
-    rigid_[at(index)].velocity /= rigid_[at(index)].mass;
+    if (parents_[index] != index) continue;
+    rigid_[index].centre /= rigid_[index].mass;
+    rigid_[index].velocity /= rigid_[index].mass;
   }
   for (const int index : moved) {
-    const std::size_t i = at(index);
-    Rigid& rigid = rigid_[at(component_of(index))];
+    const std::size_t i = to_index(index);
+    Rigid& rigid = rigid_[component_of(index)];
     const double mass = 1.0 / masses[i].inverse_mass;
     const Vector3d r = bodies[i].position - rigid.centre;
     const Vector3d w = velocities_[i].tail<3>();
@@ -215,13 +212,13 @@ void RowSolver::gather_rigid(const std::vector<int>& moved, const Masses& masses
 // Scales the changes of velocity, and damps where energy was gained. What that takes from the
 // momenta of bodies that rows connect with each other alone, they get back by moving together.
 // Returns the work of the angular momentum that the corrections left to them.
-double RowSolver::limit_changes(const std::vector<int>& moved, const Masses& masses,
+double RowSolver::limit_changes(const List<int>& moved, const Masses& masses,
                                 const Bodies& bodies) {
   gather_rigid(moved, masses, bodies);
   for (const int body : moved) {
-    Component& part = components_[at(body)];
-    Rigid& rigid = rigid_[at(body)];
-    if (parents_[at(body)] != body) continue;
+    Component& part = components_[body];
+    Rigid& rigid = rigid_[body];
+    if (parents_[body] != body) continue;
     // of points in line the inertia about that line is zero, and so is L
     rigid.inertia += 1e-12 * rigid.inertia.trace() * Matrix3d::Identity();
     const Matrix3d inverse = rigid.inertia.inverse();
@@ -239,9 +236,9 @@ double RowSolver::limit_changes(const std::vector<int>& moved, const Masses& mas
   }
   double work = 0.0;
   for (const int index : moved) {
-    const std::size_t i = at(index);
-    const Component& part = components_[at(component_of(index))];
-    const Rigid& rigid = rigid_[at(component_of(index))];
+    const std::size_t i = to_index(index);
+    const Component& part = components_[component_of(index)];
+    const Rigid& rigid = rigid_[component_of(index)];
     const Vector3d r = bodies[i].position - rigid.centre;
     effects_[i] = part.scale * effects_[i] - part.damping * velocities_[i] +
                   twist(rigid.velocity + rigid.turning.cross(r), rigid.turning);
@@ -254,14 +251,14 @@ double RowSolver::limit_changes(const std::vector<int>& moved, const Masses& mas
     effects_[i] += change;
   }
   for (const int index : moved)
-    if (!masses[at(index)].can_turn()) effects_[at(index)].tail<3>().setZero();
+    if (!masses[index].can_turn()) effects_[index].tail<3>().setZero();
   return work;
 }
 
-void advance_kinematic(const std::vector<int>& moved, double h, std::vector<BodyState>& bodies) {
+void advance_kinematic(const List<int>& moved, double h, List<BodyState>& bodies) {
   for (const int i : moved) {
-    bodies[at(i)].position += h * bodies[at(i)].linear_velocity;
-    advance_orientation(MassProperties{}, h, &bodies[at(i)]);
+    bodies[i].position += h * bodies[i].linear_velocity;
+    advance_orientation(MassProperties{}, h, &bodies[i]);
   }
 }
 

@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/linear/larger.h"
 #include "engine/mass_properties.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/inconsistent_motion.h"
 
 namespace constraint_sim::engine {
@@ -14,8 +14,6 @@ namespace {
 
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
 
 // Shares of the weights on the diagonal where a right-hand side cannot be met: rates then cause
 // velocities of up to 1/(2 sqrt(share)) of them.
@@ -134,7 +132,7 @@ void InconsistentMotion::meet(Configuration* configuration, Rows* geometry,
   rows_.linearize(*geometry, *geometry, *configuration);
   rows_.find_weights(&weights_);
   double sum = errors(*geometry, &values_);
-  double share = 0.0, before = std::numeric_limits<double>::infinity();
+  double share = 0.0, before = kInfinity;
   Configuration moved;
   Rows there;
   for (int k = 0; k < kMostMarquardtSteps && share <= kMostShare; ++k) {
@@ -150,7 +148,7 @@ void InconsistentMotion::meet(Configuration* configuration, Rows* geometry,
     const double next = errors(there, &values_);
     if (!(next <= sum * (1.0 + 1e-14))) {
       share = std::max(10.0 * share, kRejectedShare);
-      before = std::numeric_limits<double>::infinity();
+      before = kInfinity;
       errors(*geometry, &values_);
       continue;
     }

@@ -5,10 +5,11 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "engine/linear/larger.h"
 #include "engine/mass_properties.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/cross_matrix.h"
 
 namespace constraint_sim::engine {
@@ -18,12 +19,10 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
-
 constexpr double kMostAngle = 0.1;  // that a joint turns by in one step [rad]
-constexpr double kMostParts = 32.0;
+constexpr double kMostMotionParts = 32.0;
 constexpr int kMostMidpointSteps = 16;
-constexpr int kMostNewtonSteps = 60;
+constexpr int kMostFitIterations = 60;
 constexpr int kMostHalvings = 50;         // of a displacement: then nothing of it is left
 constexpr double kMidpointFound = 1e-14;  // of the scene
 // Energy that the impulses of a midpoint step may add before they are left out, as a share.
@@ -31,8 +30,6 @@ constexpr double kMostAdded = 1e-3;
 constexpr double kMostAddedDriven = 0.5;
 // What a constant force is taken to give way by, as a share of the mass that it moves.
 constexpr double kLeastGiven = 1e-9;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 }  // namespace
 
@@ -53,7 +50,7 @@ InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
   for (const RegularizedRows::Row& row : rows_.rows()) {
     const EquationsOfMotion::Link& joint = equations.links()[row.joint];
     SoftLaw law{joint.stiffness, 0.0, joint.damping, 0.0};
-    if (row.soft >= 0) law = equations.soft_coordinates()[at(row.soft)].law;
+    if (row.soft >= 0) law = equations.soft_coordinates()[row.soft].law;
     stiffness_.push_back(law.K / (row.metres * row.metres));
     damping_.push_back(law.C / (row.metres * row.metres));
     force_.push_back(law.F / row.metres);
@@ -75,9 +72,9 @@ InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
     list->assign(rows_.rows().size(), 0.0);
 }
 
-void InconsistentMotion::gather_state(const std::vector<BodyState>& states) {
+void InconsistentMotion::gather_state(const List<BodyState>& states) {
   for (std::size_t i = 0; i < bodies_; ++i) {
-    const BodyState& state = states[at(body_indices_[i])];
+    const BodyState& state = states[body_indices_[i]];
     end_.position[i] = state.position;
     velocity_.linear[i] = state.linear_velocity;
     if (i >= rotating_) continue;
@@ -86,9 +83,9 @@ void InconsistentMotion::gather_state(const std::vector<BodyState>& states) {
   }
 }
 
-void InconsistentMotion::scatter_state(std::vector<BodyState>* states) const {
+void InconsistentMotion::scatter_state(List<BodyState>* states) const {
   for (std::size_t i = 0; i < bodies_; ++i) {
-    BodyState& state = (*states)[at(body_indices_[i])];
+    BodyState& state = (*states)[body_indices_[i]];
     state.position = end_.position[i];
     state.linear_velocity = velocity_.linear[i];
     if (i >= rotating_) continue;
@@ -140,7 +137,7 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
   for (std::size_t i = rows_.rows().size() - equations->coupled_rows().size();
        i < rows_.rows().size(); ++i) {
     const RegularizedRows::Row& row = rows_.rows()[i];
-    const EquationsOfMotion::CoupledRow& coupled = equations->coupled_rows()[at(row.coupled)];
+    const EquationsOfMotion::CoupledRow& coupled = equations->coupled_rows()[row.coupled];
     target_.length[i] = row.metres * (coupled.constant + coupled.closing.value);
     target_.rate[i] = 0.0;
   }
@@ -162,7 +159,7 @@ Vector3d InconsistentMotion::ball_offset(std::size_t joint,
 // ---- an interval
 
 IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsOfMotion* equations,
-                                              std::vector<BodyState>* states) {
+                                              List<BodyState>* states) {
   IntegrationResult progress;
   equations_ = equations;
   equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
@@ -190,7 +187,7 @@ IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsO
     ++progress.substeps;
     for (std::size_t i = 0; i < rows_.rows().size(); ++i)
       if (rows_.rows()[i].soft >= 0)
-        equations->set_position(at(rows_.rows()[i].soft),
+        equations->set_position(to_index(rows_.rows()[i].soft),
                                 extent(i, at_end_) / rows_.rows()[i].metres);
     for (std::size_t c = 0; c < equations->coupled_rows().size(); ++c)
       for (std::size_t term = 0; term < 2; ++term)
@@ -206,9 +203,9 @@ IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsO
     const RegularizedRows::Row& row = rows_.rows()[i];
     const double impulse = row.metres * impulses_[i];
     if (row.soft >= 0)
-      equations->add_soft_impulse(at(row.soft), impulse);
+      equations->add_soft_impulse(to_index(row.soft), impulse);
     else if (row.coupled >= 0)
-      equations->add_coupled_impulse(at(row.coupled), impulse);
+      equations->add_coupled_impulse(to_index(row.coupled), impulse);
     else
       equations->add_impulse(row.joint, impulse * RowVector::Unit(row.index));
   }
@@ -231,7 +228,8 @@ int InconsistentMotion::number_of_parts(double h) const {
     rate = std::max(rate, row.direction.cross(d_dot).norm() / std::max(g.d.norm(), 1e-9 * scale_));
   }
   const double parts = std::ceil(h * rate / kMostAngle);
-  return parts < kMostParts ? std::max(static_cast<int>(parts), 1) : static_cast<int>(kMostParts);
+  return parts < kMostMotionParts ? std::max(static_cast<int>(parts), 1)
+                                  : static_cast<int>(kMostMotionParts);
 }
 
 void InconsistentMotion::step(double h, double energy_before, IntegrationResult* progress) {
@@ -309,7 +307,7 @@ bool InconsistentMotion::midpoint(double h, IntegrationResult* progress) {
         1.0 / std::max(0.25 * h * h * stiffness_[i] + 0.5 * h * damping_[i], least_given_[i]);
   drift(h);
   int found = 0;  // how often in a row
-  double before = std::numeric_limits<double>::infinity();
+  double before = kInfinity;
   for (int k = 0; k < kMostMidpointSteps; ++k) {
     met_ = end_;
     at_met_ = at_end_;
@@ -394,7 +392,7 @@ void InconsistentMotion::turn(std::size_t body, double h, const Vector3d& torque
   const Vector3d a = 0.5 * h * velocity_before_.angular[body];
   const Vector3d g = J * a + torque;
   Vector3d w = 2.0 * a;
-  for (int k = 0; k < kMostNewtonSteps; ++k) {
+  for (int k = 0; k < kMostFitIterations; ++k) {
     const Vector3d u = J * (w - a);
     const Vector3d residual = u + 0.5 * w.cross(u) - g + 0.5 * w.cross(g);
     const Matrix3d slope = (Matrix3d::Identity() + 0.5 * cross_matrix(w)) * J -
@@ -446,7 +444,7 @@ void InconsistentMotion::explicit_step(double h, IntegrationResult* progress) {
     velocity_.linear[i] = displacement_.linear[i] / h;
     end_.position[i] = start_.position[i] + displacement_.linear[i];
   }
-  std::vector<Vector3d> momentum(rotating_);
+  List<Vector3d> momentum(rotating_);
   for (std::size_t i = 0; i < rotating_; ++i) {
     const Quaterniond& q = start_.orientation[i];
     momentum[i] = apply_inertia(inertia_[i], q, displacement_.angular[i] / h);

@@ -2,9 +2,9 @@
 
 #include <Eigen/Core>
 #include <cstddef>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
+#include "engine/math/list.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/integrate.h"
 #include "engine/methods/method.h"
@@ -31,14 +31,14 @@ class InconsistentMotion {
 
   /// As method.h says, without a tolerance: rows that cannot be met leave an error that is larger.
   IntegrationResult advance(const SmoothSpan& span, EquationsOfMotion* equations,
-                            std::vector<BodyState>* states);
+                            List<BodyState>* states);
   /// Whether all rows could be met at the end of the last span, and so could their rates.
   bool can_be_met() const { return can_be_met_; }
 
  private:
   using Vector3d = Eigen::Vector3d;
   using Rows = RegularizedRows::Geometry;
-  using Numbers = std::vector<double>;  // by row
+  using Numbers = List<double>;  // by row
 
   // Share of the weights on the diagonal where a right-hand side can be met.
   static constexpr double kLeastShare = 1e-11;
@@ -53,8 +53,8 @@ class InconsistentMotion {
     bool is_driven = false;  // any of it may change with time
   };
 
-  void gather_state(const std::vector<BodyState>& states);
-  void scatter_state(std::vector<BodyState>* states) const;
+  void gather_state(const List<BodyState>& states);
+  void scatter_state(List<BodyState>* states) const;
   void ask(double t, EquationsOfMotion* equations, Configuration* configuration);
   Eigen::Vector3d ball_offset(std::size_t joint, const Configuration& configuration) const;
   int number_of_parts(double h) const;
@@ -102,14 +102,14 @@ class InconsistentMotion {
   double momentum_product(const BodyVectors& u, const BodyVectors& v) const;
 
   const EquationsOfMotion* equations_ = nullptr;  // of the span
-  std::vector<int> body_indices_;
+  List<int> body_indices_;
   std::size_t bodies_, rotating_, points_;
   bool is_free_;  // no point is fixed
-  std::vector<double> mass_;
-  std::vector<Vector3d> inertia_;
-  std::vector<double> radius_;                       // of gyration
-  std::vector<double> stiffness_, damping_, force_;  // of springs, by row
-  std::vector<double> least_given_;  // of these, where they have neither of the first two [kg]
+  List<double> mass_;
+  List<Vector3d> inertia_;
+  List<double> radius_;                       // of gyration
+  List<double> stiffness_, damping_, force_;  // of springs, by row
+  List<double> least_given_;  // of these, where they have neither of the first two [kg]
   RegularizedRows rows_;
 
   Configuration start_, end_, met_;

@@ -5,12 +5,11 @@
 #include <cmath>
 #include <cstddef>
 #include <iterator>
-#include <limits>
 #include <type_traits>
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/stop_flag.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/embedded_pairs.h"
 
 namespace constraint_sim::engine {
@@ -67,7 +66,6 @@ inline constexpr double kSafety = 0.9;  // the next estimate is to come out belo
 inline constexpr double kMostGrowth = 5.0;
 inline constexpr double kMostShrinking = 0.2;
 inline constexpr double kLeastShrinking = 0.73;
-inline constexpr double kInfinity = std::numeric_limits<double>::infinity();
 inline constexpr int kMostFailures = 100;  // of them without any result: rows are inconsistent
 
 // Weights of the derivatives, as types, so that what is zero costs nothing.
@@ -235,9 +233,8 @@ template <class Pair, class System>
       return false;
     }
     const double error = runge_kutta::attempt<Pair>(system, memory, span.t, h);
-    const double allowed = limits.tolerance > 0.0
-                               ? std::max(limits.tolerance * h, system.rounding())
-                               : runge_kutta::kInfinity;
+    const double allowed =
+        limits.tolerance > 0.0 ? std::max(limits.tolerance * h, system.rounding()) : kInfinity;
     step = h * runge_kutta::stretch<Pair>(error, allowed);
     if (error < 0.0 || error > allowed) {
       ++progress.rejected;

@@ -5,31 +5,30 @@
 #include <iterator>
 #include <unordered_map>
 
+#include "engine/math/list.h"
+
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
 }  // namespace
 
-IslandModel::IslandModel(std::vector<int> joints, const std::vector<Joint>& all_joints,
-                         const Ends& ends, const std::vector<MassProperties>& masses,
-                         const std::vector<CoupledTerms>& couplings, const std::vector<int>& idle,
-                         const std::vector<char>& open)
+IslandModel::IslandModel(List<int> joints, const List<Joint>& all_joints, const Ends& ends,
+                         const List<MassProperties>& masses, const List<CoupledTerms>& couplings,
+                         const List<int>& idle, const List<char>& open)
     : joints_(std::move(joints)) {
   find_bodies(all_joints, ends, masses, idle, open);
   const bool is_in_line = open.empty() && order_as_chain(all_joints, ends, masses);
   is_chain_ = is_in_line && rotating_ == 0;
   is_chain_of_bodies_ = is_in_line && rotating_ > 0;
-  for (const int body : bodies_) inverse_mass_.push_back(masses[at(body)].inverse_mass);
+  for (const int body : bodies_) inverse_mass_.push_back(masses[body].inverse_mass);
   for (std::size_t i = 0; i < rotating_; ++i) {
-    inertia_.push_back(masses[at(bodies_[i])].inertia);
-    radius_of_gyration_.push_back(masses[at(bodies_[i])].radius_of_gyration());
+    inertia_.push_back(masses[bodies_[i]].inertia);
+    radius_of_gyration_.push_back(masses[bodies_[i]].radius_of_gyration());
   }
   Places places;
-  for (std::size_t i = 0; i < bodies_.size(); ++i) places[at(bodies_[i])] = i;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) places[bodies_[i]] = i;
   sort_joints(all_joints, ends, places, open);
   add_links(all_joints, ends, masses, places);
   if (is_chain_) turn_along_chain();
@@ -38,24 +37,24 @@ IslandModel::IslandModel(std::vector<int> joints, const std::vector<Joint>& all_
 }
 
 // those that turn come first
-void IslandModel::find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
-                              const std::vector<MassProperties>& masses,
-                              const std::vector<int>& idle, const std::vector<char>& open) {
-  std::vector<int> turning, others;
+void IslandModel::find_bodies(const List<Joint>& all_joints, const Ends& ends,
+                              const List<MassProperties>& masses, const List<int>& idle,
+                              const List<char>& open) {
+  List<int> turning, others;
   const auto add = [&](std::size_t body, const Vector3d& anchor, bool has_axes) {
     if (!masses[body].is_movable()) return;
     const bool turns = (!anchor.isZero(0.0) || has_axes) && masses[body].can_turn();
     (turns ? turning : others).push_back(static_cast<int>(body));
   };
-  for (const std::vector<int>* list : {static_cast<const std::vector<int>*>(&joints_), &idle}) {
+  for (const List<int>* list : {static_cast<const List<int>*>(&joints_), &idle}) {
     for (const int j : *list) {
-      const Joint& joint = all_joints[at(j)];
-      add(ends[at(j)].first, joint.anchor_a, info(joint.kind).has_frames);
-      const bool is_open = !open.empty() && open[at(j)] != 0;
-      add(ends[at(j)].second, joint.anchor_b, is_open || turns_b(info(joint.kind)));
+      const Joint& joint = all_joints[j];
+      add(ends[j].first, joint.anchor_a, info(joint.kind).has_frames);
+      const bool is_open = !open.empty() && open[j] != 0;
+      add(ends[j].second, joint.anchor_b, is_open || turns_b(info(joint.kind)));
     }
   }
-  const auto sort_out = [](std::vector<int>& list) {
+  const auto sort_out = [](List<int>& list) {
     std::sort(list.begin(), list.end());
     list.erase(std::unique(list.begin(), list.end()), list.end());
   };
@@ -69,21 +68,21 @@ void IslandModel::find_bodies(const std::vector<Joint>& all_joints, const Ends& 
 
 // Brings joints and bodies into the order of the chain that they are, if they are one: rods between
 // centres, or ball joints between bodies that all turn.
-bool IslandModel::order_as_chain(const std::vector<Joint>& all_joints, const Ends& ends,
-                                 const std::vector<MassProperties>& masses) {
+bool IslandModel::order_as_chain(const List<Joint>& all_joints, const Ends& ends,
+                                 const List<MassProperties>& masses) {
   const bool is_of_bodies = rotating_ > 0;
   if (is_of_bodies && rotating_ < bodies_.size()) return false;
   const auto place = [&](std::size_t body) {  // bodies_ is sorted, so far
     const auto found = std::lower_bound(bodies_.begin(), bodies_.end(), static_cast<int>(body));
     return static_cast<std::size_t>(found - bodies_.begin());
   };
-  std::vector<std::array<int, 2>> rods_of(bodies_.size(), {-1, -1});  // or ball joints
+  List<std::array<int, 2>> rods_of(bodies_.size(), {-1, -1});  // or ball joints
   for (const int j : joints_) {
-    const Joint& joint = all_joints[at(j)];
+    const Joint& joint = all_joints[j];
     if (has_length(joint.kind) == is_of_bodies) return false;
     if (info(joint.kind).form == RowsForm::kGeneral) return false;
     if (!length_spring(joint).is_none()) return false;
-    for (const std::size_t body : {ends[at(j)].first, ends[at(j)].second}) {
+    for (const std::size_t body : {ends[j].first, ends[j].second}) {
       if (!masses[body].is_movable()) continue;
       auto& [first, second] = rods_of[place(body)];
       if (second >= 0) return false;
@@ -95,16 +94,16 @@ bool IslandModel::order_as_chain(const std::vector<Joint>& all_joints, const End
     return !masses[body].is_movable() || rods_of[place(body)][1] < 0;
   };
   const auto first = std::find_if(joints_.begin(), joints_.end(), [&](int j) {
-    return is_end(ends[at(j)].first) || is_end(ends[at(j)].second);
+    return is_end(ends[j].first) || is_end(ends[j].second);
   });
   if (first == joints_.end()) return false;  // a ring
   int rod = *first;
-  std::size_t body = is_end(ends[at(rod)].first) ? ends[at(rod)].first : ends[at(rod)].second;
-  std::vector<int> rods, bodies;
+  std::size_t body = is_end(ends[rod].first) ? ends[rod].first : ends[rod].second;
+  List<int> rods, bodies;
   if (masses[body].is_movable()) bodies.push_back(static_cast<int>(body));
   while (rod >= 0) {
     rods.push_back(rod);
-    const auto& [a, b] = ends[at(rod)];
+    const auto& [a, b] = ends[rod];
     body = body == a ? b : a;
     if (!masses[body].is_movable()) break;
     bodies.push_back(static_cast<int>(body));
@@ -130,20 +129,20 @@ void IslandModel::turn_along_chain() {
 }
 
 // rods between centres, other rods, ball joints, general ones, springs
-void IslandModel::sort_joints(const std::vector<Joint>& all_joints, const Ends& ends,
-                              const Places& places, const std::vector<char>& open) {
+void IslandModel::sort_joints(const List<Joint>& all_joints, const Ends& ends, const Places& places,
+                              const List<char>& open) {
   const auto turns_body = [&](std::size_t body) {
     const auto found = places.find(body);
     return found != places.end() && rotates(found->second);
   };
   const auto place_in_order = [&](int j) {
-    const Joint& joint = all_joints[at(j)];
+    const Joint& joint = all_joints[j];
     if (!has_length(joint.kind)) {
-      const bool is_open = !open.empty() && open[at(j)] != 0;
+      const bool is_open = !open.empty() && open[j] != 0;
       return is_open || info(joint.kind).form == RowsForm::kGeneral ? 3 : 2;
     }
     if (!length_spring(joint).is_none()) return 4;
-    return turns_body(ends[at(j)].first) || turns_body(ends[at(j)].second) ? 1 : 0;
+    return turns_body(ends[j].first) || turns_body(ends[j].second) ? 1 : 0;
   };
   std::stable_sort(joints_.begin(), joints_.end(),
                    [&](int i, int j) { return place_in_order(i) < place_in_order(j); });
@@ -157,8 +156,8 @@ void IslandModel::sort_joints(const std::vector<Joint>& all_joints, const Ends& 
   first_spring_ = count_below(4);
 }
 
-void IslandModel::add_links(const std::vector<Joint>& all_joints, const Ends& ends,
-                            const std::vector<MassProperties>& masses, const Places& places) {
+void IslandModel::add_links(const List<Joint>& all_joints, const Ends& ends,
+                            const List<MassProperties>& masses, const Places& places) {
   const auto point_of = [&](std::size_t body, const Vector3d& anchor, bool has_axes) {
     if (masses[body].is_movable()) return places.at(body);
     fixed_points_.push_back({static_cast<int>(body), anchor, has_axes, BodyState{},
@@ -167,11 +166,11 @@ void IslandModel::add_links(const std::vector<Joint>& all_joints, const Ends& en
     return inverse_mass_.size() - 1;
   };
   for (const int j : joints_) {
-    const Joint& joint = all_joints[at(j)];
+    const Joint& joint = all_joints[j];
     Link link{};
     const bool has_axes = info(joint.kind).has_frames;
-    link.a = point_of(ends[at(j)].first, joint.anchor_a, has_axes);
-    link.b = point_of(ends[at(j)].second, joint.anchor_b, has_axes);
+    link.a = point_of(ends[j].first, joint.anchor_a, has_axes);
+    link.b = point_of(ends[j].second, joint.anchor_b, has_axes);
     link.kind = joint.kind;
     link.anchor_a = joint.anchor_a;
     link.anchor_b = joint.anchor_b;
@@ -182,7 +181,7 @@ void IslandModel::add_links(const std::vector<Joint>& all_joints, const Ends& en
     if (has_axes) {
       link.frame_a = joint.frame_a.toRotationMatrix();
       link.frame_b = joint.frame_b->toRotationMatrix();
-      for (const std::size_t body : {ends[at(j)].first, ends[at(j)].second})
+      for (const std::size_t body : {ends[j].first, ends[j].second})
         link.radius = std::max(link.radius, masses[body].radius_of_gyration());
     }
     link.custom = joint.custom.code.get();
@@ -198,12 +197,12 @@ void IslandModel::add_coordinates(const Joint& joint, Link* link) {
   link->rows = kind.rows;
   link->first_soft = softs_.size();
   for (int i = 0; i < kind.coordinates; ++i) {
-    const CoordinateLaw& law = joint.coordinates[at(i)];
+    const CoordinateLaw& law = joint.coordinates[i];
     const SoftLaw soft = soft_law(law);
     if (is_held(law))
-      link->function[at(link->rows++)] = static_cast<std::uint8_t>(kind.rows + i);
+      link->function[link->rows++] = static_cast<std::uint8_t>(kind.rows + i);
     else if (!soft.is_none())
-      softs_.push_back({links_.size(), kind.rows + i, kind.coordinate[at(i)], soft, law.zero});
+      softs_.push_back({links_.size(), kind.rows + i, kind.coordinate[i], soft, law.zero});
   }
   link->softs = softs_.size() - link->first_soft;
 }
@@ -241,8 +240,8 @@ void IslandModel::add_rows(const Link& link, int count) {
 }
 
 // Coupled rows with their first parts, then all second ones.
-void IslandModel::add_coupled_rows(const std::vector<Joint>& all_joints,
-                                   const std::vector<CoupledTerms>& couplings) {
+void IslandModel::add_coupled_rows(const List<Joint>& all_joints,
+                                   const List<CoupledTerms>& couplings) {
   const auto link_of = [&](std::size_t joint) {
     const auto found = std::find(joints_.begin(), joints_.end(), static_cast<int>(joint));
     return static_cast<std::size_t>(found - joints_.begin());
@@ -252,9 +251,9 @@ void IslandModel::add_coupled_rows(const std::vector<Joint>& all_joints,
     CoupledRow coupled{};
     coupled.link = l;
     for (std::size_t k = 0; k < 2; ++k) {
-      const CoupledTerm& from = couplings[at(joints_[l])][k];
+      const CoupledTerm& from = couplings[joints_[l]][k];
       const Joint& joint = all_joints[from.joint];
-      const auto i = at(from.coordinate);
+      const auto i = to_index(from.coordinate);
       CoupledRow::Term& term = coupled.terms[k];
       term.link = link_of(from.joint);
       term.coordinate = from.coordinate;

@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <unordered_map>
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "engine/constraints/coupling.h"
@@ -16,8 +15,12 @@
 #include "engine/constraints/law.h"
 #include "engine/linear/sparse_ldlt.h"
 #include "engine/mass_properties.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
+
+/// Sign of ends A and B in a row's rate J_B v_B − J_A v_A.
+inline constexpr std::array<double, 2> kEndSign{-1.0, 1.0};
 
 /// What the bodies and joints of one island are compiled to: which bodies turn, the joints in an
 /// order by what they need, and their rows with the bodies these act on. Only the constructor
@@ -25,9 +28,9 @@ namespace constraint_sim::engine {
 class IslandModel {
  public:
   /// Rods first, those between centres before all others, then ball joints, general ones, springs.
-  const std::vector<int>& joints() const { return joints_; }
+  const List<int>& joints() const { return joints_; }
   /// Those whose rotation is part of the state first.
-  const std::vector<int>& bodies() const { return bodies_; }
+  const List<int>& bodies() const { return bodies_; }
   std::size_t rotating() const { return rotating_; }
   std::size_t rows() const { return rows_.size(); }
   /// Rods between centres alone, one after the other; joints and bodies are then in this order.
@@ -97,7 +100,7 @@ class IslandModel {
   };
 
   /// As joints().
-  const std::vector<Link>& links() const { return links_; }
+  const List<Link>& links() const { return links_; }
   bool is_rod(std::size_t l) const { return l < first_ball_; }
   bool is_ball(std::size_t l) const { return l >= first_ball_ && l < first_general_; }
   /// Neither of these nor a spring.
@@ -113,12 +116,12 @@ class IslandModel {
   /// The first of the general ones.
   std::size_t first_general() const { return first_general_; }
   /// Of general joints, as rows are.
-  const std::vector<GeneralRow>& general_rows() const { return general_rows_; }
+  const List<GeneralRow>& general_rows() const { return general_rows_; }
   const GeneralRow& general_row(std::size_t row) const {
     return general_rows_[row - first_general_row()];
   }
-  const std::vector<SoftCoordinate>& soft_coordinates() const { return softs_; }
-  const std::vector<CoupledRow>& coupled_rows() const { return coupled_; }
+  const List<SoftCoordinate>& soft_coordinates() const { return softs_; }
+  const List<CoupledRow>& coupled_rows() const { return coupled_; }
   bool has_custom_forces() const { return has_custom_forces_; }
   /// Bodies and fixed points.
   std::size_t points() const { return inverse_mass_.size(); }
@@ -127,12 +130,12 @@ class IslandModel {
   double radius_of_gyration(std::size_t turning) const { return radius_of_gyration_[turning]; }
 
  protected:
-  using Ends = std::vector<std::pair<std::size_t, std::size_t>>;  // of all joints: bodies
+  using Ends = List<std::pair<std::size_t, std::size_t>>;  // of all joints: bodies
 
   /// As the constructor of EquationsOfMotion.
-  IslandModel(std::vector<int> joints, const std::vector<Joint>& all_joints, const Ends& ends,
-              const std::vector<MassProperties>& masses, const std::vector<CoupledTerms>& couplings,
-              const std::vector<int>& idle, const std::vector<char>& open);
+  IslandModel(List<int> joints, const List<Joint>& all_joints, const Ends& ends,
+              const List<MassProperties>& masses, const List<CoupledTerms>& couplings,
+              const List<int>& idle, const List<char>& open);
 
   /// Where a row or part turns a body.
   struct AngularBlock {
@@ -165,43 +168,42 @@ class IslandModel {
     return i < rows_.size() ? i : first_coupled_row() + i - rows_.size();
   }
 
-  std::vector<int> joints_;
-  std::vector<int> bodies_;
+  List<int> joints_;
+  List<int> bodies_;
   std::size_t rotating_ = 0;
-  std::vector<Link> links_;
+  List<Link> links_;
   std::size_t first_armed_ = 0, first_ball_ = 0, first_general_ = 0, first_spring_ = 0;  // links_
-  std::vector<Row> rows_;   // of rods one each, of ball joints three, then of general ones, coupled
-  std::vector<Row> parts_;  // second ones of coupled rows
-  std::vector<GeneralRow> general_rows_;
-  std::vector<CoupledRow> coupled_;
-  std::vector<SoftCoordinate> softs_;
-  std::vector<AngularBlock> angular_blocks_;
-  std::vector<FixedPoint> fixed_points_;
-  std::vector<double> inverse_mass_;        // of points
-  std::vector<Eigen::Vector3d> inertia_;    // of those that turn
-  std::vector<double> radius_of_gyration_;  // of those that turn
+  List<Row> rows_;   // of rods one each, of ball joints three, then of general ones, coupled
+  List<Row> parts_;  // second ones of coupled rows
+  List<GeneralRow> general_rows_;
+  List<CoupledRow> coupled_;
+  List<SoftCoordinate> softs_;
+  List<AngularBlock> angular_blocks_;
+  List<FixedPoint> fixed_points_;
+  List<double> inverse_mass_;        // of points
+  List<Eigen::Vector3d> inertia_;    // of those that turn
+  List<double> radius_of_gyration_;  // of those that turn
   bool is_chain_ = false, is_chain_of_bodies_ = false;
   bool has_custom_forces_ = false;
 
  private:
   using Places = std::unordered_map<std::size_t, std::size_t>;  // of movable bodies in bodies_
 
-  void find_bodies(const std::vector<Joint>& all_joints, const Ends& ends,
-                   const std::vector<MassProperties>& masses, const std::vector<int>& idle,
-                   const std::vector<char>& open);
-  bool order_as_chain(const std::vector<Joint>& all_joints, const Ends& ends,
-                      const std::vector<MassProperties>& masses);
+  void find_bodies(const List<Joint>& all_joints, const Ends& ends,
+                   const List<MassProperties>& masses, const List<int>& idle,
+                   const List<char>& open);
+  bool order_as_chain(const List<Joint>& all_joints, const Ends& ends,
+                      const List<MassProperties>& masses);
   void turn_along_chain();
-  void sort_joints(const std::vector<Joint>& all_joints, const Ends& ends, const Places& places,
-                   const std::vector<char>& open);
-  void add_links(const std::vector<Joint>& all_joints, const Ends& ends,
-                 const std::vector<MassProperties>& masses, const Places& places);
+  void sort_joints(const List<Joint>& all_joints, const Ends& ends, const Places& places,
+                   const List<char>& open);
+  void add_links(const List<Joint>& all_joints, const Ends& ends,
+                 const List<MassProperties>& masses, const Places& places);
   void add_coordinates(const Joint& joint, Link* link);
   void add_all_rows();
   void add_rows(const Link& link, int count);
   Row new_row(const Link& link, std::size_t part);
-  void add_coupled_rows(const std::vector<Joint>& all_joints,
-                        const std::vector<CoupledTerms>& couplings);
+  void add_coupled_rows(const List<Joint>& all_joints, const List<CoupledTerms>& couplings);
 };
 
 }  // namespace constraint_sim::engine

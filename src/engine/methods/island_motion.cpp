@@ -1,12 +1,13 @@
 #include "engine/methods/island_motion.h"
 
+#include "engine/math/list.h"
 #include "engine/methods/fit_velocities.h"
 
 namespace constraint_sim::engine {
 
 IntegrationResult IslandMotion::advance(Integration way, const SmoothSpan& span,
                                         const IntegratorOptions& accuracy,
-                                        std::vector<BodyState>* states) {
+                                        List<BodyState>* states) {
   const bool goes_on = way == Integration::kGradients && gradients_ && gradients_->has_started();
   if (follows_gradients_ && !goes_on && !span.is_edited)
     fit_velocities(span, accuracy.most_projected, &substeps_.equations(), states);
@@ -17,7 +18,7 @@ IntegrationResult IslandMotion::advance(Integration way, const SmoothSpan& span,
 
 IntegrationResult IslandMotion::advance_by(Integration way, const SmoothSpan& span,
                                            const IntegratorOptions& accuracy,
-                                           std::vector<BodyState>* states) {
+                                           List<BodyState>* states) {
   EquationsOfMotion& equations = substeps_.equations();
   switch (way) {
     case Integration::kSubsteps:
@@ -52,7 +53,7 @@ void IslandMotion::restart() {
   inconsistent_.reset();
 }
 
-const LeastNormForces& IslandMotion::share_forces(const std::vector<BodyState>& states) {
+const LeastNormForces& IslandMotion::share_forces(const List<BodyState>& states) {
   if (!least_forces_) least_forces_.emplace(equations());
   least_forces_->share(equations(), states);
   return *least_forces_;

@@ -2,9 +2,9 @@
 
 #include <optional>
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
+#include "engine/math/list.h"
 #include "engine/methods/energy_momentum.h"
 #include "engine/methods/event_driven.h"
 #include "engine/methods/inconsistent_motion.h"
@@ -37,7 +37,7 @@ class IslandMotion {
   }
   /// Forgets the impulses of the step before, or those of an attempt in vain, and takes coordinates
   /// from the states of all joints.
-  void begin_step(const std::vector<JointState>& joints) {
+  void begin_step(const List<JointState>& joints) {
     if (events_)
       events_->begin_step(joints, &substeps_);
     else
@@ -45,15 +45,14 @@ class IslandMotion {
   }
   /// As method.h says.
   IntegrationResult advance(Integration way, const SmoothSpan& span,
-                            const IntegratorOptions& accuracy, std::vector<BodyState>* states);
+                            const IntegratorOptions& accuracy, List<BodyState>* states);
   /// The same from event to event; only of an island with one-sided rows, which has no other way.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
-                            const EventDriven::Surroundings& around,
-                            std::vector<BodyState>* states) {
+                            const EventDriven::Surroundings& around, List<BodyState>* states) {
     return events_->advance(span, accuracy, around, &substeps_, states);
   }
   /// What events last went by, with all that was done; nullptr of an island without one-sided rows.
-  const EventDriven* finish_events(const std::vector<BodyState>& states) {
+  const EventDriven* finish_events(const List<BodyState>& states) {
     if (!events_) return nullptr;
     events_->collect(states, &substeps_);
     return &*events_;
@@ -71,11 +70,11 @@ class IslandMotion {
   /// Whether inconsistent joints could be met at the end of the last span.
   bool can_be_met() const { return inconsistent_->can_be_met(); }
   /// What the joints share where some rows are redundant, with the bodies where the step ends.
-  const LeastNormForces& share_forces(const std::vector<BodyState>& states);
+  const LeastNormForces& share_forces(const List<BodyState>& states);
 
   /// Visits all that the next advance() goes on from, beside the bodies, as engine/memory.h says.
   template <class Self, class Visit>
-  static void visit_memory(Self& self, Visit& visit, const std::vector<MassProperties>& masses) {
+  static void visit_memory(Self& self, Visit& visit, const List<MassProperties>& masses) {
     if (self.events_) EventDriven::visit_rows(*self.events_, visit, masses, self.substeps_);
     RungeKutta::visit_memory(self.substeps_, visit);
     bool has_gradients = self.gradients_ && self.gradients_->has_memory();
@@ -88,9 +87,8 @@ class IslandMotion {
   }
   /// After these were read: lets the equations go on from `t`, where a span begins; `courses` are
   /// those of the span before.
-  void continue_from(double t, const std::vector<BodyState>& states, const Eigen::Vector3d& gravity,
-                     const std::vector<AppliedWrench>& loads,
-                     const std::vector<PrescribedMotion>& courses) {
+  void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
+                     const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses) {
     if (!substeps_.has_started() && !(gradients_ && gradients_->has_started())) return;
     if (events_)
       events_->continue_from(t, states, gravity, loads, &substeps_);
@@ -100,7 +98,7 @@ class IslandMotion {
 
  private:
   IntegrationResult advance_by(Integration way, const SmoothSpan& span,
-                               const IntegratorOptions& accuracy, std::vector<BodyState>* states);
+                               const IntegratorOptions& accuracy, List<BodyState>* states);
 
   RungeKutta substeps_;  // owns the equations
   std::optional<EventDriven> events_;

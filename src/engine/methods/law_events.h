@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "constraint_sim/engine/event.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/one_sided_law.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/event_watch.h"
 #include "engine/methods/integrate.h"
 
@@ -22,6 +22,18 @@ namespace constraint_sim::engine {
 
 inline constexpr double kServoEdge = 1e-9;       ///< of its limit: a servo nearer to it is there,
 inline constexpr double kServoEdgeTime = 1e-12;  ///< or one that is so within this time [s]
+
+/// Acceleration that joints leave of a coordinate, as a share of its acceleration without joints: a
+/// coordinate with less is held by the joints.
+inline constexpr double kHeld = 1e-12;
+/// Work of an impulse as a share of the energy that impulses exchange: less is rounding.
+inline constexpr double kNoWork = 1e-12;
+/// Distance of a force from its bound as a share of the bound: a nearer force is at the bound.
+inline constexpr double kAtBound = 1e-6;
+/// Force as a share of the largest force of the island: less is rounding.
+inline constexpr double kForceShare = 1e-9;
+inline constexpr int kMostImpacts = 2000;   ///< impacts at one time
+inline constexpr int kMostUnchanged = 100;  ///< events in a step that change no state
 
 inline signed char sign_of(double x) {
   return static_cast<signed char>(x > 0.0 ? 1 : (x < 0.0 ? -1 : 0));
@@ -114,8 +126,7 @@ void watch_limits(const OneSidedLaw& law, const OneSidedState& state, const Read
     watched.value = direction * (reading.q - at_limit.value);
     watched.rate = direction * (reading.rate - at_limit.rate);
     watched.acceleration = direction * (reading.acceleration - at_limit.acceleration);
-    watched.tolerance = 4.0 * std::numeric_limits<double>::epsilon() *
-                        (std::abs(reading.q) + std::abs(at_limit.value));
+    watched.tolerance = 4.0 * kEpsilon * (std::abs(reading.q) + std::abs(at_limit.value));
     add(watched);
   }
 }
@@ -130,8 +141,8 @@ WatchedValue watched_rate_to_goal(const OneSidedLaw& law, double direction, doub
   watched.known = 1;
   watched.value = direction * (u * std::abs(u) + 2.0 * braking * off);
   watched.rate = direction * (2.0 * std::abs(u) * reading.acceleration + 2.0 * braking * u);
-  watched.tolerance = std::numeric_limits<double>::epsilon() *
-                      (u * u + 2.0 * braking * (std::abs(reading.q) + std::abs(*law.goal)));
+  watched.tolerance =
+      kEpsilon * (u * u + 2.0 * braking * (std::abs(reading.q) + std::abs(*law.goal)));
   return watched;
 }
 
@@ -141,7 +152,7 @@ inline WatchedValue watched_end(double left, double braking) {
   watched.known = 1;
   watched.value = braking * left;
   watched.rate = -braking;
-  watched.tolerance = std::numeric_limits<double>::epsilon() * braking * std::abs(left);
+  watched.tolerance = kEpsilon * braking * std::abs(left);
   return watched;
 }
 
@@ -154,7 +165,7 @@ void watch_servo(const OneSidedLaw& law, const OneSidedState& state, const Readi
   const double rate = servo_force_rate(law, reading, rest) / law.servo_most;
   WatchedValue watched;
   watched.known = 1;
-  watched.tolerance = 4.0 * std::numeric_limits<double>::epsilon() / law.servo_most *
+  watched.tolerance = 4.0 * kEpsilon / law.servo_most *
                       (law.servo_most + law.servo.K * (std::abs(reading.q) + std::abs(rest.value)) +
                        law.servo.C * (std::abs(reading.rate) + std::abs(rest.rate)));
   for (const double side : {1.0, -1.0}) {
@@ -194,8 +205,7 @@ void watch_rates(const OneSidedLaw& law, const OneSidedState& state, double brak
     watched.known = 1;
     watched.value = direction * (reading.rate - of.rate);
     watched.rate = direction * (reading.acceleration - of.acceleration);
-    watched.tolerance =
-        std::numeric_limits<double>::epsilon() * (std::abs(reading.rate) + std::abs(of.rate));
+    watched.tolerance = kEpsilon * (std::abs(reading.rate) + std::abs(of.rate));
     add(watched);
   };
   if (state.slip != 0) watch_rate(state.slip, {});

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
+
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -14,12 +16,8 @@ using Eigen::Vector3d;
 // What is added to the diagonal, as a share of it: bodies may move. Each solution leaves this share
 // over a pivot of what was missing.
 constexpr double kAdded = 1e-10;
-constexpr double kRounding = 1e-14;  // of what was missing at first
-constexpr double kSameSum = 1e-9;    // imbalance at a body, as a share of the largest force
-
-constexpr std::array<double, 2> kSign{-1.0, 1.0};  // of ends A and B
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
+constexpr double kForceRounding = 1e-14;  // of what was missing at first
+constexpr double kSameSum = 1e-9;         // imbalance at a body, as a share of the largest force
 
 }  // namespace
 
@@ -28,7 +26,7 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
   const auto unknowns_before = [&](std::size_t point) {
     return static_cast<int>(3 * point + 3 * std::min(point, turning));
   };
-  std::vector<std::pair<int, int>> pattern;
+  List<std::pair<int, int>> pattern;
   const auto add = [](int first, std::size_t i) { return first + static_cast<int>(i); };
   for (std::size_t l = 0; l < equations.links().size(); ++l) {
     if (!equations.is_rod(l) && !equations.is_ball(l) && !equations.is_general(l))
@@ -41,7 +39,7 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
       link.unknown[e] = unknowns_before(point);
       link.unknowns[e] = point < turning ? 6 : 3;
     }
-    rows_.resize(rows_.size() + at(link.rows), Row{});
+    rows_.resize(rows_.size() + to_index(link.rows), Row{});
     for_each_entry(link, [&](std::size_t e, std::size_t i, std::size_t f, std::size_t k) {
       pattern.emplace_back(add(link.unknown[e], i), add(link.unknown[f], k));
     });
@@ -64,8 +62,8 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
     });
   }
   for (int u = 0; u < n; ++u) diagonal_.push_back(ldlt_.slot(u, u));
-  for (auto* list : {&stiffness_, &missing_, &permuted_}) list->assign(at(n), 0.0);
-  is_torque_.assign(at(n), 0);
+  for (auto* list : {&stiffness_, &missing_, &permuted_}) list->assign(to_index(n), 0.0);
+  is_torque_.assign(to_index(n), 0);
   for (std::size_t i = 0; i < turning; ++i) std::fill_n(&is_torque_[6 * i + 3], 3, 1);
   inverse_weights_.assign(rows_.size(), 0.0);
   impulses_.assign(rows_.size() + equations.links().size() - links_.size(), 0.0);
@@ -73,7 +71,7 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
 
 // The bodies of coupled rows, each once.
 void LeastNormForces::add_coupled(const EquationsOfMotion& equations,
-                                  std::vector<std::pair<int, int>>* pattern) {
+                                  List<std::pair<int, int>>* pattern) {
   for (const EquationsOfMotion::CoupledRow& from : equations.coupled_rows()) {
     CoupledRow& coupled = coupled_.emplace_back();
     for (const auto& term : from.terms) {
@@ -113,8 +111,7 @@ void LeastNormForces::for_each_entry(const Link& link, Visit visit) const {
         for (std::size_t k = 0; k < (f == e ? i + 1 : link.unknowns[f]); ++k) visit(e, i, f, k);
 }
 
-void LeastNormForces::share(const EquationsOfMotion& equations,
-                            const std::vector<BodyState>& states) {
+void LeastNormForces::share(const EquationsOfMotion& equations, const List<BodyState>& states) {
   place(equations, states);
   if (!coupled_.empty()) place_coupled(equations, states);
   factor();
@@ -131,13 +128,13 @@ RowVector LeastNormForces::impulse(const EquationsOfMotion& equations, std::size
     impulse[0] = shares_[rows_.size() + l - links_.size()];
     return impulse;
   }
-  for (int k = 0; k < links_[l].rows; ++k) impulse[k] = shares_[links_[l].first_row + at(k)];
+  for (int k = 0; k < links_[l].rows; ++k) impulse[k] = shares_[links_[l].first_row + to_index(k)];
   return equations.by_function(l, impulse);
 }
 
 // of a general joint
 JointVectors LeastNormForces::vectors_of(const EquationsOfMotion& equations,
-                                         const std::vector<BodyState>& states, std::size_t l,
+                                         const List<BodyState>& states, std::size_t l,
                                          const std::array<Vector3d, 2>& arm,
                                          const Vector3d& d) const {
   const EquationsOfMotion::Link& from = equations.links()[l];
@@ -149,7 +146,7 @@ JointVectors LeastNormForces::vectors_of(const EquationsOfMotion& equations,
   if (!info(from.kind).has_frames) return vectors;
   const auto axes = [&](std::size_t e, std::size_t point, const Matrix3d& frame) -> Matrix3d {
     if (links_[l].unknowns[e] == 0) return equations.fixed_axes(point) * frame;
-    return states[at(equations.bodies()[point])].orientation * frame;
+    return states[equations.bodies()[point]].orientation * frame;
   };
   vectors.axes_A = axes(0, from.a, from.frame_a);
   vectors.axes_B = axes(1, from.b, equations.frame_b(l).axes);
@@ -163,8 +160,7 @@ double LeastNormForces::coupled_impulse(const EquationsOfMotion& equations, std:
 }
 
 // directions, torques and weights of the rows where the step ends
-void LeastNormForces::place(const EquationsOfMotion& equations,
-                            const std::vector<BodyState>& states) {
+void LeastNormForces::place(const EquationsOfMotion& equations, const List<BodyState>& states) {
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
     const EquationsOfMotion::Link& from = equations.links()[l];
@@ -176,7 +172,7 @@ void LeastNormForces::place(const EquationsOfMotion& equations,
     for (int k = 0; k < link.rows; ++k) {
       std::array<Vector3d, 2> push, turn;  // for an impulse of 1
       if (equations.is_general(l)) {
-        const Jacobian J = jacobian(equations.form(l, at(k)), vectors);
+        const Jacobian J = jacobian(equations.form(l, to_index(k)), vectors);
         push = {J.j1, J.j3};
         turn = {J.j2, J.j4};
       } else {
@@ -187,20 +183,20 @@ void LeastNormForces::place(const EquationsOfMotion& equations,
       double row_weight = 0.0;
       for (std::size_t e = 0; e < 2; ++e) {
         if (link.unknowns[e] == 0) continue;
-        std::array<double, 6>& row = rows_[link.first_row + at(k)][e];
+        std::array<double, 6>& row = rows_[link.first_row + to_index(k)][e];
         Eigen::Map<Vector3d> force(row.data()), torque(row.data() + 3);
         force = push[e];
         double weight = equations.inverse_mass(points[e]) * force.squaredNorm();
         if (link.unknowns[e] == 6) {
           torque = turn[e];
-          const BodyState& state = states[at(equations.bodies()[points[e]])];
+          const BodyState& state = states[equations.bodies()[points[e]]];
           const Vector3d in_body = state.orientation.conjugate() * torque;
           weight += in_body.dot(in_body.cwiseQuotient(equations.inertia(points[e])));
         }
         row_weight += weight;
       }
       sum += row_weight;
-      inverse_weights_[link.first_row + at(k)] = 1.0 / row_weight;
+      inverse_weights_[link.first_row + to_index(k)] = 1.0 / row_weight;
     }
     if (equations.is_ball(l))  // no axis is preferred
       std::fill_n(&inverse_weights_[link.first_row], link.rows, link.rows / sum);
@@ -209,27 +205,27 @@ void LeastNormForces::place(const EquationsOfMotion& equations,
 
 // Arms and d of a joint; returns the vectors of a general one.
 JointVectors LeastNormForces::place_ends(const EquationsOfMotion& equations,
-                                         const std::vector<BodyState>& states, std::size_t l,
+                                         const List<BodyState>& states, std::size_t l,
                                          std::array<Vector3d, 2>* arm, Vector3d* d) const {
   const EquationsOfMotion::Link& from = equations.links()[l];
   for (std::size_t e = 0; e < 2; ++e) {
     const std::size_t point = e == 0 ? from.a : from.b;
     if (links_[l].unknowns[e] == 0) {
-      *d += kSign[e] * equations.position(point);
+      *d += kEndSign[e] * equations.position(point);
       continue;
     }
-    const BodyState& state = states[at(equations.bodies()[point])];
+    const BodyState& state = states[equations.bodies()[point]];
     if (links_[l].unknowns[e] == 6)
       (*arm)[e] = state.orientation * (e == 0                    ? from.anchor_a
                                        : equations.is_general(l) ? equations.frame_b(l).anchor
                                                                  : from.anchor_b);
-    *d += kSign[e] * (state.position + (*arm)[e]);
+    *d += kEndSign[e] * (state.position + (*arm)[e]);
   }
   return equations.is_general(l) ? vectors_of(equations, states, l, *arm, *d) : JointVectors();
 }
 
 void LeastNormForces::place_coupled(const EquationsOfMotion& equations,
-                                    const std::vector<BodyState>& states) {
+                                    const List<BodyState>& states) {
   for (std::size_t c = 0; c < coupled_.size(); ++c) {
     CoupledRow& coupled = coupled_[c];
     for (CoupledRow::End& end : coupled.ends) end.row.fill(0.0);
@@ -254,7 +250,7 @@ void LeastNormForces::place_coupled(const EquationsOfMotion& equations,
       weight += equations.inverse_mass(end.point) * force.squaredNorm();
       if (end.unknowns < 6) continue;
       const Vector3d in_body =
-          states[at(equations.bodies()[end.point])].orientation.conjugate() * torque;
+          states[equations.bodies()[end.point]].orientation.conjugate() * torque;
       weight += in_body.dot(in_body.cwiseQuotient(equations.inertia(end.point)));
     }
     coupled.inverse_weight = 1.0 / weight;
@@ -262,13 +258,13 @@ void LeastNormForces::place_coupled(const EquationsOfMotion& equations,
 }
 
 void LeastNormForces::factor() {
-  std::vector<double>& K = ldlt_.values();
+  List<double>& K = ldlt_.values();
   std::fill(K.begin(), K.end(), 0.0);
   for (const Link& link : links_) {
     const SparseLdlt::Slot* slot = slots_.data() + link.first_slot;
     for_each_entry(link, [&](std::size_t e, std::size_t i, std::size_t f, std::size_t k) {
       double sum = 0.0;
-      for (std::size_t r = link.first_row; r < link.first_row + at(link.rows); ++r)
+      for (std::size_t r = link.first_row; r < link.first_row + to_index(link.rows); ++r)
         sum += inverse_weights_[r] * rows_[r][e][i] * rows_[r][f][k];
       K[*slot++] += sum;
     });
@@ -307,8 +303,8 @@ void LeastNormForces::gather_state(const EquationsOfMotion& equations) {
 // Solutions with kAdded, until what is missing is rounding.
 void LeastNormForces::find_shares() {
   const double all = find_missing();
-  double before = std::numeric_limits<double>::infinity();
-  for (double missing = all; missing > kRounding * all && missing <= 0.5 * before;) {
+  double before = kInfinity;
+  for (double missing = all; missing > kForceRounding * all && missing <= 0.5 * before;) {
     before = missing;
     add_shares();
     missing = find_missing();
@@ -319,17 +315,17 @@ void LeastNormForces::find_shares() {
 double LeastNormForces::find_missing() {
   std::fill(missing_.begin(), missing_.end(), 0.0);
   for (const Link& link : links_) {
-    for (std::size_t r = link.first_row; r < link.first_row + at(link.rows); ++r) {
+    for (std::size_t r = link.first_row; r < link.first_row + to_index(link.rows); ++r) {
       const double impulse = impulses_[r] - shares_[r];
       for (std::size_t e = 0; e < 2; ++e)
         for (std::size_t k = 0; k < link.unknowns[e]; ++k)
-          missing_[at(link.unknown[e]) + k] += impulse * rows_[r][e][k];
+          missing_[to_index(link.unknown[e]) + k] += impulse * rows_[r][e][k];
     }
   }
   for (const CoupledRow& coupled : coupled_)
     for (const CoupledRow::End& end : coupled.ends)
       for (std::size_t k = 0; k < end.unknowns; ++k)
-        missing_[at(end.unknown) + k] += (coupled.impulse - coupled.share) * end.row[k];
+        missing_[to_index(end.unknown) + k] += (coupled.impulse - coupled.share) * end.row[k];
   double largest = 0.0;
   for (std::size_t u = 0; u < missing_.size(); ++u)
     if (stiffness_[u] > 0.0)
@@ -340,16 +336,16 @@ double LeastNormForces::find_missing() {
 // λ += D⁻¹ G z
 void LeastNormForces::add_shares() {
   for (std::size_t u = 0; u < missing_.size(); ++u)
-    permuted_[at(ldlt_.place(static_cast<int>(u)))] = missing_[u];
+    permuted_[ldlt_.place(static_cast<int>(u))] = missing_[u];
   ldlt_.solve(permuted_.data());
   for (std::size_t u = 0; u < missing_.size(); ++u)
-    missing_[u] = permuted_[at(ldlt_.place(static_cast<int>(u)))];
+    missing_[u] = permuted_[ldlt_.place(static_cast<int>(u))];
   for (const Link& link : links_) {
-    for (std::size_t r = link.first_row; r < link.first_row + at(link.rows); ++r) {
+    for (std::size_t r = link.first_row; r < link.first_row + to_index(link.rows); ++r) {
       double sum = 0.0;
       for (std::size_t e = 0; e < 2; ++e)
         for (std::size_t k = 0; k < link.unknowns[e]; ++k)
-          sum += rows_[r][e][k] * missing_[at(link.unknown[e]) + k];
+          sum += rows_[r][e][k] * missing_[to_index(link.unknown[e]) + k];
       shares_[r] += inverse_weights_[r] * sum;
     }
   }
@@ -357,7 +353,7 @@ void LeastNormForces::add_shares() {
     double sum = 0.0;
     for (const CoupledRow::End& end : coupled.ends)
       for (std::size_t k = 0; k < end.unknowns; ++k)
-        sum += end.row[k] * missing_[at(end.unknown) + k];
+        sum += end.row[k] * missing_[to_index(end.unknown) + k];
     coupled.share += coupled.inverse_weight * sum;
   }
 }

@@ -3,10 +3,10 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "engine/linear/sparse_ldlt.h"
+#include "engine/math/list.h"
 #include "engine/methods/equations_of_motion.h"
 
 namespace constraint_sim::engine {
@@ -22,7 +22,7 @@ class LeastNormForces {
 
   /// Shares out the impulses of `equations`, with the bodies where the step ends. Keeps those where
   /// no others of the same sum are found, as at mass ratios above 1e10.
-  void share(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
+  void share(const EquationsOfMotion& equations, const List<BodyState>& states);
   /// As EquationsOfMotion::impulse(), of joints()[l].
   RowVector impulse(const EquationsOfMotion& equations, std::size_t l) const;
   double coupled_impulse(const EquationsOfMotion& equations, std::size_t l) const;
@@ -45,20 +45,20 @@ class LeastNormForces {
       std::size_t unknowns, point;
       std::array<double, 6> row;
     };
-    std::vector<End> ends;
+    List<End> ends;
     std::size_t first_slot = 0;
     double inverse_weight = 0.0, impulse = 0.0, share = 0.0;
   };
 
-  void add_coupled(const EquationsOfMotion& equations, std::vector<std::pair<int, int>>* pattern);
+  void add_coupled(const EquationsOfMotion& equations, List<std::pair<int, int>>* pattern);
   template <class Visit>
   static void for_each_entry(const CoupledRow& coupled, Visit visit);
-  void place(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
-  void place_coupled(const EquationsOfMotion& equations, const std::vector<BodyState>& states);
-  JointVectors place_ends(const EquationsOfMotion& equations, const std::vector<BodyState>& states,
+  void place(const EquationsOfMotion& equations, const List<BodyState>& states);
+  void place_coupled(const EquationsOfMotion& equations, const List<BodyState>& states);
+  JointVectors place_ends(const EquationsOfMotion& equations, const List<BodyState>& states,
                           std::size_t l, std::array<Eigen::Vector3d, 2>* arm,
                           Eigen::Vector3d* d) const;
-  JointVectors vectors_of(const EquationsOfMotion& equations, const std::vector<BodyState>& states,
+  JointVectors vectors_of(const EquationsOfMotion& equations, const List<BodyState>& states,
                           std::size_t l, const std::array<Eigen::Vector3d, 2>& arm,
                           const Eigen::Vector3d& d) const;
   void factor();
@@ -70,18 +70,18 @@ class LeastNormForces {
   template <class Visit>
   void for_each_entry(const Link& link, Visit visit) const;
 
-  std::vector<Link> links_;  // rigid ones, as joints()
-  std::vector<Row> rows_;
-  std::vector<CoupledRow> coupled_;      // as EquationsOfMotion::coupled_rows()
-  std::vector<double> inverse_weights_;  // 1/a of rows
-  std::vector<SparseLdlt::Slot> slots_, diagonal_;
-  SparseLdlt ldlt_;                // of Gᵀ D⁻¹ G
-  std::vector<double> stiffness_;  // its diagonal
-  std::vector<double> missing_;    // Gᵀ of what is not shared out yet, then z; by unknown
-  std::vector<double> permuted_;   // the same, in the order of the elimination
-  std::vector<char> is_torque_;    // the same
-  std::vector<double> impulses_;   // of the motion: of rows, then of springs [N s]
-  std::vector<double> shares_;     // those reported, the same
+  List<Link> links_;  // rigid ones, as joints()
+  List<Row> rows_;
+  List<CoupledRow> coupled_;      // as EquationsOfMotion::coupled_rows()
+  List<double> inverse_weights_;  // 1/a of rows
+  List<SparseLdlt::Slot> slots_, diagonal_;
+  SparseLdlt ldlt_;         // of Gᵀ D⁻¹ G
+  List<double> stiffness_;  // its diagonal
+  List<double> missing_;    // Gᵀ of what is not shared out yet, then z; by unknown
+  List<double> permuted_;   // the same, in the order of the elimination
+  List<char> is_torque_;    // the same
+  List<double> impulses_;   // of the motion: of rows, then of springs [N s]
+  List<double> shares_;     // those reported, the same
 };
 
 }  // namespace constraint_sim::engine

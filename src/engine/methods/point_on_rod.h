@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <limits>
 
+#include "engine/math/numbers.h"
 #include "engine/methods/kernel_view.h"
 
 namespace constraint_sim::engine {
@@ -33,13 +33,12 @@ class PointOnRod {
     if (equations_.is_time_dependent()) move_with_time(t);
     const double length = length_;
     Vector3d d = d_of(y);
-    double before = std::numeric_limits<double>::infinity();
+    double before = kInfinity;
     const auto error_of = [=](const Vector3d& of) {
       return 0.5 * (length * length - of.squaredNorm()) / length;
     };
     double error = error_of(d);
-    const double rounding =
-        std::numeric_limits<double>::epsilon() * std::max(scale_, std::abs(error));
+    const double rounding = kEpsilon * std::max(scale_, std::abs(error));
     while (!(std::abs(error) <= rounding)) {
       if (!(std::abs(error) <= 0.5 * before)) return before <= 16.0 * rounding;
       before = std::abs(error);

@@ -12,10 +12,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 #include <stdexcept>
 
 #include "engine/linear/independent_rows.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/embedded_pairs.h"
 #include "engine/methods/equations_of_motion.h"
 
@@ -23,8 +24,6 @@ namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 constexpr double kRoundOffPivot = 1e-13;   // in the order of little fill, which is another one
 constexpr double kSelfStress = 1e-6;       // imbalance of forces, as a share of the largest force
@@ -41,7 +40,7 @@ constexpr double kMostDrift = 1e-3;
 constexpr double kMostOff = 1e-5;  // [m]
 constexpr double kConsistent =
     1e-6;  // [m] a row that is off by more is inconsistent with the others
-constexpr double kRounding = 1e-13;  // of the scene, where kept rows are independent
+constexpr double kIndependentRounding = 1e-13;  // of the scene, where kept rows are independent
 
 // Rows are chosen again when the smallest pivot of the rows kept falls by this factor. Early, since
 // a pivot that passes through zero takes the projection to another solution.
@@ -61,7 +60,7 @@ constexpr int kLeftOutUntilChoice = 8;  // restarts with momentary rows, at firs
 }  // namespace
 
 void EquationsOfMotion::forget_redundant_rows() {
-  set_redundant(std::vector<char>(rows_.size(), 0));
+  set_redundant(List<char>(rows_.size(), 0));
   std::fill(is_needed_.begin(), is_needed_.end(), 0);
   std::fill(imbalance_.begin(), imbalance_.end(), 0.0);
   std::fill(is_changing_.begin(), is_changing_.end(), false);
@@ -78,7 +77,7 @@ void EquationsOfMotion::forget_redundant_rows() {
 // hold, so they are never redundant. What does not move is one body.
 void EquationsOfMotion::find_branches() {
   const std::size_t ground = bodies_.size();
-  std::vector<std::size_t> degree(ground + 1, 0), of_links(ground + 1, 0);  // their indices, by xor
+  List<std::size_t> degree(ground + 1, 0), of_links(ground + 1, 0);  // their indices, by xor
   const auto ends = [&](std::size_t l) {
     return std::array<std::size_t, 2>{std::min(links_[l].a, ground), std::min(links_[l].b, ground)};
   };
@@ -122,7 +121,7 @@ int EquationsOfMotion::choose_rows(double t, const double* y) {
   find_matrix();
   if (redundant_rows() == 0 && ldlt_.factor(least) == 0) return 0;
 
-  std::vector<char> redundant = independent_rows(least);
+  List<char> redundant = independent_rows(least);
   for (std::size_t i = 0; i < rows_.size(); ++i)
     redundant[i] = !redundant[i] && !is_needed_[i] && !is_of_branch_[i] ? 1 : 0;
   set_redundant(redundant);
@@ -156,7 +155,7 @@ double EquationsOfMotion::redundant_self_stress() const {
 // A of all rows
 Eigen::MatrixXd EquationsOfMotion::dense_matrix() {
   const std::size_t n = rows_.size();
-  const std::vector<double> zero(n, 0.0);
+  const List<double> zero(n, 0.0);
   Eigen::MatrixXd A(n, n);
   for (std::size_t i = 0; i < n; ++i) {
     std::fill(stress_.begin(), stress_.end(), 0.0);
@@ -168,9 +167,9 @@ Eigen::MatrixXd EquationsOfMotion::dense_matrix() {
   return A;
 }
 
-std::vector<char> EquationsOfMotion::independent_rows(double least) {
-  std::vector<char> was_kept(rows_.size());
-  std::vector<char> is_needed = is_of_branch_;
+List<char> EquationsOfMotion::independent_rows(double least) {
+  List<char> was_kept(rows_.size());
+  List<char> is_needed = is_of_branch_;
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     was_kept[i] = is_redundant_[i] ? 0 : 1;
     is_needed[i] = is_needed[i] || is_needed_[i] ? 1 : 0;
@@ -182,7 +181,7 @@ std::vector<char> EquationsOfMotion::independent_rows(double least) {
 // there, as a share of its largest force. No mass is in it.
 double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
   const std::size_t own = rows_[row].unknown;
-  const std::vector<double> zero(rows_.size(), 0.0);
+  const List<double> zero(rows_.size(), 0.0);
   std::fill(stress_.begin(), stress_.end(), 0.0);
   stress_[own] = 1.0;
   for (int k = 0; k < kRefinements; ++k) {
@@ -216,7 +215,7 @@ double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
   return imbalance;
 }
 
-void EquationsOfMotion::set_redundant(const std::vector<char>& redundant) {
+void EquationsOfMotion::set_redundant(const List<char>& redundant) {
   std::fill(is_verified_.begin(), is_verified_.end(), 0);
   std::fill(redundant_off_.begin(), redundant_off_.end(), kInfinity);
   factors_are_there_ = false;
@@ -224,11 +223,11 @@ void EquationsOfMotion::set_redundant(const std::vector<char>& redundant) {
     throw std::invalid_argument("redundant rows: must be flags of all rows");
   if (redundant == is_redundant_) return;
   const std::size_t n = rows_.size(), forces = impulses_.size();
-  std::vector<std::size_t> before;
+  List<std::size_t> before;
   for (const Row& row : rows_) before.push_back(row.unknown);
   is_redundant_ = redundant;
   couple_rows();
-  std::vector<double> old(n);
+  List<double> old(n);
   const auto reorder = [&](double* of_unknowns) {
     std::copy_n(of_unknowns, n, old.begin());
     for (std::size_t i = 0; i < n; ++i) of_unknowns[rows_[i].unknown] = old[before[i]];
@@ -321,7 +320,7 @@ double EquationsOfMotion::redundant_limit(std::size_t row) const {
   const double share = std::sqrt(std::max(ldlt_.smallest_pivot(), 1e-20));
   const double weakness = std::max(std::sqrt(pivot_at_choice_) / share, 1.0);
   const double limit = std::min(weakness * redundant_off_[row], kMostOff);
-  return std::max({limit, redundant_off_[row], kRounding * scale_ / share});
+  return std::max({limit, redundant_off_[row], kIndependentRounding * scale_ / share});
 }
 
 bool EquationsOfMotion::redundant_rows_are_off() const {
@@ -332,10 +331,10 @@ bool EquationsOfMotion::redundant_rows_are_off() const {
 }
 
 // Rows that are redundant no longer are needed from now on; the others keep their limits.
-void EquationsOfMotion::make_rows_again(const std::vector<char>& redundant) {
+void EquationsOfMotion::make_rows_again(const List<char>& redundant) {
   for (std::size_t i = 0; i < rows_.size(); ++i)
     if (is_redundant_[i] && !redundant[i]) is_needed_[i] = 1;
-  const std::vector<double> limits = redundant_off_;
+  const List<double> limits = redundant_off_;
   set_redundant(redundant);
   redundant_off_ = limits;
 }
@@ -349,7 +348,7 @@ bool EquationsOfMotion::restore_redundant_if_off() {
     is_inconsistent_ = true;
     return true;
   }
-  std::vector<char> redundant = is_redundant_;
+  List<char> redundant = is_redundant_;
   for (std::size_t i = 0; i < rows_.size(); ++i)
     if (redundant[i] && std::abs(value_[i]) / row_length(i) > redundant_limit(i)) redundant[i] = 0;
   if (redundant == is_redundant_) return false;
@@ -367,8 +366,8 @@ bool EquationsOfMotion::redundant_rates_are_met() {
   const bool closes = is_closing();
   const double open = kOpenRates * opening(true);
   const double speed = largest_speed();
-  const double rounding = 16.0 * std::numeric_limits<double>::epsilon() * scale_;
-  std::vector<char> redundant;  // once one is not met
+  const double rounding = 16.0 * kEpsilon * scale_;
+  List<char> redundant;  // once one is not met
   find_rates();
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     if (!is_redundant_[i] || (closes && imbalance_[i] > kExactSelfStress)) continue;
@@ -404,9 +403,8 @@ bool EquationsOfMotion::choose_again(double t, const double* y) {
   return true;
 }
 
-bool EquationsOfMotion::redundant_rows_are_met(
-    double t, const std::vector<Vector3d>& positions,
-    const std::vector<Eigen::Quaterniond>& orientations) {
+bool EquationsOfMotion::redundant_rows_are_met(double t, const List<Vector3d>& positions,
+                                               const List<Eigen::Quaterniond>& orientations) {
   if (redundant_rows() == 0) return true;
   read_pose(positions, orientations);
   update_prescribed(t);

@@ -2,13 +2,13 @@
 
 #include <utility>
 
+#include "engine/math/list.h"
+
 namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-constexpr std::array<double, 2> kSign{-1.0, 1.0};  // of ends A and B
 
 std::size_t end_of(const EquationsOfMotion::Link& joint, std::size_t end) {
   return end == 0 ? joint.a : joint.b;
@@ -49,14 +49,14 @@ RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
     }
   }
   add_coupled(equations);
-  std::vector<std::vector<std::pair<std::size_t, std::size_t>>> ends_on(bodies_);  // part, end
+  List<List<std::pair<std::size_t, std::size_t>>> ends_on(bodies_);  // part, end
   for (std::size_t i = 0; i < rows_.size() + parts_.size(); ++i) {
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[part(i).joint], e);
       if (point < bodies_) ends_on[point].emplace_back(i, e);
     }
   }
-  std::vector<std::pair<int, int>> pattern;
+  List<std::pair<int, int>> pattern;
   for (std::size_t body = 0; body < bodies_; ++body) {
     const auto& ends = ends_on[body];
     for (std::size_t m = 0; m < ends.size(); ++m)
@@ -108,7 +108,7 @@ void RegularizedRows::measure(const Configuration& configuration, Geometry* geom
       const bool moves = e == 1 && !is_ball && !configuration.frames_b.empty();
       const Vector3d& anchor_b = moves ? configuration.frames_b[l].anchor : joint.anchor_b;
       g.arm[e] = configuration.orientation[point] * (e == 0 ? joint.anchor_a : anchor_b);
-      g.d += kSign[e] * g.arm[e];
+      g.d += kEndSign[e] * g.arm[e];
     }
     if (info(joint.kind).has_frames) {
       for (std::size_t e = 0; e < 2; ++e) {
@@ -128,7 +128,7 @@ void RegularizedRows::measure(const Configuration& configuration, Geometry* geom
 
 void RegularizedRows::linearize(const Geometry& a, const Geometry& b,
                                 const Configuration& inertia) {
-  std::vector<Matrix3d> inverse_inertia(rotating_);
+  List<Matrix3d> inverse_inertia(rotating_);
   for (std::size_t i = 0; i < rotating_; ++i) {
     const Matrix3d R = inertia.orientation[i].toRotationMatrix();
     inverse_inertia[i] = R * inertia_[i].cwiseInverse().asDiagonal() * R.transpose();
@@ -149,7 +149,7 @@ void RegularizedRows::linearize(const Geometry& a, const Geometry& b,
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[row.joint], e);
       if (point >= rotating_) continue;
-      row.angular[e] = (0.5 * kSign[e] * (g.arm[e] + h.arm[e])).cross(row.direction);
+      row.angular[e] = (0.5 * kEndSign[e] * (g.arm[e] + h.arm[e])).cross(row.direction);
       row.response[e] = inverse_inertia[point] * row.angular[e];
     }
   }
@@ -169,7 +169,7 @@ JointVectors RegularizedRows::JointGeometry::vectors() const {
 // A row of a general joint. Rows along axes of the world have no moment where they are off: arms
 // meet halfway.
 void RegularizedRows::linearize(const JointVectors& a, const JointVectors& b,
-                                const std::vector<Matrix3d>& inverse_inertia, Row* row) const {
+                                const List<Matrix3d>& inverse_inertia, Row* row) const {
   JointVectors start = a, end = b;
   const bool is_along_world =
       !row->form.is_angle && row->form.product.v.kind == VectorKind::kWorldAxis;
@@ -190,14 +190,14 @@ void RegularizedRows::linearize(const JointVectors& a, const JointVectors& b,
 double RegularizedRows::product(const Coupling& c) const {
   const Row& i = part(c.i);
   const Row& j = part(c.j);
-  const double sign = kSign[c.end_i] * kSign[c.end_j];
+  const double sign = kEndSign[c.end_i] * kEndSign[c.end_j];
   double sum = sign * inverse_mass_[c.body] * i.direction.dot(j.direction);
   if (c.body < rotating_) sum += i.angular[c.end_i].dot(j.response[c.end_j]);
   const bool is_across = c.i != c.j && row_of_part(c.i) == row_of_part(c.j);
   return is_across ? 2.0 * sum : sum;
 }
 
-void RegularizedRows::find_weights(std::vector<double>* weights) const {
+void RegularizedRows::find_weights(List<double>* weights) const {
   weights->assign(rows_.size(), 0.0);
   for (const Coupling& c : couplings_)
     if (row_of_part(c.i) == row_of_part(c.j)) (*weights)[row_of_part(c.i)] += product(c);
@@ -208,9 +208,9 @@ void RegularizedRows::find_weights(std::vector<double>* weights) const {
   }
 }
 
-void RegularizedRows::factor(double share, const std::vector<double>& weights,
-                             const std::vector<double>* compliance) {
-  std::vector<double>& A = ldlt_.values();
+void RegularizedRows::factor(double share, const List<double>& weights,
+                             const List<double>* compliance) {
+  List<double>& A = ldlt_.values();
   std::fill(A.begin(), A.end(), 0.0);
   for (const Coupling& c : couplings_)
     if (compliance != nullptr || (!part(c.i).is_spring && !part(c.j).is_spring))
@@ -225,7 +225,7 @@ void RegularizedRows::factor(double share, const std::vector<double>& weights,
   ldlt_.factor(0.01 * share);
 }
 
-void RegularizedRows::solve(std::vector<double>* b) {
+void RegularizedRows::solve(List<double>* b) {
   for (std::size_t i = 0; i < rows_.size(); ++i)
     permuted_[static_cast<std::size_t>(ldlt_.place(static_cast<int>(i)))] = (*b)[i];
   ldlt_.solve(permuted_.data());
@@ -238,7 +238,7 @@ double RegularizedRows::apply(const Row& row, const BodyVectors& u) const {
     double sum = 0.0;
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[one.joint], e);
-      sum += kSign[e] * one.direction.dot(u.linear[point]);
+      sum += kEndSign[e] * one.direction.dot(u.linear[point]);
       if (point < rotating_) sum += one.angular[e].dot(u.angular[point]);
     }
     return sum;
@@ -247,19 +247,19 @@ double RegularizedRows::apply(const Row& row, const BodyVectors& u) const {
   return of_part(row) + of_part(parts_[static_cast<std::size_t>(row.coupled)]);
 }
 
-void RegularizedRows::add_response(const std::vector<double>& lambda, BodyVectors* u) const {
+void RegularizedRows::add_response(const List<double>& lambda, BodyVectors* u) const {
   for (std::size_t i = 0; i < rows_.size() + parts_.size(); ++i) {
     const Row& row = part(i);
     const double force = lambda[row_of_part(i)];
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[row.joint], e);
-      u->linear[point] += kSign[e] * inverse_mass_[point] * force * row.direction;
+      u->linear[point] += kEndSign[e] * inverse_mass_[point] * force * row.direction;
       if (point < rotating_) u->angular[point] += force * row.response[e];
     }
   }
 }
 
-void RegularizedRows::apply_transpose(const std::vector<double>& lambda, BodyVectors* u) const {
+void RegularizedRows::apply_transpose(const List<double>& lambda, BodyVectors* u) const {
   for (auto* list : {&u->linear, &u->angular})
     std::fill(list->begin(), list->end(), Vector3d::Zero());
   for (std::size_t i = 0; i < rows_.size() + parts_.size(); ++i) {
@@ -267,7 +267,7 @@ void RegularizedRows::apply_transpose(const std::vector<double>& lambda, BodyVec
     const double force = lambda[row_of_part(i)];
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[row.joint], e);
-      u->linear[point] += kSign[e] * force * row.direction;
+      u->linear[point] += kEndSign[e] * force * row.direction;
       if (point < rotating_) u->angular[point] += force * row.angular[e];
     }
   }

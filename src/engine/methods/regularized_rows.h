@@ -4,9 +4,9 @@
 #include <Eigen/Geometry>
 #include <array>
 #include <cstddef>
-#include <vector>
 
 #include "engine/linear/sparse_ldlt.h"
+#include "engine/math/list.h"
 #include "engine/methods/equations_of_motion.h"
 
 namespace constraint_sim::engine {
@@ -14,16 +14,16 @@ namespace constraint_sim::engine {
 /// Positions of all points of an EquationsOfMotion, fixed ones last, and orientations of those of
 /// its bodies that turn.
 struct Configuration {
-  std::vector<Eigen::Vector3d> position;
-  std::vector<Eigen::Quaterniond> orientation;
-  std::vector<Eigen::Matrix3d> fixed_axes;  ///< of fixed points
+  List<Eigen::Vector3d> position;
+  List<Eigen::Quaterniond> orientation;
+  List<Eigen::Matrix3d> fixed_axes;  ///< of fixed points
   /// The frames on B of all joints, where they move; else empty.
-  std::vector<MovingFrame> frames_b;
+  List<MovingFrame> frames_b;
 };
 
 /// A velocity, displacement or impulse of each body: linear of all, angular of those that turn.
 struct BodyVectors {
-  std::vector<Eigen::Vector3d> linear, angular;
+  List<Eigen::Vector3d> linear, angular;
 };
 
 /// The Jacobian G of all joints of an island, springs included, and the factors of
@@ -47,7 +47,7 @@ class RegularizedRows {
     Eigen::Vector3d direction = Eigen::Vector3d::UnitX();
     std::array<Eigen::Vector3d, 2> angular, response;  ///< of ends A and B: J_ang, I⁻¹ J_angᵀ
   };
-  const std::vector<Row>& rows() const { return rows_; }
+  const List<Row>& rows() const { return rows_; }
   std::size_t first_row(std::size_t joint) const { return first_row_[joint]; }
 
   /// Of one joint: the vector from anchor A to anchor B, and the arms at which its forces act, in
@@ -61,7 +61,7 @@ class RegularizedRows {
 
     JointVectors vectors() const;
   };
-  using Geometry = std::vector<JointGeometry>;
+  using Geometry = List<JointGeometry>;
   void measure(const Configuration& configuration, Geometry* geometry) const;
   /// Whether neither end of the joint is a fixed point.
   bool is_between_bodies(std::size_t joint) const {
@@ -74,20 +74,19 @@ class RegularizedRows {
   void linearize(const Geometry& a, const Geometry& b, const Configuration& inertia);
 
   /// Diagonal entries of G M⁻¹ Gᵀ now, of a ball joint their mean, so that no axis is preferred.
-  void find_weights(std::vector<double>* weights) const;
+  void find_weights(List<double>* weights) const;
   /// Factors with `share` times the weight added to rigid rows, and `compliance` (by row) to those
   /// of springs; without it springs do not act.
-  void factor(double share, const std::vector<double>& weights,
-              const std::vector<double>* compliance);
+  void factor(double share, const List<double>& weights, const List<double>* compliance);
   /// Replaces b, by row, by A⁻¹ b.
-  void solve(std::vector<double>* b);
+  void solve(List<double>* b);
 
   /// G u of one row; immovable points count where `u` has them.
   double apply(const Row& row, const BodyVectors& u) const;
   /// Adds M⁻¹ Gᵀ λ.
-  void add_response(const std::vector<double>& lambda, BodyVectors* u) const;
+  void add_response(const List<double>& lambda, BodyVectors* u) const;
   /// Replaces u by Gᵀ λ.
-  void apply_transpose(const std::vector<double>& lambda, BodyVectors* u) const;
+  void apply_transpose(const List<double>& lambda, BodyVectors* u) const;
 
  private:
   /// A row with the second term of a coupling behind it: rows_ and parts_ are parts.
@@ -103,19 +102,19 @@ class RegularizedRows {
   };
 
   void linearize(const JointVectors& a, const JointVectors& b,
-                 const std::vector<Eigen::Matrix3d>& inverse_inertia, Row* row) const;
+                 const List<Eigen::Matrix3d>& inverse_inertia, Row* row) const;
   double product(const Coupling& c) const;
 
-  std::vector<EquationsOfMotion::Link> joints_;
+  List<EquationsOfMotion::Link> joints_;
   std::size_t bodies_, rotating_;
-  std::vector<double> inverse_mass_;
-  std::vector<Eigen::Vector3d> inertia_;
-  std::vector<Row> rows_;   // coupled ones last
-  std::vector<Row> parts_;  // second ones of these
-  std::vector<std::size_t> first_row_;
-  std::vector<Coupling> couplings_;
+  List<double> inverse_mass_;
+  List<Eigen::Vector3d> inertia_;
+  List<Row> rows_;   // coupled ones last
+  List<Row> parts_;  // second ones of these
+  List<std::size_t> first_row_;
+  List<Coupling> couplings_;
   SparseLdlt ldlt_;
-  std::vector<double> permuted_;
+  List<double> permuted_;
 };
 
 }  // namespace constraint_sim::engine

@@ -2,6 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "engine/math/list.h"
 #include "engine/methods/cross_matrix.h"
 
 namespace constraint_sim::engine {
@@ -9,9 +10,8 @@ namespace constraint_sim::engine {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-RigidMotion as_one_body(const std::vector<double>& mass, const std::vector<Vector3d>& inertia,
-                        const std::vector<Vector3d>& position,
-                        const std::vector<Eigen::Quaterniond>& orientation,
+RigidMotion as_one_body(const List<double>& mass, const List<Vector3d>& inertia,
+                        const List<Vector3d>& position, const List<Eigen::Quaterniond>& orientation,
                         const BodyVectors& velocity) {
   RigidMotion body;
   for (std::size_t i = 0; i < mass.size(); ++i) {

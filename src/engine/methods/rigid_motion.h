@@ -2,8 +2,8 @@
 
 #include <Eigen/Core>
 #include <Eigen/Geometry>
-#include <vector>
 
+#include "engine/math/list.h"
 #include "engine/methods/regularized_rows.h"
 
 namespace constraint_sim::engine {
@@ -28,10 +28,8 @@ struct RigidMotion {
 
 /// Bodies as EquationsOfMotion has them, those that turn first: masses, principal inertias of those
 /// that turn, and where and how they move in the world. Points in a line do not turn about it.
-RigidMotion as_one_body(const std::vector<double>& mass,
-                        const std::vector<Eigen::Vector3d>& inertia,
-                        const std::vector<Eigen::Vector3d>& position,
-                        const std::vector<Eigen::Quaterniond>& orientation,
-                        const BodyVectors& velocity);
+RigidMotion as_one_body(const List<double>& mass, const List<Eigen::Vector3d>& inertia,
+                        const List<Eigen::Vector3d>& position,
+                        const List<Eigen::Quaterniond>& orientation, const BodyVectors& velocity);
 
 }  // namespace constraint_sim::engine

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/list.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -13,8 +15,6 @@ using Eigen::Vector3d;
 // What losing self-stress may change of the velocities that impulses make, as a share; and of those
 // that it would make were it none.
 constexpr double kDisturbance = 1e-2, kRoundOff = 1e-9;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 // the impulse, so far and in all, that makes J V = target − softness·p
 double wanted_impulse(const Row& row, double impulse, double target, double J_V,
@@ -31,32 +31,32 @@ double correction_target(const Row& row, double J_V) {
 
 }  // namespace
 
-void RowSolver::begin(const std::vector<int>& moved, const Bodies& bodies) {
+void RowSolver::begin(const List<int>& moved, const Bodies& bodies) {
   before_.resize(bodies.size());
   for (const int i : moved)
-    before_[at(i)] = twist(bodies[at(i)].linear_velocity, bodies[at(i)].angular_velocity);
+    before_[i] = twist(bodies[i].linear_velocity, bodies[i].angular_velocity);
 }
 
-void RowSolver::update_velocities(const std::vector<int>& moved, const Bodies& bodies,
+void RowSolver::update_velocities(const List<int>& moved, const Bodies& bodies,
                                   const Masses& masses, const Vector3d& gravity, double h,
-                                  std::vector<Row>& rows) {
+                                  List<Row>& rows) {
   h_ = h;
   prepare_bodies(moved, bodies, masses, rows);
-  for (const int i : moved) velocities_[at(i)].head<3>() += h * gravity;
+  for (const int i : moved) velocities_[i].head<3>() += h * gravity;
   if (rows.empty()) return;
   connect(rows);
   respond(rows);
   warm_start(moved, rows);
 }
 
-void RowSolver::prepare_bodies(const std::vector<int>& moved, const Bodies& bodies,
-                               const Masses& masses, const std::vector<Row>& rows) {
+void RowSolver::prepare_bodies(const List<int>& moved, const Bodies& bodies, const Masses& masses,
+                               const List<Row>& rows) {
   velocities_.resize(bodies.size());
   corrections_.resize(bodies.size());
   if (rows.empty()) {
     for (const int i : moved) {
-      velocities_[at(i)] = twist(bodies[at(i)].linear_velocity, bodies[at(i)].angular_velocity);
-      corrections_[at(i)].setZero();
+      velocities_[i] = twist(bodies[i].linear_velocity, bodies[i].angular_velocity);
+      corrections_[i].setZero();
     }
     any_corrections_ = is_to_finish_ = false;
     return;
@@ -66,7 +66,7 @@ void RowSolver::prepare_bodies(const std::vector<int>& moved, const Bodies& bodi
   parents_.resize(bodies.size());
   components_.resize(bodies.size());
   const auto prepare = [&](int index, bool is_moved) {
-    const std::size_t i = at(index);
+    const std::size_t i = to_index(index);
     velocities_[i] = twist(bodies[i].linear_velocity, bodies[i].angular_velocity);
     corrections_[i].setZero();
     effects_[i].setZero();
@@ -83,46 +83,46 @@ void RowSolver::prepare_bodies(const std::vector<int>& moved, const Bodies& bodi
   };
   for (const Row& row : rows)  // those that move by themselves, or not at all
     for (const int body : {row.body_a, row.body_b})
-      if (!masses[at(body)].is_movable()) {
+      if (!masses[body].is_movable()) {
         prepare(body, false);
-        before_[at(body)] = velocities_[at(body)];
+        before_[body] = velocities_[body];
       }
   for (const int i : moved) prepare(i, true);
 }
 
 // which bodies rows connect
-void RowSolver::connect(const std::vector<Row>& rows) {
+void RowSolver::connect(const List<Row>& rows) {
   const auto join = [this](int body_a, int body_b) {
     const int a = component_of(body_a);
     const int b = component_of(body_b);
-    parents_[at(std::max(a, b))] = std::min(a, b);
+    parents_[std::max(a, b)] = std::min(a, b);
   };
   const auto moved_body = [this](const Row& row) {
-    return inertias_[at(row.body_a)].is_moved ? row.body_a : row.body_b;
+    return inertias_[row.body_a].is_moved ? row.body_a : row.body_b;
   };
   for (const Row& row : rows) {
     if (row.normal_row == Row::kCoupledPart) join(moved_body(*(&row - 1)), moved_body(row));
-    if (!inertias_[at(row.body_a)].is_moved || !inertias_[at(row.body_b)].is_moved) continue;
+    if (!inertias_[row.body_a].is_moved || !inertias_[row.body_b].is_moved) continue;
     join(row.body_a, row.body_b);
   }
 }
 
 int RowSolver::component_of(int body) {
-  while (parents_[at(body)] != body) {
-    parents_[at(body)] = parents_[at(parents_[at(body)])];
-    body = parents_[at(body)];
+  while (parents_[body] != body) {
+    parents_[body] = parents_[parents_[body]];
+    body = parents_[body];
   }
   return body;
 }
 
 // M⁻¹ Jᵀ and the constraint mass of each row at the positions before the step
-void RowSolver::respond(const std::vector<Row>& rows) {
+void RowSolver::respond(const List<Row>& rows) {
   responses_.resize(rows.size());
   any_corrections_ = is_to_finish_ = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& row = rows[i];
-    const Inertia& a = inertias_[at(row.body_a)];
-    const Inertia& b = inertias_[at(row.body_b)];
+    const Inertia& a = inertias_[row.body_a];
+    const Inertia& b = inertias_[row.body_b];
     Response& r = responses_[i];
     r.J_A = twist(row.J.j1, row.J.j2);
     r.J_B = twist(row.J.j3, row.J.j4);
@@ -139,12 +139,11 @@ void RowSolver::respond(const std::vector<Row>& rows) {
     const double constraint_mass = r.K + row.softness;
     r.effective_mass = constraint_mass > 0.0 ? 1.0 / constraint_mass : 0.0;
     r.component = component_of(a.is_moved ? row.body_a : row.body_b);
-    if (!a.is_moved || !b.is_moved) components_[at(r.component)].is_attached = true;
+    if (!a.is_moved || !b.is_moved) components_[r.component].is_attached = true;
     if (row.correction == 0.0) continue;
-    components_[at(r.component)].corrects = any_corrections_ = is_to_finish_ = true;
+    components_[r.component].corrects = any_corrections_ = is_to_finish_ = true;
   }
-  for (Response& r : responses_)
-    r.corrects = any_corrections_ && components_[at(r.component)].corrects;
+  for (Response& r : responses_) r.corrects = any_corrections_ && components_[r.component].corrects;
 }
 
 // Of both parts of a coupled row: K = J M⁻¹ Jᵀ of their sum.
@@ -159,14 +158,14 @@ void RowSolver::join_parts(const Row& first, const Row& second, Response* of_sec
   of_first.effective_mass = of_first.K > 0.0 ? 1.0 / of_first.K : 0.0;
 }
 
-[[gnu::always_inline]] inline double RowSolver::velocity_along(
-    const Row& row, const Response& r, const std::vector<Twist>& velocities) {
+[[gnu::always_inline]] inline double RowSolver::velocity_along(const Row& row, const Response& r,
+                                                               const List<Twist>& velocities) {
   const Twist* const v = velocities.data();
   return r.J_A.dot(v[row.body_a]) + r.J_B.dot(v[row.body_b]);
 }
 
 [[gnu::always_inline]] inline void RowSolver::push(const Row& row, const Response& r,
-                                                   double impulse, std::vector<Twist>* velocities) {
+                                                   double impulse, List<Twist>* velocities) {
   Twist* const v = velocities->data();
   v[row.body_a] += impulse * r.response_a;
   v[row.body_b] += impulse * r.response_b;
@@ -175,7 +174,7 @@ void RowSolver::join_parts(const Row& first, const Row& second, Response* of_sec
 // The impulses of the step before, where starting from zero would not be nearer: the sweeps lower
 // ½ pᵀ A p + pᵀ (J v − target), which is zero for p = 0. Where the guess is above that, it is
 // scaled to its minimum.
-void RowSolver::warm_start(const std::vector<int>& moved, std::vector<Row>& rows) {
+void RowSolver::warm_start(const List<int>& moved, List<Row>& rows) {
   bool any = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (rows[i].impulse == 0.0) continue;
@@ -187,62 +186,60 @@ void RowSolver::warm_start(const std::vector<int>& moved, std::vector<Row>& rows
     const Row& row = rows[i];
     if (row.impulse == 0.0) continue;
     const Response& r = responses_[i];
-    Component& part = components_[at(r.component)];
+    Component& part = components_[r.component];
     part.linear += row.impulse * (velocity_along(row, r, velocities_) - row.target);
     part.quadratic += row.impulse * (velocity_along(row, r, effects_) + row.softness * row.impulse);
   }
   bool any_scaled = false;
   for (const int body : moved) {
-    Component& part = components_[at(body)];
-    if (parents_[at(body)] != body || part.linear + 0.5 * part.quadratic <= 0.0) continue;
+    Component& part = components_[body];
+    if (parents_[body] != body || part.linear + 0.5 * part.quadratic <= 0.0) continue;
     part.scale = std::max(0.0, -part.linear / part.quadratic);
     any_scaled = true;
   }
   for (const int body : moved) {
-    velocities_[at(body)] += components_[at(component_of(body))].scale * effects_[at(body)];
-    effects_[at(body)].setZero();
+    velocities_[body] += components_[component_of(body)].scale * effects_[body];
+    effects_[body].setZero();
   }
   if (!any_scaled) return;
   for (std::size_t i = 0; i < rows.size(); ++i)
-    rows[i].impulse *= components_[at(responses_[i].component)].scale;
+    rows[i].impulse *= components_[responses_[i].component].scale;
 }
 
 // Damped Jacobi sweeps on A n = 0, with K times the number of rows on a body for the diagonal,
 // which bounds A. They leave the part of n that does nothing.
-void RowSolver::lose_self_stress(std::vector<Row>& rows, std::vector<LoopRow>* loop_rows,
-                                 double part, int sweeps) {
+void RowSolver::lose_self_stress(List<Row>& rows, List<LoopRow>* loop_rows, double part,
+                                 int sweeps) {
   loop_rows_of_.assign(before_.size(), 0);
   for (const LoopRow& loop : *loop_rows) {
-    ++loop_rows_of_[at(rows[loop.row].body_a)];
-    ++loop_rows_of_[at(rows[loop.row].body_b)];
+    ++loop_rows_of_[rows[loop.row].body_a];
+    ++loop_rows_of_[rows[loop.row].body_b];
   }
-  const auto count = [&](int body) {
-    return inertias_[at(body)].is_moved ? loop_rows_of_[at(body)] : 0;
-  };
-  std::vector<Component>& parts = components_;
+  const auto count = [&](int body) { return inertias_[body].is_moved ? loop_rows_of_[body] : 0; };
+  List<Component>& parts = components_;
   for (int sweep = 0; sweep < sweeps; ++sweep) {
     for (const LoopRow& loop : *loop_rows) {
       push(rows[loop.row], responses_[loop.row], loop.share, &effects_);
-      parts[at(responses_[loop.row].component)].linear = 0.0;
-      parts[at(responses_[loop.row].component)].free = 0.0;
+      parts[responses_[loop.row].component].linear = 0.0;
+      parts[responses_[loop.row].component].free = 0.0;
     }
     for (LoopRow& loop : *loop_rows) {
       const Row& row = rows[loop.row];
       const Response& r = responses_[loop.row];
       const int most = std::max(count(row.body_a), count(row.body_b));
       const double effect = velocity_along(row, r, effects_);
-      parts[at(r.component)].linear += loop.share * effect;
-      parts[at(r.component)].free += most * r.K * loop.share * loop.share;
+      parts[r.component].linear += loop.share * effect;
+      parts[r.component].free += most * r.K * loop.share * loop.share;
       loop.share -= effect * r.effective_mass / most;
     }
     for (const LoopRow& loop : *loop_rows) {
-      effects_[at(rows[loop.row].body_a)].setZero();
-      effects_[at(rows[loop.row].body_b)].setZero();
+      effects_[rows[loop.row].body_a].setZero();
+      effects_[rows[loop.row].body_b].setZero();
     }
   }
   for (LoopRow& loop : *loop_rows) {
     Row& row = rows[loop.row];
-    const Component& known = parts[at(responses_[loop.row].component)];
+    const Component& known = parts[responses_[loop.row].component];
     const double most = kDisturbance * std::sqrt(std::max(known.quadratic, 0.0)) +
                         kRoundOff * std::sqrt(known.free);
     const double effect = std::sqrt(std::max(known.linear, 0.0));
@@ -279,8 +276,8 @@ void RowSolver::lose_self_stress(std::vector<Row>& rows, std::vector<LoopRow>* l
   if (r.corrects) correct(row, r, J_V + change * r.K);
 }
 
-RowSolver::Outcome RowSolver::solve(const std::vector<int>& moved, std::vector<Row>& rows,
-                                    int iterations, StopFlag stop) {
+RowSolver::Outcome RowSolver::solve(const List<int>& moved, List<Row>& rows, int iterations,
+                                    StopFlag stop) {
   Row* const end = rows.data() + rows.size();
   for (int sweep = 0; sweep < iterations && !is_set(stop); ++sweep) {
     const Response* response = responses_.data();
@@ -292,7 +289,7 @@ RowSolver::Outcome RowSolver::solve(const std::vector<int>& moved, std::vector<R
       if (row->normal_row == Row::kCoupled)
         solve_coupled(row, response);
       else
-        solve_friction(rows[at(row->normal_row)].impulse, row, response);
+        solve_friction(rows[row->normal_row].impulse, row, response);
       ++row;
       ++response;
     }
@@ -304,10 +301,10 @@ RowSolver::Outcome RowSolver::solve(const std::vector<int>& moved, std::vector<R
 
 // A row of two parts, which get the same impulse.
 void RowSolver::solve_coupled(Row* row, const Response* r) {
-  const auto rate = [&](const std::vector<Twist>& velocities) {
+  const auto rate = [&](const List<Twist>& velocities) {
     return velocity_along(row[0], r[0], velocities) + velocity_along(row[1], r[1], velocities);
   };
-  const auto push_both = [&](double impulse, std::vector<Twist>* velocities) {
+  const auto push_both = [&](double impulse, List<Twist>* velocities) {
     push(row[0], r[0], impulse, velocities);
     push(row[1], r[1], impulse, velocities);
   };
@@ -350,7 +347,7 @@ double largest_scale(double quadratic, double linear, double most) {
 
 // ½ vᵀ M v
 double RowSolver::kinetic_energy(int body, const Twist& v) const {
-  const Inertia& inertia = inertias_[at(body)];
+  const Inertia& inertia = inertias_[body];
   double twice = v.head<3>().squaredNorm() / inertia.inverse_mass;
   if (inertia.can_turn) {
     const Vector3d w = inertia.R.transpose() * v.tail<3>();
@@ -360,16 +357,16 @@ double RowSolver::kinetic_energy(int body, const Twist& v) const {
 }
 
 // what another sweep would change, and the work of the impulses
-RowSolver::Outcome RowSolver::account(const std::vector<int>& moved, const std::vector<Row>& rows) {
+RowSolver::Outcome RowSolver::account(const List<int>& moved, const List<Row>& rows) {
   Outcome outcome;
-  for (const int body : moved) components_[at(body)].work = components_[at(body)].absorbed = 0.0;
+  for (const int body : moved) components_[body].work = components_[body].absorbed = 0.0;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& row = rows[i];
     const Response& r = responses_[i];
     const double J_V = velocity_along(row, r, velocities_);
     if (row.normal_row == -1 || row.normal_row == Row::kCoupled) {
       const bool is_coupled = row.normal_row == Row::kCoupled;
-      const auto rate_of_all = [&](const std::vector<Twist>& velocities, double of_row) {
+      const auto rate_of_all = [&](const List<Twist>& velocities, double of_row) {
         return is_coupled ? of_row + velocity_along(rows[i + 1], responses_[i + 1], velocities)
                           : of_row;
       };
@@ -386,64 +383,63 @@ RowSolver::Outcome RowSolver::account(const std::vector<int>& moved, const std::
     const bool is_given = row.lower == row.upper;  // a force, as those from outside
     const double drive = is_given ? J_V : row.drive;
     const double rate = J_V - drive;
-    components_[at(r.component)].work += row.impulse * rate;
+    components_[r.component].work += row.impulse * rate;
     if (row.stiffness > 0.0) {
-      components_[at(r.component)].work += row.stiffness * h_ * rate * (row.C + 0.5 * h_ * rate);
+      components_[r.component].work += row.stiffness * h_ * rate * (row.C + 0.5 * h_ * rate);
       responses_[i].rate = rate;
       responses_[i].correction_rate = velocity_along(row, r, corrections_);
-      components_[at(r.component)].has_springs = is_to_finish_ = true;
+      components_[r.component].has_springs = is_to_finish_ = true;
     }
     outcome.driven_work += row.impulse * drive;
-    if (!inertias_[at(row.body_a)].is_moved)
-      outcome.driven_work -= row.impulse * r.J_A.dot(velocities_[at(row.body_a)]);
-    if (!inertias_[at(row.body_b)].is_moved)
-      outcome.driven_work -= row.impulse * r.J_B.dot(velocities_[at(row.body_b)]);
+    if (!inertias_[row.body_a].is_moved)
+      outcome.driven_work -= row.impulse * r.J_A.dot(velocities_[row.body_a]);
+    if (!inertias_[row.body_b].is_moved)
+      outcome.driven_work -= row.impulse * r.J_B.dot(velocities_[row.body_b]);
   }
   for (const int body : moved)
-    components_[at(component_of(body))].absorbed +=
-        kinetic_energy(body, velocities_[at(body)] - before_[at(body)]);
+    components_[component_of(body)].absorbed +=
+        kinetic_energy(body, velocities_[body] - before_[body]);
   return outcome;
 }
 
 // Scales the impulses of components that would gain energy, and returns whether there were any.
 // With D = M⁻¹ Jᵀ p and a = Δv − D the gain at a scale s is −½|a|² + s pᵀ(J v₀ − ζ) + ½ s² |D|²,
 // which is not positive at s = 0.
-bool RowSolver::limit_energy(const std::vector<int>& moved, std::vector<Row>& rows) {
+bool RowSolver::limit_energy(const List<int>& moved, List<Row>& rows) {
   bool any = false;
   for (const int body : moved) {
-    Component& part = components_[at(body)];
+    Component& part = components_[body];
     part.linear = part.quadratic = part.free = 0.0;
     part.scale = 1.0;
-    part.gains = parents_[at(body)] == body && !part.has_springs && part.work > part.absorbed;
+    part.gains = parents_[body] == body && !part.has_springs && part.work > part.absorbed;
     any = any || part.gains;
   }
   if (!any) return false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& row = rows[i];
-    Component& part = components_[at(responses_[i].component)];
+    Component& part = components_[responses_[i].component];
     if (!part.gains) continue;
     push(row, responses_[i], row.impulse, &effects_);
     part.linear += row.impulse * (velocity_along(row, responses_[i], before_) - row.drive);
   }
   for (const int body : moved) {
-    Component& part = components_[at(component_of(body))];
+    Component& part = components_[component_of(body)];
     if (!part.gains) continue;
-    part.quadratic += kinetic_energy(body, effects_[at(body)]);
-    part.free +=
-        kinetic_energy(body, velocities_[at(body)] - before_[at(body)] - effects_[at(body)]);
+    part.quadratic += kinetic_energy(body, effects_[body]);
+    part.free += kinetic_energy(body, velocities_[body] - before_[body] - effects_[body]);
   }
   for (const int body : moved) {
-    Component& part = components_[at(body)];
+    Component& part = components_[body];
     if (!part.gains || part.quadratic <= 0.0) continue;
     part.scale = largest_scale(part.quadratic, part.linear, part.free);
   }
   for (const int body : moved) {
-    const Component& part = components_[at(component_of(body))];
-    if (part.gains) velocities_[at(body)] -= (1.0 - part.scale) * effects_[at(body)];
-    effects_[at(body)].setZero();
+    const Component& part = components_[component_of(body)];
+    if (part.gains) velocities_[body] -= (1.0 - part.scale) * effects_[body];
+    effects_[body].setZero();
   }
   for (std::size_t i = 0; i < rows.size(); ++i)
-    rows[i].impulse *= components_[at(responses_[i].component)].scale;
+    rows[i].impulse *= components_[responses_[i].component].scale;
   return true;
 }
 

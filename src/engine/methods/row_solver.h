@@ -1,12 +1,12 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/row.h"
 #include "constraint_sim/engine/stop_flag.h"
 #include "engine/mass_properties.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 
@@ -47,8 +47,8 @@ struct LoopRow {
 /// the impulses of those bodies are scaled down until it is zero.
 class RowSolver {
  public:
-  using Bodies = std::vector<BodyState>;
-  using Masses = std::vector<MassProperties>;
+  using Bodies = List<BodyState>;
+  using Masses = List<MassProperties>;
 
   /// What the sweeps left, and what was done from outside.
   struct Outcome {
@@ -57,25 +57,23 @@ class RowSolver {
   };
 
   /// Notes the velocities at the start of the step; before wrenches act.
-  void begin(const std::vector<int>& moved, const Bodies& bodies);
+  void begin(const List<int>& moved, const Bodies& bodies);
 
   /// Takes a part of what balances itself out of the first guesses, and finds it better by so many
   /// sweeps: impulses of redundant joints tend to those of least norm. Changes no velocity by more
   /// than the share is off. After update_velocities().
-  void lose_self_stress(std::vector<Row>& rows, std::vector<LoopRow>* loop_rows, double part,
-                        int sweeps);
+  void lose_self_stress(List<Row>& rows, List<LoopRow>* loop_rows, double part, int sweeps);
 
   /// 4. v += h g, and what the rows' first guesses do.
-  void update_velocities(const std::vector<int>& moved, const Bodies& bodies, const Masses& masses,
-                         const Eigen::Vector3d& gravity, double h, std::vector<Row>& rows);
+  void update_velocities(const List<int>& moved, const Bodies& bodies, const Masses& masses,
+                         const Eigen::Vector3d& gravity, double h, List<Row>& rows);
 
   /// 5. Sweeps over the rows; leaves the impulses in them. Ends early once `stop` is set.
-  Outcome solve(const std::vector<int>& moved, std::vector<Row>& rows, int iterations,
-                StopFlag stop = nullptr);
+  Outcome solve(const List<int>& moved, List<Row>& rows, int iterations, StopFlag stop = nullptr);
 
   /// 6. x += h (v + w), q by the rotation h (ω + w); keeps the angular momentum of every free body.
   /// The bodies' velocities become v + w. Returns the work of moving by w [J].
-  double update_positions(const std::vector<int>& moved, const Masses& masses,
+  double update_positions(const List<int>& moved, const Masses& masses,
                           const Eigen::Vector3d& gravity, double h, Bodies& bodies);
 
   /// Whether the two functions below have something to do.
@@ -85,8 +83,8 @@ class RowSolver {
   /// Sets in `corrections` what is to be taken out of the velocities as the next step begins: w by
   /// impulses along the Jacobians after the step, so that momenta are kept. Returns the work of
   /// corrections against springs, and of bodies pulled together that turn about each other [J].
-  double take_out_corrections(const std::vector<int>& moved, const Masses& masses,
-                              const Bodies& bodies, std::vector<Twist>* corrections);
+  double take_out_corrections(const List<int>& moved, const Masses& masses, const Bodies& bodies,
+                              List<Twist>* corrections);
 
   /// v + w of a body after the solve.
   Twist final_velocity(std::size_t body) const { return velocities_[body] + corrections_[body]; }
@@ -129,12 +127,12 @@ class RowSolver {
     Eigen::Vector3d turning_of_changes = Eigen::Vector3d::Zero();
   };
 
-  void prepare_bodies(const std::vector<int>& moved, const Bodies& bodies, const Masses& masses,
-                      const std::vector<Row>& rows);
-  void connect(const std::vector<Row>& rows);
+  void prepare_bodies(const List<int>& moved, const Bodies& bodies, const Masses& masses,
+                      const List<Row>& rows);
+  void connect(const List<Row>& rows);
   int component_of(int body);
-  void respond(const std::vector<Row>& rows);
-  void warm_start(const std::vector<int>& moved, std::vector<Row>& rows);
+  void respond(const List<Row>& rows);
+  void warm_start(const List<int>& moved, List<Row>& rows);
   void solve_row(Row& row, const Response& response);
   void correct(Row& row, const Response& response, double J_V);
   double wanted_correction(const Row& row, const Response& response, double J_V, double J_W) const;
@@ -142,23 +140,23 @@ class RowSolver {
   void solve_coupled(Row* row, const Response* response);
   void solve_friction(double normal_impulse, Row* row, const Response* response);
   static double velocity_along(const Row& row, const Response& response,
-                               const std::vector<Twist>& velocities);
+                               const List<Twist>& velocities);
   static void push(const Row& row, const Response& response, double impulse,
-                   std::vector<Twist>* velocities);
+                   List<Twist>* velocities);
   double kinetic_energy(int body, const Twist& velocity) const;
-  Outcome account(const std::vector<int>& moved, const std::vector<Row>& rows);
-  bool limit_energy(const std::vector<int>& moved, std::vector<Row>& rows);
-  void gather_rigid(const std::vector<int>& moved, const Masses& masses, const Bodies& bodies);
-  double limit_changes(const std::vector<int>& moved, const Masses& masses, const Bodies& bodies);
+  Outcome account(const List<int>& moved, const List<Row>& rows);
+  bool limit_energy(const List<int>& moved, List<Row>& rows);
+  void gather_rigid(const List<int>& moved, const Masses& masses, const Bodies& bodies);
+  double limit_changes(const List<int>& moved, const Masses& masses, const Bodies& bodies);
 
   // of bodies: v₀, v, w, and what impulses do on their own
-  std::vector<Twist> before_, velocities_, corrections_, effects_;
-  std::vector<Inertia> inertias_;
-  std::vector<int> parents_;  // towards the body that stands for the component
-  std::vector<Component> components_;
-  std::vector<Rigid> rigid_;
-  std::vector<int> loop_rows_of_;
-  std::vector<Response> responses_;
+  List<Twist> before_, velocities_, corrections_, effects_;
+  List<Inertia> inertias_;
+  List<int> parents_;  // towards the body that stands for the component
+  List<Component> components_;
+  List<Rigid> rigid_;
+  List<int> loop_rows_of_;
+  List<Response> responses_;
   double h_ = 0.0;
   double spring_work_ = 0.0;
   bool any_corrections_ = false, is_to_finish_ = false;
@@ -168,6 +166,6 @@ class RowSolver {
 void advance_orientation(const MassProperties& mass, double h, BodyState* body);
 
 /// x += h v and q by the rotation h ω, of bodies that move by themselves.
-void advance_kinematic(const std::vector<int>& moved, double h, std::vector<BodyState>& bodies);
+void advance_kinematic(const List<int>& moved, double h, List<BodyState>& bodies);
 
 }  // namespace constraint_sim::engine

@@ -2,9 +2,10 @@
 
 #include <array>
 #include <cmath>
-#include <limits>
 #include <utility>
 
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 #include "engine/methods/chain_of_bodies.h"
 #include "engine/methods/chain_of_rods.h"
 #include "engine/methods/point_on_rod.h"
@@ -63,7 +64,7 @@ class Turning {
     derivative(0, end_, y, dydt);
     return true;
   }
-  double rounding() const { return 4.0 * std::numeric_limits<double>::epsilon() * radius_; }
+  double rounding() const { return 4.0 * kEpsilon * radius_; }
   double squared_size_of(const double* dy, double) const {
     return 4.0 * radius_ * radius_ * Eigen::Map<const Eigen::Vector4d>(dy).squaredNorm();
   }
@@ -108,7 +109,7 @@ auto RungeKutta::with_system(Act act) {
 }
 
 IntegrationResult RungeKutta::begin(const SmoothSpan& span, const IntegratorOptions& accuracy,
-                                    const std::vector<BodyState>& states) {
+                                    const List<BodyState>& states) {
   if (span.is_disturbed) has_started_ = false;
   const StageMemory memory(numbers_.data(), equations_.size());
   double* const y = memory.state();
@@ -123,7 +124,7 @@ IntegrationResult RungeKutta::begin(const SmoothSpan& span, const IntegratorOpti
 }
 
 IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
-                                      std::vector<BodyState>* states) {
+                                      List<BodyState>* states) {
   const IntegrationResult begun = begin(span, accuracy, *states);
   if (!begun.done) return begun;
   const StageMemory memory(numbers_.data(), equations_.size());

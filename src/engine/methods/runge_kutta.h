@@ -1,10 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
-#include <vector>
 
 #include "constraint_sim/engine/body.h"
 #include "engine/mass_properties.h"
+#include "engine/math/list.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/integrate.h"
 #include "engine/methods/method.h"
@@ -20,13 +20,13 @@ class RungeKutta {
 
   const EquationsOfMotion& equations() const { return equations_; }
   EquationsOfMotion& equations() { return equations_; }
-  void begin_step(const std::vector<JointState>& joints) { equations_.begin_step(joints); }
+  void begin_step(const List<JointState>& joints) { equations_.begin_step(joints); }
   /// As method.h says, with its own equations.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
-                            std::vector<BodyState>* states);
+                            List<BodyState>* states);
   /// advance() in parts, for a method that looks at every substep: first this.
   IntegrationResult begin(const SmoothSpan& span, const IntegratorOptions& accuracy,
-                          const std::vector<BodyState>& states);
+                          const List<BodyState>& states);
   /// Takes one substep of what is left of the span. Adds to `progress`; false where it gives up.
   bool advance_substep(const SmoothSpan& span, const IntegratorOptions& accuracy, SubstepSpan* left,
                        IntegrationResult* progress);
@@ -75,10 +75,10 @@ class RungeKutta {
                                         const IntegratorOptions& accuracy);
 
   EquationsOfMotion equations_;
-  std::vector<double> numbers_;  // of StageMemory
-  double step_ = 0.0;            // what the next substep is tried with [s]
-  bool has_started_ = false;     // the derivative of the first stage is there
-  std::vector<double> kept_;     // state and derivative, of keep_start()
+  List<double> numbers_;      // of StageMemory
+  double step_ = 0.0;         // what the next substep is tried with [s]
+  bool has_started_ = false;  // the derivative of the first stage is there
+  List<double> kept_;         // state and derivative, of keep_start()
 };
 
 /// A body's rotation that no joint acts on: L is constant, or grows with a constant torque, and

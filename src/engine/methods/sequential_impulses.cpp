@@ -5,16 +5,15 @@
 #include <cmath>
 
 #include "engine/constraints/contact.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {
 
 constexpr double kAtLimit = 1e-9;  // share of Coulomb's limit that is rounding
 
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
-
-void apply_wrenches(const std::vector<ActingWrench>& wrenches,
-                    const std::vector<MassProperties>& masses, std::vector<BodyState>* states) {
+void apply_wrenches(const List<ActingWrench>& wrenches, const List<MassProperties>& masses,
+                    List<BodyState>* states) {
   for (const ActingWrench& wrench : wrenches) {
     BodyState& state = (*states)[wrench.body];
     const MassProperties& mass = masses[wrench.body];
@@ -33,7 +32,7 @@ ContactState contact_state(const Row* rows, std::size_t count) {
 }
 
 // Adds what wrenches do on bodies that have the velocities of the solver [J].
-void add_work(const std::vector<ActingWrench>& wrenches, const RowSolver& solver, double* work) {
+void add_work(const List<ActingWrench>& wrenches, const RowSolver& solver, double* work) {
   for (const ActingWrench& wrench : wrenches) {
     const Twist v = solver.final_velocity(wrench.body);
     *work += wrench.duration * (wrench.force.dot(v.head<3>()) + wrench.torque.dot(v.tail<3>()));
@@ -82,7 +81,7 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
   contact_rows_.clear();
   loop_rows_.clear();
   for (const int index : step.joints) {
-    const std::size_t j = at(index);
+    const std::size_t j = to_index(index);
     const std::size_t first = rows_.size();
     joint_rows_.push_back(first);
     if (!model.options.warm_starting) forget_impulses(&state->joint_states[j]);
@@ -103,7 +102,7 @@ double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& s
 
   double deepest = 0.0;
   for (const TouchingPair& pair : state->touching) {
-    for (std::size_t k = 0; k < at(pair.manifold.count); ++k) {
+    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
       deepest = std::max(deepest, pair.manifold.points[k].depth);
       prepare_contact(model, *state, pair, k);
     }
@@ -144,14 +143,14 @@ void SequentialImpulses::add_coupling(const Model& model, const ImpulseStep& ste
 void SequentialImpulses::prepare_contact(const Model& model, const State& state,
                                          const TouchingPair& pair, std::size_t point) {
   const WorldOptions& options = model.options;
-  const ContactSurface surface(model.bodies[at(pair.a)], model.bodies[at(pair.b)]);
+  const ContactSurface surface(model.bodies[pair.a], model.bodies[pair.b]);
   const ContactStep step{options.time_step, options.baumgarte, options.gravity.norm()};
   std::array<Row, kMaxContactRows> written;
-  const int count = write_contact_rows(state.states[at(pair.a)], state.states[at(pair.b)],
+  const int count = write_contact_rows(state.states[pair.a], state.states[pair.b],
                                        pair.manifold.normal, pair.manifold.points[point], surface,
                                        step, pair.impulses[point], written.data());
   contact_rows_.push_back(rows_.size());
-  for (std::size_t k = 0; k < at(count); ++k) {
+  for (std::size_t k = 0; k < to_index(count); ++k) {
     written[k].body_a = pair.a;
     written[k].body_b = pair.b;
     if (k > 0) written[k].normal_row = static_cast<int>(contact_rows_.back());
@@ -173,7 +172,7 @@ void SequentialImpulses::update_velocities(const Model& model, const ImpulseStep
 // What redundant joints keep of an impact, or of an edit, falls to a share of 1/e in so long,
 // though by no more than a tenth in a step: what is not yet known well is given back by the sweeps.
 void SequentialImpulses::lose_self_stress(const WorldOptions& options,
-                                          const std::vector<SelfStress>& known) {
+                                          const List<SelfStress>& known) {
   constexpr double kTime = 0.1;  // [s]
   const double part = std::min(0.1, options.time_step / kTime);
   for (LoopRow& loop : loop_rows_) {
@@ -189,7 +188,7 @@ void SequentialImpulses::lose_self_stress(const WorldOptions& options,
 
 double SequentialImpulses::finish(const Model& model, const ImpulseStep& step, State* state) {
   for (std::size_t k = 0; k < step.joints.size(); ++k) {
-    const std::size_t j = at(step.joints[k]);
+    const std::size_t j = to_index(step.joints[k]);
     const auto [a, b] = step.joint_ends[j];
     const int count = static_cast<int>(joint_rows_[k + 1] - joint_rows_[k]);
     JointState& of_joint = state->joint_states[j];
@@ -207,7 +206,7 @@ double SequentialImpulses::finish(const Model& model, const ImpulseStep& step, S
 double SequentialImpulses::finish_corrections(const Model& model, const ImpulseStep& step,
                                               State* state) {
   for (std::size_t k = 0; k < step.joints.size(); ++k) {
-    const std::size_t j = at(step.joints[k]);
+    const std::size_t j = to_index(step.joints[k]);
     const auto [a, b] = step.joint_ends[j];
     std::array<Jacobian, kMostRowsOfJoint> J;
     const std::size_t first = joint_rows_[k];
@@ -228,10 +227,10 @@ double SequentialImpulses::finish_corrections(const Model& model, const ImpulseS
                                       &state->corrections);
 }
 
-void SequentialImpulses::read_contacts(std::vector<TouchingPair>* touching) const {
+void SequentialImpulses::read_contacts(List<TouchingPair>* touching) const {
   std::size_t i = 0;
   for (TouchingPair& pair : *touching) {
-    for (std::size_t k = 0; k < at(pair.manifold.count); ++k, ++i) {
+    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k, ++i) {
       const std::size_t first = contact_rows_[i];
       const std::size_t end = i + 1 < contact_rows_.size() ? contact_rows_[i + 1] : rows_.size();
       pair.impulses[k].setZero();
@@ -242,7 +241,7 @@ void SequentialImpulses::read_contacts(std::vector<TouchingPair>* touching) cons
   }
 }
 
-void SequentialImpulses::keep_self_stress(std::vector<SelfStress>* self_stress) const {
+void SequentialImpulses::keep_self_stress(List<SelfStress>* self_stress) const {
   for (const LoopRow& loop : loop_rows_) {
     (*self_stress)[loop.joint].share[loop.component] = loop.share;
     (*self_stress)[loop.joint].impulse[loop.component] = loop.impulse;

@@ -5,10 +5,10 @@
 #include <cstddef>
 #include <cstdint>
 #include <utility>
-#include <vector>
 
 #include "constraint_sim/engine/stop_flag.h"
 #include "engine/constraints/joint.h"
+#include "engine/math/list.h"
 #include "engine/methods/row_solver.h"
 #include "engine/model.h"
 #include "engine/stage_timer.h"
@@ -27,11 +27,11 @@ struct ActingWrench {
 /// Which bodies and joints impulses carry in a step, and what acts on them; all by index.
 struct ImpulseStep {
   JointStep span;
-  const std::vector<int>& bodies;  ///< dynamic ones
-  const std::vector<int>& joints;  ///< on them, all of which act
-  const std::vector<std::pair<std::size_t, std::size_t>>& joint_ends;  ///< of all joints
-  const std::vector<bool>& is_in_loop;  ///< joints of an island that has a loop of joints
-  const std::vector<ActingWrench>& wrenches;
+  const List<int>& bodies;                                      ///< dynamic ones
+  const List<int>& joints;                                      ///< on them, all of which act
+  const List<std::pair<std::size_t, std::size_t>>& joint_ends;  ///< of all joints
+  const List<bool>& is_in_loop;  ///< joints of an island that has a loop of joints
+  const List<ActingWrench>& wrenches;
   StopFlag stop;
   Clock clock;
 };
@@ -57,7 +57,7 @@ class SequentialImpulses {
   /// Returns the work of that [J].
   double finish(const Model& model, const ImpulseStep& step, State* state);
   /// Writes what of the rows' impulses balances itself; only where the step is not taken back.
-  void keep_self_stress(std::vector<SelfStress>* self_stress) const;
+  void keep_self_stress(List<SelfStress>* self_stress) const;
 
  private:
   double prepare_rows(const Model& model, const ImpulseStep& step, State* state);
@@ -69,14 +69,14 @@ class SequentialImpulses {
   void prepare_contact(const Model& model, const State& state, const TouchingPair& pair,
                        std::size_t point);
   void update_velocities(const Model& model, const ImpulseStep& step, State* state);
-  void lose_self_stress(const WorldOptions& options, const std::vector<SelfStress>& known);
+  void lose_self_stress(const WorldOptions& options, const List<SelfStress>& known);
   double finish_corrections(const Model& model, const ImpulseStep& step, State* state);
-  void read_contacts(std::vector<TouchingPair>* touching) const;
+  void read_contacts(List<TouchingPair>* touching) const;
 
-  std::vector<Row> rows_;
-  std::vector<std::size_t> joint_rows_;    // first row of each joint, and one past the last
-  std::vector<std::size_t> contact_rows_;  // row of the normal of each contact point
-  std::vector<LoopRow> loop_rows_;         // only with warm starting
+  List<Row> rows_;
+  List<std::size_t> joint_rows_;    // first row of each joint, and one past the last
+  List<std::size_t> contact_rows_;  // row of the normal of each contact point
+  List<LoopRow> loop_rows_;         // only with warm starting
   RowSolver solver_;
 };
 

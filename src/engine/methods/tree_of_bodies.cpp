@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "engine/linear/larger.h"
+#include "engine/math/list.h"
 #include "engine/methods/quaternion_state.h"
 
 namespace constraint_sim::engine {
@@ -11,8 +12,6 @@ namespace {
 
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
-
-std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
 double dot(const SpatialVector& a, const SpatialVector& b) {
   return a.linear.dot(b.linear) + a.angular.dot(b.angular);
@@ -120,7 +119,7 @@ double component(const TreeNode::Direction& direction, const SpatialVector& of) 
 
 // Of the poses that are placed. False where a pivot is lost in rounding.
 [[gnu::flatten]] bool TreeOfBodies::factor() {
-  std::vector<SpatialInertia>& inertias = tree_.inertias;
+  List<SpatialInertia>& inertias = tree_.inertias;
   for (std::size_t i = 0; i < inertias.size(); ++i) {
     SpatialInertia& own = inertias[i];
     own.mass = Matrix3d::Identity() / view_.inverse_mass[i];
@@ -155,7 +154,7 @@ double component(const TreeNode::Direction& direction, const SpatialVector& of) 
 // Forces at rest from the leaves to the root: in tree_forces_ what each body asks for by itself, in
 // `asked` how a child is to move against its parent, in `force` what acts along free directions.
 void TreeOfBodies::reduce() {
-  std::vector<SpatialVector>& forces = tree_.forces;
+  List<SpatialVector>& forces = tree_.forces;
   for (TreeNode& node : nodes_) {
     SpatialVector p = forces[node.body];
     p.angular -= node.to_child.cross(p.linear);
@@ -176,7 +175,7 @@ void TreeOfBodies::reduce() {
 // tree_forces_ what makes it do so.
 template <class Act>
 void TreeOfBodies::substitute(const Act& act) {
-  std::vector<SpatialVector>& motions = tree_.motions;
+  List<SpatialVector>& motions = tree_.motions;
   for (std::size_t i = nodes_.size(); i-- > 0;) {
     const TreeNode& node = nodes_[i];
     SpatialVector a;
@@ -199,7 +198,7 @@ void TreeOfBodies::substitute(const Act& act) {
 
 // From what makes each body move, in tree_forces_, what each joint does to its child; by rows.
 void TreeOfBodies::find_forces(double* by_unknown) {
-  std::vector<SpatialVector>& forces = tree_.forces;
+  List<SpatialVector>& forces = tree_.forces;
   for (const TreeNode& node : nodes_) {
     SpatialVector force = forces[node.body];
     force.angular -= node.to_child.cross(force.linear);
@@ -353,7 +352,7 @@ void TreeOfBodies::write_forces(const TreeNode& node, const SpatialVector& on_ch
   }
   const JointVectors& vectors = vectors_of(node);
   const JointKindInfo& kind = info(equations_.links()[node.link].kind);
-  for (std::size_t k = 0; k < at(kind.rows); ++k) {
+  for (std::size_t k = 0; k < to_index(kind.rows); ++k) {
     const RowForm& form = kind.row[k];
     if (!form.has_separation()) {
       write(first + k, on_b.angular.dot(vectors[form.v].cross(vectors[form.u])));
@@ -424,7 +423,7 @@ SpatialVector TreeOfBodies::opening(const TreeNode& node) const {
   const Vector3d z_A = vectors.axes_A.col(2), z_B = vectors.axes_B.col(2);
   const JointKindInfo& kind = info(equations_.links()[node.link].kind);
   SpatialVector by;
-  for (std::size_t k = 0; k < at(kind.separation_rows); ++k) {
+  for (std::size_t k = 0; k < to_index(kind.separation_rows); ++k) {
     const Vector3d u = vectors[across(kind.row[k])];
     by.linear -= u.dot(vectors.d) * u;
   }

@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 
+#include "engine/math/list.h"
 #include "engine/methods/kernel_view.h"
 
 namespace constraint_sim::engine {
@@ -71,7 +72,7 @@ class TreeOfBodies {
   EquationsOfMotion& equations_;
   KernelView view_;
   BodyTree& tree_;
-  std::vector<TreeNode>& nodes_;
+  List<TreeNode>& nodes_;
   std::size_t bodies_, first_general_;
   bool is_lost_ = false;  // a pivot, since the last restart
 };

@@ -6,7 +6,7 @@ include(GNUInstallDirs)
 set(config_dir ${CMAKE_INSTALL_LIBDIR}/cmake/constraint_sim)
 install(TARGETS constraint_sim_engine EXPORT constraint_sim
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
-install(TARGETS constraint_sim_run ${bench_programs} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
+install(TARGETS constraint_sim_run constraint_sim_error_table RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR})
 install(DIRECTORY include/constraint_sim DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 install(DIRECTORY config DESTINATION ${CMAKE_INSTALL_DATADIR}/constraint_sim)
 install(EXPORT constraint_sim NAMESPACE constraint_sim:: FILE constraint_simTargets.cmake

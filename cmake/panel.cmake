@@ -8,24 +8,9 @@ if(NOT rviz_FOUND OR NOT Qt5_FOUND)
 endif()
 
 # no class has signals of its own, so that there is nothing for moc
-add_library(constraint_sim_panel SHARED
-  src/panel/client.cpp
-  src/panel/lane.cpp
-  src/panel/motor_list.cpp
-  src/panel/motors.cpp
-  src/panel/panel.cpp
-  src/panel/plot.cpp
-  src/panel/programs.cpp
-  src/panel/record_controls.cpp
-  src/panel/recorder.cpp
-  src/panel/run_controls.cpp
-  src/panel/scene_controls.cpp
-  src/panel/scene_view.cpp
-  src/panel/service_call.cpp
-  src/panel/snapshot_controls.cpp
-  src/panel/topics.cpp
-  src/panel/world_model.cpp
-)
+file(GLOB panel_sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS src/panel/*.cpp)
+add_library(constraint_sim_panel SHARED ${panel_sources})
+constraint_sim_fast_build(constraint_sim_panel 1 <QtWidgets> <ros/ros.h> <map> <string> <vector>)
 constraint_sim_own_code(constraint_sim_panel)
 add_dependencies(constraint_sim_panel ${PROJECT_NAME}_generate_messages_cpp)
 # boost has functions named as Qt's keywords
@@ -35,14 +20,12 @@ target_include_directories(constraint_sim_panel SYSTEM PRIVATE
 target_link_libraries(constraint_sim_panel PRIVATE ${rviz_LIBRARIES} ${catkin_LIBRARIES} yaml-cpp Qt5::Widgets ${CMAKE_DL_LIBS})
 install(TARGETS constraint_sim_panel LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 
-if(CONSTRAINT_SIM_BENCH)
-  add_executable(constraint_sim_panel_costs
-    bench/ros/panel_costs.cpp src/panel/motors.cpp src/panel/world_model.cpp)
-  constraint_sim_own_code(constraint_sim_panel_costs)
-  add_dependencies(constraint_sim_panel_costs ${PROJECT_NAME}_generate_messages_cpp)
-  target_compile_definitions(constraint_sim_panel_costs PRIVATE QT_NO_KEYWORDS)
-  target_include_directories(constraint_sim_panel_costs SYSTEM PRIVATE
-    ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
-  target_link_libraries(constraint_sim_panel_costs PRIVATE ${catkin_LIBRARIES} yaml-cpp Qt5::Widgets)
-  list(APPEND bench_programs constraint_sim_panel_costs)
-endif()
+add_executable(constraint_sim_panel_costs EXCLUDE_FROM_ALL
+  bench/ros/panel_costs.cpp src/panel/motors.cpp src/panel/world_model.cpp)
+constraint_sim_own_code(constraint_sim_panel_costs)
+add_dependencies(constraint_sim_panel_costs ${PROJECT_NAME}_generate_messages_cpp)
+target_compile_definitions(constraint_sim_panel_costs PRIVATE QT_NO_KEYWORDS)
+target_include_directories(constraint_sim_panel_costs SYSTEM PRIVATE
+  ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
+target_link_libraries(constraint_sim_panel_costs PRIVATE ${catkin_LIBRARIES} yaml-cpp Qt5::Widgets)
+add_dependencies(benchmarks constraint_sim_panel_costs)

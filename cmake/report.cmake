@@ -6,7 +6,7 @@ option(CONSTRAINT_SIM_PEERS "Build the report's programs for other engines that 
 find_package(PkgConfig QUIET)
 
 file(GLOB problem_sources CONFIGURE_DEPENDS bench/report/problems/*.cpp)
-add_library(constraint_sim_report_common OBJECT
+add_library(constraint_sim_report_common OBJECT EXCLUDE_FROM_ALL
   bench/report/measures.cpp
   bench/report/phases.cpp
   bench/report/problem.cpp
@@ -16,9 +16,9 @@ add_library(constraint_sim_report_common OBJECT
   ${problem_sources}
 )
 target_include_directories(constraint_sim_report_common PRIVATE bench)  # problems.h
-constraint_sim_precompile(constraint_sim_report_common)
-add_library(constraint_sim_report_main OBJECT bench/report/main.cpp)
-add_library(constraint_sim_report_ours OBJECT bench/report/peers/engine.cpp)
+constraint_sim_fast_build(constraint_sim_report_common 1 ${common_headers})
+add_library(constraint_sim_report_main OBJECT EXCLUDE_FROM_ALL bench/report/main.cpp)
+add_library(constraint_sim_report_ours OBJECT EXCLUDE_FROM_ALL bench/report/peers/engine.cpp)
 foreach(library common main ours)
   constraint_sim_own_code(constraint_sim_report_${library})
   target_link_libraries(constraint_sim_report_${library} PUBLIC constraint_sim_engine)
@@ -26,7 +26,7 @@ endforeach()
 
 # Includes of other engines are not ours to warn about.
 function(constraint_sim_add_report name)
-  add_executable(constraint_sim_report_${name} bench/report/peers/${name}.cpp)
+  add_executable(constraint_sim_report_${name} EXCLUDE_FROM_ALL bench/report/peers/${name}.cpp)
   constraint_sim_own_code(constraint_sim_report_${name})
   target_link_libraries(constraint_sim_report_${name} PRIVATE constraint_sim_report_main
     constraint_sim_report_common constraint_sim_engine Boost::program_options ${ARGN})
@@ -47,7 +47,7 @@ set_source_files_properties(bench/report/peers/engine.cpp PROPERTIES
 # Debian builds Simbody with asserts, and its headers have other members with them.
 set_source_files_properties(bench/report/peers/simbody.cpp PROPERTIES COMPILE_OPTIONS -UNDEBUG)
 
-add_executable(constraint_sim_report_engine $<TARGET_OBJECTS:constraint_sim_report_ours>)
+add_executable(constraint_sim_report_engine EXCLUDE_FROM_ALL $<TARGET_OBJECTS:constraint_sim_report_ours>)
 target_link_libraries(constraint_sim_report_engine PRIVATE constraint_sim_report_main
   constraint_sim_report_common constraint_sim_engine Boost::program_options)
 
@@ -81,15 +81,12 @@ endforeach()
 
 # what scripts/report builds
 add_custom_target(report_programs DEPENDS ${report_programs})
-if(CONSTRAINT_SIM_BENCH AND NOT benchmark_FOUND)
-  message(STATUS "Google Benchmark is not there: constraint_sim_micro is left out")
-elseif(CONSTRAINT_SIM_BENCH)
-  add_executable(constraint_sim_micro bench/report/micro.cpp)
-  constraint_sim_own_code(constraint_sim_micro)
-  target_link_libraries(constraint_sim_micro PRIVATE constraint_sim_report_ours
+if(benchmark_FOUND)
+  constraint_sim_add_benchmark(constraint_sim_micro bench/report/micro.cpp constraint_sim_report_ours
     constraint_sim_report_common constraint_sim_engine benchmark::benchmark)
-  list(APPEND bench_programs constraint_sim_micro)
   add_dependencies(report_programs constraint_sim_micro)
+else()
+  message(STATUS "Google Benchmark is not there: constraint_sim_micro is left out")
 endif()
 
 # ODE's contact of two boxes beside ours

@@ -20,37 +20,16 @@ catkin_package(
   CFG_EXTRAS constraint_sim-engine.cmake
 )
 
-add_library(constraint_sim_ros STATIC
-  src/ros/commands.cpp
-  src/ros/conversions.cpp
-  src/ros/diagnostics.cpp
-  src/ros/edit_log.cpp
-  src/ros/edits.cpp
-  src/ros/event_log.cpp
-  src/ros/events.cpp
-  src/ros/frame_follower.cpp
-  src/ros/hands.cpp
-  src/ros/labels.cpp
-  src/ros/joint_signs.cpp
-  src/ros/laws.cpp
-  src/ros/marker_lines.cpp
-  src/ros/marker_set.cpp
-  src/ros/marker_style.cpp
-  src/ros/markers.cpp
-  src/ros/odometry.cpp
-  src/ros/parameters.cpp
-  src/ros/plugins.cpp
-  src/ros/publishers.cpp
-  src/ros/robots.cpp
-  src/ros/scenes.cpp
-  src/ros/services.cpp
-  src/ros/simulator_node.cpp
-  src/ros/snapshot_services.cpp
-  src/ros/snapshots.cpp
-  src/ros/urdf_loader.cpp
-  src/ros/view.cpp
-  src/ros/wrench_topics.cpp
-)
+file(GLOB ros_sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS src/ros/*.cpp)
+list(REMOVE_ITEM ros_sources src/ros/node_main.cpp src/ros/nodelet.cpp src/ros/reconfigure.cpp)
+# Only its messages: without them the node has no parameters of dynamic_reconfigure.
+find_package(dynamic_reconfigure QUIET)
+if(dynamic_reconfigure_FOUND)
+  list(APPEND ros_sources src/ros/reconfigure.cpp)
+endif()
+add_library(constraint_sim_ros STATIC ${ros_sources})
+constraint_sim_fast_build(constraint_sim_ros 1 ${common_headers} <ros/ros.h> <visualization_msgs/MarkerArray.h>
+  <constraint_sim/engine/world.h>)
 constraint_sim_own_code(constraint_sim_ros)
 set_target_properties(constraint_sim_ros PROPERTIES POSITION_INDEPENDENT_CODE ON)
 add_dependencies(constraint_sim_ros ${PROJECT_NAME}_generate_messages_cpp)
@@ -59,10 +38,7 @@ target_include_directories(constraint_sim_ros SYSTEM PUBLIC
   ${CATKIN_DEVEL_PREFIX}/${CATKIN_GLOBAL_INCLUDE_DESTINATION} ${catkin_INCLUDE_DIRS})
 target_link_libraries(constraint_sim_ros PUBLIC constraint_sim_stepper constraint_sim_urdf ${catkin_LIBRARIES})
 
-# Only its messages: without them the node has no parameters of dynamic_reconfigure.
-find_package(dynamic_reconfigure QUIET)
 if(dynamic_reconfigure_FOUND)
-  target_sources(constraint_sim_ros PRIVATE src/ros/reconfigure.cpp)
   target_compile_definitions(constraint_sim_ros PUBLIC CONSTRAINT_SIM_DYNAMIC_RECONFIGURE)
   target_include_directories(constraint_sim_ros SYSTEM PUBLIC ${dynamic_reconfigure_INCLUDE_DIRS})
 else()
@@ -97,12 +73,7 @@ target_link_libraries(constraint_sim_nodelet PRIVATE constraint_sim_ros)
 
 include(cmake/panel.cmake)
 
-if(CONSTRAINT_SIM_BENCH)
-  add_executable(constraint_sim_marker_costs bench/ros/marker_costs.cpp)
-  constraint_sim_own_code(constraint_sim_marker_costs)
-  target_link_libraries(constraint_sim_marker_costs PRIVATE constraint_sim_ros)
-  list(APPEND bench_programs constraint_sim_marker_costs)
-endif()
+constraint_sim_add_benchmark(constraint_sim_marker_costs bench/ros/marker_costs.cpp constraint_sim_ros)
 
 # where packages find it that use the devel space
 set_target_properties(constraint_sim_engine PROPERTIES
@@ -114,7 +85,7 @@ install(EXPORT constraint_sim NAMESPACE constraint_sim:: FILE constraint_sim_eng
 export(EXPORT constraint_sim NAMESPACE constraint_sim::
   FILE ${CMAKE_CURRENT_BINARY_DIR}/constraint_sim_engine_targets.cmake)
 install(TARGETS client_example constraint_sim_node constraint_sim_replay constraint_sim_run
-  constraint_sim_rviz_config ${bench_programs}
+  constraint_sim_rviz_config constraint_sim_error_table
   RUNTIME DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(TARGETS constraint_sim_nodelet LIBRARY DESTINATION ${CATKIN_PACKAGE_LIB_DESTINATION})
 install(FILES nodelet_plugins.xml rviz_plugins.xml DESTINATION ${CATKIN_PACKAGE_SHARE_DESTINATION})
@@ -125,5 +96,3 @@ catkin_install_python(PROGRAMS
   src/tools/bag_report src/tools/constraint_sim_sweep src/tools/simulator_bag src/tools/watch_error
   DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
 install(FILES src/tools/run_statistics.py DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})
-install(PROGRAMS bench/node_throughput.py RENAME constraint_sim_node_throughput
-  DESTINATION ${CATKIN_PACKAGE_BIN_DESTINATION})

@@ -1,8 +1,18 @@
-# With ROS `make run_tests` runs all tests, without it ctest does; scripts/test reads
-# registered_tests.txt, one `kind<tab>name<tab>path` a line.
+# The tests, each of them one of CTest: `ctest -L engine`, `ctest -R contact_events` in the build folder.
+# Labels: engine, sim, urdf, report (gtest programs), ros, rviz (rostest), python (pytest).
+# The target `tests` builds what they run; with catkin_make `run_tests` runs them all.
 
 enable_testing()
-set(registered_tests)
+if(NOT TARGET tests)
+  add_custom_target(tests)
+endif()
+if(CONSTRAINT_SIM_ROS)
+  find_package(rostest REQUIRED)
+  set(test_results ${CATKIN_TEST_RESULTS_DIR}/${PROJECT_NAME})
+else()
+  find_package(GTest REQUIRED)
+  set(test_results ${CMAKE_CURRENT_BINARY_DIR}/test_results)
+endif()
 
 # Where tests find things, in a header for those that ask: for all others the compiler's command is
 # the same in every folder, and ccache knows them.
@@ -15,15 +25,12 @@ file(GENERATE OUTPUT ${test_paths}/test_paths.h CONTENT "#pragma once
 #define CONSTRAINT_SIM_REPORT \"$<TARGET_FILE:constraint_sim_report_engine>\"
 ")
 
-# A gtest program that is run as a test.
-function(constraint_sim_add_gtest name)
-  if(CONSTRAINT_SIM_ROS)
-    catkin_add_gtest(${name} test/gtest_main.cpp ${ARGN})
-  else()
-    add_executable(${name} test/gtest_main.cpp ${ARGN})
-    target_link_libraries(${name} ${GTEST_LIBRARIES} Threads::Threads)
-    add_test(NAME ${name} COMMAND ${name})
-  endif()
+# ---- gtest programs
+
+function(constraint_sim_add_gtest_program name)
+  add_executable(${name} EXCLUDE_FROM_ALL test/gtest_main.cpp ${ARGN})
+  target_link_libraries(${name} PRIVATE ${GTEST_LIBRARIES} Threads::Threads)
+  target_include_directories(${name} PRIVATE ${GTEST_INCLUDE_DIRS} ${test_paths})
   constraint_sim_own_code(${name})
   target_compile_options(${name} PRIVATE -O1)  # a third less to build; what is tested is not in here
   if(CONSTRAINT_SIM_SANITIZE)
@@ -32,59 +39,102 @@ function(constraint_sim_add_gtest name)
     # Ten times slower: long tests take a part of their steps and scenes.
     target_compile_definitions(${name} PRIVATE CONSTRAINT_SIM_SANITIZED)
   endif()
-  target_include_directories(${name} PRIVATE ${test_paths})
-  set(registered_tests ${registered_tests} "gtest\t${name}\t$<TARGET_FILE:${name}>" PARENT_SCOPE)
+  add_dependencies(tests ${name})
 endfunction()
 
-if(CONSTRAINT_SIM_ROS)
-  find_package(rostest REQUIRED)
-else()
-  find_package(GTest REQUIRED)
-endif()
-file(GLOB engine_tests CONFIGURE_DEPENDS test/engine/*.cpp)
+# The program `name` as one CTest test for each file in ARGN, with the suites that the file defines:
+# `label.contact_events` of test_contact_events.cpp. A first line `// shards: N` makes N tests of a long
+# file, which run side by side.
+function(constraint_sim_add_gtests name label)
+  foreach(path IN LISTS ARGN)
+    get_filename_component(file ${path} NAME_WE)
+    string(REGEX REPLACE "^test_" "" file ${file})
+    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${path})
+    file(STRINGS ${path} defined REGEX "^(TYPED_)?TEST(_F|_P)?\\(")
+    set(suites)
+    foreach(line IN LISTS defined)
+      string(REGEX REPLACE "^[A-Z_]+\\(([A-Za-z0-9_]+).*" "\\1" suite "${line}")
+      list(APPEND suites ${suite})
+    endforeach()
+    if(NOT suites)
+      continue()
+    endif()
+    list(REMOVE_DUPLICATES suites)
+    set(filter)
+    foreach(suite IN LISTS suites)
+      set(filter "${filter}:${suite}.*:${suite}/*:*/${suite}.*:*/${suite}/*")
+    endforeach()
+    string(SUBSTRING "${filter}" 1 -1 filter)
+    file(STRINGS ${path} shards LIMIT_COUNT 1 REGEX "^// shards: ")
+    string(REGEX REPLACE "[^0-9]" "" shards "${shards}")
+    if(NOT shards)
+      set(shards 1)
+    endif()
+    foreach(shard RANGE 1 ${shards})
+      set(test ${label}.${file})
+      if(shards GREATER 1)
+        set(test ${test}.${shard}_of_${shards})
+      endif()
+      math(EXPR index "${shard} - 1")
+      add_test(NAME ${test} COMMAND ${name} "--gtest_filter=${filter}"
+        "--gtest_output=xml:${test_results}/${test}.xml")
+      set_tests_properties(${test} PROPERTIES LABELS ${label} TIMEOUT 1500 COST ${shards}
+        ENVIRONMENT "GTEST_TOTAL_SHARDS=${shards};GTEST_SHARD_INDEX=${index};TSAN_OPTIONS=suppressions='${CMAKE_CURRENT_SOURCE_DIR}/test/thread_sanitizer.supp'")
+    endforeach()
+  endforeach()
+endfunction()
+
+file(GLOB engine_sources CONFIGURE_DEPENDS test/engine/*.cpp)
+file(GLOB sim_tests CONFIGURE_DEPENDS test/sim/*.cpp)
 if(CONSTRAINT_SIM_SANITIZE STREQUAL "thread")
   # what runs on one thread alone has nothing that this sanitizer could find
-  foreach(path IN LISTS engine_tests)
+  foreach(path IN LISTS engine_sources)
     file(STRINGS ${path} uses_threads REGEX "threads|std::thread" LIMIT_COUNT 1)
     if(path MATCHES "/test_[^/]*$" AND NOT uses_threads)
-      list(REMOVE_ITEM engine_tests ${path})
+      list(REMOVE_ITEM engine_sources ${path})
     endif()
   endforeach()
 endif()
-file(GLOB sim_tests CONFIGURE_DEPENDS test/sim/*.cpp)
 
-constraint_sim_add_gtest(engine_tests ${engine_tests})
+constraint_sim_add_gtest_program(engine_tests ${engine_sources})
 target_include_directories(engine_tests PRIVATE bench)  # problems.h
-target_link_libraries(engine_tests constraint_sim_engine nlohmann_json::nlohmann_json)
+target_link_libraries(engine_tests PRIVATE constraint_sim_engine nlohmann_json::nlohmann_json)
+constraint_sim_fast_build(engine_tests 1 <gtest/gtest.h> <Eigen/Dense> <functional> <map> <sstream>
+  <constraint_sim/engine/scene.h> <constraint_sim/engine/plan.h> <constraint_sim/engine/world.h>)
 add_dependencies(engine_tests constraint_sim_run)
+constraint_sim_add_gtests(engine_tests engine ${engine_sources})
 
-constraint_sim_add_gtest(sim_tests ${sim_tests})
-target_link_libraries(sim_tests constraint_sim_stepper)
+constraint_sim_add_gtest_program(sim_tests ${sim_tests})
+target_link_libraries(sim_tests PRIVATE constraint_sim_stepper)
+constraint_sim_add_gtests(sim_tests sim ${sim_tests})
 
 if(TARGET constraint_sim_urdf)
   file(GLOB urdf_tests CONFIGURE_DEPENDS test/urdf/*.cpp)
-  constraint_sim_add_gtest(urdf_tests ${urdf_tests})
+  constraint_sim_add_gtest_program(urdf_tests ${urdf_tests})
   target_include_directories(urdf_tests PRIVATE bench test/engine)  # support.h
-  target_link_libraries(urdf_tests constraint_sim_urdf constraint_sim_stepper)
+  target_link_libraries(urdf_tests PRIVATE constraint_sim_urdf constraint_sim_stepper)
+  constraint_sim_add_gtests(urdf_tests urdf ${urdf_tests})
 endif()
 
-constraint_sim_add_gtest(report_tests test/report/test_report.cpp)
+constraint_sim_add_gtest_program(report_tests test/report/test_report.cpp)
 target_include_directories(report_tests PRIVATE bench)
-target_link_libraries(report_tests constraint_sim_report_common constraint_sim_engine)
+target_link_libraries(report_tests PRIVATE constraint_sim_report_common constraint_sim_engine)
 add_dependencies(report_tests constraint_sim_report_engine)
+constraint_sim_add_gtests(report_tests report test/report/test_report.cpp)
+
+# ---- rostest
 
 if(CONSTRAINT_SIM_ROS)
-  constraint_sim_add_gtest(conversions_test test/ros/test_conversions.cpp)
-  target_link_libraries(conversions_test constraint_sim_ros)
-
-  constraint_sim_add_gtest(markers_test test/ros/test_markers.cpp
-    test/engine/counted_allocations.cpp)
-  target_include_directories(markers_test PRIVATE test/engine)
-  target_link_libraries(markers_test constraint_sim_ros)
+  constraint_sim_add_gtest_program(ros_tests
+    test/ros/test_conversions.cpp test/ros/test_markers.cpp test/engine/counted_allocations.cpp)
+  target_include_directories(ros_tests PRIVATE test/engine)
+  target_link_libraries(ros_tests PRIVATE constraint_sim_ros)
+  constraint_sim_add_gtests(ros_tests ros_shell test/ros/test_conversions.cpp test/ros/test_markers.cpp)
 
   if(TARGET constraint_sim_panel)
-    constraint_sim_add_gtest(panel_test test/ros/test_motors.cpp src/panel/motors.cpp)
-    target_link_libraries(panel_test constraint_sim_engine yaml-cpp)
+    constraint_sim_add_gtest_program(panel_tests test/ros/test_motors.cpp src/panel/motors.cpp)
+    target_link_libraries(panel_tests PRIVATE constraint_sim_engine yaml-cpp)
+    constraint_sim_add_gtests(panel_tests panel test/ros/test_motors.cpp)
   endif()
 
   file(GLOB ros_tests CONFIGURE_DEPENDS test/ros/*.test)
@@ -93,34 +143,37 @@ if(CONSTRAINT_SIM_ROS)
   endif()
   foreach(ros_test IN LISTS ros_tests)
     get_filename_component(name ${ros_test} NAME_WE)
-    add_rostest(test/ros/${name}.test DEPENDENCIES constraint_sim_node)
-    list(APPEND registered_tests "rostest\t${name}\t${ros_test}")
+    add_test(NAME ros.${name} COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/scripts/run_ros_test
+      "${CMAKE_INSTALL_PREFIX}:${CATKIN_DEVEL_PREFIX}" ${ros_test} ${test_results}/ros.${name})
+    set_tests_properties(ros.${name} PROPERTIES LABELS ros TIMEOUT 600 COST 10)
+    # a first line `<!-- rviz -->` marks a test that looks at rviz
+    file(STRINGS ${ros_test} first LIMIT_COUNT 1)
+    if(first MATCHES "rviz")
+      set_tests_properties(ros.${name} PROPERTIES LABELS "ros;rviz" COST 20)
+    endif()
+    if(first MATCHES "alone")
+      set_tests_properties(ros.${name} PROPERTIES RUN_SERIAL ON)
+    endif()
   endforeach()
+
+  # what CTest runs is what catkin_make runs
+  add_custom_target(run_ctest COMMAND ${CMAKE_CTEST_COMMAND} --output-on-failure
+    WORKING_DIRECTORY ${CMAKE_CURRENT_BINARY_DIR})
+  add_dependencies(run_ctest tests)
+  add_dependencies(run_tests run_ctest)
+  add_dependencies(tests constraint_sim_node)
 endif()
 
+# ---- pytest
+
 if(TARGET constraint_sim_python)
+  add_dependencies(tests constraint_sim_python constraint_sim_run constraint_sim_report_engine)
   file(GLOB python_tests CONFIGURE_DEPENDS test/python/test_*.py)
   foreach(python_test IN LISTS python_tests)
     get_filename_component(name ${python_test} NAME_WE)
-    set(command ${CMAKE_CURRENT_SOURCE_DIR}/scripts/run_python_test ${CMAKE_CURRENT_BINARY_DIR}
-      ${python_test})
-    if(CONSTRAINT_SIM_ROS)
-      string(REPLACE ";" " " command "${command}")
-      catkin_run_tests_target("python" ${name} "python-${name}.xml"
-        COMMAND "${command} --junitxml=${CATKIN_TEST_RESULTS_DIR}/${PROJECT_NAME}/python-${name}.xml"
-        DEPENDENCIES constraint_sim_python constraint_sim_run constraint_sim_report_engine)
-    else()
-      add_test(NAME ${name} COMMAND ${command})
-    endif()
-    list(APPEND registered_tests "python\t${name}\t${python_test}")
+    string(REGEX REPLACE "^test_" "" name ${name})
+    add_test(NAME python.${name} COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/scripts/run_python_test
+      ${CMAKE_CURRENT_BINARY_DIR} ${python_test} --junitxml=${test_results}/python.${name}.xml)
+    set_tests_properties(python.${name} PROPERTIES LABELS python TIMEOUT 600 COST 15)
   endforeach()
 endif()
-
-string(REPLACE ";" "\n" registered_tests "${registered_tests}")
-file(GENERATE OUTPUT ${CMAKE_CURRENT_BINARY_DIR}/registered_tests.txt
-  CONTENT "${registered_tests}\n")
-
-# Fails on purpose and is no test: scripts/test shows with it that a failure would be seen.
-add_executable(failing_test EXCLUDE_FROM_ALL test/gtest_main.cpp test/selfcheck/failing_test.cpp)
-target_link_libraries(failing_test ${GTEST_LIBRARIES} Threads::Threads)
-constraint_sim_own_code(failing_test)

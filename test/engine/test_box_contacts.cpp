@@ -298,7 +298,7 @@ Pair random_pair(unsigned seed, double friction, double restitution, const Placi
   return {world, world.find_body("one"), world.find_body("other")};
 }
 
-constexpr unsigned kPairs = 300 / kSanitizedShare;
+const unsigned kPairs = 300 / kSeedShare;
 
 TEST(BoxContacts, PairsKeepTheirMomentumAndGainNoEnergy) {
   unsigned hit = 0, given_up = 0;
@@ -336,7 +336,7 @@ TEST(BoxContacts, PairsKeepTheirMomentumAndGainNoEnergy) {
 
 // Onto a table and over its edges, with friction and restitution. Some are given up (3 of 40 now).
 TEST(BoxContacts, TwoBoxesThatFallOnATableGainNoEnergy) {
-  constexpr unsigned kScenes = 40 / kSanitizedShare;
+  const unsigned kScenes = 40 / kSeedShare;
   unsigned given_up = 0, events = 0;
   for (unsigned seed = 0; seed < kScenes; ++seed) {
     Draw draw(seed);

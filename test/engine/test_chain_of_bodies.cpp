@@ -192,7 +192,7 @@ TEST(ChainOfBodies, KeepsJointsAndEnergy) {
     options.time_step = 0.01;
     options.tolerance = 1e-9;
     world.set_options(options);
-    for (int i = 0; i < 300 / kSanitizedShare; ++i) {
+    for (int i = 0; i < 300 / kSeedShare; ++i) {
       const StepReport& report = world.step();
       ASSERT_EQ(report.dependent_rows, 0);
       ASSERT_LE(report.max_constraint_error, 1e-12 + 4.0 * kEpsilon * links) << i;

@@ -202,7 +202,7 @@ World heap(unsigned seed) {
 
 // Nothing raises the energy but pushing out what has sunk in, and nothing passes through another.
 TEST(Cylinders, InHeapsGainNoEnergyAndStayApart) {
-  for (unsigned seed = 1; seed <= 10 / kSanitizedShare + 1; ++seed) {
+  for (unsigned seed = 1; seed <= 10u / kSeedShare + 1; ++seed) {
     World world = heap(seed);
     const std::vector<BodyId> ids = world.body_ids();
     double energy = world.energy();

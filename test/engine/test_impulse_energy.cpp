@@ -206,19 +206,19 @@ void expect_no_gain(MakeWorld make, int scenes, bool soft, double tolerance) {
 constexpr double kRounding = 1e-11;
 
 TEST(ImpulseEnergy, NeverRisesInChains) {
-  expect_no_gain(random_chain, 60 / kSanitizedShare, false, kRounding);
+  expect_no_gain(random_chain, 60 / kSeedShare, false, kRounding);
 }
 TEST(ImpulseEnergy, NeverRisesInNets) {
-  expect_no_gain(random_net, 30 / kSanitizedShare, false, kRounding);
+  expect_no_gain(random_net, 30 / kSeedShare, false, kRounding);
 }
 TEST(ImpulseEnergy, NeverRisesInStacks) {
-  expect_no_gain(random_stack, 30 / kSanitizedShare, false, kRounding);
+  expect_no_gain(random_stack, 30 / kSeedShare, false, kRounding);
 }
 TEST(ImpulseEnergy, NeverRisesInBridges) {
-  expect_no_gain(random_bridge, 30 / kSanitizedShare, false, kRounding);
+  expect_no_gain(random_bridge, 30 / kSeedShare, false, kRounding);
 }
 TEST(ImpulseEnergy, NeverRisesWithSprings) {
-  expect_no_gain(random_chain, 60 / kSanitizedShare, true, kRounding);
+  expect_no_gain(random_chain, 60 / kSeedShare, true, kRounding);
 }
 
 // ---- what is booked, against closed forms

@@ -1,3 +1,4 @@
+// shards: 2
 // Random mechanisms of joints of all kinds against a reference in long double, by all methods and
 // in several guises (bench/random_mechanisms.h), and that reference against minimal coordinates.
 // constraint_sim_random_mechanisms does the same with any number of mechanisms.
@@ -13,7 +14,7 @@
 namespace constraint_sim::engine::random_scenes {
 namespace {
 
-constexpr std::uint64_t kMechanisms = kSanitizedShare > 1 ? 3 : 48;
+const std::uint64_t kMechanisms = 48 / kSeedShare;
 constexpr std::uint64_t kMechanismsATest = kSanitizedShare > 1 ? 1 : 6;
 
 class JudgedMechanisms : public testing::TestWithParam<std::uint64_t> {};
@@ -179,7 +180,7 @@ std::pair<Eigen::VectorXd, double> imbalance(World world, double h) {
 // order, (30 rad/s · 2e-5 s)², and rounding of velocities over the step.
 TEST(JointWrenches, AreThoseOfNewtonAndEuler) {
   constexpr double kStep = 2e-5;
-  for (std::uint64_t seed = 1; seed <= (kSanitizedShare > 1 ? 5 : 60); ++seed) {
+  for (std::uint64_t seed = 1; seed <= 60u / kSeedShare; ++seed) {
     Scene scene = MechanismGenerator(seed).make();
     scene.options.time_step = 0.01;
     scene.options.method = Method::kRungeKutta;

@@ -1,3 +1,4 @@
+// shards: 2
 // Random scenes of few bodies that go from event to event, and what is off in them
 // (bench/random_events.h, judge_events.h); constraint_sim_random_events does the same with any
 // number of scenes.
@@ -15,7 +16,7 @@
 namespace constraint_sim::engine::random_events {
 namespace {
 
-constexpr unsigned kScenes = 300 / kSanitizedShare;
+const unsigned kScenes = 300 / kSeedShare;
 
 struct Found {
   unsigned given_up = 0, left = 0, events = 0;

@@ -1,3 +1,4 @@
+// shards: 2
 // Random mechanisms of joints of all kinds, with loops, spare joints, springs, four decades of
 // mass, a base that moves, laws on free coordinates, and joints added open: joints are kept, and
 // the motion is the same by each method, far from the origin, turned, added in another order, and
@@ -12,7 +13,7 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr int kSeeds = kSanitizedShare > 1 ? 2 : 30;
+const int kSeeds = 30 / kSeedShare + 1;
 constexpr double kSpan = 0.3;  // [s]: few turns of the fastest body, so that errors stay small
 
 /// What a World is made of; a body of -1 is the world.

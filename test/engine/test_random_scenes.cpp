@@ -1,3 +1,4 @@
+// shards: 2
 // Random scenes, by all methods and in several guises: nothing is off without a word. What counts
 // as off, and the reference in long double, stand in bench/scene_judge.h.
 // constraint_sim_random_scenes does the same with any number of scenes.
@@ -7,18 +8,14 @@
 #include <vector>
 
 #include "problems.h"
+#include "sanitized.h"
 #include "scene_judge.h"
 
 namespace constraint_sim::engine::random_scenes {
 namespace {
 
-#ifdef CONSTRAINT_SIM_SANITIZED
-constexpr std::uint64_t kScenes = 4;
-constexpr std::uint64_t kScenesATest = 1;
-#else
-constexpr std::uint64_t kScenes = 60;
-constexpr std::uint64_t kScenesATest = 6;
-#endif
+const std::uint64_t kScenes = 60 / kSeedShare;
+constexpr std::uint64_t kScenesATest = kSanitizedShare > 1 ? 1 : 6;
 
 class RandomScenes : public testing::TestWithParam<std::uint64_t> {};
 
@@ -32,11 +29,7 @@ TEST_P(RandomScenes, AreNeverSilentlyWrong) {
 INSTANTIATE_TEST_SUITE_P(Seeds, RandomScenes,
                          testing::Range(std::uint64_t{1}, kScenes + 1, kScenesATest));
 
-#ifdef CONSTRAINT_SIM_SANITIZED
-const std::vector<std::uint64_t> kOffOnce = {505};
-#else
 const std::vector<std::uint64_t> kOffOnce = {374, 505};
-#endif
 
 // Rods that are too many between points, beside bodies that turn: what rounding left of their
 // self-stress at these was taken for an imbalance, and the rows for momentary ones. Off by 2e-6 m

@@ -1,3 +1,4 @@
+// shards: 4
 // Snapshots as bytes. Oracle: the world that was written, going on itself, to the bit.
 
 #include <algorithm>
@@ -20,8 +21,8 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr int kFuture = 500 / kSanitizedShare;            // [steps]
-constexpr std::uint64_t kRandom = 100 / kSanitizedShare;  // scenes of each kind
+const int kFuture = (kIsLongRun ? 500 : 100) / kSanitizedShare;  // [steps]
+const std::uint64_t kRandom = 100 / kSeedShare;                  // scenes of each kind
 
 std::vector<std::string> shipped() { return scene_names(CONSTRAINT_SIM_SCENE_DIR); }
 
@@ -32,7 +33,9 @@ void expect_same_future(World world, World again, int steps, const std::string& 
     ASSERT_EQ(again.report().energy, world.report().energy) << what;
     ASSERT_EQ(again.report().local_error, world.report().local_error) << what;
     ASSERT_EQ(again.contacts().size(), world.contacts().size()) << what;
-    ASSERT_TRUE(write_snapshot(again) == write_snapshot(world)) << what << ", " << i << " later";
+    if (kIsLongRun || i % 10 == 0) {
+      ASSERT_TRUE(write_snapshot(again) == write_snapshot(world)) << what << ", " << i << " later";
+    }
     world.step();
     again.step();
   }

@@ -39,12 +39,15 @@ void World::Impl::wake(std::size_t body) {
 }
 
 void World::Impl::wake_all() {
+  if (!may_sleep) return;
   for (std::size_t i = 0; i < asleep.size(); ++i) wake(i);
+  may_sleep = false;
 }
 
 // all that touch a body
 void World::Impl::wake_around(BodyId id) {
   for (const TouchingPair& pair : resting) {
+    if (!is_known(pair)) continue;
     if (pair.id_a == id) wake(index(pair.id_b));
     if (pair.id_b == id) wake(index(pair.id_a));
   }
@@ -107,6 +110,7 @@ void World::Impl::fall_asleep() {
   }
   if (!any_due || !find_sleep_candidates()) return;
 
+  may_sleep = true;
   for (const int i : sleep_candidates) {
     // what it was to remember for so many steps would depend on how long it sleeps
     static_cast<IslandMemory&>(island_parts[i]) = {};

@@ -141,10 +141,11 @@ struct World::Impl : Model, State, IslandLists {
   bool all_edited = true;                  // all islands begin anew
   std::shared_ptr<const char> model_mark;  // worlds that have the same have the same model
   std::optional<Seen> seen;                // of snapshots, which count as edited
-  std::vector<BodyId> edited_bodies;       // whose islands begin anew
-  std::vector<BodyId> relinked_bodies;     // whose islands are compiled anew
-  List<Broadphase::Pair> unpaired;         // joined bodies that may overlap, sorted
-  List<JointEnds> joint_ends;              // the two bodies of each joint
+  Storage<List<List<std::size_t>>> joints_of_bodies;    // made when asked for
+  std::vector<BodyId> edited_bodies;                    // whose islands begin anew
+  std::vector<BodyId> relinked_bodies;                  // whose islands are compiled anew
+  List<Broadphase::Pair> unpaired;                      // joined bodies that may overlap, sorted
+  List<JointEnds> joint_ends;                           // the two bodies of each joint
   List<std::pair<BodyId, IslandMemory>> loaded_memory;  // by first body, until there are islands
   List<bool> is_in_loop;                // joints of an island whose joints close one
   List<int> island_of;                  // of bodies; -1 of immovable ones
@@ -155,6 +156,7 @@ struct World::Impl : Model, State, IslandLists {
   List<int> fresh_islands;              // those that begin anew
 
   // ---- what is awake, and what the rest tells; made anew when somebody wakes or falls asleep
+  bool may_sleep = true;    // false: no body is asleep
   bool any_waking = false;  // somebody was woken, and the lists do not know yet
   bool awake_changed = true;
   List<int> awake_islands;
@@ -248,7 +250,8 @@ struct World::Impl : Model, State, IslandLists {
   void check_coupled_act(std::size_t j, bool enabled) const;
   BodyId movable_end(JointId id) const;
   List<std::size_t> couplings_of(std::size_t joint) const;
-  bool is_held_by(BodyId id, std::size_t joint) const;
+  std::array<BodyId, 4> holders(std::size_t joint) const;
+  const List<std::size_t>& joints_on(std::size_t body);
   JointId add_joint(const Joint& joint, bool broken);
   void fill_in(Joint& joint) const;
   void fill_in_frames(Joint& joint) const;
@@ -302,7 +305,12 @@ struct World::Impl : Model, State, IslandLists {
   void replace_joint(std::size_t j, const Joint& joint,
                      const std::array<LawChange, kMaxCoordinates>& changes);
   bool follow_law(std::size_t j, std::size_t i, const CoordinateLaw& before, bool is_motor_set);
-  void erase_joint(std::size_t j);
+  void mark_removed(const std::vector<JointId>& ids, List<bool>* is_removed) const;
+  std::vector<std::string> mark_removed(const std::vector<BodyId>& ids, List<bool>* is_body_removed,
+                                        List<bool>* is_joint_removed) const;
+  void erase(const List<bool>& is_joint_removed, const List<bool>& is_body_removed);
+  void erase_joints(const List<bool>& is_removed);
+  void erase_bodies(const List<bool>& is_removed);
   void erase_wrenches(BodyId id);
 
   // ---- resting (rest.cpp)

@@ -157,5 +157,75 @@ TEST(LocalEdits, HashesTellWhatBeginsAnew) {
   }
 }
 
+/// Twelve boxes on a floor, in touch with each other, with every second pair on a hinge, and gears
+/// between these hinges.
+World row_of_boxes() {
+  World world(options(0.01));
+  Body floor = make_body("floor", Plane{}, 0.0, Vector3d::Zero());
+  floor.type = BodyType::kStatic;
+  world.add_body(floor);
+  std::vector<BodyId> boxes;
+  std::vector<JointId> hinges;
+  for (int i = 0; i < 12; ++i)
+    boxes.push_back(world.add_body(
+        make_body("box_" + std::to_string(i), Box{{0.2, 0.2, 0.2}}, 1.0, {0.2 * i, 0.0, 0.1})));
+  for (std::size_t i = 0; i + 1 < boxes.size(); i += 2)
+    hinges.push_back(
+        world.add_joint(make_joint("hinge_" + std::to_string(i), boxes[i], {0.1, 0.0, 0.0},
+                                   boxes[i + 1], {-0.1, 0.0, 0.0}, JointKind::kHinge)));
+  for (std::size_t i = 0; i + 1 < hinges.size(); i += 2) {
+    Joint gear;
+    gear.name = "gear_" + std::to_string(i);
+    gear.kind = JointKind::kGear;
+    gear.coupling = {hinges[i], hinges[i + 1], -1.0, 0.0};
+    world.add_joint(gear);
+  }
+  return world;
+}
+
+// Removing several at once is removing them one by one, to the bit, also of boxes that sleep.
+TEST(Removal, OfManyIsThatOfEach) {
+  for (const int steps : {0, 3, 200}) {
+    World one_by_one = row_of_boxes();
+    for (int i = 0; i < steps; ++i) one_by_one.step();
+    World at_once = one_by_one;
+    std::vector<JointId> joints;
+    for (const char* name : {"gear_2", "hinge_6", "hinge_4"})
+      joints.push_back(at_once.find_joint(name));
+    std::vector<BodyId> bodies;
+    for (const char* name : {"box_1", "box_0", "box_5", "box_4"})
+      bodies.push_back(at_once.find_body(name));
+    std::vector<std::string> names;
+    for (const JointId id : joints) one_by_one.remove_joint(id);
+    for (const BodyId id : bodies)
+      for (const std::string& name : one_by_one.remove_body(id)) names.push_back(name);
+    EXPECT_EQ(at_once.remove(joints, bodies), names);
+    EXPECT_EQ(names, (std::vector<std::string>{"hinge_0", "gear_0"}));
+    EXPECT_EQ(at_once.body_ids(), one_by_one.body_ids());
+    EXPECT_EQ(at_once.joint_ids(), one_by_one.joint_ids());
+    for (int i = 0; i < 20; ++i) {
+      ASSERT_EQ(at_once.state_hash(), one_by_one.state_hash()) << steps << " " << i;
+      at_once.step();
+      one_by_one.step();
+    }
+  }
+}
+
+TEST(Removal, OfWhatCannotBeRemovedRemovesNothing) {
+  World world = row_of_boxes();
+  world.step();
+  const std::uint64_t hash = world.state_hash();
+  const JointId hinge = world.find_joint("hinge_0"), gear = world.find_joint("gear_0");
+  const BodyId box = world.find_body("box_5");
+  EXPECT_THROW(world.remove({hinge, gear}, {}), std::invalid_argument);  // coupled until then
+  EXPECT_THROW(world.remove({gear, gear}, {}), std::invalid_argument);
+  EXPECT_THROW(world.remove({gear}, {box, box}), std::invalid_argument);
+  EXPECT_THROW(world.remove({gear}, {box, kWorldBody}), std::invalid_argument);
+  EXPECT_THROW(world.remove({gear}, {BodyId{1000}}), std::invalid_argument);
+  EXPECT_THROW(world.remove({JointId{1000}}, {}), std::invalid_argument);
+  EXPECT_EQ(world.state_hash(), hash);
+  EXPECT_EQ(world.remove({gear, hinge}, {box}), (std::vector<std::string>{"hinge_4", "gear_2"}));
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

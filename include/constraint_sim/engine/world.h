@@ -94,6 +94,12 @@ class World {
   JointId add_joint(const Joint& joint, bool broken = false);
   /// Removes the joint. Throws where a gear or pulley couples it; remove that first.
   void remove_joint(JointId id);
+  /// Removes joints as remove_joint() and then bodies as remove_body(), each in its order, at a
+  /// cost that is linear in the size of the world; returns the names of the joints that went with
+  /// the bodies, in the order of the bodies. Where one of them cannot be removed, throws and
+  /// removes none.
+  std::vector<std::string> remove(const std::vector<JointId>& joints,
+                                  const std::vector<BodyId>& bodies);
   /// Whether a joint has this name.
   bool has_joint(std::string_view name) const;
   /// The joint with this name. Throws where there is none.
@@ -219,6 +225,8 @@ class World {
   /// Makes steps look at this flag from now on and, once it is set, end early with `stopped` in the
   /// report and the state of before; nullptr: no longer. The flag must outlive the world.
   void set_stop_flag(StopFlag stop);
+  /// Whether the stop flag is there and set: for edits that take long and can be given up.
+  bool is_asked_to_stop() const;
 
  private:
   struct Impl;

@@ -48,37 +48,6 @@ BodyId World::add_body(const Body& body) {
   return id;
 }
 
-std::vector<std::string> World::remove_body(BodyId id) {
-  const std::size_t i = impl_->index(id);
-  if (id == kWorldBody) refuse("name", "'world' cannot be removed");
-
-  std::vector<std::string> removed;
-  for (std::size_t j = impl_->joints.size(); j-- > 0;) {
-    if (!impl_->is_held_by(id, j)) continue;  // couplings come before what they couple
-    removed.insert(removed.begin(), impl_->joints[j].name);
-    impl_->erase_joint(j);
-  }
-
-  impl_->wake_around(id);
-  const auto at = static_cast<std::ptrdiff_t>(i);
-  impl_->body_by_name.erase(impl_->bodies[i].name);
-  impl_->bodies.erase(impl_->bodies.begin() + at);
-  impl_->states.erase(impl_->states.begin() + at);
-  impl_->masses.erase(impl_->masses.begin() + at);
-  impl_->body_ids.erase(impl_->body_ids.begin() + at);
-  impl_->corrections.erase(impl_->corrections.begin() + at);
-  impl_->asleep.erase(impl_->asleep.begin() + at);
-  impl_->body_index[id.value] = -1;
-  for (std::size_t k = i; k < impl_->body_ids.size(); ++k)
-    --impl_->body_index[impl_->body_ids[k].value];
-  impl_->erase_wrenches(id);
-  impl_->contacts.clear();
-  impl_->events.clear();
-  impl_->topology_edited = true;
-  impl_->edit_all();  // indices are others now
-  return removed;
-}
-
 bool World::has_body(std::string_view name) const {
   return impl_->body_by_name.count(std::string(name)) > 0;
 }
@@ -132,8 +101,8 @@ void World::set_body(BodyId id, const Body& body) {
   impl_->wake_around(id);
   impl_->bodies[i] = changed;
   impl_->masses[i] = mass;
-  for (std::size_t j = 0; j < impl_->joints.size(); ++j) {
-    if (!impl_->is_held_by(id, j) || couples_joints(impl_->joints[j].kind)) continue;
+  for (const std::size_t j : impl_->joints_on(i)) {
+    if (couples_joints(impl_->joints[j].kind)) continue;
     const auto [a, b] = impl_->ends_of(impl_->joints[j]);
     impl_->joint_states[j].radius =
         std::max(impl_->masses[a].radius_of_gyration(), impl_->masses[b].radius_of_gyration());
@@ -161,9 +130,8 @@ void World::set_state(BodyId id, const BodyState& state) {
                      impl_->states[i].orientation.coeffs() == placed.orientation.coeffs();
   impl_->states[i] = placed;
   impl_->corrections[i].setZero();
-  for (std::size_t j = 0; !stays && j < impl_->joints.size(); ++j) {
-    if (impl_->is_held_by(id, j)) impl_->open_joint(j, time());
-  }
+  if (!stays)
+    for (const std::size_t j : impl_->joints_on(i)) impl_->open_joint(j, time());
   if (impl_->is_movable(i))
     impl_->edit_island_of(id);
   else

@@ -81,6 +81,7 @@ JointId World::Impl::add_joint(const Joint& joint, bool broken) {
   wake_ends(filled);
   joint_ids.push_back(id);
   joint_by_name.emplace(joint.name, id);
+  joints_of_bodies = {};
   note_edit();
   topology_edited = true;
   return id;
@@ -154,12 +155,30 @@ List<std::size_t> World::Impl::couplings_of(std::size_t joint) const {
   return found;
 }
 
-// whether a joint has this body, or couples joints that have it
-bool World::Impl::is_held_by(BodyId id, std::size_t joint) const {
-  const auto has = [&](std::size_t j) { return joints[j].body_a == id || joints[j].body_b == id; };
-  if (!couples_joints(joints[joint].kind)) return has(joint);
-  const Coupling& coupling = joints[joint].coupling;
-  return has(index(coupling.first)) || has(index(coupling.second));
+// The bodies of a joint, or of both joints that it couples; some may be there twice.
+std::array<BodyId, 4> World::Impl::holders(std::size_t joint) const {
+  const Joint* first = &joints[joint];
+  const Joint* second = first;
+  if (couples_joints(first->kind)) {
+    first = &joints[index(joints[joint].coupling.first)];
+    second = &joints[index(joints[joint].coupling.second)];
+  }
+  return {first->body_a, first->body_b, second->body_a, second->body_b};
+}
+
+// The joints with this body among their holders(), in their order.
+const List<std::size_t>& World::Impl::joints_on(std::size_t body) {
+  if (joints_of_bodies.get() == nullptr) {
+    joints_of_bodies.make();
+    joints_of_bodies->resize(bodies.size());
+    for (std::size_t j = 0; j < joints.size(); ++j)
+      for (const BodyId id : holders(j)) {
+        List<std::size_t>& list = (*joints_of_bodies.get())[index(id)];
+        if (list.empty() || list.back() != j) list.push_back(j);
+      }
+  }
+  static const List<std::size_t> kNone;
+  return body < joints_of_bodies->size() ? (*joints_of_bodies.get())[body] : kNone;
 }
 
 // Measures a joint whose bodies were moved, or that was edited; what it is off by is then closed.
@@ -267,32 +286,6 @@ void World::Impl::set_ends(const Joint& joint, JointState* state) const {
 void World::Impl::wake_ends(const Joint& joint) {
   wake(index(joint.body_a));
   wake(index(joint.body_b));
-}
-
-void World::Impl::erase_joint(std::size_t j) {
-  wake_ends(joints[j]);
-  const auto at = static_cast<std::ptrdiff_t>(j);
-  joint_index[joint_ids[j].value] = -1;
-  joint_by_name.erase(joints[j].name);
-  joints.erase(joints.begin() + at);
-  joint_starts.erase(joint_starts.begin() + at);
-  joint_states.erase(joint_states.begin() + at);
-  self_stress.erase(self_stress.begin() + at);
-  joint_ids.erase(joint_ids.begin() + at);
-  for (std::size_t k = j; k < joint_ids.size(); ++k) --joint_index[joint_ids[k].value];
-  events.clear();
-  topology_edited = true;
-  edit_all();  // indices are others now
-}
-
-void World::remove_joint(JointId id) {
-  const std::size_t j = impl_->index(id);
-  const List<std::size_t> couplings = impl_->couplings_of(j);
-  if (!couplings.empty())
-    refuse("name", in_quotes(std::as_const(impl_->joints[j].name)) + " is coupled by " +
-                       in_quotes(std::as_const(impl_->joints[couplings.front()].name)) +
-                       ", remove that first");
-  impl_->erase_joint(j);
 }
 
 bool World::has_joint(std::string_view name) const {

@@ -50,6 +50,8 @@ void World::take_snapshot(World* snapshot) const {
   Impl& to = *snapshot->impl_;
   if (!to.model_mark || to.model_mark != from.model_mark) static_cast<Model&>(to) = from;
   to.model_mark = from.model_mark;
+  to.joints_of_bodies = {};
+  to.may_sleep = true;
   static_cast<State&>(to) = from;
   to.report = from.report;
   if (from.report.failure == Failure::kCustom) {
@@ -95,6 +97,7 @@ double World::time() const { return impl_->time(); }
 std::uint64_t World::step_count() const { return impl_->step_count; }
 void World::set_clock(Clock clock) { impl_->clock = clock; }
 void World::set_stop_flag(StopFlag stop) { impl_->stop = stop; }
+bool World::is_asked_to_stop() const { return is_set(impl_->stop); }
 
 void World::set_time(double time, std::uint64_t step_count) {
   check_finite("time", time);
@@ -191,6 +194,7 @@ bool World::Impl::is_known(const TouchingPair& pair) const {
 // those that slept when the scene was saved, with all that they hang on
 void World::Impl::continue_asleep(const std::vector<BodyId>& ids) {
   for (const BodyId id : ids) asleep[index(id)] = true;
+  may_sleep = true;
   any_waking = !ids.empty();  // wakes those whose neighbours do not sleep
   edit_all();
 }

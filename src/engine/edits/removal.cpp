@@ -1,0 +1,163 @@
+// Bodies and joints that are taken out of a world. All lists are compacted once, however many are
+// removed, so that the cost is linear in the size of the world and of the request.
+
+#include <algorithm>
+#include <limits>
+#include <utility>
+
+#include "engine/constraints/joint_kinds.h"
+#include "engine/math/list.h"
+#include "engine/validate.h"
+#include "engine/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+/// Joints that others couple, with the coupling, by index: sorted.
+using CouplingsOfJoints = List<std::pair<std::size_t, std::size_t>>;
+
+CouplingsOfJoints couplings_by_joint(const Model& model) {
+  CouplingsOfJoints found;
+  for (std::size_t j = 0; j < model.joints.size(); ++j) {
+    if (!couples_joints(model.joints[j].kind)) continue;
+    const Coupling& coupling = model.joints[j].coupling;
+    for (const JointId id : {coupling.first, coupling.second})
+      found.emplace_back(model.index(id), j);
+  }
+  std::sort(found.begin(), found.end());
+  return found;
+}
+
+/// Keeps the entries of a list that are not removed, in their order.
+template <class Container>
+void compact_list(const List<bool>& is_removed, Container* list) {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < list->size(); ++i) {
+    if (is_removed[i]) continue;
+    if (kept != i) (*list)[kept] = std::move((*list)[i]);
+    ++kept;
+  }
+  list->erase(list->begin() + static_cast<std::ptrdiff_t>(kept), list->end());
+}
+
+/// The same of a list of ids, with the index by id.
+template <class Id>
+void compact_list(const List<bool>& is_removed, List<Id>* ids, List<int>* index) {
+  for (std::size_t i = 0; i < ids->size(); ++i)
+    if (is_removed[i]) (*index)[(*ids)[i].value] = -1;
+  compact_list(is_removed, ids);
+  for (std::size_t i = 0; i < ids->size(); ++i) (*index)[(*ids)[i].value] = static_cast<int>(i);
+}
+
+}  // namespace
+
+// Sets which joints are removed. A joint that is coupled stays, unless its couplings go before it.
+void World::Impl::mark_removed(const std::vector<JointId>& ids, List<bool>* is_removed) const {
+  const CouplingsOfJoints couplings = couplings_by_joint(*this);
+  for (const JointId id : ids) {
+    const std::size_t j = index(id);
+    if ((*is_removed)[j]) refuse("name", in_quotes(joints[j].name) + " is there twice");
+    for (auto coupling =
+             std::lower_bound(couplings.begin(), couplings.end(), std::pair(j, std::size_t{0}));
+         coupling != couplings.end() && coupling->first == j; ++coupling)
+      if (!(*is_removed)[coupling->second])
+        refuse("name", in_quotes(joints[j].name) + " is coupled by " +
+                           in_quotes(joints[coupling->second].name) + ", remove that first");
+    (*is_removed)[j] = true;
+  }
+}
+
+// Sets which bodies are removed, and which joints with them; returns the names of these joints in
+// the order of the bodies.
+std::vector<std::string> World::Impl::mark_removed(const std::vector<BodyId>& ids,
+                                                   List<bool>* is_body_removed,
+                                                   List<bool>* is_joint_removed) const {
+  constexpr std::size_t kStays = std::numeric_limits<std::size_t>::max();
+  List<std::size_t> order(bodies.size(), kStays);  // place in the request
+  for (std::size_t k = 0; k < ids.size(); ++k) {
+    const std::size_t i = index(ids[k]);
+    if (ids[k] == kWorldBody) refuse("name", "'world' cannot be removed");
+    if (order[i] != kStays) refuse("name", in_quotes(bodies[i].name) + " is there twice");
+    order[i] = k;
+    (*is_body_removed)[i] = true;
+  }
+  List<std::pair<std::size_t, std::size_t>> held;  // by the first body that goes, and index
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    if ((*is_joint_removed)[j]) continue;
+    std::size_t first = kStays;
+    for (const BodyId id : holders(j)) first = std::min(first, order[index(id)]);
+    if (first != kStays) held.emplace_back(first, j);
+  }
+  std::sort(held.begin(), held.end());
+  std::vector<std::string> names;
+  for (const auto& [body, j] : held) {
+    (*is_joint_removed)[j] = true;
+    names.push_back(joints[j].name);
+  }
+  return names;
+}
+
+std::vector<std::string> World::remove(const std::vector<JointId>& joints,
+                                       const std::vector<BodyId>& bodies) {
+  List<bool> is_joint_removed(impl_->joints.size()), is_body_removed(impl_->bodies.size());
+  impl_->mark_removed(joints, &is_joint_removed);
+  std::vector<std::string> names = impl_->mark_removed(bodies, &is_body_removed, &is_joint_removed);
+  impl_->erase(is_joint_removed, is_body_removed);
+  return names;
+}
+
+void World::remove_joint(JointId id) { remove({id}, {}); }
+
+std::vector<std::string> World::remove_body(BodyId id) { return remove({}, {id}); }
+
+void World::Impl::erase(const List<bool>& is_joint_removed, const List<bool>& is_body_removed) {
+  const auto any = [](const List<bool>& list) {
+    return std::find(list.begin(), list.end(), true) != list.end();
+  };
+  if (any(is_joint_removed)) erase_joints(is_joint_removed);
+  if (any(is_body_removed)) erase_bodies(is_body_removed);
+}
+
+void World::Impl::erase_joints(const List<bool>& is_removed) {
+  for (std::size_t j = 0; j < joints.size(); ++j) {
+    if (!is_removed[j]) continue;
+    wake_ends(joints[j]);
+    joint_by_name.erase(joints[j].name);
+  }
+  compact_list(is_removed, &joints);
+  compact_list(is_removed, &joint_starts);
+  compact_list(is_removed, &joint_states);
+  compact_list(is_removed, &self_stress);
+  compact_list(is_removed, &joint_ids, &joint_index);
+  joints_of_bodies = {};
+  events.clear();
+  topology_edited = true;
+  edit_all();  // indices are others now
+}
+
+void World::Impl::erase_bodies(const List<bool>& is_removed) {
+  const auto goes = [&](BodyId id) { return is_removed[index(id)]; };
+  for (const TouchingPair& pair : resting) {
+    if (!is_known(pair)) continue;
+    if (goes(pair.id_a)) wake(index(pair.id_b));
+    if (goes(pair.id_b)) wake(index(pair.id_a));
+  }
+  const auto is_on_one = [&](const Wrench& wrench) { return goes(wrench.body); };
+  wrenches.erase(std::remove_if(wrenches.begin(), wrenches.end(), is_on_one), wrenches.end());
+  watch.any_wrench_ended = true;
+  for (std::size_t i = 0; i < bodies.size(); ++i)
+    if (is_removed[i]) body_by_name.erase(bodies[i].name);
+  compact_list(is_removed, &bodies);
+  compact_list(is_removed, &states);
+  compact_list(is_removed, &masses);
+  compact_list(is_removed, &corrections);
+  compact_list(is_removed, &asleep);
+  compact_list(is_removed, &body_ids, &body_index);
+  joints_of_bodies = {};
+  contacts.clear();
+  events.clear();
+  topology_edited = true;
+  edit_all();  // indices are others now
+}
+
+}  // namespace constraint_sim::engine

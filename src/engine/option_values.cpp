@@ -1,8 +1,14 @@
 #include "engine/option_values.h"
 
 #include <cmath>
+#include <optional>
+#include <sstream>
+#include <type_traits>
 
+#include "engine/math/numbers.h"
+#include "engine/method_names.h"
 #include "engine/validate.h"
+#include "engine/words.h"
 
 namespace constraint_sim::engine {
 
@@ -52,6 +58,73 @@ std::string words(int, Count range) { return "whole, 1 to " + std::to_string(ran
 
 std::string words(int, EitherOf range) {
   return std::to_string(range.first) + " or " + std::to_string(range.second);
+}
+
+namespace {
+
+std::string trimmed_text(const std::string& text) {
+  const std::size_t first = text.find_first_not_of(" \t");
+  if (first == std::string::npos) return "";
+  return text.substr(first, text.find_last_not_of(" \t") + 1 - first);
+}
+
+[[noreturn]] void refuse_option_text(const char* name, const char* expected,
+                                     const std::string& text) {
+  refuse(name, std::string("must be ") + expected + ", got " + in_quotes(text));
+}
+
+template <class Number>
+Number option_number(const char* name, const char* expected, const std::string& text) {
+  const std::optional<Number> number = number_in<Number>(text);
+  if (!number) refuse_option_text(name, expected, text);
+  return *number;
+}
+
+template <class Range>
+void read_option_text(const char* name, const std::string& text, double* value, Range) {
+  const bool is_infinity = std::is_same_v<Range, PositiveOrInfinity> && text == ".inf";
+  *value = is_infinity ? kInfinity : option_number<double>(name, "a number", text);
+}
+
+template <class Range>
+void read_option_text(const char* name, const std::string& text, int* value, Range) {
+  *value = option_number<int>(name, "a whole number", text);
+}
+
+void read_option_text(const char* name, const std::string& text, bool* value, AnyValue) {
+  const std::optional<bool> flag = flag_in(text);
+  if (!flag) refuse_option_text(name, "true or false", text);
+  *value = *flag;
+}
+
+void read_option_text(const char* /*name*/, const std::string& text, Method* value, AnyValue) {
+  *value = method_named(text);
+}
+
+void read_option_text(const char* name, const std::string& text, Eigen::Vector3d* value, AnyValue) {
+  constexpr const char* kExpected = "a list of 3 numbers";
+  if (text.size() < 2 || text.front() != '[' || text.back() != ']')
+    refuse_option_text(name, kExpected, text);
+  std::istringstream list(text.substr(1, text.size() - 2));
+  std::string number;
+  int count = 0;
+  for (; std::getline(list, number, ','); ++count) {
+    if (count == 3) refuse_option_text(name, kExpected, text);
+    (*value)[count] = option_number<double>(name, kExpected, trimmed_text(number));
+  }
+  if (count != 3) refuse_option_text(name, kExpected, text);
+}
+
+}  // namespace
+
+void set_option(const std::string& name, const std::string& text, WorldOptions* options) {
+  bool is_known = false;
+  visit_options(*options, [&](const OptionInfo& info, auto& value, auto range) {
+    if (name != info.name) return;
+    is_known = true;
+    read_option_text(info.name, trimmed_text(text), &value, range);
+  });
+  if (!is_known) refuse("keys", "there is no option " + in_quotes(name));
 }
 
 void validate(const WorldOptions& options) {

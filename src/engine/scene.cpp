@@ -292,11 +292,6 @@ void continue_from_saved(const YamlElement& scene, const std::vector<BodyId>& as
 
 }  // namespace
 
-WorldOptions change_options(const std::string& text, const WorldOptions& options,
-                            const std::string& source) {
-  return read_options(YamlElement::parse(text, source), options);
-}
-
 World load_scene(const std::string& text, const std::string& source, const WorldOptions& defaults) {
   const YamlElement scene = YamlElement::parse(text, source);
   scene.expect_keys({"world", "bodies", "constraints", "wrenches", "contacts", "islands"});

@@ -2,14 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <initializer_list>
-#include <locale>
-#include <sstream>
 
 #include "constraint_sim/engine/scene.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/validate.h"
+#include "engine/words.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -32,21 +30,6 @@ std::string described(const YamlNode& node) {
       break;
   }
   return "nothing";
-}
-
-/// The number that is all of `text`, as YAML has it: the program's locale makes no difference.
-template <class Number>
-std::optional<Number> number_in(const std::string& text) {
-  std::istringstream stream(text);
-  stream.imbue(std::locale::classic());
-  stream.unsetf(std::ios::dec);
-  Number value{};
-  if (!(stream >> std::noskipws >> value) || !(stream >> std::ws).eof()) return std::nullopt;
-  return value;
-}
-
-bool is_one_of(const std::string& word, std::initializer_list<const char*> words) {
-  return std::find(words.begin(), words.end(), word) != words.end();
 }
 
 }  // namespace
@@ -152,15 +135,9 @@ std::uint64_t YamlElement::count() const {
 }
 
 bool YamlElement::flag() const {
-  if (is_plain()) {
-    const std::string& word = node_->scalar;
-    if (is_one_of(word, {"true", "True", "TRUE", "yes", "Yes", "YES", "on", "On", "ON", "y", "Y"}))
-      return true;
-    if (is_one_of(word,
-                  {"false", "False", "FALSE", "no", "No", "NO", "off", "Off", "OFF", "n", "N"}))
-      return false;
-  }
-  fail_expecting("true or false");
+  const auto value = is_plain() ? flag_in(node_->scalar) : std::nullopt;
+  if (!value) fail_expecting("true or false");
+  return *value;
 }
 
 std::string YamlElement::word() const {

@@ -3,17 +3,15 @@
 #include <ros/serialization.h>
 
 #include <algorithm>
-#include <cctype>
-#include <cstring>
 #include <map>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
 #include "constraint_sim/engine/plan.h"
-#include "constraint_sim/engine/scene.h"
 #include "ros/conversions.h"
 #include "ros/laws.h"
 #include "ros/parameters.h"
@@ -92,20 +90,10 @@ void check_pairs(const Request& request) {
     throw std::invalid_argument("values: must be as many as keys, got " +
                                 std::to_string(request.values.size()) + " for " +
                                 std::to_string(request.keys.size()));
-  for (std::size_t i = 0; i < request.keys.size(); ++i)
-    if (std::count(request.keys.begin(), request.keys.end(), request.keys[i]) > 1)
-      throw std::invalid_argument("keys: '" + shortened(request.keys[i]) + "' is there twice");
-}
-
-// A line of YAML that can mean nothing but this one option.
-std::string line_of(const std::string& key, const std::string& value) {
-  const bool is_plain = !value.empty() && std::all_of(value.begin(), value.end(), [](char c) {
-    return std::isalnum(static_cast<unsigned char>(c)) || std::strchr(" .,+-_[]", c) != nullptr;
-  });
-  if (!is_plain)
-    throw std::invalid_argument(key + ": must be a number, a word or a list, got '" +
-                                shortened(value) + "'");
-  return key + ": " + value + "\n";
+  std::unordered_set<std::string> seen;
+  for (const std::string& key : request.keys)
+    if (!seen.insert(key).second)
+      throw std::invalid_argument("keys: '" + shortened(key) + "' is there twice");
 }
 
 double number(const std::string& key, const std::string& value) {
@@ -227,15 +215,17 @@ void change(World& world, const SetOptionsRequest& request, SetOptionsResponse*)
   engine::WorldOptions options = world.options();
   engine::visit_options(
       options, [&](const engine::OptionInfo& info, auto&, auto) { known.emplace_back(info.name); });
-  std::string text;
+  bool any = false;
   for (std::size_t i = 0; i < request.keys.size(); ++i) {
     const std::string& key = request.keys[i];
     if (std::find(known.begin(), known.end(), key) == known.end())
       throw std::invalid_argument("keys: there is no option '" + shortened(key) + "'" +
                                   did_you_mean(key, known));
-    if (key != "real_time_factor" && key != "publish_rate") text += line_of(key, request.values[i]);
+    if (key == "real_time_factor" || key == "publish_rate") continue;
+    engine::set_option(key, request.values[i], &options);
+    any = true;
   }
-  if (!text.empty()) world.set_options(engine::change_options(text, options));
+  if (any) world.set_options(options);
 }
 
 void reset_world(World& world) { world.reset(); }

@@ -129,15 +129,35 @@ TEST(BodySettings, WhatCannotBeChangesNothing) {
 // ---- options as text
 
 TEST(OptionsAsText, AreThoseOfScenes) {
-  const WorldOptions options =
-      change_options("gravity: [0, 0, -1.62]\ntolerance: 1e-6\nsleep_after: .inf\n", {});
+  WorldOptions options;
+  set_option("gravity", " [0, 0, -1.62] ", &options);
+  set_option("tolerance", "1e-6", &options);
+  set_option("sleep_after", ".inf", &options);
+  set_option("warm_starting", "off", &options);
+  set_option("method", "event_driven", &options);
   EXPECT_EQ(options.gravity, Eigen::Vector3d(0.0, 0.0, -1.62));
   EXPECT_EQ(options.tolerance, 1e-6);
   EXPECT_TRUE(std::isinf(options.sleep_after));
+  EXPECT_FALSE(options.warm_starting);
+  EXPECT_EQ(options.method, Method::kEventDriven);
   EXPECT_EQ(options.order, WorldOptions{}.order);
-  for (const char* bad : {"gravity: 1", "order: 6", "tolerance: -1", "colour: red",
-                          "clock: {step: 1}", "order: 5\norder: 5", "[1]"})
-    EXPECT_THROW(change_options(bad, {}), SceneError) << bad;
+  const std::vector<std::pair<const char*, std::string>> bad{
+      {"gravity", "1"},
+      {"gravity", "[1, 2]"},
+      {"gravity", "[1, 2, 3, 4]"},
+      {"gravity", "[1, 2, x]"},
+      {"order", "5.5"},
+      {"order", "5\norder: 8"},
+      {"order", "5 # or 8"},
+      {"tolerance", ".inf"},
+      {"tolerance", ""},
+      {"warm_starting", "1"},
+      {"method", "fast"},
+      {"colour", "red"},
+      {"clock", "{}"},
+      {"tolerance", std::string(1000000, '[')}};
+  for (const auto& [name, text] : bad)
+    EXPECT_THROW(set_option(name, text, &options), std::invalid_argument) << name;
 }
 
 }  // namespace

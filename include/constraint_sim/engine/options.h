@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <limits>
+#include <string>
 
 #include "constraint_sim/engine/report.h"
 
@@ -107,5 +108,10 @@ void visit_options(Options& options, Visit visit) {
 
 /// Throws std::invalid_argument naming the option and value that cannot be.
 void validate(const WorldOptions& options);
+
+/// Sets the option of this name from a text as scenes have it: a number, `.inf`, `true`, a word or
+/// `[0, 0, -9.81]`. Throws std::invalid_argument for a name that no option has and for a text that
+/// is no value of its type; validate() checks the range.
+void set_option(const std::string& name, const std::string& text, WorldOptions* options);
 
 }  // namespace constraint_sim::engine

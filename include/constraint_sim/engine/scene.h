@@ -26,11 +26,6 @@ inline constexpr std::size_t kMostSceneBytes = std::size_t{6} << 20;
 World load_scene(const std::string& text, const std::string& source = "scene",
                  const WorldOptions& defaults = {});
 
-/// `options` with what a YAML map sets, with the keys and values of a scene's `world` (without
-/// `clock`). Throws SceneError.
-WorldOptions change_options(const std::string& text, const WorldOptions& options,
-                            const std::string& source = "options");
-
 /// The same as load_scene() from a file. Throws SceneError, also when this is no regular file of at
 /// most kMostSceneBytes that can be read.
 World load_scene_file(const std::string& path, const WorldOptions& defaults = {});

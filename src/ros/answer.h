@@ -1,6 +1,6 @@
 #pragma once
 
-#include <exception>
+#include "sim/errors.h"
 
 namespace constraint_sim {
 
@@ -11,9 +11,9 @@ bool answer(Response& response, Work work) {
   try {
     work();
     response.success = true;
-  } catch (const std::exception& error) {
+  } catch (...) {
     response = Response{};
-    response.status_message = error.what();
+    response.status_message = message_of_exception();
   }
   return true;
 }

@@ -7,11 +7,14 @@
 #include <std_msgs/Float64.h>
 #include <trajectory_msgs/JointTrajectory.h>
 
-#include <atomic>
+#include <cstdint>
+#include <functional>
 #include <map>
 #include <string>
 #include <vector>
 
+#include "ros/edit_log.h"
+#include "ros/guarded.h"
 #include "ros/parameters.h"
 #include "ros/robots.h"
 #include "sim/stepper.h"
@@ -20,14 +23,14 @@
 namespace constraint_sim {
 
 /// The topics that drive: joint_trajectory, and by parameter lists command/<constraint>,
-/// cmd_vel/<body> and wrench/<body>. What cannot be is told, at most once a second.
+/// cmd_vel/<body> and wrench/<body>. A message that cannot be is dropped behind a Guard.
 class Commands {
  public:
-  Commands(Stepper& stepper, const Parameters& parameters, const Robots& robots,
+  Commands(Stepper& stepper, EditLog& edit_log, const Parameters& parameters, const Robots& robots,
            ros::NodeHandle handle);
 
   /// Before each tick, on the stepping thread.
-  void before_step(World* world);
+  void before_step(Driver* driver);
   /// Ends all that drives, in the name of `by`, and tells what did; on the stepping thread.
   void end(const std::string& by);
 
@@ -39,23 +42,27 @@ class Commands {
   };
   using Drives = std::map<std::string, Drive>;  // by names of bodies
 
-  void drive(World* world, const char* topic, Drives* drives,
-             void (*act)(engine::BodyId, const Eigen::Vector3d&, const Eigen::Vector3d&, World*));
-  void on_trajectory(const trajectory_msgs::JointTrajectory& message);
-  void on_command(const std::string& constraint, double value);
-  void on_twist(const std::string& body, const geometry_msgs::Twist& message);
-  void on_wrench(const std::string& body, const geometry_msgs::WrenchStamped& message);
-  void command(World& world, const std::string& constraint, double value);
-  void post(const std::string& topic, std::function<void(World&)> change);
-  void tell(const std::string& topic, const std::string& why);
+  using Change = std::function<void(Driver*)>;
+
+  template <class Message, class ChangeBy>
+  void listen(ros::NodeHandle& handle, const std::string& topic, std::uint32_t queue,
+              ChangeBy change_by);
+  void drive(Driver* driver, Guard* guard, Drives* drives,
+             void (*act)(engine::BodyId, const Eigen::Vector3d&, const Eigen::Vector3d&, Driver*));
+  Change change_by_trajectory(const trajectory_msgs::JointTrajectory& message);
+  Change change_by_command(const std::string& constraint, double value);
+  Change change_by_twist(const std::string& body, const geometry_msgs::Twist& message);
+  Change change_by_wrench(const std::string& body, const geometry_msgs::WrenchStamped& message);
+  void command(Driver* driver, const std::string& constraint, double value);
 
   Stepper& stepper_;
+  EditLog& edit_log_;
   Parameters parameters_;
   const Robots& robots_;
-  std::atomic<double> told_{-1e9};  // [s]
   // of the stepping thread
   Trajectories trajectories_;
   Drives twists_, wrenches_;
+  Guard joint_trajectory_, cmd_vel_, wrench_;
   std::vector<ros::Subscriber> subscribers_;
 };
 

@@ -6,27 +6,36 @@
 #include <ros/serialization.h>
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "sim/drive_changes.h"
 #include "sim/stepper.h"
 
 namespace constraint_sim {
 
 /// The topic edit_log: every edit that took effect with the hash of the world after it, while
 /// somebody listens; a recorded one can be replayed. It begins for each listener with the world as
-/// it is. An edit that nobody has recorded is recorded as the world that it led to. On the stepping
-/// thread.
+/// it is. An edit that nobody has recorded is recorded as the world that it led to. What a listener
+/// that does not read keeps waiting is bounded: beyond kMostBytes it is disconnected and begins
+/// anew. On the stepping thread.
 class EditLog {
  public:
   /// Steps after which the hash of the world is told even where nobody edits it.
   static constexpr std::uint64_t kCheckEvery = 100;
 
-  explicit EditLog(ros::NodeHandle& private_handle);
+  /// Records that may wait for a listener: one that is dropped shows in the numbers.
+  static constexpr std::uint32_t kMostRecords = 100000;
+  /// [bytes] of so many of the last records.
+  static constexpr std::size_t kMostBytes = std::size_t{256} << 20;
+
+  explicit EditLog(const ros::NodeHandle& private_handle);
 
   /// Within the edit of the stepper that did what the request asks for, at its end.
   template <class Request>
@@ -52,9 +61,11 @@ class EditLog {
     accounted_for_ = stepper.edits() + 1;
   }
 
-  /// Does what drives bodies and joints before a step. Where that changes the world it is recorded
-  /// as the hash before it and the world that it led to.
-  void drive(World* world, const std::function<void()>& drive);
+  /// Does what drives bodies and joints before a step, and records the changes that it makes.
+  void drive(World* world, const std::function<void(Driver*)>& drive);
+  /// The same within an edit of the stepper; where nothing is changed, the hash is recorded.
+  void record_driven(const Stepper& stepper, World* world,
+                     const std::function<void(Driver*)>& drive);
 
   void edited(const Stepper& stepper, const World& world);
   void stepped(const World& world);
@@ -65,12 +76,15 @@ class EditLog {
   bool is_accounted_for(const Stepper& stepper) const {
     return !newcomer_ && accounted_for_ == stepper.edits();
   }
+  void advertise();
+  void bound_waiting(std::size_t bytes);
   void record_world(const World& world);
   void publish(const char* service, std::vector<std::uint8_t> request, const World& world);
-  void publish(const char* service, std::vector<std::uint8_t> request, const World& world,
-               std::uint64_t hash);
 
+  ros::NodeHandle handle_;
   ros::Publisher topic_;
+  std::deque<std::size_t> sizes_;      // [bytes] of the last records
+  std::size_t bytes_ = 0;              // of all of these
   std::atomic<bool> newcomer_{false};  // somebody has just subscribed
   std::uint64_t accounted_for_ = 0;    // edits of the stepper
   std::uint64_t number_ = 0;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -235,8 +236,103 @@ void reset_simulation(World& world) {
   world.set_time(0.0, 0);
 }
 
+namespace {
+
+// Streams of ros::serialization: to count, to write and to read.
+
+template <class Stream, class Value>
+void visit_drive(Stream& stream, std::optional<Value>& value) {
+  auto is_there = static_cast<std::uint8_t>(value.has_value());
+  stream.next(is_there);
+  if (is_there == 0) return value.reset();
+  if (!value) value.emplace();
+  stream.next(*value);
+}
+
+template <class Stream>
+void visit_drive(Stream& stream, DriveChanges::Motor& each) {
+  auto has_coordinate = static_cast<std::uint8_t>(each.has_coordinate);
+  stream.next(each.joint);
+  stream.next(has_coordinate);
+  each.has_coordinate = has_coordinate != 0;
+  engine::CoordinateMotor& motor = each.motor;
+  for (double* number : {&motor.bias, &motor.amplitude, &motor.frequency, &motor.phase,
+                         &motor.max_force, &motor.timeout, &motor.servo_frequency,
+                         &motor.servo_damping_ratio, &motor.servo_stiffness, &motor.servo_damping})
+    stream.next(*number);
+  visit_drive(stream, motor.position);
+  visit_drive(stream, motor.force);
+}
+
+template <class Stream>
+void visit_drive(Stream& stream, Eigen::Vector3d& vector) {
+  for (int i = 0; i < 3; ++i) stream.next(vector[i]);
+}
+
+template <class Stream>
+void visit_drive(Stream& stream, DriveChanges::State& each) {
+  stream.next(each.body);
+  visit_drive(stream, each.state.position);
+  for (int i = 0; i < 4; ++i) stream.next(each.state.orientation.coeffs()[i]);
+  visit_drive(stream, each.state.linear_velocity);
+  visit_drive(stream, each.state.angular_velocity);
+}
+
+template <class Stream>
+void visit_drive(Stream& stream, DriveChanges::Wrench& each) {
+  stream.next(each.body);
+  visit_drive(stream, each.wrench.force);
+  visit_drive(stream, each.wrench.torque);
+  stream.next(each.wrench.start);
+  stream.next(each.wrench.end);
+}
+
+template <class Stream, class Change>
+void visit_drive(Stream& stream, std::vector<Change>& changes) {
+  auto count = static_cast<std::uint32_t>(changes.size());
+  stream.next(count);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    if (i == changes.size()) changes.emplace_back();  // one by one: a damaged count is not believed
+    visit_drive(stream, changes[i]);
+  }
+}
+
+template <class Stream>
+void visit_drive(Stream& stream, DriveChanges& changes) {
+  visit_drive(stream, changes.motors);
+  visit_drive(stream, changes.states);
+  visit_drive(stream, changes.wrenches);
+}
+
+template <class Read>
+void read_request(const std::string& service, std::vector<std::uint8_t> bytes, Read read) {
+  ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  try {
+    read(stream);
+  } catch (const ros::serialization::StreamOverrunException&) {
+    throw std::invalid_argument("the request of " + service + " is cut off");
+  }
+}
+
+}  // namespace
+
+std::vector<std::uint8_t> bytes_of(const DriveChanges& changes) {
+  DriveChanges copy = changes;
+  ros::serialization::LStream length;
+  visit_drive(length, copy);
+  std::vector<std::uint8_t> bytes(length.getLength());
+  ros::serialization::OStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  visit_drive(stream, copy);
+  return bytes;
+}
+
 void apply_recorded(World& world, const std::string& service,
                     const std::vector<std::uint8_t>& request) {
+  if (service == kDriveRecord) {
+    DriveChanges changes;
+    read_request(service, request, [&](auto& stream) { visit_drive(stream, changes); });
+    return Driver(&world).repeat(changes);
+  }
   if (service == "reset_world") return reset_world(world);
   if (service == "reset_simulation") return reset_simulation(world);
   bool is_known = false;
@@ -246,13 +342,8 @@ void apply_recorded(World& world, const std::string& service,
     using Service = std::remove_pointer_t<decltype(type)>;
     typename Service::Request read;
     typename Service::Response response;
-    std::vector<std::uint8_t> bytes = request;
-    ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
-    try {
-      ros::serialization::deserialize(stream, read);
-    } catch (const ros::serialization::StreamOverrunException&) {
-      throw std::invalid_argument("the request of " + service + " is cut off");
-    }
+    read_request(service, request,
+                 [&](auto& stream) { ros::serialization::deserialize(stream, read); });
     change(world, read, &response);
   });
   if (!is_known) throw std::invalid_argument("there is no edit '" + shortened(service) + "'");

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "sim/drive_changes.h"
 
 namespace constraint_sim {
 
@@ -46,7 +47,8 @@ void visit_edits(Visit visit) {
 }
 
 // Each fills in what its answer has beyond the common fields. Throws std::invalid_argument for what
-// cannot be, and has then changed nothing.
+// cannot be, and has then changed nothing. A long one throws NotNow once the world is asked to
+// stop.
 using engine::World;
 void change(World& world, const AddBodyRequest& request, AddBodyResponse* response);
 void change(World& world, const RemoveBodyRequest& request, RemoveBodyResponse* response);
@@ -74,6 +76,10 @@ void reset_simulation(World& world);
 /// not here, or a request that is not one of it.
 void apply_recorded(World& world, const std::string& service,
                     const std::vector<std::uint8_t>& request);
+
+/// The service of a record of changes by what drives bodies and joints, with bytes_of() them.
+inline constexpr const char* kDriveRecord = "drive";
+std::vector<std::uint8_t> bytes_of(const DriveChanges& changes);
 
 /// What set_options() sets beside the world.
 struct Pacing {

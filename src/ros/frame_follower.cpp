@@ -2,6 +2,7 @@
 
 #include <ros/console.h>
 #include <ros/time.h>
+#include <tf2/exceptions.h>
 
 #include <algorithm>
 #include <cmath>
@@ -9,6 +10,8 @@
 #include <utility>
 
 #include "ros/conversions.h"
+#include "sim/errors.h"
+#include "sim/words.h"
 
 namespace constraint_sim {
 namespace {
@@ -16,6 +19,7 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
+constexpr double kKept = 10.0;    // [s] of transforms
 constexpr double kStale = 0.5;    // [s] without a transform that is new enough
 constexpr double kJitter = 0.02;  // [s] that ticks may begin early or late
 constexpr double kSlew = 0.5;     // of a tick, by which time is made up for in each
@@ -35,14 +39,41 @@ double steady_now() { return ros::SteadyTime::now().toSec(); }
 }  // namespace
 
 FrameFollower::FrameFollower(const Parameters& parameters, const ros::NodeHandle& handle)
-    : parameters_(parameters), buffer_(ros::Duration(10.0)) {
+    : parameters_(parameters), buffer_(ros::Duration(kKept)), handle_(queue_.serving(handle)) {
   for (const auto& [body, frame] : followed_in(parameters.follow)) {
     Followed& followed = followed_.emplace_back();
     followed.body = body;
     followed.frame = frame;
   }
-  if (!followed_.empty())
-    listener_ = std::make_unique<tf2_ros::TransformListener>(buffer_, handle, true);
+  if (followed_.empty()) return;
+  transforms_ = listen("/tf", false);
+  static_transforms_ = listen("/tf_static", true);
+  queue_.start();
+}
+
+ros::Subscriber FrameFollower::listen(const std::string& topic, bool is_static) {
+  const SharedGuard guard = make_guard(topic);
+  return guarded_subscribe<tf2_msgs::TFMessage>(
+      handle_, guard, 100, [this, guard, is_static](const tf2_msgs::TFMessage& message) {
+        take(message, is_static, guard.get());
+      });
+}
+
+// Transforms with stamps at the end of ros::Time do not reach the buffer: it adds what it keeps to
+// stamps, which throws for the last seconds and for each transform of that frame from then on.
+void FrameFollower::take(const tf2_msgs::TFMessage& message, bool is_static, Guard* guard) {
+  if (!is_static) {
+    const ros::Time now = ros::Time::now();
+    if (now < last_taken_) buffer_.clear();
+    last_taken_ = now;
+  }
+  for (const geometry_msgs::TransformStamped& transform : message.transforms) {
+    if (is_static || transform.header.stamp.toSec() < ros::TIME_MAX.toSec() - 2.0 * kKept)
+      buffer_.setTransform(transform, "tf", is_static);
+    else
+      guard->warn("the stamp of '" + shortened(transform.child_frame_id) +
+                  "' is too late: " + std::to_string(transform.header.stamp.sec) + " s");
+  }
 }
 
 std::vector<std::string> FrameFollower::stale() const {
@@ -50,18 +81,19 @@ std::vector<std::string> FrameFollower::stale() const {
   return stale_;
 }
 
-void FrameFollower::before_step(engine::World* world, double real_time_factor) {
+void FrameFollower::before_step(Driver* driver, double real_time_factor) {
   if (followed_.empty()) return;
-  const double stamp = stamp_after_tick(*world, real_time_factor) - parameters_.follow_delay;
+  const double stamp =
+      stamp_after_tick(driver->world(), real_time_factor) - parameters_.follow_delay;
   for (Followed& followed : followed_) {
     try {
-      follow(world, stamp, &followed);
+      follow(driver, stamp, &followed);
       followed.is_refused = false;
-    } catch (const std::invalid_argument& error) {
+    } catch (...) {
       followed.is_following = false;
       if (!std::exchange(followed.is_refused, true))
         ROS_WARN("follow: '%s' cannot follow '%s': %s", followed.body.c_str(),
-                 followed.frame.c_str(), error.what());
+                 followed.frame.c_str(), message_of_exception().c_str());
     }
   }
 }
@@ -84,42 +116,48 @@ double FrameFollower::stamp_after_tick(const engine::World& world, double real_t
   return anchor_ + end / real_time_factor;
 }
 
-bool FrameFollower::is_known(const Followed& followed, double stamp) const {
-  return stamp > 0.0 &&
-         buffer_.canTransform(parameters_.world_frame, followed.frame, ros::Time(stamp));
+// None where the frames are not connected at that time: not yet, no longer, or by a loop.
+std::optional<geometry_msgs::Transform> FrameFollower::look_up(const Followed& followed,
+                                                               const ros::Time& stamp) const {
+  if (!buffer_.canTransform(parameters_.world_frame, followed.frame, stamp)) return std::nullopt;
+  try {
+    return buffer_.lookupTransform(parameters_.world_frame, followed.frame, stamp).transform;
+  } catch (const tf2::TransformException&) {
+    return std::nullopt;
+  }
 }
 
-void FrameFollower::follow(engine::World* world, double stamp, Followed* followed) {
-  const engine::BodyId id = find_own_body(*world, "body", followed->body);
-  if (world->body(id).type != engine::BodyType::kKinematic)
+void FrameFollower::follow(Driver* driver, double stamp, Followed* followed) {
+  const engine::World& world = driver->world();
+  const engine::BodyId id = find_own_body(world, "body", followed->body);
+  if (world.body(id).type != engine::BodyType::kKinematic)
     throw std::invalid_argument("the body is not kinematic");
-  const bool known = is_known(*followed, stamp);
+  std::optional<geometry_msgs::Transform> found;
+  if (stamp > 0.0) found = look_up(*followed, ros::Time(stamp));
+  const bool known = found.has_value();
   notice(known, stamp, followed);
-  engine::BodyState state = world->state(id);
+  // to the last one there is, where it stops
+  if (!known && followed->is_following) found = look_up(*followed, ros::Time(0));
+  engine::BodyState state = world.state(id);
   const engine::BodyState before = state;
   Vector3d position = state.position;
   Quaterniond orientation = state.orientation;
-  if (known || followed->is_following) {  // to the last one there is, where it stops
-    const geometry_msgs::Transform found =
-        buffer_
-            .lookupTransform(parameters_.world_frame, followed->frame,
-                             known ? ros::Time(stamp) : ros::Time(0))
-            .transform;
-    position = from_msg(found.translation);
-    orientation = from_msg(found.rotation).normalized();
+  if (found) {
+    position = from_msg(found->translation);
+    orientation = from_msg(found->rotation).normalized();
   }
   const bool is_placed = known && !followed->is_following;
   if (is_placed) {  // as by set_body_state
     state.position = position;
     state.orientation = orientation;
   }
-  const double h = world->options().time_step;
+  const double h = world.options().time_step;
   state.linear_velocity = (position - state.position) / h;
   state.angular_velocity = rotation_to(state.orientation, orientation) / h;
   if (is_placed || state.linear_velocity != before.linear_velocity ||
       state.angular_velocity != before.angular_velocity)
-    world->set_state(id, state);
-  followed->is_following = known || followed->is_following;
+    driver->set_state(id, state);
+  followed->is_following = found.has_value();
 }
 
 void FrameFollower::notice(bool is_known, double stamp, Followed* followed) {

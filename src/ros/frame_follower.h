@@ -1,29 +1,34 @@
 #pragma once
 
-#include <tf2_ros/buffer.h>
-#include <tf2_ros/transform_listener.h>
+#include <ros/subscriber.h>
+#include <tf2/buffer_core.h>
+#include <tf2_msgs/TFMessage.h>
 
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "ros/guarded.h"
 #include "ros/parameters.h"
+#include "ros/service_queue.h"
 #include "sim/condition.h"
+#include "sim/drive_changes.h"
 
 namespace constraint_sim {
 
 /// Kinematic bodies that follow frames of tf, as the parameter `follow` says: each tick ends where
 /// the frame was `follow_delay` ago, and goes there at one velocity, so that joints on the body are
-/// held as on any body that moves. Between transforms tf interpolates. What is not there, or no
-/// longer comes, is reported, and the body stands.
+/// held as on any body that moves. Between transforms tf interpolates. A frame that is not there,
+/// no longer comes or is no longer connected is reported, and the body stands.
 class FrameFollower {
  public:
   FrameFollower(const Parameters& parameters, const ros::NodeHandle& handle);
 
   /// Before each tick, on the stepping thread; the factor is the one that is asked for.
-  void before_step(engine::World* world, double real_time_factor);
+  void before_step(Driver* driver, double real_time_factor);
   /// The bodies that stand since their frames are not heard of. On any thread.
   std::vector<std::string> stale() const;
   bool follows_any() const { return !followed_.empty(); }
@@ -38,15 +43,21 @@ class FrameFollower {
     Condition without_frame;
   };
 
+  ros::Subscriber listen(const std::string& topic, bool is_static);
+  void take(const tf2_msgs::TFMessage& message, bool is_static, Guard* guard);
   double stamp_after_tick(const engine::World& world, double real_time_factor);
-  bool is_known(const Followed& followed, double stamp) const;
-  void follow(engine::World* world, double stamp, Followed* followed);
+  std::optional<geometry_msgs::Transform> look_up(const Followed& followed,
+                                                  const ros::Time& stamp) const;
+  void follow(Driver* driver, double stamp, Followed* followed);
   void notice(bool is_known, double stamp, Followed* followed);
 
   Parameters parameters_;
   std::vector<Followed> followed_;
-  tf2_ros::Buffer buffer_;
-  std::unique_ptr<tf2_ros::TransformListener> listener_;
+  tf2::BufferCore buffer_;
+  ros::Time last_taken_;  // when /tf came last, to notice that time has gone back
+  ServiceQueue queue_{1};
+  ros::NodeHandle handle_;
+  ros::Subscriber transforms_, static_transforms_;
   double anchor_ = 0.0;  // wall time less that of the world over the real-time factor [s]
   mutable std::mutex mutex_;
   std::vector<std::string> stale_;

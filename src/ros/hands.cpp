@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "ros/conversions.h"
+#include "ros/guarded.h"
 #include "ros/marker_style.h"
 #include "sim/grip.h"
 #include "sim/hand_edits.h"
@@ -77,36 +78,40 @@ void Hands::build_menu() {
         push(&world, body, kPush * sign * Eigen::Vector3d::Unit(axis));
       });
     }
-  menu_.insert("Join: mark this body", [this](const Feedback& f) { mark_for_joining(f); });
-  menu_.insert("Join to the marked body", [this](const Feedback& f) { join(f); });
-  menu_.insert("Follow", [this](const Feedback& f) {
+  insert("Join: mark this body", [this](const std::string& body) { mark_for_joining(body); });
+  insert("Join to the marked body", [this](const std::string& body) { join(body); });
+  insert("Follow", [this](const std::string& body) {
     const std::lock_guard<std::mutex> lock(mutex_);
-    followed_ = f->marker_name;
+    followed_ = body;
+  });
+}
+
+void Hands::insert(const std::string& title, const std::function<void(const std::string&)>& act) {
+  menu_.insert(title, [title, act](const Feedback& feedback) {
+    guarded("'" + title + "' of the menu", [&] { act(feedback->marker_name); });
   });
 }
 
 void Hands::add_entry(const char* title,
                       const std::function<void(World&, const std::string&)>& change) {
-  menu_.insert(title, [this, title = std::string(title), change](const Feedback& feedback) {
-    const std::string body = feedback->marker_name;
+  insert(title, [this, title = std::string(title), change](const std::string& body) {
     post(title + " of " + body, [change, body](World& world) { change(world, body); });
   });
 }
 
-void Hands::mark_for_joining(const Feedback& feedback) {
+void Hands::mark_for_joining(const std::string& body) {
   const std::lock_guard<std::mutex> lock(mutex_);
-  marked_ = feedback->marker_name;
+  marked_ = body;
   ROS_INFO("'%s' is marked: 'Join to the marked body' of another one puts a rod between",
            marked_.c_str());
 }
 
-void Hands::join(const Feedback& feedback) {
+void Hands::join(const std::string& body) {
   std::string marked;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     marked = marked_;
   }
-  const std::string body = feedback->marker_name;
   if (marked.empty()) {
     ROS_WARN("no body is marked: 'Join: mark this body' of another one first");
     return;
@@ -123,17 +128,7 @@ void Hands::post(const std::string& what, std::function<void(World&)> change) {
     stepper = stepper_;
   }
   if (stepper == nullptr) return;
-  try {
-    stepper->post([what, change = std::move(change)](World& world) {
-      try {
-        change(world);
-      } catch (const std::invalid_argument& error) {
-        ROS_WARN("%s: %s", what.c_str(), error.what());
-      }
-    });
-  } catch (const std::runtime_error& error) {  // going down, or in a long tick
-    ROS_WARN("%s: %s", what.c_str(), error.what());
-  }
+  guarded_post(*stepper, make_guard(what), std::move(change));
 }
 
 // ---- drags
@@ -285,7 +280,9 @@ void Hands::show_body(const World& world, engine::BodyId id) {
   marker.pose = to_pose(world.state(id));
   marker.scale = static_cast<float>(std::max({veil.scale.x, veil.scale.y, veil.scale.z}));
   marker.controls.push_back(control);
-  server_->insert(marker, [this, id](const Feedback& feedback) { on_feedback(feedback, id); });
+  server_->insert(marker, [this, id](const Feedback& feedback) {
+    guarded("hands/feedback", [&] { on_feedback(feedback, id); });
+  });
   menu_.apply(*server_, body.name);
 }
 

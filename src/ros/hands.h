@@ -63,8 +63,9 @@ class Hands {
   void build_menu();
   void add_entry(const char* title, const std::function<void(World&, const std::string&)>& change);
   void on_feedback(const Feedback& feedback, engine::BodyId id);
-  void mark_for_joining(const Feedback& feedback);
-  void join(const Feedback& feedback);
+  void insert(const std::string& title, const std::function<void(const std::string&)>& act);
+  void mark_for_joining(const std::string& body);
+  void join(const std::string& body);
   void post(const std::string& what, std::function<void(World&)> change);
   void show_body(const World& world, engine::BodyId id);
 

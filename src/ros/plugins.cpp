@@ -5,6 +5,8 @@
 #include <pluginlib/class_loader.hpp>
 #include <utility>
 
+#include "sim/errors.h"
+
 namespace constraint_sim {
 namespace {
 
@@ -40,8 +42,9 @@ Plugins::Plugins(const Parameters& parameters, const ros::NodeHandle& private_ha
     try {
       plugins_.push_back({name, std::unique_ptr<Plugin>(loader().createUnmanagedInstance(name))});
       plugins_.back().plugin->start(host);
-    } catch (const std::exception& error) {
-      throw ParameterError("plugins", "parameter ~plugins: '" + name + "': " + error.what());
+    } catch (...) {
+      throw ParameterError("plugins",
+                           "parameter ~plugins: '" + name + "': " + message_of_exception());
     }
     ROS_INFO("plugin %s", name.c_str());
   }
@@ -50,16 +53,13 @@ Plugins::Plugins(const Parameters& parameters, const ros::NodeHandle& private_ha
 void Plugins::stepped(const engine::World& world) {
   for (Loaded& loaded : plugins_) {
     if (loaded.has_failed) continue;
-    std::string why = "an exception of no known type";
     try {
       loaded.plugin->stepped(world);
-      continue;
-    } catch (const std::exception& error) {
-      why = error.what();
     } catch (...) {
+      loaded.has_failed = true;
+      ROS_ERROR("plugin %s threw and is not called again: %s", loaded.name.c_str(),
+                message_of_exception().c_str());
     }
-    loaded.has_failed = true;
-    ROS_ERROR("plugin %s threw and is not called again: %s", loaded.name.c_str(), why.c_str());
   }
 }
 

@@ -14,6 +14,7 @@
 
 #include "constraint_sim/engine/options.h"
 #include "engine/math/numbers.h"
+#include "ros/guarded.h"
 
 namespace constraint_sim {
 namespace {
@@ -229,7 +230,7 @@ Reconfigure::Reconfigure(const ros::NodeHandle& private_handle, const engine::Wo
   descriptions_.publish(description_with(current_));
   updates_ = handle_.advertise<Config>("parameter_updates", 1, kLatched);
   updates_.publish(current_);
-  server_ = handle_.advertiseService("set_parameters", &Reconfigure::set, this);
+  server_ = guarded_service(handle_, "set_parameters", &Reconfigure::set, this);
 }
 
 void Reconfigure::edited(const engine::WorldOptions& options, const Pacing& pacing) {

@@ -3,7 +3,6 @@
 #include <ros/console.h>
 #include <std_msgs/String.h>
 
-#include <exception>
 #include <type_traits>
 
 #include "constraint_sim/engine/scene.h"
@@ -12,27 +11,11 @@
 #include "ros/edits.h"
 #include "ros/scenes.h"
 #include "ros/time_conversions.h"
+#include "sim/errors.h"
 #include "sim/files.h"
 #include "sim/words.h"
 
 namespace constraint_sim {
-namespace {
-
-// As answer(), of a service whose answer has no room for an error: its caller sees that it failed,
-// and the log why.
-template <class Work>
-bool done(const char* service, Work work) {
-  try {
-    work();
-    return true;
-  } catch (const std::exception& error) {
-    ROS_WARN("%s: %s", service, error.what());
-    return false;
-  }
-}
-
-}  // namespace
-
 Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
                    const Parameters& parameters, ServiceHandles handles)
     : stepper_(stepper),
@@ -41,7 +24,7 @@ Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
       parameters_(parameters),
       snapshots_(stepper, edit_log, parameters, handles.edits, handles.queries) {
   const auto advertise_on = [&](ros::NodeHandle& handle, const char* name, auto handler) {
-    servers_.push_back(handle.advertiseService(name, handler, this));
+    servers_.push_back(guarded_service(handle, name, handler, this));
   };
   const auto advertise = [&](const char* name, auto handler) {
     advertise_on(handles.edits, name, handler);
@@ -49,11 +32,10 @@ Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
   advertise_on(handles.queries, "get_body_state", &Services::get_body_state);
   visit_edits([&](const char* name, auto* service) {
     using Service = std::remove_pointer_t<decltype(service)>;
-    const auto edit = [this, name](auto& request, auto& response) {
-      return this->edit(name, request, response);
-    };
-    using Call = boost::function<bool(typename Service::Request&, typename Service::Response&)>;
-    servers_.push_back(handles.edits.advertiseService(name, Call(edit)));
+    servers_.push_back(guarded_service<typename Service::Request, typename Service::Response>(
+        handles.edits, name, [this, name](const auto& request, auto& response) {
+          return this->edit(name, request, response);
+        }));
   });
   advertise("load_scene", &Services::load_scene);
   advertise_on(handles.queries, "list_scenes", &Services::list_scenes);
@@ -64,7 +46,10 @@ Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
   advertise("reset_simulation", &Services::reset_simulation);
   advertise_on(handles.steps, "step", &Services::step);
   advertise_on(handles.queries, "get_world_properties", &Services::get_world_properties);
-  motor_bias_ = handles.edits.subscribe("motor_bias", 100, &Services::on_motor_bias, this);
+  const SharedGuard guard = make_guard("motor_bias");
+  motor_bias_ = guarded_subscribe<MotorBias>(
+      handles.edits, guard, 100,
+      [this, guard](const MotorBias& message) { set_motor_bias(message, guard); });
   scene_topic_ = handles.edits.advertise<std_msgs::String>("scene", 1, true);
   tell_scene(parameters.scene);
 }
@@ -105,36 +90,17 @@ bool Services::list_scenes(ListScenesRequest&, ListScenesResponse& response) {
   });
 }
 
-void Services::on_motor_bias(const MotorBias& message) {
+void Services::set_motor_bias(const MotorBias& message, const SharedGuard& guard) {
   SetMotorBiasRequest request;
   request.constraint = message.constraint;
   request.bias = message.bias;
   request.max_force = message.max_force;
   request.timeout = message.timeout;
-  const auto set = [this, request](World& world) {
-    try {
-      SetMotorBiasResponse response;
-      change(world, request, &response);
-      edit_log_.record(stepper_, "set_motor_bias", request, world);
-    } catch (const std::invalid_argument& error) {
-      tell_of_motor(error.what());
-    }
-  };
-  try {
-    stepper_.post(set);
-  } catch (const NotNow& error) {
-    tell_of_motor(error.what());
-  } catch (const Cancelled&) {
-    // the node is going down, and the motor with it
-  }
-}
-
-// at most once a second of the wall: simulated time may stand
-void Services::tell_of_motor(const char* why) {
-  const double now = ros::SteadyTime::now().toSec();
-  if (now < told_of_motor_ + 1.0) return;
-  told_of_motor_ = now;
-  ROS_WARN("motor_bias: %s", why);
+  guarded_post(stepper_, guard, [this, request](World& world) {
+    SetMotorBiasResponse response;
+    change(world, request, &response);
+    edit_log_.record(stepper_, "set_motor_bias", request, world);
+  });
 }
 
 bool Services::get_body_state(GetBodyStateRequest& request, GetBodyStateResponse& response) {
@@ -197,39 +163,37 @@ bool Services::save_scene(SaveSceneRequest& request, SaveSceneResponse& response
 }
 
 bool Services::pause_physics(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
-  return done("pause_physics", [&] { stepper_.pause(); });
+  stepper_.pause();
+  return true;
 }
 
 bool Services::unpause_physics(std_srvs::EmptyRequest&, std_srvs::EmptyResponse&) {
-  return done("unpause_physics", [&] {
-    stepper_.unpause();
-    if (stepper_.has_failed())
-      ROS_WARN(
-          "unpause_physics: the world stands until it is edited or reset, since the physics "
-          "failed: %s",
-          stepper_.failure().c_str());
-  });
+  stepper_.unpause();
+  if (stepper_.has_failed())
+    ROS_WARN(
+        "unpause_physics: the world stands until it is edited or reset, since the physics "
+        "failed: %s",
+        stepper_.failure().c_str());
+  return true;
 }
 
 bool Services::reset_world(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse&) {
-  return done("reset_world", [&] {
-    stepper_.interrupt("reset_world", [&](World& world) {
-      constraint_sim::reset_world(world);
-      edit_log_.record(stepper_, "reset_world", request, world);
-      publishers_.renew_markers();
-    });
+  stepper_.interrupt("reset_world", [&](World& world) {
+    constraint_sim::reset_world(world);
+    edit_log_.record(stepper_, "reset_world", request, world);
+    publishers_.renew_markers();
   });
+  return true;
 }
 
 bool Services::reset_simulation(std_srvs::EmptyRequest& request, std_srvs::EmptyResponse&) {
-  return done("reset_simulation", [&] {
-    stepper_.interrupt("reset_simulation", [&](World& world) {
-      edit_log_.check(stepper_, world);
-      constraint_sim::reset_simulation(world);
-      edit_log_.record(stepper_, "reset_simulation", request, world);
-      publishers_.renew_markers();
-    });
+  stepper_.interrupt("reset_simulation", [&](World& world) {
+    edit_log_.check(stepper_, world);
+    constraint_sim::reset_simulation(world);
+    edit_log_.record(stepper_, "reset_simulation", request, world);
+    publishers_.renew_markers();
   });
+  return true;
 }
 
 // also where it is cancelled or fails, bodies and hash are those of the steps that were taken
@@ -243,8 +207,8 @@ bool Services::step(StepRequest& request, StepResponse& response) {
   try {
     stepper_.step(request.steps, look);
     response.success = true;
-  } catch (const std::exception& error) {
-    response.status_message = error.what();
+  } catch (...) {
+    response.status_message = message_of_exception();
   }
   return true;
 }

@@ -12,11 +12,11 @@
 #include <ros/publisher.h>
 #include <std_srvs/Empty.h>
 
-#include <atomic>
 #include <string>
 #include <vector>
 
 #include "ros/edit_log.h"
+#include "ros/guarded.h"
 #include "ros/parameters.h"
 #include "ros/publishers.h"
 #include "ros/snapshot_services.h"
@@ -52,8 +52,7 @@ class Services {
   void follow(const Request&) {}
   void follow(const SetOptionsRequest& request);
   bool list_scenes(ListScenesRequest& request, ListScenesResponse& response);
-  void on_motor_bias(const MotorBias& message);
-  void tell_of_motor(const char* why);
+  void set_motor_bias(const MotorBias& message, const SharedGuard& guard);
   bool get_body_state(GetBodyStateRequest& request, GetBodyStateResponse& response);
   bool load_scene(LoadSceneRequest& request, LoadSceneResponse& response);
   void tell_scene(const std::string& path);
@@ -70,7 +69,6 @@ class Services {
   EditLog& edit_log_;
   Publishers& publishers_;
   Parameters parameters_;
-  std::atomic<double> told_of_motor_{-1e9};  // [s]
   SnapshotServices snapshots_;
   std::vector<ros::ServiceServer> servers_;
   ros::Subscriber motor_bias_;

@@ -52,13 +52,15 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
                    [this](SetOptionsRequest& request) { return services_.set_options(request); }),
 #endif
       urdf_loader_(stepper_, parameters_, robots_, edits_.serving(private_handle_)),
-      commands_(stepper_, parameters_, robots_, edits_.serving(private_handle_)),
+      commands_(stepper_, edit_log_, parameters_, robots_, edits_.serving(private_handle_)),
       follower_(parameters_, handle_),
       stepping_thread_(&Stepper::run, &stepper_) {
   hands_.start(&stepper_);
   tell_of_start(first_summary_);
   if (parameters_.follows_clock())
-    clock_topic_ = handle_.subscribe("/clock", 10, &SimulatorNode::on_clock, this);
+    clock_topic_ = guarded_subscribe<rosgraph_msgs::Clock>(
+        handle_, clock_guard_, 10,
+        [this](const rosgraph_msgs::Clock& message) { on_clock(message); });
   for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_}) queue->start();
 }
 
@@ -118,17 +120,13 @@ Pacing SimulatorNode::pacing() const {
 void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
   const double clock = message.clock.toSec();
   log_.heard_clock();
-  const auto set_time = [clock](World& world) {
-    try {
-      world.set_time(clock, world.step_count());
-    } catch (const std::invalid_argument& error) {
-      ROS_WARN("/clock: %s", error.what());
-    }
+  const auto set_time = [guard = clock_guard_, clock](World& world) {
+    (*guard)([&] { world.set_time(clock, world.step_count()); });
   };
   try {
     if (clock_ == 0.0 || clock < clock_) stepper_.post(set_time);
-  } catch (const std::runtime_error&) {
-    return;  // going down, or in a long tick: with the next message
+  } catch (const NotNow&) {
+    return;  // in a long tick: with the next message
   }
   clock_ = clock;
   stepper_.wake();
@@ -137,9 +135,9 @@ void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
 StepperEvents SimulatorNode::events() {
   StepperEvents events;
   events.stepping = [this](World& world) {
-    edit_log_.drive(&world, [&] {
-      commands_.before_step(&world);
-      follower_.before_step(&world, stepper_.real_time_factor());
+    edit_log_.drive(&world, [&](Driver* driver) {
+      commands_.before_step(driver);
+      follow_guard_([&] { follower_.before_step(driver, stepper_.real_time_factor()); });
     });
   };
   events.interrupted = [this](const World& world, const std::string& by) {
@@ -153,6 +151,7 @@ StepperEvents SimulatorNode::events() {
     log_.stepped(world);
     edit_log_.stepped(world);
     plugins_.stepped(world);
+    if (world.report().failed) commands_.end("a step that failed");
   };
   events.edited = [this](const World& world) {
 #ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE

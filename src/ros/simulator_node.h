@@ -15,6 +15,7 @@
 #include "ros/event_log.h"
 #include "ros/events.h"
 #include "ros/frame_follower.h"
+#include "ros/guarded.h"
 #include "ros/hands.h"
 #include "ros/parameters.h"
 #include "ros/plugins.h"
@@ -75,6 +76,8 @@ class SimulatorNode {
   Commands commands_;
   FrameFollower follower_;
   ros::Subscriber clock_topic_;
+  SharedGuard clock_guard_ = make_guard("/clock");
+  Guard follow_guard_{"follow"};
   double clock_ = 0.0;  // [s] that /clock said last
   std::thread stepping_thread_;
 };

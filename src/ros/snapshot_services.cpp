@@ -5,6 +5,7 @@
 
 #include "constraint_sim/engine/snapshot.h"
 #include "ros/answer.h"
+#include "ros/guarded.h"
 #include "ros/time_conversions.h"
 #include "sim/files.h"
 
@@ -14,9 +15,9 @@ SnapshotServices::SnapshotServices(Stepper& stepper, EditLog& edit_log,
                                    const Parameters& parameters, ros::NodeHandle edits,
                                    ros::NodeHandle queries)
     : stepper_(stepper), edit_log_(edit_log), parameters_(parameters) {
-  servers_ = {queries.advertiseService("save_snapshot", &SnapshotServices::save, this),
-              edits.advertiseService("restore_snapshot", &SnapshotServices::restore, this),
-              queries.advertiseService("list_snapshots", &SnapshotServices::list, this)};
+  servers_ = {guarded_service(queries, "save_snapshot", &SnapshotServices::save, this),
+              guarded_service(edits, "restore_snapshot", &SnapshotServices::restore, this),
+              guarded_service(queries, "list_snapshots", &SnapshotServices::list, this)};
 }
 
 std::string SnapshotServices::place(const std::string& path) const {

@@ -7,7 +7,9 @@
 #include <stdexcept>
 #include <utility>
 
+#include "ros/answer.h"
 #include "ros/conversions.h"
+#include "ros/guarded.h"
 #include "ros/scenes.h"
 #include "ros/time_conversions.h"
 #include "sim/files.h"
@@ -96,11 +98,11 @@ void add_first_robot(const ros::NodeHandle& handle, const Parameters& parameters
 UrdfLoader::UrdfLoader(Stepper& stepper, const Parameters& parameters, Robots& robots,
                        ros::NodeHandle handle)
     : stepper_(stepper), parameters_(parameters), robots_(robots) {
-  server_ = handle.advertiseService("load_urdf", &UrdfLoader::load, this);
+  server_ = guarded_service(handle, "load_urdf", &UrdfLoader::load, this);
 }
 
 bool UrdfLoader::load(LoadUrdfRequest& request, LoadUrdfResponse& response) {
-  try {
+  return answer(response, [&] {
     if (request.path.empty() == request.text.empty())
       throw std::invalid_argument("path, text: exactly one of the two is needed");
     Description description{request.text, ""};
@@ -121,12 +123,7 @@ bool UrdfLoader::load(LoadUrdfRequest& request, LoadUrdfResponse& response) {
     response.constraints = robot.constraints;
     for (const std::string& warning : robot.warnings)
       response.status_message += (response.status_message.empty() ? "" : "; ") + warning;
-    response.success = true;
-  } catch (const std::exception& error) {
-    response = LoadUrdfResponse{};
-    response.status_message = error.what();
-  }
-  return true;
+  });
 }
 
 }  // namespace constraint_sim

@@ -6,6 +6,8 @@
 #include <string>
 #include <utility>
 
+#include "sim/errors.h"
+
 namespace constraint_sim {
 namespace {
 
@@ -58,10 +60,8 @@ double Stepper::advance() {
     run_tasks();
     if (!failed_) take_steps();
     if (events_.passed) wanted = events_.passed(world_);
-  } catch (const std::exception& error) {
-    fail(error.what());
   } catch (...) {
-    fail("something was thrown that is no error");
+    fail(message_of_exception());
   }
   if (failed_ && !step_requests_.empty())
     cancel_steps("the physics failed after step " + std::to_string(world_.step_count()) +
@@ -122,8 +122,8 @@ void Stepper::tell_of_edits() {
   may_be_long_ = true;
   try {
     if (events_.edited) events_.edited(world_);
-  } catch (const std::exception& error) {
-    fail(error.what());
+  } catch (...) {
+    fail(message_of_exception());
   }
 }
 

@@ -6,6 +6,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "engine/validate.h"
+
 namespace constraint_sim {
 namespace {
 
@@ -36,8 +38,7 @@ void check(const JointTrajectory& trajectory) {
       if (!values->empty() && values->size() != trajectory.joints.size())
         refuse(field, "velocities and accelerations must be one for each joint, or left out");
     for (const auto* values : {&point.positions, &point.velocities, &point.accelerations})
-      for (const double value : *values)
-        if (!std::isfinite(value)) refuse(field, "numbers must be finite");
+      for (const double value : *values) engine::check_finite(field, value);
   }
 }
 
@@ -147,33 +148,41 @@ std::vector<std::string> Trajectories::end() {
   return names;
 }
 
-void Trajectories::before_step(engine::World* world) {
+std::vector<std::string> Trajectories::before_step(Driver* driver) {
+  std::vector<std::string> failures;
   for (auto next = on_their_way_.begin(); next != on_their_way_.end();) {
-    const bool goes_on = advance(engine::JointId{next->first}, next->second, world);
+    bool goes_on = false;
+    try {
+      goes_on = advance(engine::JointId{next->first}, next->second, driver);
+    } catch (const std::invalid_argument& error) {
+      failures.push_back(of_joint(next->second.joint) + "leaves its trajectory: " + error.what());
+    }
     next = goes_on ? std::next(next) : on_their_way_.erase(next);
   }
+  return failures;
 }
 
 // False where its way is at its end.
-bool Trajectories::advance(engine::JointId id, const OnItsWay& way, engine::World* world) {
+bool Trajectories::advance(engine::JointId id, const OnItsWay& way, Driver* driver) {
+  const engine::World& world = driver->world();
   // another joint may have the number where the world was replaced
-  if (!world->has_joint(way.joint) || world->find_joint(way.joint) != id ||
-      !world->joint(id).coordinates[0].motor)
+  if (!world.has_joint(way.joint) || world.find_joint(way.joint) != id ||
+      !world.joint(id).coordinates[0].motor)
     return false;
-  const double h = world->options().time_step;
-  const double since = world->time() - way.start;
+  const double h = world.options().time_step;
+  const double since = world.time() - way.start;
   if (since + h <= 0.0) return true;
   const bool is_over = since >= way.spline.duration();
   const double target = way.spline.at(since + h);
-  engine::CoordinateMotor motor = *world->joint(id).coordinates[0].motor;
+  engine::CoordinateMotor motor = *world.joint(id).coordinates[0].motor;
   motor.timeout = motor.amplitude = 0.0;
   if (motor.is_servo()) {
     motor.position = target;
   } else {
     motor.position.reset();
-    motor.bias = is_over ? 0.0 : (target - world->joint_state(id).coordinates[0].held) / h;
+    motor.bias = is_over ? 0.0 : (target - world.joint_state(id).coordinates[0].held) / h;
   }
-  world->set_motor(id, 0, motor);
+  driver->set_motor(id, motor);
   return !is_over;
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
+#include "sim/drive_changes.h"
 
 namespace constraint_sim {
 
@@ -53,8 +54,14 @@ class Trajectories {
   void drop(engine::JointId joint) { on_their_way_.erase(joint.value); }
   /// Ends all; the names of the joints that were on one, in the order of their ids.
   std::vector<std::string> end();
-  /// Before each tick. What a joint was on that is gone, or has no motor any more, ends.
-  void before_step(engine::World* world);
+  /// Before each tick. A trajectory ends where its joint is gone or has no motor any more, and
+  /// where its motor cannot be set as the trajectory asks for: that is returned, one sentence for
+  /// each.
+  std::vector<std::string> before_step(Driver* driver);
+  std::vector<std::string> before_step(engine::World* world) {
+    Driver driver(world);
+    return before_step(&driver);
+  }
   bool empty() const { return on_their_way_.empty(); }
 
  private:
@@ -63,7 +70,7 @@ class Trajectories {
     Spline spline;
     double start;  // simulated [s]
   };
-  static bool advance(engine::JointId id, const OnItsWay& way, engine::World* world);
+  static bool advance(engine::JointId id, const OnItsWay& way, Driver* driver);
 
   std::map<std::uint32_t, OnItsWay> on_their_way_;  // by ids of joints
 };

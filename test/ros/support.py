@@ -85,6 +85,12 @@ def empty_world():
     return properties()
 
 
+def memory_of(process):
+    """Resident memory [MiB]."""
+    with open("/proc/%d/status" % process.pid) as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS:")) / 1024
+
+
 def topics_between(publisher, subscriber):
     """The topics that a node sends to another one: to be subscribed is not yet to be connected."""
     uri = rosnode.get_api_uri(rosgraph.Master(rospy.get_name()), publisher, skip_cache=True)

@@ -181,6 +181,40 @@ class Follow(unittest.TestCase):
             hook = call("get_body_state", name="hook").state.pose.position
             self.assertAlmostEqual(hook.x, between(now - DELAY), delta=1e-8)
 
+    def test_frames_in_a_loop_and_stamps_at_the_end_of_time_do_not_fail_the_physics(self):
+        def transform(parent, child, stamp):
+            each = TransformStamped(child_frame_id=child)
+            each.header.frame_id, each.header.stamp = parent, stamp
+            each.transform.rotation.w = 1.0
+            return each
+
+        with self.start() as process:
+            self.load()
+            self.step_until(0.2)
+            self.send(0.0, 0.5)
+            self.arrive(0.5)
+            for late in (rospy.Time(4294967295, 999999999), rospy.Time(4294967290)):
+                self.publisher.publish(TFMessage([transform("world", "carrier", late)]))
+            support.wait_until(lambda: self.said("/tf", "'carrier'", "too late"), "a warning")
+            self.send(0.52, 1.0)  # comes all the same
+            now = call("get_world_properties").sim_time
+
+            def follows():
+                hook = self.step_until(call("get_world_properties").sim_time + TICK)["hook"]
+                return hook.twist.linear.x > 0.0
+            support.wait_until(follows, "the body on its way")
+            # the frame hangs on one that hangs on the frame
+            loop = [transform(*pair, rospy.Time.from_sec(t)) for t in (now + 2, now + 60)
+                    for pair in (("other", "carrier"), ("carrier", "other"))]
+            self.publisher.publish(TFMessage(loop))
+
+            def stands():
+                hook = self.step_until(call("get_world_properties").sim_time + 0.5)["hook"]
+                return hook.twist.linear.x == 0.0
+            support.wait_until(stands, "the body at rest")
+            self.step_until(now + 3)  # where the frames are a loop
+            self.assertIsNone(process.poll())
+
     def test_what_cannot_follow_is_told(self):
         with self.start(follow="load=carrier nobody=carrier"):
             self.load()

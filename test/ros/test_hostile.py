@@ -4,6 +4,7 @@ import contextlib
 import math
 import os
 import random
+import re
 import signal
 import socket
 import statistics
@@ -15,14 +16,20 @@ import time
 import unittest
 
 import rosnode
+import rospkg
 import rospy
 import rosservice
 import rostest
-from constraint_sim.msg import BodyState, Statistics
+from constraint_sim.msg import BodyState, MotorBias, Statistics
 from constraint_sim.srv import Step
+from geometry_msgs.msg import Twist, WrenchStamped
+from rosgraph_msgs.msg import Log
+from std_msgs.msg import Float64
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import support
-from support import NODE, Listener, call, node_command, properties, running, sphere, wait_until
+from support import (NODE, Listener, call, memory_of, node_command, properties, running, sphere,
+                     wait_until)
 
 # [s] in which calls are answered and the node ends. Whatever else the machine does adds to it: of what
 # is tried once no more than QUICK is asked, of many calls the median, of what is tried again the least.
@@ -39,6 +46,13 @@ bodies:
 - {name: ball, mass: 1, position: [1, 0, 9]}
 """ + "".join("- {name: s%d, mass: 1, position: [%g, 0, 0], shape: {sphere: {radius: 1}}}\n"
               % (i, 1e-3 * i) for i in range(500))
+ARM = """
+bodies:
+- {name: carrier, type: kinematic, position: [9, 0, 0]}
+- {name: arm, mass: 1, shape: {box: {size: [0.1, 0.1, 0.5]}}}
+constraints:
+- {name: elbow, type: hinge, body_b: arm, axis: [0, 1, 0], motor: {bias: 0}}
+"""
 
 
 @contextlib.contextmanager
@@ -53,12 +67,6 @@ def seconds_of(work):
     start = time.monotonic()
     work()
     return time.monotonic() - start
-
-
-def memory_of(process):
-    """Resident memory [MiB]."""
-    with open("/proc/%d/status" % process.pid) as file:
-        return next(int(line.split()[1]) for line in file if line.startswith("VmRSS:")) / 1024
 
 
 class DeadCaller:
@@ -243,6 +251,69 @@ class Hostile(unittest.TestCase):
                          "world: {iterations: 2147483647}"):
                 self.refused(["text"], "load_scene", text=text)
             self.assertLess(memory_of(process) - before, 50.0)
+
+    # ---- messages
+
+    def test_no_message_ends_the_node_or_the_physics(self):
+        log = Listener("/rosout", Log)
+        topics = {}
+
+        def send(topic, message, *words):
+            """Until the log tells of it, since a topic has no answer."""
+            if topic not in topics:
+                topics[topic] = rospy.Publisher(NODE + "/" + topic, type(message), queue_size=10)
+            heard = len(log.messages)
+
+            def told():
+                topics[topic].publish(message)
+                return any(all(word in m.msg for word in (topic,) + words)
+                           for m in log.messages[heard:])
+            wait_until(told, "a warning of %s" % topic)
+
+        def trajectory(position=0.0, stamp=rospy.Time()):
+            message = JointTrajectory(joint_names=["elbow"])
+            message.header.stamp = stamp
+            message.points.append(JointTrajectoryPoint(
+                positions=[position], time_from_start=rospy.Duration(1.0)))
+            return message
+
+        with node(command="elbow", cmd_vel="carrier", wrench="arm", publish_tf="false"):
+            self.assertTrue(self.quick("load_scene", text=ARM).success)
+            last = rospy.Time(4294967295, 999999999)
+            send("joint_trajectory", trajectory(stamp=last), "header.stamp", "4294967295")
+            for value in (1e308, math.nan, math.inf):
+                send("joint_trajectory", trajectory(value), "points[0]")
+                send("motor_bias", MotorBias(constraint="elbow", bias=value), "bias")
+            send("command/elbow", Float64(math.nan), "data")
+            for value in (1e308, math.nan):
+                twist, wrench = Twist(), WrenchStamped()
+                twist.linear.x = wrench.wrench.torque.y = value
+                send("cmd_vel/carrier", twist)
+                send("wrench/arm", wrench)
+            before = properties()
+            self.assertFalse(before.paused)
+            wait_until(lambda: properties().step > before.step + 10, "steps")
+            # what fails a step, here by leaving all that has a place, drives no longer once it is edited
+            twist = Twist()
+            twist.linear.x = 1e20
+            topics["cmd_vel/carrier"].publish(twist)
+            wait_until(lambda: any("cmd_vel: ended by a step that failed: carrier" in m.msg
+                                   for m in log.messages), "the end of the drive")
+            self.assertTrue(self.quick("set_body_state", state=BodyState(name="carrier")).success)
+            before = properties()
+            self.assertFalse(before.paused)
+            wait_until(lambda: properties().step > before.step + 10, "steps after it")
+
+    def test_nothing_enters_the_node_but_through_a_guard(self):
+        folder = os.path.join(rospkg.RosPack().get_path("constraint_sim"), "src", "ros")
+        for name in os.listdir(folder):
+            if name == "guarded.h":
+                continue
+            with open(os.path.join(folder, name)) as file:
+                text = file.read()
+            found = re.findall(r"(?<!guarded_)\b(?:subscribe|advertiseService)\s*[<(]"
+                               r"|create\w*Timer|TransformListener", text)
+            self.assertEqual(found, [], name)
 
     # ---- files
 

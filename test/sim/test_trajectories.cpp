@@ -109,6 +109,26 @@ constraints:
   EXPECT_NEAR(world.time() * 0.5 - position(world, "axle"), 8.0 * 0.5 / 50.0, 5e-4);
 }
 
+// A number that no motor can be set to is rejected at once, and a trajectory whose motor cannot be
+// set on the way ends alone: nothing is thrown into the step.
+TEST(Trajectories, NumbersBeyondThoseOfTheEngineDoNotReachTheStep) {
+  World world = two_bars("motor: {bias: 0}");
+  Trajectories trajectories;
+  for (const double value : {1e308, -1e21}) {
+    EXPECT_THROW(trajectories.begin(world, to(value, 0.0)), std::invalid_argument);
+    EXPECT_TRUE(trajectories.empty());
+  }
+  JointTrajectory steep;  // 1e19 rad within 1e-9 s
+  steep.joints = {"elbow"};
+  steep.points = {{1e-9, {1e19}, {}, {}}};
+  trajectories.begin(world, to(0.8, 0.0));
+  trajectories.begin(world, steep);
+  const std::vector<std::string> failures = trajectories.before_step(&world);
+  ASSERT_EQ(failures.size(), 1u);
+  EXPECT_NE(failures[0].find("'elbow'"), std::string::npos) << failures[0];
+  EXPECT_EQ(trajectories.end(), std::vector<std::string>{"shoulder"});
+}
+
 TEST(Trajectories, ANewOneReplacesTheOldAndNoneStops) {
   World world = two_bars("motor: {bias: 0}");
   Trajectories trajectories;

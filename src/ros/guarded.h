@@ -1,0 +1,115 @@
+#pragma once
+
+#include <ros/console.h>
+#include <ros/node_handle.h>
+#include <ros/subscriber.h>
+#include <ros/time.h>
+
+#include <atomic>
+#include <boost/function.hpp>
+#include <boost/shared_ptr.hpp>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "sim/errors.h"
+#include "sim/stepper.h"
+
+namespace constraint_sim {
+
+/// The border where one input enters the node: a topic, a service, a callback, a call of a plugin.
+/// An exception of any type that is thrown while the input is handled drops that input and becomes
+/// a warning in the log, at most one in a second of wall time, since simulated time may stand
+/// still. For any thread.
+class Guard {
+ public:
+  /// `input`: the name of the topic or the callback, with which each warning begins.
+  explicit Guard(std::string input) : input_(std::move(input)) {}
+
+  /// Calls `act`; returns whether it ended without an exception.
+  template <class Act>
+  bool operator()(Act&& act) noexcept {
+    try {
+      act();
+      return true;
+    } catch (const Cancelled&) {  // the node is going down
+    } catch (...) {
+      warn(message_of_exception());
+    }
+    return false;
+  }
+
+  void warn(const std::string& why) {
+    const double now = ros::SteadyTime::now().toSec();
+    double before = warned_;
+    if (now < before + 1.0 || !warned_.compare_exchange_strong(before, now)) return;
+    ROS_WARN("%s: %s", input_.c_str(), why.c_str());
+  }
+
+  const std::string& input() const { return input_; }
+
+ private:
+  std::string input_;
+  std::atomic<double> warned_{-1e9};  // [s] of the steady clock
+};
+
+using SharedGuard = std::shared_ptr<Guard>;
+
+inline SharedGuard make_guard(std::string input) {
+  return std::make_shared<Guard>(std::move(input));
+}
+
+/// Calls `act` behind a guard that exists for this call only: for inputs that are rare.
+template <class Act>
+bool guarded(const std::string& input, Act&& act) noexcept {
+  return Guard(input)(std::forward<Act>(act));
+}
+
+/// Queues `change` for the stepping thread without waiting for it. The guard holds there too; a
+/// change that throws must have changed nothing.
+inline void guarded_post(Stepper& stepper, const SharedGuard& guard,
+                         std::function<void(World&)> change) noexcept {
+  (*guard)([&] {
+    stepper.post(
+        [guard, change = std::move(change)](World& world) { (*guard)([&] { change(world); }); });
+  });
+}
+
+/// Subscribes to the topic that the guard is named after. Nothing else in src/ros subscribes.
+/// `handle_message` is called with a const Message&.
+template <class Message, class HandleMessage>
+ros::Subscriber guarded_subscribe(ros::NodeHandle& handle, const SharedGuard& guard,
+                                  std::uint32_t queue, HandleMessage handle_message) {
+  using Pointer = boost::shared_ptr<const Message>;
+  return handle.subscribe<Message>(
+      guard->input(), queue,
+      boost::function<void(const Pointer&)>([guard, handle_message](const Pointer& message) {
+        (*guard)([&] { handle_message(*message); });
+      }));
+}
+
+/// Advertises a service; nothing else in src/ros does. `serve` is called with the request and the
+/// response, and returns whether the call succeeded. Where `serve` throws, the call fails.
+template <class Request, class Response, class Serve>
+ros::ServiceServer guarded_service(ros::NodeHandle& handle, const std::string& name, Serve serve) {
+  return handle.advertiseService(
+      name, boost::function<bool(Request&, Response&)>(
+                [guard = make_guard(name), serve](Request& request, Response& response) {
+                  bool is_served = false;
+                  return (*guard)([&] { is_served = serve(request, response); }) && is_served;
+                }));
+}
+
+/// The same for a member function.
+template <class Owner, class Request, class Response>
+ros::ServiceServer guarded_service(ros::NodeHandle& handle, const std::string& name,
+                                   bool (Owner::*serve)(Request&, Response&), Owner* owner) {
+  return guarded_service<Request, Response>(handle, name,
+                                            [owner, serve](Request& request, Response& response) {
+                                              return (owner->*serve)(request, response);
+                                            });
+}
+
+}  // namespace constraint_sim

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <exception>
+#include <string>
+
+namespace constraint_sim {
+
+/// The message of the exception that is being handled, of any type: only within a catch block.
+inline std::string message_of_exception() {
+  try {
+    throw;
+  } catch (const std::exception& error) {
+    return error.what();
+  } catch (...) {
+    return "an exception of no known type";
+  }
+}
+
+}  // namespace constraint_sim

@@ -16,6 +16,7 @@
 #include "ros/conversions.h"
 #include "ros/laws.h"
 #include "ros/parameters.h"
+#include "sim/stepper.h"
 #include "sim/words.h"
 
 namespace constraint_sim {
@@ -53,10 +54,13 @@ void set_state(World& world, const BodyState& message, const std::string& refere
   world.set_state(body, from_relative(world.state(frame), state));
 }
 
-// Does `act` with each element; what it throws says which one it was.
+// Does `act` with each element; what it throws says which one it was. Stops within a long list
+// where the world is asked to.
 template <class Element, class Act>
-void for_each(const char* field, const std::vector<Element>& list, Act act) {
+void for_each(const World& world, const char* field, const std::vector<Element>& list, Act act) {
   for (std::size_t i = 0; i < list.size(); ++i) {
+    if (world.is_asked_to_stop())
+      throw NotNow(std::string(field) + "[" + std::to_string(i) + "]: the edit was cancelled");
     try {
       act(list[i]);
     } catch (const std::invalid_argument& error) {
@@ -85,6 +89,9 @@ bool set_property(const std::string& key, double value, engine::Body* body) {
   return true;
 }
 
+constexpr std::size_t kMostEdits = 100000;     // in one request
+constexpr std::size_t kMostWrenches = 100000;  // that act or wait
+
 template <class Request>
 void check_pairs(const Request& request) {
   if (request.keys.size() != request.values.size())
@@ -111,6 +118,11 @@ double number(const std::string& key, const std::string& value) {
 }
 
 }  // namespace
+
+std::size_t size(const ApplyEditsRequest& request) {
+  return request.bodies.size() + request.constraints.size() + request.remove_bodies.size() +
+         request.remove_constraints.size() + request.states.size() + request.motors.size();
+}
 
 void change(World& world, const AddBodyRequest& request, AddBodyResponse*) {
   world.add_body(from_msg(request.body));
@@ -148,6 +160,9 @@ void change(World& world, const SetConstraintPropertiesRequest& request,
 }
 
 void change(World& world, const ApplyBodyWrenchRequest& request, ApplyBodyWrenchResponse*) {
+  if (world.wrenches().size() >= kMostWrenches)
+    throw std::invalid_argument("wrench: there are " + std::to_string(kMostWrenches) +
+                                " already; clear_body_wrenches ends those of a body");
   world.add_wrench(from_msg(request, world));
 }
 
@@ -161,25 +176,39 @@ void change(World& world, const SetBodyStateRequest& request, SetBodyStateRespon
 
 // in a copy, which then takes the place of the world
 void change(World& world, const ApplyEditsRequest& request, ApplyEditsResponse* response) {
+  if (size(request) > kMostEdits)
+    throw std::invalid_argument("at most " + std::to_string(kMostEdits) +
+                                " edits may be in one request, got " +
+                                std::to_string(size(request)));
   World changed = world;
-  for_each("remove_constraints", request.remove_constraints, [&](const std::string& name) {
-    changed.remove_joint(find_joint(changed, "name", name));
+  std::vector<engine::JointId> joints;
+  std::vector<engine::BodyId> bodies;
+  for_each(world, "remove_constraints", request.remove_constraints,
+           [&](const std::string& name) { joints.push_back(find_joint(changed, "name", name)); });
+  std::unordered_set<std::string> seen;
+  for_each(world, "remove_bodies", request.remove_bodies, [&](const std::string& name) {
+    bodies.push_back(find_own_body(changed, "name", name));
+    if (!seen.insert(name).second)
+      throw std::invalid_argument("name: '" + shortened(name) + "' is there twice");
   });
-  for_each("remove_bodies", request.remove_bodies, [&](const std::string& name) {
-    for (std::string& removed : changed.remove_body(find_own_body(changed, "name", name)))
-      response->removed_constraints.push_back(std::move(removed));
-  });
-  for_each("bodies", request.bodies, [&](const Body& body) { changed.add_body(from_msg(body)); });
-  for_each("constraints", request.constraints, [&](const Constraint& constraint) {
+  try {
+    response->removed_constraints = changed.remove(joints, bodies);
+  } catch (const std::invalid_argument& error) {  // the bodies are there, each once
+    throw std::invalid_argument(std::string("remove_constraints: ") + error.what());
+  }
+  for_each(world, "bodies", request.bodies,
+           [&](const Body& body) { changed.add_body(from_msg(body)); });
+  for_each(world, "constraints", request.constraints, [&](const Constraint& constraint) {
     std::string opening;
     add_joint(changed, from_msg(constraint, changed), &response->initial_errors.emplace_back(0.0),
               &opening);
     if (response->status_message.empty() && !opening.empty())
       response->status_message = constraint.name + ": " + opening;
   });
-  for_each("states", request.states,
+  for_each(world, "states", request.states,
            [&](const BodyState& state) { set_state(changed, state, ""); });
-  for_each("motors", request.motors, [&](const MotorBias& bias) { set_bias(changed, bias); });
+  for_each(world, "motors", request.motors,
+           [&](const MotorBias& bias) { set_bias(changed, bias); });
   world = std::move(changed);
 }
 

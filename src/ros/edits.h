@@ -14,6 +14,7 @@
 #include <constraint_sim/SetMotorBias.h>
 #include <constraint_sim/SetOptions.h>
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -68,6 +69,9 @@ void change(World& world, const ApplyEditsRequest& request, ApplyEditsResponse* 
 void change(World& world, const SetBodyPropertiesRequest& request,
             SetBodyPropertiesResponse* response);
 void change(World& world, const SetOptionsRequest& request, SetOptionsResponse* response);
+
+/// The number of edits in one request.
+std::size_t size(const ApplyEditsRequest& request);
 
 void reset_world(World& world);
 void reset_simulation(World& world);

@@ -57,11 +57,12 @@ Services::Services(Stepper& stepper, EditLog& edit_log, Publishers& publishers,
 template <class Request, class Response>
 bool Services::edit(const char* service, const Request& request, Response& response) {
   return answer(response, [&] {
-    const Boundary boundary = stepper_.edit([&](World& world) {
+    const auto apply = [&](World& world) {
       change(world, request, &response);
       follow(request);
       edit_log_.record(stepper_, service, request, world);
-    });
+    };
+    const Boundary boundary = stepper_.edit(apply, duration_of(request));
     response.applied_at = time_from_seconds(boundary.time);
     response.step = boundary.step;
   });
@@ -71,6 +72,11 @@ SetOptionsResponse Services::set_options(SetOptionsRequest& request) {
   SetOptionsResponse response;
   edit("set_options", request, response);
   return response;
+}
+
+Stepper::Duration Services::duration_of(const ApplyEditsRequest& request) {
+  constexpr std::size_t kFew = 100;
+  return size(request) > kFew ? Stepper::Duration::kMayBeLong : Stepper::Duration::kShort;
 }
 
 void Services::follow(const SetOptionsRequest& request) {
@@ -149,7 +155,9 @@ void Services::tell_scene(const std::string& path) {
 
 bool Services::save_scene(SaveSceneRequest& request, SaveSceneResponse& response) {
   return answer(response, [&] {
-    stepper_.inspect([&](const World& world) { response.text = engine::save_scene(world); });
+    World world;  // written on this thread, for the stepping thread not to wait
+    stepper_.inspect([&](const World& now) { world = now; });
+    response.text = engine::save_scene(world);
     if (response.text.size() > kMostBytes) {
       const std::string size = std::to_string(response.text.size());
       response.text.clear();

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <constraint_sim/ApplyEdits.h>
 #include <constraint_sim/GetBodyState.h>
 #include <constraint_sim/GetWorldProperties.h>
 #include <constraint_sim/ListScenes.h>
@@ -47,6 +48,12 @@ class Services {
   /// Handles one of visit_edits().
   template <class Request, class Response>
   bool edit(const char* service, const Request& request, Response& response);
+  /// Whether the edit that a request asks for may take long.
+  template <class Request>
+  static Stepper::Duration duration_of(const Request&) {
+    return Stepper::Duration::kShort;
+  }
+  static Stepper::Duration duration_of(const ApplyEditsRequest& request);
   /// What a request asks for beside the world; on the stepping thread.
   template <class Request>
   void follow(const Request&) {}

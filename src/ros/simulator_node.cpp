@@ -23,6 +23,7 @@ StepperOptions stepper_options(const Parameters& parameters) {
   StepperOptions options;
   options.real_time_factor = parameters.real_time_factor;
   options.paused = parameters.paused;
+  options.keeps_world_before_ticks = !parameters.plugins.empty();
   if (parameters.follows_clock()) options.max_catch_up = kMaxCatchUpWithClock;
   return options;
 }

@@ -4,6 +4,7 @@
 #include <ros/package.h>
 #include <sys/stat.h>
 
+#include <map>
 #include <stdexcept>
 #include <utility>
 
@@ -18,24 +19,31 @@
 namespace constraint_sim {
 namespace {
 
-constexpr std::size_t kMostUrdfBytes = std::size_t{1} << 20;  // is read between two steps
+constexpr std::size_t kMostUrdfBytes = std::size_t{1} << 20;
 
 bool is_file(const std::string& path) {
   struct stat status {};
   return ::stat(path.c_str(), &status) == 0 && S_ISREG(status.st_mode);
 }
 
-// as rviz finds them
-bool mesh_exists(const std::string& name) {
-  const std::string package = "package://", file = "file://";
-  if (name.compare(0, file.size(), file) == 0) return is_file(name.substr(file.size()));
-  if (name.compare(0, package.size(), package) != 0) return false;
-  const std::string rest = name.substr(package.size());
-  const std::size_t slash = rest.find('/');
-  if (slash == std::string::npos) return false;
-  const std::string folder = ros::package::getPath(rest.substr(0, slash));
-  return !folder.empty() && is_file(folder + rest.substr(slash));
-}
+/// Finds meshes as rviz does. To look for a package takes milliseconds: it is done once.
+class Meshes {
+ public:
+  bool exists(const std::string& name) {
+    const std::string package = "package://", file = "file://";
+    if (name.compare(0, file.size(), file) == 0) return is_file(name.substr(file.size()));
+    if (name.compare(0, package.size(), package) != 0) return false;
+    const std::string rest = name.substr(package.size());
+    const std::size_t slash = rest.find('/');
+    if (slash == std::string::npos) return false;
+    const auto [found, is_new] = folders_.emplace(rest.substr(0, slash), "");
+    if (is_new) found->second = ros::package::getPath(found->first);
+    return !found->second.empty() && is_file(found->second + rest.substr(slash));
+  }
+
+ private:
+  std::map<std::string, std::string> folders_;  // by package
+};
 
 struct Description {
   std::string urdf, extra;
@@ -55,13 +63,18 @@ Description read_description(const std::string& name, const Parameters& paramete
   return description;
 }
 
-Robot add(const Description& description, RobotOptions options, Robots* robots, World* world) {
+BuiltRobot build_described(const Description& description, RobotOptions options) {
   if (description.urdf.size() > kMostUrdfBytes)
     throw std::invalid_argument("text: must be at most " + std::to_string(kMostUrdfBytes >> 20) +
                                 " MiB, got " + std::to_string(description.urdf.size()) + " bytes");
   options.extra = description.extra;
-  options.mesh_exists = mesh_exists;
-  Robot robot = add_robot(description.urdf, options, world);
+  Meshes meshes;
+  options.mesh_exists = [&](const std::string& name) { return meshes.exists(name); };
+  return build_robot(description.urdf, options);
+}
+
+Robot add(const BuiltRobot& built, Robots* robots, World* world) {
+  Robot robot = add_robot(built, world);
   robots->add(robot, *world);
   return robot;
 }
@@ -89,7 +102,7 @@ void add_first_robot(const ros::NodeHandle& handle, const Parameters& parameters
     options.prefix = parameters.robot_prefix;
     options.fixed = parameters.robot_fixed;
     options.pose.position = {parameters.robot_x, parameters.robot_y, parameters.robot_z};
-    log(add(description, options, robots, world));
+    log(add(build_described(description, options), robots, world));
   } catch (const std::invalid_argument& error) {
     throw ParameterError("robot", "parameter ~robot: " + std::string(error.what()));
   }
@@ -113,9 +126,10 @@ bool UrdfLoader::load(LoadUrdfRequest& request, LoadUrdfResponse& response) {
     options.prefix = request.prefix;
     options.pose = from_msg(request.pose, geometry_msgs::Twist());
     options.fixed = request.fixed;
+    const BuiltRobot built = build_described(description, options);
     Robot robot;
-    const Boundary boundary =
-        stepper_.edit([&](World& world) { robot = add(description, options, &robots_, &world); });
+    const Boundary boundary = stepper_.edit(
+        [&](World& world) { robot = add(built, &robots_, &world); }, Stepper::Duration::kMayBeLong);
     log(robot);
     response.applied_at = time_from_seconds(boundary.time);
     response.step = boundary.step;

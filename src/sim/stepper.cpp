@@ -101,13 +101,7 @@ void Stepper::run_tasks() {
     abandon_ = stopping_;  // whoever wanted that is here now
   }
   std::vector<std::exception_ptr> thrown(tasks.size());
-  for (std::size_t i = 0; i < tasks.size(); ++i) {
-    try {
-      tasks[i].run();
-    } catch (...) {
-      thrown[i] = std::current_exception();
-    }
-  }
+  run_all(&tasks, &thrown);
   if (std::exchange(edited_, false)) tell_of_edits();
   // only now, when all have taken effect
   for (std::size_t i = 0; i < tasks.size(); ++i) {
@@ -116,6 +110,25 @@ void Stepper::run_tasks() {
     else
       tasks[i].done.set_value(now());
   }
+}
+
+void Stepper::run_all(std::deque<Task>* tasks, std::vector<std::exception_ptr>* thrown) {
+  const bool may_be_long = std::any_of(tasks->begin(), tasks->end(), [](const Task& task) {
+    return task.duration == Duration::kMayBeLong;
+  });
+  if (may_be_long) {
+    keep_world_before();
+    work_start_ = run_time();
+  }
+  for (std::size_t i = 0; i < tasks->size(); ++i) {
+    world_.set_stop_flag(&abandon_);  // an edit may have brought another world
+    try {
+      (*tasks)[i].run();
+    } catch (...) {
+      (*thrown)[i] = std::current_exception();
+    }
+  }
+  if (may_be_long) end_work(false);
 }
 
 void Stepper::tell_of_edits() {
@@ -199,29 +212,30 @@ void Stepper::drop_beyond(double most_owed) {
 // whether it was taken
 bool Stepper::step_once() {
   if (events_.stepping) events_.stepping(world_);
-  if (may_be_long_) keep_world_before();
+  if (may_be_long_ || options_.keeps_world_before_ticks) keep_world_before();
   world_.set_clock(time_stages_ ? run_time : nullptr);
   world_.set_stop_flag(&abandon_);
   const double start = run_time();
-  tick_start_ = start;
+  work_start_ = start;
   try {
     world_.step();
+    was_abandoned_ = world_.report().stopped;
+    const double seconds = run_time() - start;
+    if (!was_abandoned_) {
+      if (world_.report().failed) fail(why_failed(world_));
+      if (events_.stepped) events_.stepped(world_, seconds);  // also calls plugins
+    }
   } catch (...) {
-    end_tick(false);
+    end_work(false);
     throw;
   }
-  was_abandoned_ = world_.report().stopped;
-  end_tick(was_abandoned_);
-  if (was_abandoned_) return false;
-  const double seconds = run_time() - start;
-  may_be_long_ = seconds > kMayBeLong;
-  if (world_.report().failed) fail(why_failed(world_));
-  if (events_.stepped) events_.stepped(world_, seconds);
-  return !failed_;
+  may_be_long_ = was_abandoned_ || run_time() - start > kMayBeLong;
+  end_work(was_abandoned_);
+  return !was_abandoned_ && !failed_;
 }
 
-void Stepper::end_tick(bool was_abandoned) {
-  tick_start_ = -1.0;
+void Stepper::end_work(bool was_abandoned) {
+  work_start_ = -1.0;
   if (!has_before_) return;
   const std::lock_guard<std::mutex> lock(before_mutex_);
   has_before_ = false;
@@ -246,13 +260,13 @@ double Stepper::wait() const {
 
 // ---- any thread
 
-Boundary Stepper::edit(std::function<void(World&)> change) {
-  return enqueue_and_wait([this, &change] { apply(change); }, Delay::kRefuse);
+Boundary Stepper::edit(std::function<void(World&)> change, Duration duration) {
+  return enqueue_and_wait([this, &change] { apply(change); }, Delay::kRefuse, duration);
 }
 
 void Stepper::post(std::function<void(World&)> change) {
-  if (tick_run_time() > patience()) throw LongTick();
-  enqueue([this, change = std::move(change)] { apply(change); });
+  if (time_at_work() > patience()) throw LongTick();
+  enqueue([this, change = std::move(change)] { apply(change); }, Duration::kShort);
 }
 
 Boundary Stepper::interrupt(const std::string& by, std::function<void(World&)> change) {
@@ -279,7 +293,7 @@ Boundary Stepper::inspect(const std::function<void(const World&)>& look) {
       return enqueue_and_wait([this, &look] { look(world_); }, Delay::kRefuse);
     } catch (const LongTick&) {
       const std::lock_guard<std::mutex> lock(before_mutex_);
-      if (!has_before_ && tick_run_time() > patience()) throw;
+      if (!has_before_ && time_at_work() > patience()) throw;
       if (!has_before_) continue;  // that tick has just ended
       look(before_);
       return {before_.time(), before_.step_count()};
@@ -324,9 +338,9 @@ Boundary Stepper::step(std::uint64_t steps, std::function<void(const World&)> lo
   return done.get();
 }
 
-Boundary Stepper::enqueue_and_wait(std::function<void()> run, Delay delay) {
+Boundary Stepper::enqueue_and_wait(std::function<void()> run, Delay delay, Duration duration) {
   std::uint64_t ticket = 0;
-  std::future<Boundary> done = enqueue(std::move(run), &ticket);
+  std::future<Boundary> done = enqueue(std::move(run), duration, &ticket);
   if (waits_for_long_tick(done)) {
     if (delay == Delay::kReturn) return {};
     if (delay == Delay::kAbandonTick) abandon_tick(ticket);
@@ -335,19 +349,19 @@ Boundary Stepper::enqueue_and_wait(std::function<void()> run, Delay delay) {
   return done.get();
 }
 
-// whether a tick has run for so long, and keeps it from being done
+// whether a tick or an edit has run for so long, and keeps it from being done
 bool Stepper::waits_for_long_tick(const std::future<Boundary>& done) const {
   for (;;) {
-    const double left = patience() - std::max(tick_run_time(), 0.0);
+    const double left = patience() - std::max(time_at_work(), 0.0);
     if (done.wait_for(std::chrono::duration<double>(std::max(left, 0.0))) ==
         std::future_status::ready)
       return false;
-    if (tick_run_time() >= patience()) return true;
+    if (time_at_work() >= patience()) return true;
   }
 }
 
-double Stepper::tick_run_time() const {
-  const double start = tick_start_;
+double Stepper::time_at_work() const {
+  const double start = work_start_;
   return start < 0.0 ? 0.0 : run_time() - start;
 }
 
@@ -368,12 +382,13 @@ void Stepper::abandon_tick(std::uint64_t ticket) {
     abandon_ = true;
 }
 
-std::future<Boundary> Stepper::enqueue(std::function<void()> run, std::uint64_t* ticket) {
+std::future<Boundary> Stepper::enqueue(std::function<void()> run, Duration duration,
+                                       std::uint64_t* ticket) {
   std::future<Boundary> done;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (stopping_) throw Cancelled();
-    tasks_.push_back({++last_ticket_, std::move(run), {}});
+    tasks_.push_back({++last_ticket_, std::move(run), duration, {}});
     if (ticket != nullptr) *ticket = last_ticket_;
     done = tasks_.back().done.get_future();
   }

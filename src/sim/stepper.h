@@ -10,6 +10,7 @@
 #include <mutex>
 #include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "constraint_sim/engine/world.h"
 
@@ -29,19 +30,22 @@ class NotNow : public std::runtime_error {
   using std::runtime_error::runtime_error;
 };
 
-/// An edit that was refused, and changed nothing, because a tick runs for long.
+/// An edit that was refused, and changed nothing, because a tick or another edit takes long.
 class LongTick : public NotNow {
  public:
   LongTick()
       : NotNow(
-            "not now: a tick is running that takes long; pause_physics, load_scene and the "
-            "resets end it") {}
+            "not now: a tick or an edit is running that takes long; pause_physics, load_scene and "
+            "the resets end it") {}
 };
 
 struct StepperOptions {
   double real_time_factor = 1.0;  ///< simulated per clock seconds, ≥ 0; 0: as fast as it can
   bool paused = false;
   double max_catch_up = 0.1;  ///< [clock s] that it may lag; ticks beyond are dropped and counted
+  /// The world before each tick is kept, and not only before those that are expected to take long:
+  /// for worlds with code of others in them, which may take long in any tick.
+  bool keeps_world_before_ticks = false;
 };
 
 /// When an edit took effect.
@@ -68,9 +72,9 @@ struct StepperEvents {
 /// take effect together at a boundary, any moment when no step is running. Nothing else touches the
 /// world.
 ///
-/// No caller waits long for a tick that does not end. Once a tick has run for kPatience, inspect()
-/// looks at the world before the tick, edit() and post() are refused, and interrupt() and pause()
-/// abandon the tick.
+/// No caller waits long for a tick or an edit that does not end. Once one has run for kPatience,
+/// inspect() looks at the world before it, edit() and post() are refused, and interrupt() and
+/// pause() abandon it: a tick as if it had never begun, an edit by World::is_asked_to_stop().
 class Stepper {
  public:
   /// [s] from any origin; 0 until it begins. What it goes back by does not count as passed.
@@ -78,6 +82,10 @@ class Stepper {
 
   static constexpr double kPatience = 0.25;       ///< [s] of run time
   static constexpr std::size_t kMostWaiting = 7;  ///< calls of step() at the same time
+
+  /// How long an edit is expected to take. Before one that may be long the world is kept for those
+  /// who ask meanwhile.
+  enum class Duration { kShort, kMayBeLong };
 
   Stepper(World world, const StepperOptions& options, Clock clock, StepperEvents events);
   /// The stepping thread, and all who wait, must have ended: stop() sees to that.
@@ -95,7 +103,7 @@ class Stepper {
   // ---- any thread
   /// Runs `change` at a boundary and returns when it has taken effect. What it throws is thrown
   /// here, and then it must have changed nothing. Throws Cancelled, and NotNow during a long tick.
-  Boundary edit(std::function<void(World&)> change);
+  Boundary edit(std::function<void(World&)> change, Duration duration = Duration::kShort);
   /// The same without waiting for it. `change` must not throw.
   void post(std::function<void(World&)> change);
   /// The same as edit() for what makes the steps that others wait for pointless, as another scene:
@@ -136,6 +144,7 @@ class Stepper {
   struct Task {
     std::uint64_t ticket;
     std::function<void()> run;
+    Duration duration;
     std::promise<Boundary> done;
   };
   struct StepRequest {
@@ -146,16 +155,18 @@ class Stepper {
     std::exception_ptr thrown;  ///< by look
   };
 
-  /// What becomes of a task that a long tick keeps waiting.
+  /// What becomes of a task that a long tick or edit keeps waiting.
   enum class Delay { kRefuse, kAbandonTick, kReturn };
 
-  std::future<Boundary> enqueue(std::function<void()> run, std::uint64_t* ticket = nullptr);
-  Boundary enqueue_and_wait(std::function<void()> run, Delay delay);
+  std::future<Boundary> enqueue(std::function<void()> run, Duration duration,
+                                std::uint64_t* ticket = nullptr);
+  Boundary enqueue_and_wait(std::function<void()> run, Delay delay,
+                            Duration duration = Duration::kShort);
   bool waits_for_long_tick(const std::future<Boundary>& done) const;
   bool withdraw(std::uint64_t ticket);
   void abandon_tick(std::uint64_t ticket);
   double patience() const { return was_abandoned_ ? 0.1 * kPatience : kPatience; }
-  double tick_run_time() const;
+  double time_at_work() const;
   void apply(const std::function<void(World&)>& change);
   bool is_wanted() const;
   void cancel_all();
@@ -172,7 +183,8 @@ class Stepper {
   void drop_beyond(double most_owed);
   bool step_once();
   void keep_world_before();
-  void end_tick(bool was_abandoned);
+  void run_all(std::deque<Task>* tasks, std::vector<std::exception_ptr>* thrown);
+  void end_work(bool was_abandoned);
   double wait() const;
   Boundary now() const { return {world_.time(), world_.step_count()}; }
 
@@ -188,7 +200,7 @@ class Stepper {
   std::uint64_t edits_ = 0;
   bool may_be_long_ = true;  // the next tick, by the last one or because of an edit
 
-  // the world before the tick that runs, where that may be long
+  // the world before the tick or the edits that run, where these may be long
   mutable std::mutex before_mutex_;
   World before_;
   bool has_before_ = false;
@@ -203,9 +215,9 @@ class Stepper {
   bool stopping_ = false;
   std::atomic<bool> paused_;
   std::atomic<bool> failed_{false};
-  std::atomic<bool> abandon_{false};        // the tick that runs
+  std::atomic<bool> abandon_{false};        // the tick or the edit that runs
   std::atomic<bool> was_abandoned_{false};  // the last tick; the same again will take as long
-  std::atomic<double> tick_start_{-1.0};    // run time [s]; below 0: none runs
+  std::atomic<double> work_start_{-1.0};    // of a tick or of edits [s run time]; below 0: none
   std::atomic<bool> time_stages_{false};
   std::atomic<std::uint64_t> dropped_ticks_{0};
 };

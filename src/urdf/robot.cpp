@@ -3,9 +3,11 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
+#include "engine/broadphase.h"
 #include "engine/narrowphase.h"
 #include "engine/scene_joints.h"
 #include "urdf/extra.h"
@@ -92,21 +94,20 @@ Quaterniond along_axis(const urdf::Joint& joint) {
   return engine::frame_along(axis);
 }
 
-/// Puts a robot together in a world of its own. `world` may be left half done where it throws.
+/// Puts a robot together in a world of its own.
 class Builder {
  public:
-  Builder(const urdf::ModelInterface& model, const RobotOptions& options, World* world)
+  Builder(const urdf::ModelInterface& model, const RobotOptions& options)
       : model_(model),
         options_(options),
         extra_(read_extra(options.extra)),
-        lumps_(lump_links(model)),
-        world_(world) {
+        lumps_(lump_links(model)) {
     robot_.name = model.getName();
     robot_.warnings = lumps_.warnings;
     positions_ = first_positions(model, extra_.positions, &robot_.warnings);
   }
 
-  Robot build() {
+  BuiltRobot build() {
     check_extra();
     place_lumps();
     for (std::size_t i = 0; i < lumps_.list.size(); ++i) add_body(i);
@@ -115,7 +116,7 @@ class Builder {
     add_extra_constraints();
     list_links();
     warn_of_overlaps();
-    return std::move(robot_);
+    return {std::move(robot_), std::move(given_bodies_), std::move(given_joints_)};
   }
 
  private:
@@ -192,7 +193,8 @@ class Builder {
     set_shape(lump, in_lump, &body);
     set_properties(lump, &body);
     body.state = to_state(lump_poses_[i] * in_lump);
-    bodies_.push_back(world_->add_body(body));
+    bodies_.push_back(world_.add_body(body));
+    given_bodies_.push_back(body);
     in_body_.push_back(in_lump.inverse());
     robot_.bodies.push_back(body.name);
   }
@@ -298,8 +300,9 @@ class Builder {
   }
 
   engine::JointId add(const engine::Joint& joint) {
-    const engine::JointId id = world_->add_joint(joint);
+    const engine::JointId id = world_.add_joint(joint);
     robot_.constraints.push_back(joint.name);
+    given_joints_.push_back(joint);
     return id;
   }
 
@@ -311,8 +314,8 @@ class Builder {
       engine::Joint gear;
       gear.name = named(name) + "/mimic";
       gear.kind = engine::JointKind::kGear;
-      gear.coupling.first = world_->find_joint(named(name));
-      gear.coupling.second = world_->find_joint(named(leader_of(model_, *given).name));
+      gear.coupling.first = world_.find_joint(named(name));
+      gear.coupling.second = world_.find_joint(named(leader_of(model_, *given).name));
       gear.coupling.ratio = -given->mimic->multiplier;
       gear.coupling.value = given->mimic->offset;
       add(gear);
@@ -335,7 +338,7 @@ class Builder {
     }
     for (const auto& [name, given] : model_.joints_) {
       if (!has_position(*given)) continue;
-      engine::Joint joint = world_->joint(world_->find_joint(named(name)));
+      engine::Joint joint = world_.joint(world_.find_joint(named(name)));
       const auto in_scene = [&](const std::string& link) {
         return link == "world" ? engine::kWorldBody : scene.find_body(link);
       };
@@ -357,7 +360,7 @@ class Builder {
       item.attempt([&] { scene.add_joint(joint); });  // those that follow may couple it
       if (engine::couples_joints(joint.kind)) {
         for (engine::JointId* id : {&joint.coupling.first, &joint.coupling.second})
-          *id = world_->find_joint(named(scene.joint(*id).name));
+          *id = world_.find_joint(named(scene.joint(*id).name));
       } else {
         move_end(scene, &joint.body_a, &joint.anchor_a, &joint.frame_a);
         Quaterniond none = Quaterniond::Identity();
@@ -412,34 +415,50 @@ class Builder {
   }
 
   void warn_of_overlaps() {
-    for (std::size_t i = 0; i < bodies_.size(); ++i)
-      for (std::size_t j = i + 1; j < bodies_.size(); ++j) {
-        const engine::Body& a = world_->body(bodies_[i]);
-        const engine::Body& b = world_->body(bodies_[j]);
-        if (a.no_collision || b.no_collision || are_joined(bodies_[i], bodies_[j])) continue;
-        const engine::Manifold manifold =
-            engine::collide(engine::PlacedShape(a, a.state), engine::PlacedShape(b, b.state));
-        if (manifold.count > 0)
-          warn("links " + in_quotes(lumps_.list[i].link) + " and " +
-               in_quotes(lumps_.list[j].link) +
-               " overlap and push each other apart; no_collision of one of them ends that");
-      }
+    constexpr std::size_t kMost = 20;
+    const std::set<std::pair<BodyId, BodyId>> joined = joined_pairs();
+    std::vector<engine::Proxy> proxies;
+    for (std::size_t i = 0; i < bodies_.size(); ++i) {
+      const engine::Body& body = world_.body(bodies_[i]);
+      if (body.no_collision) continue;
+      const engine::PlacedShape placed(body, body.state);
+      proxies.push_back(
+          {engine::bounds(placed.shape(), placed.state()), static_cast<int>(i), true});
+    }
+    engine::Broadphase broadphase;
+    std::size_t overlaps = 0;
+    for (const auto& [first, second] : broadphase.find_pairs(proxies)) {
+      const auto i = static_cast<std::size_t>(first), j = static_cast<std::size_t>(second);
+      if (joined.count(std::minmax(bodies_[i], bodies_[j])) > 0) continue;
+      const engine::Body &a = world_.body(bodies_[i]), &b = world_.body(bodies_[j]);
+      const engine::Manifold manifold =
+          engine::collide(engine::PlacedShape(a, a.state), engine::PlacedShape(b, b.state));
+      if (manifold.count == 0 || ++overlaps > kMost) continue;
+      const std::vector<Lump>& lumps = lumps_.list;
+      warn("links " + in_quotes(lumps[i].link) + " and " + in_quotes(lumps[j].link) +
+           " overlap and push each other apart; no_collision of one of them ends that");
+    }
+    if (overlaps > kMost || broadphase.is_full())
+      warn("more links overlap than these " + std::to_string(kMost));
   }
 
-  bool are_joined(BodyId a, BodyId b) const {
-    return std::any_of(robot_.constraints.begin(), robot_.constraints.end(), [&](const auto& name) {
-      const engine::Joint& joint = world_->joint(world_->find_joint(name));
-      if (engine::couples_joints(joint.kind) || joint.collide_connected) return false;
-      return (joint.body_a == a && joint.body_b == b) || (joint.body_a == b && joint.body_b == a);
-    });
+  /// Bodies that do not collide since a joint connects them, the lower id first.
+  std::set<std::pair<BodyId, BodyId>> joined_pairs() const {
+    std::set<std::pair<BodyId, BodyId>> pairs;
+    for (const engine::Joint& joint : given_joints_)
+      if (!engine::couples_joints(joint.kind) && !joint.collide_connected)
+        pairs.insert(std::minmax(joint.body_a, joint.body_b));
+    return pairs;
   }
 
   const urdf::ModelInterface& model_;
   const RobotOptions& options_;
   RobotExtra extra_;
   Lumps lumps_;
-  World* world_;
+  World world_;
   Robot robot_;
+  std::vector<engine::Body> given_bodies_;
+  std::vector<engine::Joint> given_joints_;
   std::map<std::string, double> positions_;  // of joints at first
   std::vector<Isometry3d> lump_poses_;       // in the world
   std::vector<BodyId> bodies_;               // of lumps
@@ -450,32 +469,58 @@ class Builder {
 
 namespace {
 
-/// Frames of links are published beside those of bodies.
-void check_frames(const urdf::ModelInterface& model, const RobotOptions& options,
-                  const World& world) {
-  const std::string& root = model.getRoot()->name;
-  for (const auto& entry : model.links_) {
-    const std::string frame = options.prefix + entry.first;
-    if (frame != "world") {
-      if (world.has_body(frame)) refuse("there is already a body named " + in_quotes(frame));
-    } else if (entry.first != root || !to_isometry(options.pose).isApprox(Isometry3d::Identity())) {
+/// Link 'world' is the world itself.
+void check_world_link(const urdf::ModelInterface& model, const RobotOptions& options) {
+  const bool is_at_origin = to_isometry(options.pose).isApprox(Isometry3d::Identity());
+  for (const auto& entry : model.links_)
+    if (options.prefix + entry.first == "world" &&
+        (entry.first != model.getRoot()->name || !is_at_origin))
       refuse(
           "link 'world' is the world itself only as the root of a robot that is added without a "
           "pose; else give the robot a prefix");
-    }
-  }
+}
+
+/// Frames of links are published beside those of bodies.
+void check_names(const BuiltRobot& built, const World& world) {
+  for (const RobotLink& link : built.robot.links)
+    if (link.name != "world" && world.has_body(link.name))
+      refuse("there is already a body named " + in_quotes(link.name));
+  for (const std::string& name : built.robot.bodies)
+    if (world.has_body(name)) refuse("there is already a body named " + in_quotes(name));
+  for (const std::string& name : built.robot.constraints)
+    if (world.has_joint(name)) refuse("there is already a constraint named " + in_quotes(name));
 }
 
 }  // namespace
 
-Robot add_robot(const std::string& urdf, const RobotOptions& options, World* world) {
+BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
   engine::validate(options.pose);
   const urdf::ModelInterfaceSharedPtr model = parse_urdf(urdf, options.mesh_exists);
-  check_frames(*model, options, *world);
-  World with_robot = *world;
-  Robot robot = Builder(*model, options, &with_robot).build();
-  *world = std::move(with_robot);
+  check_world_link(*model, options);
+  return Builder(*model, options).build();
+}
+
+Robot add_robot(const BuiltRobot& built, World* world) {
+  check_names(built, *world);  // the rest was checked when the robot was built
+  std::vector<BodyId> bodies{engine::kWorldBody};
+  for (const engine::Body& body : built.bodies) bodies.push_back(world->add_body(body));
+  std::vector<engine::JointId> joints;
+  for (engine::Joint joint : built.joints) {
+    joint.body_a = bodies[joint.body_a.value];
+    joint.body_b = bodies[joint.body_b.value];
+    if (engine::couples_joints(joint.kind))
+      for (engine::JointId* id : {&joint.coupling.first, &joint.coupling.second})
+        *id = joints[id->value];
+    joints.push_back(world->add_joint(joint));
+  }
+  Robot robot = built.robot;
+  for (RobotLink& link : robot.links) link.body = bodies[link.body.value];
+  for (RobotVisual& visual : robot.visuals) visual.body = bodies[visual.body.value];
   return robot;
+}
+
+Robot add_robot(const std::string& urdf, const RobotOptions& options, World* world) {
+  return add_robot(build_robot(urdf, options), world);
 }
 
 }  // namespace constraint_sim

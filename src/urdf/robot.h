@@ -51,8 +51,21 @@ struct RobotOptions {
   MeshExists mesh_exists;
 };
 
-/// Adds the robot that a URDF describes to a world. Throws std::invalid_argument, and then the
-/// world is what it was.
+/// A robot that is built and not yet in a world: adding it costs little.
+struct BuiltRobot {
+  Robot robot;                        ///< with ids of its own
+  std::vector<engine::Body> bodies;   ///< the first has id 1, as in an empty world
+  std::vector<engine::Joint> joints;  ///< the first has id 0, the same
+};
+
+/// Builds the robot that a URDF describes. Throws std::invalid_argument.
+BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options);
+
+/// Adds a robot to a world, at a cost that is linear in its size. Throws std::invalid_argument
+/// where a name is taken, and then the world is what it was.
+Robot add_robot(const BuiltRobot& built, engine::World* world);
+
+/// Builds the robot that a URDF describes and adds it to a world, as the functions above.
 Robot add_robot(const std::string& urdf, const RobotOptions& options, engine::World* world);
 
 }  // namespace constraint_sim

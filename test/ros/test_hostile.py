@@ -21,7 +21,7 @@ import rospy
 import rosservice
 import rostest
 from constraint_sim.msg import BodyState, MotorBias, Statistics
-from constraint_sim.srv import Step
+from constraint_sim.srv import GetBodyState, Step
 from geometry_msgs.msg import Twist, WrenchStamped
 from rosgraph_msgs.msg import Log
 from std_msgs.msg import Float64
@@ -53,6 +53,16 @@ bodies:
 constraints:
 - {name: elbow, type: hinge, body_b: arm, axis: [0, 1, 0], motor: {bias: 0}}
 """
+
+
+def chain(joints):
+    """A URDF of a chain of hinges."""
+    link = ('<link name="l%d"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" '
+            'iyz="0"/></inertial><collision><geometry><sphere radius="1"/></geometry></collision></link>')
+    joint = ('<joint name="j%d" type="continuous"><parent link="l%d"/><child link="l%d"/>'
+             '<axis xyz="0 1 0"/></joint>')
+    return ('<robot name="chain">' + "".join(link % i for i in range(joints + 1)) +
+            "".join(joint % (i, i, i + 1) for i in range(joints)) + "</robot>")
 
 
 @contextlib.contextmanager
@@ -251,6 +261,52 @@ class Hostile(unittest.TestCase):
                          "world: {iterations: 2147483647}"):
                 self.refused(["text"], "load_scene", text=text)
             self.assertLess(memory_of(process) - before, 50.0)
+
+    # ---- large edits
+
+    @contextlib.contextmanager
+    def served_beside(self):
+        """Queries are answered all the time."""
+        proxy = rospy.ServiceProxy(NODE + "/get_body_state", GetBodyState, persistent=True)
+        seconds, done = [], threading.Event()
+
+        def ask():
+            while not done.is_set():
+                seconds.append(seconds_of(lambda: self.assertTrue(proxy("witness", "").success)))
+        thread = threading.Thread(target=ask)
+        thread.start()
+        try:
+            yield
+        finally:
+            done.set()
+            thread.join()
+        self.assertGreater(len(seconds), 0)
+        self.assertLess(statistics.median(seconds), SECOND)
+        self.assertLess(max(seconds), QUICK)
+
+    def test_large_edits_take_time_by_their_size_alone(self):
+        count = 30000
+        names = ["b%d" % i for i in range(count)]
+        far = [sphere(name, 1e3 * i) for i, name in enumerate(names)]
+        # costs that are not linear take minutes: measured 44 s for 50 000 removals and 70 s for the robot
+        with node(paused="true"):
+            self.assertTrue(self.quick("add_body", body=sphere("witness", y=50)).success)
+            with self.served_beside():
+                for fields in ({"bodies": far}, {"states": [BodyState(name=n) for n in names]},
+                               {"remove_bodies": names}):
+                    answer = self.quick("apply_edits", **fields)
+                    self.assertTrue(answer.success, answer.status_message)
+                self.refused(["100000", "100001"], "apply_edits", remove_bodies=["x"] * 100001)
+                keys = ["k%d" % i for i in range(60000)]
+                self.refused(["keys"], "set_options", keys=keys, values=["1"] * len(keys))
+                self.refused(["keys"], "set_body_properties", name="witness", keys=keys,
+                             values=[1.0] * len(keys))
+                self.refused(["must be"], "set_options", keys=["tolerance"], values=["[" * 1000000])
+                answer = self.quick("load_urdf", text=chain(3300))
+                self.assertTrue(answer.success, answer.status_message)
+                self.assertEqual(len(answer.constraints), 3300)
+                self.assertLess(len(answer.status_message), 10000)  # all links overlap
+                self.assertTrue(self.quick("apply_edits", remove_bodies=answer.bodies).success)
 
     # ---- messages
 

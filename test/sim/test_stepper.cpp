@@ -488,6 +488,55 @@ TEST_F(EndlessTick, StopAbandonsIt) {
   EXPECT_EQ(ticks_with_joints_, 0);
 }
 
+// An edit that never ends by itself: others are served, and a pause makes it give up.
+TEST_F(RunningStepper, ALongEditKeepsNobodyWaitingAndIsCancelled) {
+  std::atomic<bool> has_begun{false}, was_cancelled{false};
+  std::thread thread([&] {
+    try {
+      stepper_.edit(
+          [&](World& world) {
+            World changed = world;
+            changed.remove({}, changed.body_ids());
+            has_begun = true;
+            while (!world.is_asked_to_stop()) std::this_thread::yield();
+            throw NotNow("cancelled");
+          },
+          Stepper::Duration::kMayBeLong);
+    } catch (const NotNow&) {
+      was_cancelled = true;
+    }
+  });
+  while (!has_begun) std::this_thread::yield();
+  stepper_.inspect([](const World& world) { EXPECT_TRUE(world.has_body("ball")); });
+  EXPECT_THROW(stepper_.edit([](World& world) { world.reset(); }), LongTick);
+  EXPECT_FALSE(was_cancelled);
+  stepper_.pause();
+  thread.join();
+  EXPECT_TRUE(was_cancelled);
+  stepper_.edit([](World& world) { world.remove({}, world.body_ids()); });
+}
+
+// Code of others that is called after a tick, as of plugins, cannot be stopped; queries go on.
+TEST(StepperOfSleepingCode, AnswersQueriesMeanwhile) {
+  std::atomic<bool> sleeps{false}, may_wake{false};
+  StepperEvents events;
+  events.stepped = [&](const World&, double) {
+    sleeps = true;
+    while (!may_wake) std::this_thread::yield();
+  };
+  StepperOptions options;
+  options.real_time_factor = 0.0;
+  options.keeps_world_before_ticks = true;
+  Stepper stepper(
+      ball_in_flight(), options, [] { return 0.0; }, events);
+  std::thread thread(&Stepper::run, &stepper);
+  while (!sleeps) std::this_thread::yield();
+  stepper.inspect([](const World& world) { EXPECT_EQ(world.step_count(), 0u); });
+  may_wake = true;
+  stepper.stop();
+  thread.join();
+}
+
 TEST_F(RunningStepper, StopCancelsAllWhoWait) {
   stepper_.pause();
   std::atomic<int> cancelled{0};

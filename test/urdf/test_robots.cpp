@@ -293,5 +293,57 @@ TEST(Robots, ExportsAsAnyOtherScene) {
   EXPECT_EQ(loaded.joint_ids().size(), world.joint_ids().size());
 }
 
+// A robot is built beside the world: in a world that had others, its joints and couplings are on
+// its own bodies, and where a name is taken the world stays what it was.
+TEST(Robots, AreAddedAfterOthers) {
+  World world;
+  RobotOptions options = with_extra("", true);
+  options.prefix = "a/";
+  const Robot gone = add_robot(shipped_urdf("arm"), options, &world);
+  add_robot(shipped_urdf("quadruped"), {}, &world);
+  world.remove({}, {world.find_body(gone.bodies[3])});
+  options.extra = shipped_extra("gripper");
+  options.prefix = "b/";
+  const BuiltRobot built = build_robot(shipped_urdf("gripper"), options);
+  const Robot gripper = add_robot(built, &world);
+  EXPECT_EQ(gripper.bodies, built.robot.bodies);
+  const auto is_own = [&](const std::string& name) { return name.compare(0, 2, "b/") == 0; };
+  bool any_coupling = false;
+  for (const std::string& name : gripper.constraints) {
+    const engine::Joint& joint = world.joint(world.find_joint(name));
+    for (const engine::BodyId id : {joint.body_a, joint.body_b})
+      EXPECT_TRUE(is_own(world.body(id).name)) << name;
+    if (!engine::couples_joints(joint.kind)) continue;
+    any_coupling = true;
+    for (const engine::JointId id : {joint.coupling.first, joint.coupling.second})
+      EXPECT_TRUE(is_own(world.joint(id).name)) << name;
+  }
+  EXPECT_TRUE(any_coupling);
+  for (const RobotLink& link : gripper.links) EXPECT_TRUE(is_own(world.body(link.body).name));
+  const std::uint64_t hash = world.state_hash();
+  EXPECT_THROW(add_robot(built, &world), std::invalid_argument);
+  EXPECT_EQ(world.state_hash(), hash);
+}
+
+// Costs of a chain are linear, and the warnings of a robot are bounded: each link overlaps all
+// others.
+TEST(Robots, ALongChainIsBuiltAtOnce) {
+  std::ostringstream text;
+  text << "<robot name='chain'>";
+  constexpr int kLinks = 2000;
+  for (int i = 0; i < kLinks; ++i)
+    text << "<link name='l" << i << "'><inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' "
+         << "ixy='0' ixz='0' iyz='0'/></inertial><collision><geometry><sphere radius='1'/>"
+         << "</geometry></collision></link>";
+  for (int i = 0; i + 1 < kLinks; ++i)
+    text << "<joint name='j" << i << "' type='continuous'><origin xyz='0.1 0 0'/><parent link='l"
+         << i << "'/><child link='l" << i + 1 << "'/><axis xyz='0 1 0'/></joint>";
+  text << "</robot>";
+  World world;
+  const Robot robot = add_robot(text.str(), {}, &world);
+  EXPECT_EQ(robot.constraints.size(), static_cast<std::size_t>(kLinks - 1));
+  EXPECT_EQ(robot.warnings.size(), 21u);  // 20 pairs of some 17 a link, and that there are more
+}
+
 }  // namespace
 }  // namespace constraint_sim

@@ -35,6 +35,25 @@ std::string shown(double value) {
   return text;
 }
 
+std::string shown(XmlRpc::XmlRpcValue& value) {
+  switch (value.getType()) {
+    case XmlRpc::XmlRpcValue::TypeBoolean:
+      return shown(static_cast<bool>(value));
+    case XmlRpc::XmlRpcValue::TypeInt:
+      return std::to_string(static_cast<int>(value));
+    case XmlRpc::XmlRpcValue::TypeDouble:
+      return shown(static_cast<double>(value));
+    case XmlRpc::XmlRpcValue::TypeString:
+      return shown(static_cast<std::string>(value));
+    case XmlRpc::XmlRpcValue::TypeArray:
+      return "a list";
+    case XmlRpc::XmlRpcValue::TypeStruct:
+      return "a map";
+    default:
+      return "a value of another type";
+  }
+}
+
 /// Calls do_with(name, member pointer) for each private parameter.
 template <class Do>
 void for_each(Do do_with) {
@@ -75,10 +94,17 @@ void check_positive(const std::string& name, double value) {
     refuse(name, "must be a number > 0, got " + shown(value));
 }
 
+// As in `/a`, `a//b` and `a/`.
+bool has_empty_part(const std::string& name) {
+  return name.empty() || name.front() == '/' || name.back() == '/' ||
+         name.find("//") != std::string::npos;
+}
+
 void check_names(const std::string& parameter, const std::string& names) {
   for (const std::string& name : names_in(names)) {
     std::string why;
-    if (!ros::names::validate(topic_of(parameter, name), why))
+    if (has_empty_part(name)) why = "a part between slashes is empty";
+    if (!why.empty() || !ros::names::validate(topic_of(parameter, name), why))
       refuse(parameter, "no topic can have the name " + shown(name) + ": " + why);
   }
 }
@@ -92,10 +118,13 @@ void check(const Parameters& p) {
   if (!(p.diagnostics_real_time_factor >= 0.0 && p.diagnostics_real_time_factor <= 1.0))
     refuse("diagnostics_real_time_factor",
            "must be from 0 to 1, got " + shown(p.diagnostics_real_time_factor));
-  if (p.world_frame.empty() || p.world_frame.front() == '/')
-    refuse("world_frame", "must be a frame without a leading slash, got " + shown(p.world_frame));
-  if (!p.frame_prefix.empty() && p.frame_prefix.front() == '/')
-    refuse("frame_prefix", "must not begin with a slash, got " + shown(p.frame_prefix));
+  if (has_empty_part(p.world_frame))
+    refuse("world_frame",
+           "must be a frame without empty parts between slashes, got " + shown(p.world_frame));
+  for (const auto& [name, prefix] :
+       {std::pair("frame_prefix", p.frame_prefix), std::pair("robot_prefix", p.robot_prefix)})
+    if (!prefix.empty() && has_empty_part(prefix + "x"))
+      refuse(name, "must not begin with a slash or have two in a row, got " + shown(prefix));
   if (p.publish_links != "all" && p.publish_links != "root" && p.publish_links != "none")
     refuse("publish_links", "must be all, root or none, got " + shown(p.publish_links));
   check_names("command", p.command);
@@ -136,13 +165,20 @@ std::vector<std::pair<std::string, std::string>> followed_in(const std::string& 
     const std::size_t middle = pair.find('=');
     const std::string body = pair.substr(0, middle);
     const std::string frame = middle == std::string::npos ? "" : pair.substr(middle + 1);
-    if (body.empty() || frame.empty() || frame.front() == '/')
-      refuse("follow", "must be BODY=FRAME, frames without a leading slash, got " + shown(pair));
+    if (body.empty() || has_empty_part(frame))
+      refuse("follow",
+             "must be BODY=FRAME, frames without empty parts between slashes, got " + shown(pair));
     for (const auto& before : followed)
       if (before.first == body) refuse("follow", "has the body " + shown(body) + " twice");
     followed.emplace_back(body, frame);
   }
   return followed;
+}
+
+std::vector<std::string> parameter_names() {
+  std::vector<std::string> names;
+  for_each([&](const char* name, auto) { names.emplace_back(name); });
+  return names;
 }
 
 Parameters read_parameters(const ros::NodeHandle& private_handle) {
@@ -151,8 +187,7 @@ Parameters read_parameters(const ros::NodeHandle& private_handle) {
   for_each([&](const char* name, auto member) {
     XmlRpc::XmlRpcValue found;
     if (private_handle.getParam(name, found) && !private_handle.getParam(name, p.*member))
-      refuse(name, std::string("must be a ") + type_name(p.*member) + ", got " +
-                       shortened(found.toXml(), 200));
+      refuse(name, std::string("must be a ") + type_name(p.*member) + ", got " + shown(found));
   });
   check(p);
   for_each([&](const char* name, auto member) { private_handle.setParam(name, p.*member); });
@@ -160,8 +195,8 @@ Parameters read_parameters(const ros::NodeHandle& private_handle) {
 }
 
 std::vector<std::string> unknown_parameters(const ros::NodeHandle& private_handle) {
-  std::vector<std::string> known, all, sentences;
-  for_each([&](const char* name, auto) { known.emplace_back(name); });
+  const std::vector<std::string> known = parameter_names();
+  std::vector<std::string> all, sentences;
   private_handle.getParamNames(all);
   const std::string prefix = private_handle.getNamespace() + "/";
   for (const std::string& full : all) {

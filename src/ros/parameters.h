@@ -74,6 +74,9 @@ class ParameterError : public std::invalid_argument {
 void check_real_time_factor(double value);
 void check_publish_rate(double value);
 
+/// Names of all private parameters.
+std::vector<std::string> parameter_names();
+
 /// Reads the parameters and writes those in effect back, for `rosparam get` to show. Throws
 /// ParameterError, and has then written nothing.
 Parameters read_parameters(const ros::NodeHandle& private_handle);

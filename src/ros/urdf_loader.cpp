@@ -1,6 +1,7 @@
 #include "ros/urdf_loader.h"
 
 #include <ros/console.h>
+#include <ros/names.h>
 #include <ros/package.h>
 #include <sys/stat.h>
 
@@ -93,7 +94,9 @@ void add_first_robot(const ros::NodeHandle& handle, const Parameters& parameters
   if (parameters.robot.empty()) return;
   try {
     Description description;
-    if (!handle.getParam(parameters.robot, description.urdf))
+    std::string why;  // a path is no name of a parameter
+    if (!ros::names::validate(parameters.robot, why) ||
+        !handle.getParam(parameters.robot, description.urdf))
       description = read_description(parameters.robot, parameters, Caller::kParameter);
     if (!parameters.robot_extra.empty())
       description.extra =

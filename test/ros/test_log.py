@@ -165,9 +165,10 @@ constraints:
         self.assertEqual(rospy.get_param(NODE + "/time_step"), -1.0)
 
     def test_unknown_parameters_and_those_of_an_earlier_run_are_named(self):
-        with speaking(RUN + ["_scene:=winch", "_tme_step:=0.1", "_paused:=true"]) as log:
+        with speaking(RUN + ["_tme_step:=0.1"]) as log:
             log.wait("WARN", "~tme_step", "did you mean 'time_step'?")
-        rospy.delete_param(NODE + "/tme_step")
+        rospy.set_param(NODE + "/scene", "winch")
+        rospy.set_param(NODE + "/paused", True)
         with speaking(RUN) as log:
             log.wait("WARN", "~scene 'winch', ~paused true", "earlier run",
                      "rosparam delete " + NODE)

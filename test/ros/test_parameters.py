@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """config/parameters.yaml against the node: the same parameters, defaults and types."""
 import os
+import subprocess
 import unittest
 
 import rospkg
@@ -51,6 +52,74 @@ class Parameters(unittest.TestCase):
                  "follow_delay": 0.5}
         self.assertEqual(set(given) | {"plugins"}, set(self.documented))  # test_plugins has one
         self.assertEqual(effective(**given), typed({**given, "plugins": ""}))
+
+    # ---- the command line
+
+    def end_of(self, *words):
+        """Exit status and what a node says that is not to start."""
+        done = subprocess.run([support.node_program(), "__name:=constraint_sim", *words],
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              universal_newlines=True, timeout=support.TIMEOUT)
+        return done.returncode, done.stdout
+
+    def test_help_is_shown_and_no_node_starts(self):
+        for word in ("--help", "-h"):
+            status, said = self.end_of(word)
+            self.assertEqual(status, 0)
+            for name in self.documented:
+                self.assertIn(" " + name, said)
+
+    def test_words_that_are_no_parameters_are_named(self):
+        for words, named in ((["bridge"], "'bridge'"), (["--scene", "bridge"], "bridge"),
+                             (["scene:=bridge"], "_scene:=VALUE"), ([":=bridge"], ":=bridge"),
+                             (["_paused:=true", "real_time_factor:=0"], "_real_time_factor")):
+            status, said = self.end_of(*words)
+            self.assertEqual(status, 2, said)
+            self.assertIn(named, said)
+
+    def test_a_remap_from_roslaunch_is_none_of_them(self):
+        with running(node_command(paused="true") + ["cmd_vel:=base/cmd_vel", "__log:=/tmp/none.log"]):
+            self.assertEqual(properties().bodies, [])
+
+    def test_names_with_empty_parts_are_refused(self):
+        for given in ("_command:=a//b/", "_cmd_vel:=/a", "_wrench:=a/", "_odometry:=a//b",
+                      "_world_frame:=map//", "_frame_prefix:=a//", "_robot_prefix:=/a",
+                      "_follow:=a=b//c"):
+            status, said = self.end_of(given)
+            self.assertEqual(status, 2, said)
+            self.assertIn("parameter ~" + given[1:given.index(":=")], said)
+
+    def test_values_of_another_type_are_shown_as_they_are(self):
+        for value, shown in (([1, 2], "a list"), ({"a": 1}, "a map"), ("fast", "'fast'"), (True, "true")):
+            rospy.set_param(support.NODE + "/time_step", value)
+            status, said = self.end_of()
+            rospy.delete_param(support.NODE)
+            self.assertEqual(status, 2, said)
+            self.assertIn("must be a number, got " + shown, said)
+            self.assertNotIn("<", said)
+
+    def test_paths_of_robots_are_no_names_of_parameters(self):
+        for path in ("/any/path/arm.urdf", "package://nowhere/arm-1.urdf", "arm 1"):
+            status, said = self.end_of("_robot:=" + path)
+            self.assertEqual(status, 2, said)
+            self.assertIn("parameter ~robot", said)
+
+    def test_what_a_command_line_gave_is_of_that_run_alone(self):
+        given = {"real_time_factor": 0, "time_step": 0.002, "paused": True}
+        before = effective()
+        with running(node_command(**given, colour="red")):
+            properties()
+            rospy.set_param(support.NODE + "/time_step", 0.004)  # by somebody else
+        left = rospy.get_param(support.NODE)
+        self.assertEqual(set(left) & {"real_time_factor", "paused", "colour"}, set())
+        self.assertEqual(left["time_step"], 0.004)
+        rospy.delete_param(support.NODE + "/time_step")
+        with running([support.node_program(), "__name:=constraint_sim"]):
+            properties()
+            self.assertEqual(typed(rospy.get_param(support.NODE)), before)
+        # also where the node does not start
+        self.assertEqual(self.end_of("_paused:=true", "_time_step:=-1")[0], 2)
+        self.assertEqual(set(rospy.get_param(support.NODE)) & {"time_step", "paused"}, set())
 
 
 if __name__ == "__main__":

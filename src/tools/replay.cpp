@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/snapshot.h"
+#include "ros/edit_log.h"
 #include "ros/edits.h"
 #include "ros/parameters.h"
 #include "ros/plugins.h"
@@ -61,11 +62,22 @@ class Replay {
   bool advance_to(const EditRecord& record) {
     if (world_->step_count() > record.step && record.service != "reset_simulation")
       return differs(record, "it has gone beyond that step");
+    check_step(record);
     while (world_->step_count() < record.step && record.service != "reset_simulation") {
       ++steps_;
       if (world_->step().failed) return differs(record, "a step fails before it");
     }
     return true;
+  }
+
+  // There is a record at least every kCheckEvery steps: a step number beyond is damaged.
+  void check_step(const EditRecord& record) const {
+    const std::uint64_t step = world_->step_count();
+    if (record.step <= step || record.step - step <= EditLog::kCheckEvery) return;
+    throw std::invalid_argument("record " + std::to_string(record.number) + ": step " +
+                                std::to_string(record.step) + " is more than " +
+                                std::to_string(EditLog::kCheckEvery) +
+                                " steps after the record before, at step " + std::to_string(step));
   }
 
   bool differs(const EditRecord& record, const char* why) const {

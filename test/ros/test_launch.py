@@ -174,6 +174,12 @@ class Launch(unittest.TestCase):
     def test_a_recorded_bag_replays_without_the_node(self):
         with recorded() as bag:
             self.check_replay(bag)
+            # nodes that start after a replay do not wait for its clock
+            path = os.path.join(LAUNCH, "replay.launch")
+            with support.running(["roslaunch", path, "bag:=" + bag, "rviz:=false"]):
+                wait_until(lambda: rospy.has_param("/use_sim_time") and
+                           "/play" in rosnode.get_node_names(), "the replay")
+            self.assertFalse(rospy.get_param("/use_sim_time", False))
 
     def test_a_bag_of_simulated_time_replays_without_the_node(self):
         with tempfile.NamedTemporaryFile("w", suffix=".yaml") as file:

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
 """A recorded run is run again to the same hashes, and where it is not, that is named."""
+import copy
 import os
 import random
 import subprocess
@@ -146,6 +147,19 @@ class Replay(support.ServiceCase):
         status, said = replay(self.file)
         self.assertEqual(status, 1, said)
         self.assertIn("differs at step %d" % changed.step, said)
+
+    def test_a_step_number_that_is_damaged_ends_it(self):
+        self.good("load_scene", path="pendulum")
+        self.begin()
+        self.good("step", steps=250)
+        self.end()
+        for step in (2 ** 64 - 1, 10 ** 12, 251 + 101):
+            records = [copy.copy(r) for r in self.log.messages]
+            records[-1].step = step
+            self.write(records)
+            status, said = replay(self.file)
+            self.assertEqual(status, 2, said)
+            self.assertIn("step %d" % step, said)
 
     def test_an_hour_of_commands(self):
         self.good("load_scene", path="platform")

@@ -486,7 +486,8 @@ World read_snapshot(const std::string& bytes) {
     const std::size_t end = is_snapshot(bytes) ? bytes.find('\n') : 0;
     throw SnapshotError(end == 0 || end == std::string::npos
                             ? "snapshot: is none"
-                            : "snapshot: is of another build: '" + bytes.substr(0, end) +
+                            : "snapshot: is of another build: '" +
+                                  bytes.substr(0, std::min<std::size_t>(end, 200)) +
                                   "', this is '" + expected.substr(0, expected.size() - 1) + "'");
   }
   return read_world(bytes, true);

@@ -2,6 +2,7 @@
 
 #include <ros/console.h>
 
+#include <iterator>
 #include <utility>
 
 #include "ros/conversions.h"
@@ -82,6 +83,37 @@ void Robots::add(const Robot& robot, const engine::World& world) {
   }
   for (const auto& [joint, bounds] : robot.bounds)
     if (world.has_joint(joint)) bounds_[world.find_joint(joint).value] = {joint, bounds};
+  forget_oldest(world);
+}
+
+std::size_t Robots::size_of(const BodyLinks& links) {
+  std::size_t bytes = sizeof links + links.body.size();
+  for (const Link& link : links.links) bytes += sizeof link + link.frame.size();
+  for (const Visual& visual : links.visuals)
+    bytes += sizeof visual + visual.marker.mesh_resource.size();
+  return bytes;
+}
+
+std::size_t Robots::size_of(const BoundedJoint& joint) { return sizeof joint + joint.name.size(); }
+
+// Ids grow, so that the lowest ones are the oldest.
+void Robots::forget_oldest(const engine::World& world) {
+  std::size_t bytes = 0;
+  for (const auto& [number, links] : bodies_) bytes += size_of(links);
+  for (const auto& [number, joint] : bounds_) bytes += size_of(joint);
+  const auto forget = [&](auto* known, auto is_gone) {
+    for (auto next = known->begin(); bytes > kMostBytes && next != known->end();) {
+      const bool goes = is_gone(*next);
+      if (goes) bytes -= size_of(next->second);
+      next = goes ? known->erase(next) : std::next(next);
+    }
+  };
+  forget(&bodies_,
+         [&](const auto& entry) { return find(world, engine::BodyId{entry.first}) == nullptr; });
+  forget(&bounds_, [&](const auto& entry) {
+    const std::string& name = entry.second.name;
+    return !world.has_joint(name) || world.find_joint(name).value != entry.first;
+  });
 }
 
 const Robots::BodyLinks* Robots::find(const engine::World& world, engine::BodyId body) const {

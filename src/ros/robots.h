@@ -4,6 +4,7 @@
 #include <tf2_msgs/TFMessage.h>
 
 #include <atomic>
+#include <cstddef>
 #include <map>
 #include <mutex>
 #include <string>
@@ -17,10 +18,14 @@ namespace constraint_sim {
 
 /// The robots that were added from URDFs: the frames of their links, what they look like, and what
 /// bounds their joints. Bodies and joints are known by id and name, since those of a snapshot of
-/// another process may have the ids of others here; what is gone is shown no longer, until a
-/// snapshot brings it back. On any thread.
+/// another process may have the ids of others here. A robot that is gone is shown no longer, until
+/// a snapshot brings it back; of these the oldest are forgotten beyond kMostBytes. On any thread.
 class Robots {
  public:
+  /// [bytes] of what is known of all bodies and joints, beyond which those that are gone are
+  /// forgotten: some hundred robots.
+  static constexpr std::size_t kMostBytes = std::size_t{8} << 20;
+
   explicit Robots(const Parameters& parameters) : parameters_(parameters) {}
 
   /// One that has just been added to this world.
@@ -65,6 +70,9 @@ class Robots {
   };
 
   const BodyLinks* find(const engine::World& world, engine::BodyId body) const;
+  void forget_oldest(const engine::World& world);
+  static std::size_t size_of(const BodyLinks& links);
+  static std::size_t size_of(const BoundedJoint& joint);
 
   Parameters parameters_;
   mutable std::mutex mutex_;

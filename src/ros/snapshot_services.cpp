@@ -1,5 +1,7 @@
 #include "ros/snapshot_services.h"
 
+#include <chrono>
+#include <memory>
 #include <stdexcept>
 #include <utility>
 
@@ -25,6 +27,16 @@ std::string SnapshotServices::place(const std::string& path) const {
   return folder.empty() ? path : path_below(folder, path);
 }
 
+// One file at a time: each may take a GiB.
+World SnapshotServices::read(const std::string& path) {
+  constexpr auto kPatience = std::chrono::milliseconds(500);
+  const std::unique_lock<std::timed_mutex> lock(reading_, kPatience);
+  if (!lock) throw NotNow("path: not now, another file is being restored");
+  return engine::read_snapshot(read_file(path, Snapshots::kMostBytes, [](const std::string& start) {
+    if (!engine::is_snapshot(start)) throw engine::SnapshotError("snapshot: is none");
+  }));
+}
+
 // the stepping thread only copies the world
 bool SnapshotServices::save(SaveSnapshotRequest& request, SaveSnapshotResponse& response) {
   return answer(response, [&] {
@@ -32,7 +44,7 @@ bool SnapshotServices::save(SaveSnapshotRequest& request, SaveSnapshotResponse& 
       throw std::invalid_argument("name, path: at most one of the two, got both");
     World world;
     stepper_.inspect([&](const World& now) { world = now; });
-    std::string bytes = engine::write_snapshot(world);
+    auto bytes = std::make_shared<const std::string>(engine::write_snapshot(world));
     response.sim_time = world.time();
     response.step = world.step_count();
     response.state_hash = world.state_hash();
@@ -40,7 +52,7 @@ bool SnapshotServices::save(SaveSnapshotRequest& request, SaveSnapshotResponse& 
       response.name = snapshots_.keep({request.name, false, world.time(), world.step_count(),
                                        response.state_hash, std::move(bytes)});
     else
-      write_file(place(request.path), bytes);
+      write_file(place(request.path), *bytes);
   });
 }
 
@@ -48,9 +60,8 @@ bool SnapshotServices::restore(RestoreSnapshotRequest& request, RestoreSnapshotR
   return answer(response, [&] {
     if (request.name.empty() == request.path.empty())
       throw std::invalid_argument("name, path: exactly one of the two is needed");
-    World restored = engine::read_snapshot(
-        request.path.empty() ? snapshots_.bytes(request.name)
-                             : read_file(place(request.path), Snapshots::kMostBytes));
+    World restored = request.path.empty() ? engine::read_snapshot(*snapshots_.bytes(request.name))
+                                          : read(place(request.path));
     response.state_hash = restored.state_hash();
     const Boundary boundary = stepper_.interrupt("restore_snapshot", [&](World& world) {
       restored.reserve_ids(world);

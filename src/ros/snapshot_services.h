@@ -26,11 +26,13 @@ class SnapshotServices {
   bool restore(RestoreSnapshotRequest& request, RestoreSnapshotResponse& response);
   bool list(ListSnapshotsRequest& request, ListSnapshotsResponse& response);
   std::string place(const std::string& path) const;
+  World read(const std::string& path);
 
   Stepper& stepper_;
   EditLog& edit_log_;
   Parameters parameters_;
   Snapshots snapshots_;
+  std::timed_mutex reading_;
   std::vector<ros::ServiceServer> servers_;
 };
 

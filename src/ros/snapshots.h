@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <mutex>
 #include <string>
 
@@ -19,6 +20,9 @@ class Snapshots {
   static constexpr std::size_t kMostInRing = 100;
   /// [bytes] of all of them, as written; one that would be beyond is not kept.
   static constexpr std::size_t kMostBytes = std::size_t{1} << 30;
+  static constexpr std::size_t kLongestName = 255;
+
+  using Bytes = std::shared_ptr<const std::string>;
 
   struct Snapshot {
     std::string name;
@@ -26,15 +30,16 @@ class Snapshots {
     double time;  ///< simulated [s]
     std::uint64_t step;
     std::uint64_t hash;
-    std::string bytes;
+    Bytes bytes;
   };
   using List = std::deque<Snapshot>;
 
   /// Keeps one; without a name in the ring, as `auto_N`. Returns its name. Throws
-  /// std::invalid_argument where there is no room for it, or the name is one of the ring.
+  /// std::invalid_argument where there is no room for it, or the name is one of the ring or too
+  /// long.
   std::string keep(Snapshot snapshot);
   /// The bytes of one. Throws std::invalid_argument where there is none of this name.
-  std::string bytes(const std::string& name) const;
+  Bytes bytes(const std::string& name) const;
   /// Without bytes, the oldest first.
   List list() const;
 

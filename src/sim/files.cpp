@@ -118,7 +118,8 @@ class Unfinished {
 
 }  // namespace
 
-std::string read_file(const std::string& path, std::size_t most) {
+std::string read_file(const std::string& path, std::size_t most,
+                      const std::function<void(const std::string& start)>& check) {
   if (path.find('\0') != std::string::npos) refuse("read", path, "it has a zero byte");
   // before it is opened, which some devices take for an order
   struct stat status {};
@@ -129,6 +130,7 @@ std::string read_file(const std::string& path, std::size_t most) {
   check_regular("read", path, status);
   check_size(path, static_cast<std::size_t>(status.st_size), most);
   std::string text;
+  bool is_checked = check == nullptr;
   char piece[1 << 16];
   for (;;) {
     const ssize_t count = ::read(file, piece, sizeof piece);
@@ -137,6 +139,10 @@ std::string read_file(const std::string& path, std::size_t most) {
     if (count == 0) return text;
     text.append(piece, static_cast<std::size_t>(count));
     check_size(path, text.size(), most);  // some grow, and those of the kernel have no size
+    if (is_checked) continue;
+    check(text);
+    is_checked = true;
+    text.reserve(static_cast<std::size_t>(status.st_size));
   }
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <string>
 
 namespace constraint_sim {
@@ -9,8 +10,10 @@ namespace constraint_sim {
 
 inline constexpr std::size_t kMostBytes = std::size_t{6} << 20;  ///< of a scene, as load_scene
 
-/// The bytes of a regular file of up to `most`; a link is followed.
-std::string read_file(const std::string& path, std::size_t most = kMostBytes);
+/// The bytes of a regular file of up to `most`; a link is followed. `check` is called with its
+/// first bytes before the others are read, and may throw.
+std::string read_file(const std::string& path, std::size_t most = kMostBytes,
+                      const std::function<void(const std::string& start)>& check = nullptr);
 
 /// Replaces or makes a regular file: the whole text, on the disk when this returns, or the file as
 /// it was. Of a link the file that it leads to. The mode of a file that was there stays.

@@ -181,6 +181,19 @@ class Robots(support.ServiceCase):
         with running(node_command(robot="nobody")) as process:
             self.assertEqual(process.wait(support.TIMEOUT), 2)
 
+    def test_robots_that_are_gone_are_forgotten_after_many_others(self):
+        visual = '<visual><geometry><mesh filename="file:///etc/hostname"/></geometry></visual>'
+        text = urdf("arm").replace("</link>", 3000 * visual + "</link>", 1)
+        with simulator() as process:
+            def replace(times):
+                for _ in range(times):
+                    self.good("load_urdf", text=text)
+                    self.good("load_scene", text="bodies: []")
+            replace(15)
+            before = support.memory_of(process)
+            replace(40)  # whose visuals are some 60 MiB
+            self.assertLess(support.memory_of(process) - before, 20.0)
+
     def test_the_parameter_robot_description(self):
         rospy.set_param("/robot_description", urdf("quadruped"))
         with simulator(robot="/robot_description", robot_z=0.5):

@@ -3,12 +3,22 @@
 import os
 import tempfile
 import threading
+import xmlrpc.client
 
+import rosnode
 import rospy
 import rostest
 
 import support
 from support import call, node_command, properties, running, sphere
+
+
+def most_memory():
+    """The most resident memory that the node ever had [MiB]."""
+    uri = rosnode.get_api_uri(rospy.get_master(), support.NODE)
+    pid = xmlrpc.client.ServerProxy(uri).getPid(rospy.get_name())[2]
+    with open("/proc/%d/status" % pid) as file:
+        return next(int(line.split()[1]) for line in file if line.startswith("VmHWM:")) / 1024
 
 
 class Snapshots(support.ServiceCase):
@@ -111,10 +121,24 @@ class Snapshots(support.ServiceCase):
         self.bad(["name, path"], "save_snapshot", name="a", path="b")
         self.bad(["auto_"], "save_snapshot", name="auto_1")
         self.bad(["/nowhere"], "save_snapshot", path="/nowhere/at/all")
+        self.bad(["name", "255", "5000000"], "save_snapshot", name="x" * 5000000)
         with tempfile.NamedTemporaryFile("w", suffix=".yaml") as scene:
             scene.write("bodies: []")
             scene.flush()
             self.bad(["snapshot", "none"], "restore_snapshot", path=scene.name)
+
+    def test_large_files_that_are_none_are_not_read(self):
+        with tempfile.NamedTemporaryFile(suffix=".snapshot") as file:
+            file.truncate(1 << 30)
+            before = most_memory()
+            callers = [threading.Thread(target=lambda: self.assertIn(
+                "snapshot", call("restore_snapshot", path=file.name).status_message))
+                for _ in range(4)]
+            for caller in callers:
+                caller.start()
+            for caller in callers:
+                caller.join()
+            self.assertLess(most_memory() - before, 100.0)
 
     def test_names_are_replaced(self):
         self.good("save_snapshot", name="again")

@@ -7,6 +7,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <utility>
 
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
@@ -36,12 +37,29 @@ struct Acting {
 class CoupledCoordinates {
  public:
   CoupledCoordinates(std::size_t root, const List<Acting>& couplings) {
+    std::map<std::size_t, List<std::size_t>> on;  // couplings, by the joints they couple
+    for (std::size_t i = 0; i < couplings.size(); ++i)
+      for (const std::size_t joint : {couplings[i].first, couplings[i].second})
+        on[joint].push_back(i);
+    // In the order of passes over all couplings that each follow what leads on from the passes
+    // before, without the passes: by number of the pass and index.
+    std::set<std::pair<std::size_t, std::size_t>> next;
+    List<bool> is_followed(couplings.size());
     known_[root] = {};
-    List<Acting> left = couplings;
-    for (std::size_t before = left.size() + 1; left.size() < before;) {
-      before = left.size();
-      const auto follows = [this](const Acting& coupling) { return follow(coupling); };
-      left.erase(std::remove_if(left.begin(), left.end(), follows), left.end());
+    for (const std::size_t i : on[root]) next.emplace(0, i);
+    while (!next.empty()) {
+      const auto [pass, i] = *next.begin();
+      next.erase(next.begin());
+      if (is_followed[i]) continue;
+      is_followed[i] = true;
+      const Acting& coupling = couplings[i];
+      List<std::size_t> reached;
+      for (const std::size_t joint : {coupling.first, coupling.second})
+        if (!leads_to(joint)) reached.push_back(joint);
+      follow(coupling);
+      for (const std::size_t joint : reached)
+        for (const std::size_t k : on[joint])
+          if (!is_followed[k]) next.emplace(k > i ? pass : pass + 1, k);
     }
   }
 
@@ -82,14 +100,13 @@ class CoupledCoordinates {
     return all;
   }
 
-  /// False of one that none of the coordinates is in.
-  bool follow(const Acting& coupling) {
+  /// `coupling`: one with a coordinate that is known.
+  void follow(const Acting& coupling) {
     const bool has_first = leads_to(coupling.first), has_second = leads_to(coupling.second);
-    if (!has_first && !has_second) return false;
     const double ratio = coupling.ratio, constant = coupling.constant;
     if (has_first && has_second) {
       const Implied all = by_root(coupling.first, ratio, coupling.second);
-      if (all.share == 0.0 || root_) return true;
+      if (all.share == 0.0 || root_) return;
       root_ = Implied{0.0, (constant - all.constant) / all.share,
                       (all.off + coupling.error) / std::abs(all.share)};
       loop_ = coupling;
@@ -104,7 +121,6 @@ class CoupledCoordinates {
                                  std::abs(ratio) * q.off + coupling.error},
                                 coupling};
     }
-    return true;
   }
 
   void add_way(std::size_t joint, std::set<std::size_t>* names) const {

@@ -88,6 +88,8 @@ class RowSolver {
 
   /// v + w of a body after the solve.
   Twist final_velocity(std::size_t body) const { return velocities_[body] + corrections_[body]; }
+  /// w of a body after the solve.
+  Twist correction(std::size_t body) const { return corrections_[body]; }
 
  private:
   /// Of one row: J and M⁻¹ Jᵀ of each body, K = J M⁻¹ Jᵀ, and 1/(K + softness).

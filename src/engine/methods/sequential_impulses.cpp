@@ -31,11 +31,17 @@ ContactState contact_state(const Row* rows, std::size_t count) {
   return friction < (1.0 - kAtLimit) * limit ? ContactState::kSticking : ContactState::kSlipping;
 }
 
-// Adds what wrenches do on bodies that have the velocities of the solver [J].
-void add_work(const List<ActingWrench>& wrenches, const RowSolver& solver, double* work) {
+double work_at(const ActingWrench& wrench, const Twist& v) {
+  return wrench.duration * (wrench.force.dot(v.head<3>()) + wrench.torque.dot(v.tail<3>()));
+}
+
+// Adds the work of wrenches on bodies that have the velocities of the solver [J]. Corrections that
+// move a body against a wrench do the opposite work, as they do against its weight.
+void add_work(const List<ActingWrench>& wrenches, const RowSolver& solver, double* driven,
+              double* by_corrections) {
   for (const ActingWrench& wrench : wrenches) {
-    const Twist v = solver.final_velocity(wrench.body);
-    *work += wrench.duration * (wrench.force.dot(v.head<3>()) + wrench.torque.dot(v.tail<3>()));
+    *driven += work_at(wrench, solver.final_velocity(wrench.body));
+    *by_corrections -= work_at(wrench, solver.correction(wrench.body));
   }
 }
 
@@ -65,8 +71,8 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
   }
   {  // 6. with the final velocities
     const StageTimer timer(step.clock, Stage::kPositions, times);
-    add_work(step.wrenches, solver_, &report.driven_work);
-    report.correction_work = solver_.update_positions(
+    add_work(step.wrenches, solver_, &report.driven_work, &report.correction_work);
+    report.correction_work += solver_.update_positions(
         step.bodies, model.masses, model.options.gravity, step.span.h, state->states);
   }
   return report;

@@ -1,0 +1,60 @@
+// What is no error is not reported as one: work of corrections, errors that a command is closing,
+// and estimates of what spins.
+
+#include <cmath>
+
+#include "support.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+// ---- energy
+
+World pressed_ball(Method method, double time_step, double overlap) {
+  WorldOptions options;
+  options.method = method;
+  options.time_step = time_step;
+  options.gravity.setZero();
+  World world(options);
+  Body wall = make_body("wall", Box{{0.1, 4.0, 4.0}}, 0.0, {0.1, 0.0, 0.0});
+  wall.type = BodyType::kStatic;
+  world.add_body(wall);
+  const BodyId ball =
+      world.add_body(make_body("ball", Sphere{0.02}, 0.2, {0.03 + overlap, 0.0, 0.0}));
+  Wrench wrench;
+  wrench.body = ball;
+  wrench.force = {800.0, 0.0, 0.0};
+  world.add_wrench(wrench);
+  return world;
+}
+
+// 800 N press a ball against a wall, from a distance and from an overlap that is closed meanwhile.
+TEST(FalseAlarms, CorrectionsAgainstAWrenchGiveNoEnergy) {
+  for (const Method method : {Method::kAuto, Method::kSequentialImpulses})
+    for (const double time_step : {1.0 / 30, 1.0 / 60, 1.0 / 240, 1.0 / 1000})
+      for (const double overlap : {-0.03, 0.002, 0.005}) {
+        World world = pressed_ball(method, time_step, overlap);
+        for (double t = 0.0; t < 0.5; t += time_step)
+          ASSERT_EQ(world.step().energy_rise, 0.0)
+              << name(method) << ' ' << time_step << ' ' << overlap << ' ' << world.time();
+      }
+}
+
+// The wrench loses what the corrections do against it.
+TEST(FalseAlarms, CorrectionsDoTheWorkThatAWrenchLoses) {
+  World world = pressed_ball(Method::kSequentialImpulses, 0.01, 0.005);
+  double driven = 0.0, corrections = 0.0;
+  const double start = world.state(world.find_body("ball")).position.x();
+  for (int i = 0; i < 100; ++i) {
+    const StepReport& report = world.step();
+    driven += report.driven_work;
+    corrections += report.correction_work;
+  }
+  const double moved = world.state(world.find_body("ball")).position.x() - start;
+  EXPECT_LT(moved, -0.004);
+  EXPECT_NEAR(driven, 800.0 * moved, 1e-9);
+  EXPECT_NEAR(corrections, -800.0 * moved, 1e-9);
+}
+
+}  // namespace
+}  // namespace constraint_sim::engine

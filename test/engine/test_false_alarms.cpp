@@ -56,5 +56,33 @@ TEST(FalseAlarms, CorrectionsDoTheWorkThatAWrenchLoses) {
   EXPECT_NEAR(corrections, -800.0 * moved, 1e-9);
 }
 
+// ---- estimates
+
+// A wheel on a hinge at a constant speed: the angle is known, whatever a tick turns the wheel by. A
+// part of a tick turns it by half a radian at most.
+TEST(FalseAlarms, EstimateOfASpinningWheelIsItsError) {
+  const double radius = 0.1;
+  for (const int order : {2, 4})
+    for (const double speed : {10.0, 100.0, 300.0, 1000.0}) {
+      WorldOptions options;
+      options.method = Method::kEnergyMomentum;
+      options.stiff_order = order;
+      options.time_step = 1.0 / 60;
+      options.gravity.setZero();
+      World world(options);
+      Body wheel = make_body("wheel", Cylinder{radius, 0.02}, 1.0, {0.0, 0.0, 0.0});
+      wheel.state.angular_velocity.z() = speed;
+      const BodyId id = world.add_body(wheel);
+      world.add_joint(make_joint("hinge", kWorldBody, {0, 0, 0}, id, {0, 0, 0}, JointKind::kHinge));
+      double estimate = 0.0;
+      for (int i = 0; i < 60; ++i) estimate += world.step().local_error;
+      const JointState& state = world.joint_state(world.find_joint("hinge"));
+      const double gyration = radius / std::sqrt(2.0);
+      const double error = gyration * std::abs(state.coordinates[0].position - speed);
+      // leading order of the angle, and half of it in the first tick
+      EXPECT_NEAR(estimate, error, 0.1 * error) << order << ' ' << speed;
+    }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

@@ -131,8 +131,9 @@ IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const Integrat
     if (done) {
       step_equations_.write_points(estimate_.end());
       const bool is_order_4 = refinement_ < 0;
-      progress.local_error = is_new ? estimate_.first(span.h, is_order_4, parts)
-                                    : estimate_.next(span.h, is_order_4, parts);
+      const std::size_t bodies = equations->bodies().size();
+      progress.local_error = is_new ? estimate_.first(span.h, is_order_4, parts, bodies)
+                                    : estimate_.next(span.h, is_order_4, parts, bodies);
       break;
     }
     equations->restore_impulses();

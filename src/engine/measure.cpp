@@ -18,6 +18,8 @@ void World::Impl::measure() {
   report.max_penetration = std::max(report.max_penetration, resting_report.max_penetration);
   report.max_constraint_error = resting_report.max_constraint_error;
   report.worst_joint = resting_report.worst_joint;
+  report.closing_error = resting_report.closing_error;
+  report.closing_joint = resting_report.closing_joint;
   const bool is_any_askew = find_worst_joint(awake_joints, &report);
   const Energy now = energy(awake_bodies, awake_joints);
   largest_kinetic_energy = std::max(largest_kinetic_energy, now.kinetic);
@@ -28,7 +30,9 @@ void World::Impl::measure() {
     report.energy_drift = std::clamp(drift, -kMost, kMost);  // what moves least may divide by least
   }
   if (report.failed || report.stopped) return;
-  if (is_any_askew || report.max_constraint_error > kUnclosedError || !watch.open.empty())
+  if (is_any_askew ||
+      std::max(report.max_constraint_error, report.closing_error) > kUnclosedError ||
+      !watch.open.empty())
     watch_joints();
   if (!carried.impulse_joints.empty()) watch_spin();
   watch_energy();
@@ -42,9 +46,12 @@ bool World::Impl::find_worst_joint(const List<int>& among, StepReport* worst) co
     is_any_askew |= joint_states[j].angle_error > kUnclosedAngle;
     const double error = std::abs(joint_states[j].error);
     if (!acts(joints[j], joint_states[j]) || !is_rigid(joints[j])) continue;
-    if (worst->worst_joint && error <= worst->max_constraint_error) continue;
-    worst->max_constraint_error = error;
-    worst->worst_joint = joint_ids[j];
+    const bool is_closing = joint_states[j].closing;
+    double& largest = is_closing ? worst->closing_error : worst->max_constraint_error;
+    std::optional<JointId>& joint = is_closing ? worst->closing_joint : worst->worst_joint;
+    if (joint && error <= largest) continue;
+    largest = error;
+    joint = joint_ids[j];
   }
   return is_any_askew;
 }

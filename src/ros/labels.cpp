@@ -286,7 +286,7 @@ std::vector<Labels::Line> Labels::lines_of(const engine::World& world, const For
   }
   for (const std::string& limit : limits_reached(joint, state, look))
     lines.push_back({"limits", colour(0.9, 0.9, 0.9), limit});
-  if (const double error = shown_error(look, state); error > kToldError)
+  if (const double error = shown_error(look, joint, state); error > kToldError)
     lines.push_back(
         {"errors", kOffColour, shown("off by %.2g m", error) + (state.closing ? ", closing" : "")});
   lines.insert(lines.begin(), {kNames, colour(0.8, 0.9, 0.8), joint.name});  // may be left out
@@ -396,7 +396,7 @@ Labels::Told Labels::told(const engine::World& world, const ForceScale& forces) 
     told.has_motors = told.has_motors || drives;
     told.is_limited = told.is_limited || (drives && state.saturated);
     told.has_fixed = told.has_fixed || is_on_world(joint);
-    told.is_off = told.is_off || shown_error(look, state) > kToldError;
+    told.is_off = told.is_off || shown_error(look, joint, state) > kToldError;
     told.has_signs = told.has_signs || (look == Look::kJoint && !drives);
     told.has_arms = told.has_arms || (look != Look::kCoupling && has_arm_outside(world, joint));
     told.has_gears =

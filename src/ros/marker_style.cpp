@@ -78,6 +78,20 @@ bool is_slack(const engine::Joint& joint, const engine::JointState& state) {
          state.force == 0.0;
 }
 
+double shown_error(Look look, const engine::Joint& joint, const engine::JointState& state) {
+  if (look == Look::kSpring) return 0.0;
+  const double error = std::abs(state.error);
+  if (!state.closing) return error;
+  for (int i = 0; i < engine::coordinates(joint.kind); ++i) {
+    const auto& motor = joint.coordinates[static_cast<std::size_t>(i)].motor;
+    if (!motor || !motor->is_rigid() || !motor->position) continue;
+    const engine::CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(i)];
+    const double metres = engine::is_angle(joint.kind, i) ? state.radius : 1.0;
+    if (std::abs(metres * (coordinate.position - coordinate.held)) == error) return 0.0;
+  }
+  return error;
+}
+
 std::optional<double> axial_force(const engine::Joint& joint, const engine::JointState& state) {
   if (engine::if_distance(joint) == nullptr && joint.kind != engine::JointKind::kPulley)
     return std::nullopt;

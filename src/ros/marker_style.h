@@ -22,10 +22,9 @@ enum class Look { kRod, kRope, kStrut, kSpring, kJoint, kCoupling };
 Look look_of(const engine::Joint& joint);
 /// Of a rope that hangs through: it pulls at nothing.
 bool is_slack(const engine::Joint& joint, const engine::JointState& state);
-/// The error that is shown [m]: none of a spring, whose length is free.
-inline double shown_error(Look look, const engine::JointState& state) {
-  return look == Look::kSpring ? 0.0 : std::abs(state.error);
-}
+/// The error that is shown [m]: none of a spring, whose length is free, and none of a motor on its
+/// way to a position.
+double shown_error(Look look, const engine::Joint& joint, const engine::JointState& state);
 /// The force along the line that is drawn [N], > 0 pushes, where there is one.
 std::optional<double> axial_force(const engine::Joint& joint, const engine::JointState& state);
 

@@ -260,8 +260,8 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
                              const ros::Time& stamp) {
   const engine::JointState& state = world.joint_state(look.id);
   if ((state.broken || !broken_since_.empty()) && !is_drawn(look, state.broken, stamp)) return;
-  if (look.touches && !(shown_error(look.look, state) > kToldError)) return;
   const engine::Joint& joint = world.joint(look.id);
+  if (look.touches && !(shown_error(look.look, joint, state) > kToldError)) return;
   const double force = look.pulley ? look.tackle * world.joint_state(*look.pulley).force
                                    : axial_force(joint, state).value_or(0.0);
   const Seen seen{number(look.id),
@@ -279,8 +279,8 @@ void Markers::add_constraint(const engine::World& world, const JointLook& look,
   ShownMarker& marker =
       constraints_.add(seen.number, is_in_parts ? Marker::LINE_LIST : type_of(look.look));
   marker.scale.x = extent_.width;
-  marker.color =
-      state.broken ? broken_colour() : constraint_colour(seen.load, shown_error(look.look, state));
+  marker.color = state.broken ? broken_colour()
+                              : constraint_colour(seen.load, shown_error(look.look, joint, state));
   if (is_in_parts) return draw_parts(seen, &marker);
   switch (look.look) {
     case Look::kCoupling:
@@ -439,7 +439,7 @@ void Markers::draw_arms(const engine::World& world, const Seen& seen, ShownMarke
   };
   std::size_t line = 0;
   const bool is_open =
-      !slides(seen.joint.kind) || shown_error(seen.look.look, seen.state) > kToldError;
+      !slides(seen.joint.kind) || shown_error(seen.look.look, seen.joint, seen.state) > kToldError;
   set(line++, is_open ? seen.p_a : seen.p_b, seen.p_b);
   if (seen.joint.body_a != engine::kWorldBody)
     set(line++, world.state(seen.joint.body_a).position, seen.p_a);

@@ -56,6 +56,80 @@ TEST(FalseAlarms, CorrectionsDoTheWorkThatAWrenchLoses) {
   EXPECT_NEAR(corrections, -800.0 * moved, 1e-9);
 }
 
+// ---- commands
+
+/// An arm of 1 kg and 0.5 m on a hinge about y that holds it level by a motor.
+World arm(Method method, double max_force) {
+  WorldOptions options;
+  options.method = method;
+  World world(options);
+  const BodyId bar =
+      world.add_body(make_body("arm", Box{{0.5, 0.05, 0.05}}, 1.0, {0.25, 0.0, 0.0}));
+  Joint joint = make_joint("hinge", kWorldBody, {0, 0, 0}, bar, {-0.25, 0, 0}, JointKind::kHinge);
+  joint.frame_a = frame_along(Eigen::Vector3d::UnitY());
+  joint.coordinates[0].motor.emplace();
+  joint.coordinates[0].motor->position = 0.0;
+  joint.coordinates[0].motor->max_force = max_force;
+  world.add_joint(joint);
+  return world;
+}
+
+void send(World* world, double position) {
+  const JointId hinge = world->find_joint("hinge");
+  CoordinateMotor motor = *world->joint(hinge).coordinates[0].motor;
+  motor.position = position;
+  world->set_motor(hinge, 0, motor);
+}
+
+// 2.45 N m hold it; 20 N m are enough for the motion as well.
+TEST(FalseAlarms, AMotorOnItsWayIsReportedApart) {
+  for (const Method method : {Method::kAuto, Method::kEnergyMomentum})
+    for (const double max_force : {0.0, 20.0}) {
+      World world = arm(method, max_force);
+      for (int i = 0; i < 10; ++i) world.step();
+      send(&world, -0.4);
+      double largest = 0.0;
+      for (int i = 0; i < 100; ++i) {
+        const StepReport& report = world.step();
+        ASSERT_LE(report.max_constraint_error, 1e-9) << name(method) << max_force << " step " << i;
+        ASSERT_EQ(report.unclosed_joints, 0u);
+        if (report.closing_error > 0.0) {
+          ASSERT_EQ(report.closing_joint, world.find_joint("hinge"));
+        }
+        largest = std::max(largest, report.closing_error);
+      }
+      const JointState& state = world.joint_state(world.find_joint("hinge"));
+      EXPECT_NEAR(state.coordinates[0].position, -0.4, 1e-6) << name(method) << max_force;
+      // the way of 0.4 rad at the radius of gyration, less the first tick
+      EXPECT_GT(largest, 0.9 * 0.4 * state.radius);
+      EXPECT_LE(world.report().closing_error, 1e-6);
+    }
+}
+
+// A motor that cannot lift the arm is at its limit; the hinge holds all the same.
+TEST(FalseAlarms, AMotorWithoutTheForceIsNoUnclosedJoint) {
+  World world = arm(Method::kAuto, 1.0);
+  for (int i = 0; i < 300; ++i) {
+    const StepReport& report = world.step();
+    ASSERT_LE(report.max_constraint_error, 1e-9) << i;
+    ASSERT_EQ(report.unclosed_joints, 0u) << i;
+  }
+  const JointState& state = world.joint_state(world.find_joint("hinge"));
+  EXPECT_GT(std::abs(state.coordinates[0].position), 0.1);
+}
+
+// A joint that nothing closes is still reported, beside a motor that is on its way.
+TEST(FalseAlarms, AnErrorThatNothingClosesIsNone) {
+  WorldOptions options;
+  World world(options);
+  const BodyId bob = world.add_body(make_body("bob", Point{}, 1.0, {0.0, 0.0, -1.1}));
+  world.add_joint(hang("short", bob, rod(1.0)));
+  world.add_joint(hang("long", bob, rod(1.2)));
+  for (int i = 0; i < 100; ++i) world.step();
+  EXPECT_EQ(world.report().unclosed_joints, 2u);
+  EXPECT_NEAR(world.report().max_constraint_error, 0.1, 0.01);
+}
+
 // ---- estimates
 
 // A wheel on a hinge at a constant speed: the angle is known, whatever a tick turns the wheel by. A

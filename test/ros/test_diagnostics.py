@@ -6,7 +6,7 @@ import rospy
 import rostest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from support import NODE, Listener, call, node_command, running, sphere
+from support import NODE, Listener, call, node_command, running, sphere, wait_until
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 PENDULUM = """
@@ -68,6 +68,20 @@ class Diagnostics(unittest.TestCase):
         self.assertEqual(set(values(found)["inconsistent"].split(", ")), {"rod", "longer"})
         self.assertIn(values(found)["worst constraint"], ("rod", "longer"))
         self.assertGreater(float(values(found)["largest error [m]"]), 0.1)
+
+    def test_a_motor_that_is_sent_to_a_position_is_no_error(self):
+        self.assertTrue(call("load_scene", text="""
+bodies: [{name: arm, mass: 1, shape: {box: {size: [0.5, 0.1, 0.1]}}, position: [0.25, 0, 0]}]
+constraints:
+- {name: hinge, type: hinge, axis_a: [0, 1, 0], body_b: arm, anchor_b: [-0.25, 0, 0], position: 0,
+   motor: {position: -0.5}}
+""").success)
+        call("unpause_physics")
+        self.wait("constraints", OK, lambda s: values(s)["constraints"] == "1")
+        start = len(self.listener.messages)
+        wait_until(lambda: len(self.listener.messages) > start + 2, "three more messages")
+        for message in self.listener.messages[start - 1:]:
+            self.assertEqual(status(message, "constraints").level, OK)
 
     def test_the_threshold_of_errors_is_a_parameter(self):
         with running(node_command(scene="pendulum", diagnostics_constraint_error=1e-20) +

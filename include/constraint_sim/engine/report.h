@@ -74,10 +74,14 @@ struct StepReport {
   double time = 0.0;       ///< simulated time after the step [s]
 
   // how wrong
-  double max_constraint_error = 0.0;   ///< largest |error| of the joints, springs left out [m]
-  std::optional<JointId> worst_joint;  ///< whose it is
-  std::uint32_t unclosed_joints = 0;   ///< off by more than kUnclosedError or kUnclosedAngle, and
-                                       ///< not being closed
+  double max_constraint_error = 0.0;   ///< largest |error| of the joints, springs and joints that
+                                       ///< are being closed left out [m]
+  std::optional<JointId> worst_joint;  ///< joint with that error
+  double closing_error = 0.0;  ///< largest |error| of joints that an edit, or a motor sent to a
+                               ///< position, is closing [m]
+  std::optional<JointId> closing_joint;  ///< joint with that error
+  std::uint32_t unclosed_joints = 0;     ///< off by more than kUnclosedError or kUnclosedAngle, and
+                                         ///< not being closed
   std::optional<JointId> unclosed_joint;  ///< whose error is the largest of these
   double max_penetration = 0.0;           ///< deepest contact that the step met [m]
   double energy = 0.0;  ///< kinetic + potential of gravity and springs [J]; 0 height is z = 0;

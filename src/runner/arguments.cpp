@@ -116,12 +116,17 @@ std::optional<Arguments> parse(int argc, char** argv) {
       "simulated time to run, to the nearest tick");
   add("csv", po::value(&arguments.csv)->value_name("FILE"),
       "write the state of each body, at the start and after every step");
+  add("constraint-csv", po::value(&arguments.constraint_csv)->value_name("FILE"),
+      "write coordinates, error, force and torque of each constraint, as --csv");
   add("report", po::value(&arguments.report)->value_name("FILE"), "write the outcome as JSON");
   add("save", po::value(&arguments.save)->value_name("FILE"), "write the final state as a scene");
   add("snapshot", po::value(&arguments.snapshot)->value_name("FILE"),
       "write the final state to the bit, to go on from with this program as SCENE");
   add("explain", po::bool_switch(&arguments.explain),
       "print what the scene uses and what is left out, as YAML");
+  add("verify", po::bool_switch(&arguments.verify),
+      "run again with half the time step, by another method and from a perturbed state, and "
+      "compare the differences of each body with its error estimate");
   po::options_description of_world("Options of the world, in place of the scene's");
   auto add_of_world = of_world.add_options();
   WorldOptions defaults;
@@ -152,8 +157,9 @@ std::optional<Arguments> parse(int argc, char** argv) {
         << visible << '\n'
         << of_world
         << "\nExit status: 0, 2 for bad input, 3 when the physics failed, 4 when it finished but\n"
-           "an error was not closed or energy rose without a cause, 130 or 143 when\n"
-           "interrupted or terminated: the files are written as far as it came.\n";
+           "an error was not closed, energy rose without a cause or --verify found a\n"
+           "difference that the estimate does not explain, 130 or 143 when interrupted or\n"
+           "terminated: the files are written as far as it came.\n";
     return std::nullopt;
   }
   po::notify(values);

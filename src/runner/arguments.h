@@ -13,8 +13,9 @@ struct Arguments {
   std::string scene;
   double duration = 0.0;                          ///< [s]
   boost::program_options::variables_map options;  ///< of the world, in place of the scene's
-  std::string csv, report, save, snapshot;        ///< paths; empty: not wanted
-  bool explain = false;
+  /// Paths; empty: not wanted.
+  std::string csv, constraint_csv, report, save, snapshot;
+  bool explain = false, verify = false;
 };
 
 /// Nothing when only help was asked for.

@@ -3,6 +3,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <csignal>
@@ -20,8 +21,11 @@
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
+#include "constraint_sim/engine/verify.h"
 #include "engine/validate.h"
 #include "runner/arguments.h"
+#include "runner/constraints.h"
+#include "runner/verification.h"
 
 namespace constraint_sim::engine {
 namespace {
@@ -127,11 +131,17 @@ class ProgressBar {
 
 /// The signal that asked for the end; 0: none has.
 volatile std::sig_atomic_t stop_signal = 0;
+/// The same for steps that take long.
+std::atomic<bool> stop_flag{false};
+static_assert(std::atomic<bool>::is_always_lock_free, "a signal handler sets the flag");
 
 /// From now on the first SIGINT or SIGTERM only asks for the end; the second one is it.
 void stop_on_signals() {
   struct sigaction action {};
-  action.sa_handler = [](int signal) { stop_signal = signal; };
+  action.sa_handler = [](int signal) {
+    stop_signal = signal;
+    stop_flag = true;
+  };
   action.sa_flags = SA_RESETHAND;
   for (const int signal : {SIGINT, SIGTERM}) ::sigaction(signal, &action, nullptr);
 }
@@ -139,6 +149,7 @@ void stop_on_signals() {
 struct Outcome {
   double wall_time = 0.0;                           ///< in World::step alone [s]
   double max_constraint_error = 0.0;                ///< over all steps [m]
+  double max_closing_error = 0.0;                   ///< the same of StepReport::closing_error
   double energy_initial = 0.0, energy_final = 0.0;  ///< [J]
   double energy_drift = 0.0;                        ///< after the last step [1]
   double accumulated_local_error = 0.0;             ///< sum of the steps' estimates [m]
@@ -159,12 +170,16 @@ void add(const StepWarning& warning, Outcome* outcome) {
   known.amount = std::max(known.amount, warning.amount);
 }
 
-Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
+Outcome run(std::uint64_t steps, World* world, OutputFile* csv, OutputFile* constraint_csv) {
   Outcome outcome;
   outcome.energy_initial = world->energy();
   if (csv->is_wanted()) {
     write_csv_header(csv->stream());
     write_csv_rows(*world, csv->stream());
+  }
+  if (constraint_csv->is_wanted()) {
+    write_constraint_csv_header(constraint_csv->stream());
+    write_constraint_csv_rows(*world, constraint_csv->stream());
   }
   ProgressBar progress(steps);
   for (std::uint64_t step = 1; step <= steps && !outcome.failed && stop_signal == 0; ++step) {
@@ -173,6 +188,7 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
     outcome.wall_time += seconds_since(start);
     outcome.max_constraint_error =
         std::max(outcome.max_constraint_error, report.max_constraint_error);
+    outcome.max_closing_error = std::max(outcome.max_closing_error, report.closing_error);
     outcome.energy_drift = report.energy_drift;
     outcome.accumulated_local_error += report.local_error;
     outcome.correction_work += report.correction_work;
@@ -192,10 +208,20 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv) {
       for (const StepWarning& now : step_warnings(*world)) add(now, &outcome);
     outcome.failed = report.failed;
     if (csv->is_wanted()) write_csv_rows(*world, csv->stream());
+    if (constraint_csv->is_wanted()) write_constraint_csv_rows(*world, constraint_csv->stream());
     progress.update(step);
   }
   outcome.energy_final = world->energy();
   return outcome;
+}
+
+VerifyReport verify(std::uint64_t steps, const World& start) {
+  ProgressBar progress(steps);
+  VerifyOptions options;
+  options.ticks = steps;
+  options.stop = &stop_flag;
+  options.progress = [&](std::uint64_t done) { progress.update(done); };
+  return engine::verify(start, options);
 }
 
 // ---- what came of it
@@ -248,9 +274,11 @@ nlohmann::json report_of(const World& world, const Outcome& outcome) {
       {"wall_time", outcome.wall_time},
       {"state_hash", hash_text(world)},
       {"bodies", bodies},
+      {"constraints", constraints_of(world)},
       {"energy_initial", outcome.energy_initial},
       {"energy_final", outcome.energy_final},
       {"max_constraint_error", outcome.max_constraint_error},
+      {"max_closing_error", outcome.max_closing_error},
       {"accumulated_local_error", outcome.accumulated_local_error},
       {"correction_work", outcome.correction_work},
       {"driven_work", outcome.driven_work},
@@ -279,6 +307,8 @@ void print_summary(const World& world, const Outcome& outcome) {
   std::printf("simulated time         %g s\n", world.time());
   std::printf("wall time              %.3g s\n", outcome.wall_time);
   std::printf("worst constraint error %.3g m\n", outcome.max_constraint_error);
+  if (outcome.max_closing_error > 0.0)
+    std::printf("largest error closing  %.3g m\n", outcome.max_closing_error);
   std::printf("sum of local errors    %.3g m\n", outcome.accumulated_local_error);
   std::printf("energy drift           %.3g of the largest kinetic energy\n", outcome.energy_drift);
   std::printf("method                 %s\n", methods.empty() ? "none" : methods.c_str());
@@ -303,10 +333,18 @@ int run(const Arguments& arguments) {
 
   stop_on_signals();
   OutputFile csv(arguments.csv), report(arguments.report), save(arguments.save);
-  OutputFile snapshot(arguments.snapshot);
-  const Outcome outcome = run(steps, &world, &csv);
+  OutputFile constraint_csv(arguments.constraint_csv), snapshot(arguments.snapshot);
+  std::optional<World> start;  // verified after the run
+  if (arguments.verify) start = world;
+  const Outcome outcome = run(steps, &world, &csv, &constraint_csv);
+  std::optional<VerifyReport> verified;
+  if (arguments.verify && stop_signal == 0) verified = verify(steps, *start);
 
-  if (report.is_wanted()) report.stream() << report_of(world, outcome).dump(2) << '\n';
+  if (report.is_wanted()) {
+    nlohmann::json json = report_of(world, outcome);
+    if (verified) json["verify"] = json_of(*verified);
+    report.stream() << json.dump(2) << '\n';
+  }
   if (save.is_wanted()) {
     const std::string scene = save_scene(world);
     if (scene.size() > kMostSceneBytes)
@@ -317,8 +355,9 @@ int run(const Arguments& arguments) {
     save.stream() << scene;
   }
   if (snapshot.is_wanted()) snapshot.stream() << write_snapshot(world);
-  for (OutputFile* file : {&csv, &report, &save, &snapshot}) file->close();
+  for (OutputFile* file : {&csv, &constraint_csv, &report, &save, &snapshot}) file->close();
   print_summary(world, outcome);
+  if (verified) std::printf("\n%s", to_table(*verified).c_str());
   if (outcome.failed) {
     std::fprintf(stderr, "constraint_sim_run: the physics failed after %g s: %s\n", world.time(),
                  to_string(world.report().failure));
@@ -326,7 +365,12 @@ int run(const Arguments& arguments) {
   }
   for (const auto& [key, warning] : outcome.warnings)
     std::fprintf(stderr, "constraint_sim_run: warning: %s\n", to_string(warning).c_str());
-  if (stop_signal == 0) return outcome.warnings.empty() ? 0 : kFinishedWithWarnings;
+  const bool exceeds = verified && verified->exceeds();
+  if (exceeds)
+    std::fprintf(stderr,
+                 "constraint_sim_run: warning: --verify found differences that the error estimates "
+                 "do not explain\n");
+  if (stop_signal == 0) return outcome.warnings.empty() && !exceeds ? 0 : kFinishedWithWarnings;
   std::fprintf(stderr, "constraint_sim_run: stopped after %g s\n", world.time());
   return kSignalled + stop_signal;
 }

@@ -2,6 +2,7 @@
 #include <sys/wait.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <map>
@@ -91,8 +92,8 @@ TEST_F(Runner, GoesOnFromASnapshotInAnotherProcess) {
 
 TEST_F(Runner, ExplainsItselfWithoutAScene) {
   ASSERT_EQ(run("--help"), 0);
-  for (const char* option :
-       {"--duration", "--csv", "--report", "--save", "--snapshot", "--explain"})
+  for (const char* option : {"--duration", "--csv", "--constraint-csv", "--report", "--save",
+                             "--snapshot", "--explain", "--verify"})
     EXPECT_NE(out().find(option), std::string::npos) << option;
 }
 
@@ -351,6 +352,54 @@ TEST_F(Runner, ReportsWorkAndWhatTheSweepsLeft) {
   EXPECT_EQ(json.at("energy_rise"), 0.0);
   EXPECT_EQ(json.at("failure"), "");
   EXPECT_TRUE(json.at("failed_body").is_null());
+}
+
+TEST_F(Runner, WritesConstraints) {
+  ASSERT_EQ(run("gear_train --duration 1 --csv states.csv --constraint-csv constraints.csv "
+                "--report report.json"),
+            0)
+      << err();
+  World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/gear_train.yaml");
+  const std::vector<std::string> lines = lines_of(read(in_folder("constraints.csv")));
+  ASSERT_EQ(lines.at(0), "time,constraint,q0,q1,q2,error,force,fx,fy,fz,tx,ty,tz");
+  const std::size_t ticks = static_cast<std::size_t>(std::lround(1.0 / world.options().time_step));
+  EXPECT_EQ(lines.size(), 1 + world.joint_ids().size() * (ticks + 1));
+  for (const std::string& line : lines)
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), 12) << line;
+  for (std::size_t i = 0; i < ticks; ++i) world.step();
+  const auto constraints = report().at("constraints");
+  EXPECT_EQ(constraints.size(), world.joint_ids().size());
+  for (const JointId id : world.joint_ids()) {
+    const auto& json = constraints.at(world.joint(id).name);
+    const JointState& state = world.joint_state(id);
+    EXPECT_EQ(json.at("error"), state.error);
+    EXPECT_EQ(json.at("effort"), state.force);
+    for (int i = 0; i < coordinates(world.joint(id).kind); ++i)
+      EXPECT_EQ(json.at("coordinates").at(static_cast<std::size_t>(i)),
+                state.coordinates[static_cast<std::size_t>(i)].position);
+    if (couples_joints(world.joint(id).kind)) continue;
+    EXPECT_EQ(json.at("force").at(2), world.joint_wrench(id).force.z());
+    EXPECT_EQ(json.at("torque").at(0), world.joint_wrench(id).torque.x());
+  }
+}
+
+TEST_F(Runner, VerifiesAScene) {
+  ASSERT_EQ(run("scene.yaml --duration 1 --verify --report report.json"), 0) << err();
+  EXPECT_NE(out().find("energy_momentum [m]"), std::string::npos) << out();
+  const auto verified = report().at("verify");
+  EXPECT_EQ(verified.at("ticks"), 100);
+  EXPECT_EQ(verified.at("exceeds"), false);
+  EXPECT_EQ(verified.at("bodies").at("bob").at("verdict"), "holds");
+  EXPECT_LT(verified.at("bodies").at("bob").at("half_step"), 1e-10);
+
+  EXPECT_EQ(run("scene.yaml --duration 1 --method sequential_impulses --time-step 0.1 --verify "
+                "--report report.json"),
+            4);
+  EXPECT_NE(err().find("--verify found differences"), std::string::npos) << err();
+  const auto bob = report().at("verify").at("bodies").at("bob");
+  EXPECT_EQ(bob.at("verdict"), "exceeds");
+  EXPECT_TRUE(bob.at("estimate").is_null());
+  EXPECT_GT(bob.at("exceeded").at("half_step"), 1e-3);
 }
 
 }  // namespace

@@ -132,6 +132,10 @@ class StepReport:
     @property
     def worst_joint(self) -> Optional[str]: ...
     @property
+    def closing_error(self) -> float: ...  # of joints that an edit or a motor is closing [m]
+    @property
+    def closing_joint(self) -> Optional[str]: ...
+    @property
     def unclosed_joints(self) -> int: ...  # off by more than 1e-3 m, not being closed
     @property
     def max_penetration(self) -> float: ...  # [m]
@@ -208,6 +212,8 @@ class RunReport:
     @property
     def max_constraint_error(self) -> float: ...  # [m]
     @property
+    def max_closing_error(self) -> float: ...  # [m]
+    @property
     def max_penetration(self) -> float: ...  # [m]
     @property
     def accumulated_local_error(self) -> float: ...  # [m]
@@ -251,6 +257,54 @@ class RunReport:
     def times(self) -> Optional[np.ndarray]: ...  # [s], (samples,)
     @property
     def states(self) -> Optional[np.ndarray]: ...  # (samples, bodies, 13)
+
+
+class VerifiedFigures(TypedDict):
+    time: float                      # simulated [s]
+    estimate: Optional[float]        # sum of the local error estimates [m]; None: no method has one
+    growth: float                    # of the perturbed twin [1]
+    global_error: Optional[float]    # estimate times growth [m]
+    half_step: Optional[float]       # distance to the run with half the time step [m]; None: left out
+    other_method: Optional[float]    # distance to the run by the other method [m]; None: left out
+    other_error: Optional[float]  # that run may be off by so much [m]
+
+
+class VerifiedBody(TypedDict):
+    # the keys of VerifiedFigures
+    time: float
+    estimate: Optional[float]
+    growth: float
+    global_error: Optional[float]
+    half_step: Optional[float]
+    other_method: Optional[float]
+    other_error: Optional[float]
+    verdict: str                         # holds, chaotic or exceeds
+    exceeded: Optional[VerifiedFigures]  # where a difference first exceeded what is allowed
+    chaotic_from: Optional[float]        # simulated [s]; the figures above end there
+    unresolved: bool                     # moved faster than a step resolves
+    no_estimate: str                     # why; empty: there is one
+    no_half_step: str                    # why this comparison was left out; empty: it was not
+    no_other_method: str                 # the same of the other method
+
+
+class VerifyReport:
+    """Outcome of World.verify. str() is a table."""
+    @property
+    def ticks(self) -> int: ...  # done by all runs
+    @property
+    def time_step(self) -> float: ...  # [s]
+    @property
+    def perturbation(self) -> float: ...  # of the twin [m]
+    @property
+    def method(self) -> str: ...
+    @property
+    def other_method(self) -> str: ...
+    @property
+    def bodies(self) -> Dict[str, VerifiedBody]: ...  # dynamic ones, in the order of adding
+    @property
+    def exceeds(self) -> bool: ...  # whether any body does
+    @property
+    def failure(self) -> str: ...  # why the runs ended early; empty: they did not
 
 
 class World:
@@ -347,6 +401,8 @@ class World:
 
     def step(self) -> StepReport: ...
     def run(self, duration: float, *, every: int = ..., time_limit: float = ...) -> RunReport: ...
+    def verify(self, duration: float, *, perturbation: float = ..., least: float = ...,
+               margin: float = ...) -> VerifyReport: ...
     @property
     def report(self) -> StepReport: ...
     @property
@@ -373,3 +429,5 @@ class World:
 
 def load_scene(text: str, source: str = ..., **defaults: Any) -> World: ...
 def load_scene_file(path: str, **defaults: Any) -> World: ...
+def verify(scene: str, duration: float, *, perturbation: float = ..., least: float = ...,
+           margin: float = ..., **defaults: Any) -> VerifyReport: ...

@@ -13,8 +13,10 @@ namespace constraint_sim::python {
 void define_shapes(py::module* module);
 void define_reports(py::module* module);  ///< StepReport and RunReport
 void define_world(py::module* module);
+void define_verify(py::module* module);  ///< VerifyReport and verify()
 
 using WorldClass = py::class_<SharedWorld>;
 void define_joints(WorldClass* world);
+void define_verify(WorldClass* world);
 
 }  // namespace constraint_sim::python

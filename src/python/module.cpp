@@ -61,5 +61,6 @@ PYBIND11_MODULE(engine, module) {
   define_shapes(&module);
   define_reports(&module);
   define_world(&module);
+  define_verify(&module);
   define_scenes(&module);
 }

@@ -22,8 +22,13 @@ void define_step_report(py::module* module) {
       .def_readonly("step", &Report::step, "steps since the start, this one included")
       .def_readonly("time", &Report::time, "simulated time after the step [s]")
       .def_readonly("max_constraint_error", &Report::max_constraint_error,
-                    "largest |error| of the joints, springs excepted [m]")
+                    "largest |error| of the joints, springs and closing_error excepted [m]")
       .def_readonly("worst_joint", &Report::worst_joint_name, "joint whose error it is, or None")
+      .def_readonly("closing_error", &Report::closing_error,
+                    "largest |error| of joints that an edit, or a motor sent to a position, is "
+                    "closing [m]")
+      .def_readonly("closing_joint", &Report::closing_joint_name,
+                    "joint whose error it is, or None")
       .def_readonly("unclosed_joints", &Report::unclosed_joints,
                     "joints off by more than 1e-3 m that are not being closed")
       .def_readonly("max_penetration", &Report::max_penetration, "deepest contact [m]")
@@ -90,6 +95,8 @@ void define_run_report(py::module* module) {
       .def_readonly("timed_out", &RunReport::timed_out, "time_limit was reached before the end")
       .def_readonly("wall_time", &RunReport::wall_time, "run time of the steps alone [s]")
       .def_readonly("max_constraint_error", &RunReport::max_constraint_error, "over all steps [m]")
+      .def_readonly("max_closing_error", &RunReport::max_closing_error,
+                    "the same of StepReport.closing_error [m]")
       .def_readonly("max_penetration", &RunReport::max_penetration, "over all steps [m]")
       .def_readonly("accumulated_local_error", &RunReport::accumulated_local_error,
                     "sum of the steps' estimates [m]")

@@ -15,17 +15,6 @@ double seconds(SteadyClock::duration duration) {
   return std::chrono::duration<double>(duration).count();
 }
 
-/// Ticks in a duration, rounded to the nearest as the runner does.
-std::uint64_t steps_in(double duration, double time_step) {
-  const double steps = std::round(duration / time_step);
-  constexpr double kMost = 9007199254740992.0;  // 2^53: beyond it a double cannot count
-  if (!(duration >= 0.0) || !(steps <= kMost))
-    throw std::invalid_argument(
-        "duration: must be a finite number >= 0 of at most 2^53 ticks, got " +
-        std::string(py::str(py::float_(duration))));
-  return static_cast<std::uint64_t>(steps);
-}
-
 /// Among `ids`, what `id` names; nothing where it is not there any more.
 template <class Ids, class Id, class NameOf>
 std::optional<std::string> name_among(const Ids& ids, const Id& id, NameOf name_of) {
@@ -36,6 +25,7 @@ std::optional<std::string> name_among(const Ids& ids, const Id& id, NameOf name_
 void add(const engine::StepReport& step, const engine::World& world, RunReport* report) {
   ++report->steps;
   report->max_constraint_error = std::max(report->max_constraint_error, step.max_constraint_error);
+  report->max_closing_error = std::max(report->max_closing_error, step.closing_error);
   report->max_penetration = std::max(report->max_penetration, step.max_penetration);
   report->accumulated_local_error += step.local_error;
   report->energy_drift = step.energy_drift;
@@ -76,10 +66,20 @@ py::array owned(std::vector<double> numbers, std::vector<py::ssize_t> shape) {
 
 }  // namespace
 
+std::uint64_t steps_in(double duration, double time_step) {
+  const double steps = std::round(duration / time_step);
+  constexpr double kMost = 9007199254740992.0;  // 2^53: beyond it a double cannot count
+  if (!(duration >= 0.0) || !(steps <= kMost))
+    throw std::invalid_argument(
+        "duration: must be a finite number >= 0 of at most 2^53 ticks, got " +
+        std::string(py::str(py::float_(duration))));
+  return static_cast<std::uint64_t>(steps);
+}
+
 NamedReport::NamedReport(const engine::World& world) : engine::StepReport(world.report()) {
-  if (worst_joint)
-    worst_joint_name = name_among(world.joint_ids(), *worst_joint,
-                                  [&](engine::JointId id) { return world.joint(id).name; });
+  const auto name_of = [&](engine::JointId id) { return world.joint(id).name; };
+  if (worst_joint) worst_joint_name = name_among(world.joint_ids(), *worst_joint, name_of);
+  if (closing_joint) closing_joint_name = name_among(world.joint_ids(), *closing_joint, name_of);
   if (failed_body)
     failed_body_name = name_among(world.body_ids(), *failed_body,
                                   [&](engine::BodyId id) { return world.body(id).name; });

@@ -20,10 +20,14 @@ namespace py = pybind11;
 /// Numbers of one body in the arrays: position, orientation x y z w, linear and angular velocity.
 constexpr py::ssize_t kStateSize = 13;
 
+/// Ticks in a duration [s], rounded to the nearest as the runner does. Throws for one that is
+/// negative or too long.
+std::uint64_t steps_in(double duration, double time_step);
+
 /// Report of a step with the names of what it points at, as long as the world has it.
 struct NamedReport : engine::StepReport {
   explicit NamedReport(const engine::World& world);
-  std::optional<std::string> worst_joint_name, failed_body_name;
+  std::optional<std::string> worst_joint_name, closing_joint_name, failed_body_name;
 };
 
 /// Outcome of World.run: worst values over all its steps, and sums.
@@ -34,9 +38,9 @@ struct RunReport {
   std::optional<std::string> failed_body;
   bool timed_out = false;  ///< `time_limit` was reached before the end
   double wall_time = 0.0;  ///< of the steps alone [s]
-  double max_constraint_error = 0.0, max_penetration = 0.0;           ///< [m]
-  double accumulated_local_error = 0.0;                               ///< [m]
-  double energy_initial = 0.0, energy_final = 0.0;                    ///< [J]
+  double max_constraint_error = 0.0, max_closing_error = 0.0, max_penetration = 0.0;  ///< [m]
+  double accumulated_local_error = 0.0;                                               ///< [m]
+  double energy_initial = 0.0, energy_final = 0.0;                                    ///< [J]
   double energy_drift = 0.0;                                          ///< after the last step [1]
   double correction_work = 0.0, driven_work = 0.0;                    ///< sums [J]
   double solver_residual = 0.0;                                       ///< over all steps [m/s]

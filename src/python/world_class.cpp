@@ -369,6 +369,7 @@ void define_world(py::module* module) {
   define_joints(&world);
   define_wrenches(&world);
   define_motion(&world);
+  define_verify(&world);
   define_time(&world);
   define_lists(&world);
   define_texts(&world);

@@ -44,7 +44,7 @@ def test_same_bits_as_the_runner(tmp_path):
         run = world.run(0.5)
         assert f'0x{world.state_hash:016x}' == expected['state_hash'], scene.name
         assert run.steps == expected['steps'] and world.time == expected['sim_time']
-        for name in ('max_constraint_error', 'accumulated_local_error', 'energy_initial',
+        for name in ('max_constraint_error', 'max_closing_error', 'accumulated_local_error', 'energy_initial',
                      'energy_final'):
             assert getattr(run, name) == expected[name], (scene.name, name)
         assert run.methods == set(expected['methods'])
@@ -72,6 +72,37 @@ def test_pendulum_against_the_elliptic_period():
     world.run(period)
     # 1e-10 m of error per second of simulated time, over 2 s, and rounding of the period
     assert world.positions[0] == pytest.approx((math.sin(0.1), 0.0, -math.cos(0.1)), abs=1e-9)
+
+
+def test_verify():
+    """A pendulum holds, also from the text of a scene; impulses at a long tick do not; the world stays."""
+    world = hanging()
+    world.run(0.5)
+    before = world.state_hash
+    verified = world.verify(1.0)
+    assert world.state_hash == before
+    assert verified.ticks == 100 and not verified.exceeds and verified.failure == ''
+    assert (verified.method, verified.other_method) == ('auto', 'energy_momentum')
+    bob = verified.bodies['bob']
+    assert bob['verdict'] == 'holds' and bob['exceeded'] is None and bob['chaotic_from'] is None
+    assert bob['half_step'] < 1e-10 and bob['growth'] >= 1.0
+    assert bob['global_error'] == bob['estimate'] * bob['growth']
+    assert 'holds' in str(verified)
+
+    verified = engine.verify(hanging().save_scene(), 1.0, least=1e-5)
+    assert not verified.exceeds
+
+    verified = hanging(method='sequential_impulses', time_step=0.1).verify(1.0)
+    bob = verified.bodies['bob']
+    assert verified.exceeds and bob['verdict'] == 'exceeds' and bob['estimate'] is None
+    assert bob['exceeded']['half_step'] > 1e-4 and 'sequential_impulses' in bob['no_estimate']
+    for arguments in ({'perturbation': 0.0}, {'least': -1.0}, {'margin': 0.5}):
+        with pytest.raises(ValueError, match=next(iter(arguments))):
+            hanging().verify(1.0, **arguments)
+    with pytest.raises(ValueError, match='duration'):
+        hanging().verify(-1.0)
+    with pytest.raises(TypeError, match='colour'):
+        hanging().verify(1.0, colour='red')
 
 
 def test_arrays_are_views_that_follow():
@@ -585,6 +616,9 @@ def test_typed_dicts_of_the_stubs_have_the_keys_there_are():
     hinged.add_joint('door', type='hinge', **BAR_END)
     assert keys['CoordinateState'] == set(hinged.joint_state('door')['coordinates'][0])
     assert keys['Island'] == set(world.islands()[0])
+    verified = hanging(method='sequential_impulses', time_step=0.1).verify(0.5).bodies['bob']
+    assert keys['VerifiedBody'] == set(verified)
+    assert keys['VerifiedFigures'] == set(verified['exceeded'])
     world.add_joint('taut', body_a='world', body_b='bob', break_force=1e-3)
     world.step()
     assert keys['Event'] == set(world.events()[0])

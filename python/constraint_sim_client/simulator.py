@@ -178,6 +178,10 @@ class Simulator(_Adding):
     def reset(self):
         self.call('reset_world')
 
+    def verify(self, steps):
+        """The answer of the service `verify` for the next ticks, on copies; 0 cancels."""
+        return self.call('verify', steps=steps)
+
     @contextlib.contextmanager
     def paused(self):
         """The simulator, paused until the block ends if it was running."""

@@ -14,6 +14,7 @@ namespace {
 
 constexpr unsigned kEditThreads = 4;
 constexpr unsigned kQueryThreads = 2;
+constexpr unsigned kVerifyThreads = 2;  // one to cancel, or to refuse the next caller
 constexpr unsigned kStepThreads = Stepper::kMostWaiting + 1;  // one to refuse the next caller
 
 // [s] of a followed clock that may be made up for: it may come in large steps
@@ -35,6 +36,7 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
       queries_(kQueryThreads),
       steps_(kStepThreads),
       pauses_(1),
+      verifications_(kVerifyThreads),
       handle_(queries_.serving(handle)),
       private_handle_(queries_.serving(private_handle)),
       parameters_(read_parameters(private_handle_)),
@@ -48,6 +50,7 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
       diagnostics_(parameters_, handle_, private_handle_.getNamespace()),
       stepper_(first_world(), stepper_options(parameters_), clock(), events()),
       services_(stepper_, edit_log_, publishers_, parameters_, service_handles()),
+      verify_service_(stepper_, verifications_.serving(private_handle_)),
 #ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
       reconfigure_(edits_.serving(private_handle_), first_options_, pacing(),
                    [this](SetOptionsRequest& request) { return services_.set_options(request); }),
@@ -62,16 +65,18 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
     clock_topic_ = guarded_subscribe<rosgraph_msgs::Clock>(
         handle_, clock_guard_, 10,
         [this](const rosgraph_msgs::Clock& message) { on_clock(message); });
-  for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_}) queue->start();
+  for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_, &verifications_})
+    queue->start();
 }
 
 SimulatorNode::~SimulatorNode() {
+  verify_service_.stop();
   stepper_.stop();  // all who wait for it are answered, so that the queues can end
   stepping_thread_.join();
   hands_.stop();
   // at the same time: the threads of each look up every 0.1 s
   std::vector<std::future<void>> stopping;
-  for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_})
+  for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_, &verifications_})
     stopping.push_back(std::async(std::launch::async, [queue] { queue->stop(); }));
 }
 

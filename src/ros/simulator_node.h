@@ -27,6 +27,7 @@
 #endif
 #include "ros/services.h"
 #include "ros/urdf_loader.h"
+#include "ros/verify_service.h"
 #include "sim/stepper.h"
 
 namespace constraint_sim {
@@ -53,7 +54,7 @@ class SimulatorNode {
   void on_clock(const rosgraph_msgs::Clock& message);
   void tell_of_start(const std::string& world);
 
-  ServiceQueue edits_, queries_, steps_, pauses_;
+  ServiceQueue edits_, queries_, steps_, pauses_, verifications_;
   ros::NodeHandle handle_;
   ros::NodeHandle private_handle_;
   Parameters parameters_;
@@ -69,6 +70,7 @@ class SimulatorNode {
   Diagnostics diagnostics_;
   Stepper stepper_;
   Services services_;
+  VerifyService verify_service_;
 #ifdef CONSTRAINT_SIM_DYNAMIC_RECONFIGURE
   Reconfigure reconfigure_;
 #endif

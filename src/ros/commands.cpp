@@ -133,7 +133,7 @@ void Commands::end(const std::string& by) {
   const auto tell_of = [&](const char* topic, const std::vector<std::string>& names) {
     std::string list;
     for (const std::string& name : names) list += (list.empty() ? "" : ", ") + name;
-    if (!list.empty()) ROS_WARN("%s: ended by %s: %s", topic, by.c_str(), list.c_str());
+    if (!list.empty()) ROS_INFO("%s: ended by %s: %s", topic, by.c_str(), list.c_str());
   };
   const auto names_of = [](Drives* drives) {
     std::vector<std::string> names;

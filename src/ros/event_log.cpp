@@ -13,6 +13,9 @@ namespace {
 constexpr double kClockIsMissing = 2.0;  // [s] of the wall
 constexpr double kDroppedAgain = 10.0;   // [s] of the wall between lines while ticks are dropped
 constexpr std::size_t kMostNames = 5;    // in one line
+// Simulated time for which bodies move faster than a tick shows before the log says so: a motor
+// that is switched on does that for some ticks [s].
+constexpr double kUnresolvedFor = 0.1;
 
 double steady_now() { return ros::SteadyTime::now().toSec(); }
 
@@ -81,12 +84,13 @@ struct Reported {
   bool (*holds)(const engine::StepReport&);
   std::string (*begins)(const World&);  ///< what is said then
   const char* ends;
+  double patience = 0.0;  ///< simulated time for which it has to hold before it is said [s]
 };
 
 // a report that is new in StepReport is one row here
 const Reported kReported[] = {
     {[](const engine::StepReport& report) { return report.unresolved_bodies > 0; }, unresolved,
-     "the tick shows the motion of all bodies again"},
+     "the tick shows the motion of all bodies again", kUnresolvedFor},
     {[](const engine::StepReport& report) { return report.unclosed_joints > 0; }, unclosed,
      "errors are closed, or are being closed, again"},
     {[](const engine::StepReport& report) { return report.energy_rise > 0.0; }, gaining,
@@ -106,13 +110,18 @@ const Reported kReported[] = {
 }  // namespace
 
 EventLog::EventLog(const Parameters& parameters)
-    : parameters_(parameters), reported_(std::size(kReported)), last_clock_(steady_now()) {}
+    : parameters_(parameters),
+      reported_(std::size(kReported)),
+      held_for_(std::size(kReported)),
+      last_clock_(steady_now()) {}
 
 void EventLog::stepped(const World& world) {
   const engine::StepReport& report = world.report();
   if (report.failed) return;  // it reports nothing else
   for (std::size_t i = 0; i < reported_.size(); ++i) {
-    const bool holds = kReported[i].holds(report);
+    const bool is_now = kReported[i].holds(report);
+    held_for_[i] = is_now ? held_for_[i] + world.options().time_step : 0.0;
+    const bool holds = is_now && held_for_[i] > kReported[i].patience;
     if (!holds && !reported_[i].has_begun()) continue;
     switch (reported_[i].update(holds, steady_now())) {
       case Condition::Change::kBegan:

@@ -35,6 +35,7 @@ class EventLog {
 
   Parameters parameters_;
   std::vector<Condition> reported_;  // one for each of kReported
+  std::vector<double> held_for_;     // simulated time for which each has held [s]
   std::set<std::uint32_t> broken_;   // ids of joints that are known to be
   Condition returning_;              // of contacts from impulses
   bool has_failed_ = false;

@@ -131,7 +131,7 @@ void Robots::tell_of_gone(const engine::World& world, const std::string& by) {
     for (const Link& link : links.links) names += (names.empty() ? "" : ", ") + link.frame;
   }
   if (!names.empty())
-    ROS_WARN("%s: no frames and visuals of these links any more: %s", by.c_str(), names.c_str());
+    ROS_INFO("%s: no frames and visuals of these links any more: %s", by.c_str(), names.c_str());
 }
 
 bool Robots::add_frames(const engine::World& world, engine::BodyId body, const ros::Time& stamp,

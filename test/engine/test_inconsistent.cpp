@@ -6,6 +6,7 @@
 #include <memory>
 #include <numeric>
 
+#include "custom_types.h"
 #include "engine/constraints/joint.h"
 #include "engine/math/list.h"
 #include "engine/methods/inconsistent_motion.h"
@@ -642,6 +643,103 @@ TEST(Inconsistent, AnIslandIsSmoothAgainOnceMotorsAgree) {
   run(world, 5);
   EXPECT_EQ(world.islands().front().why, MethodReason::kSmooth);
   EXPECT_LE(world.report().max_constraint_error, 1e-9);
+}
+
+// ---- with forces of other packages, whose joints have no rows
+
+Joint custom_force(const std::string& name, BodyId a, BodyId b, const std::string& type,
+                   const CustomParameters& parameters) {
+  Joint joint;
+  joint.name = name;
+  joint.kind = JointKind::kCustomForce;
+  joint.body_a = a;
+  joint.body_b = b;
+  joint.custom.type = type;
+  joint.custom.parameters = parameters;
+  return joint;
+}
+
+// The joint of the force comes after all joints with rows: its first row is beyond the last one.
+// Both rods hold the bob against gravity and 1 N, by symmetry along the line of both.
+TEST(Inconsistent, AForceWithoutRowsActsOnTwoContradictingRods) {
+  example_types::register_all();
+  World world = with(World(), 0.01);
+  const BodyId bob = problems::add_mass(&world, "bob", {0.0, 0.0, -1.0});
+  world.add_joint(hang("shorter", bob, rod(1.0)));
+  world.add_joint(hang("longer", bob, rod(1.2)));
+  world.add_joint(custom_force("drag", kWorldBody, bob, "test/drag", {{"c", 5.0}, {"wind", 0.2}}));
+  run(world, 1500);
+  EXPECT_EQ(world.islands().front().why, MethodReason::kInconsistent);
+  // at rest 1 N of wind along x against gravity: the angle is that of a pendulum in the wind
+  const Vector3d x = world.state(bob).position;
+  EXPECT_NEAR(std::atan2(x.x(), -x.z()), std::atan2(1.0, kGravity * world.body(bob).mass), 1e-6);
+  EXPECT_NEAR(x.norm(), 1.1, 1e-6);
+}
+
+/// 10^exponent N along x.
+struct Power : CustomForce {
+  double exponent;
+  explicit Power(double exponent) : exponent(exponent) {}
+
+  CustomWrench wrench(double /*t*/, const FramePair& /*at*/,
+                      const FramePair& /*rates*/) const override {
+    return {std::pow(10.0, exponent) * Vector3d::UnitX(), Vector3d::Zero()};
+  }
+};
+
+// What cannot be computed fails the step and keeps the state.
+TEST(Inconsistent, AForceBeyondAllNumbersFailsTheStep) {
+  register_custom_force("test/power", [](const CustomParameters& parameters) {
+    return std::make_shared<Power>(example_types::parameter(parameters, "exponent"));
+  });
+  for (const double exponent : {150.0, 300.0}) {
+    World world = with(World(), 0.01);
+    const BodyId bob = problems::add_mass(&world, "bob", {0.0, 0.0, -1.0});
+    world.add_joint(hang("shorter", bob, rod(1.0)));
+    world.add_joint(hang("longer", bob, rod(1.2)));
+    run(world, 100);
+    world.add_joint(custom_force("push", kWorldBody, bob, "test/power", {{"exponent", exponent}}));
+    const BodyState before = world.state(bob);
+    EXPECT_TRUE(world.step().failed) << exponent;
+    EXPECT_EQ(world.state(bob).position, before.position);
+    EXPECT_TRUE(std::isfinite(world.energy()));
+  }
+}
+
+// Bodies, joints that contradict each other, and forces of both types in any order: the address
+// sanitizer finds what is read beyond a list.
+TEST(Inconsistent, RandomScenesBearForcesWithoutRows) {
+  example_types::register_all();
+  Random random;
+  int inconsistent = 0;
+  for (int scene = 0; scene < 40 / kSanitizedShare; ++scene) {
+    const int seeds[] = {2, 5, 6};  // as above
+    World world = contradiction(seeds[scene % 3]);
+    WorldOptions options = world.options();
+    options.closing_time = 0.05;
+    world.set_options(options);
+    const std::vector<BodyId> ids = world.body_ids();
+    for (int k = 0; k <= scene % 4; ++k) {
+      const BodyId a = k % 2 == 0 || ids.size() < 2 ? kWorldBody : ids[0];
+      const CustomParameters drag{{"c", 1.0 + random()}, {"wind", random()}};
+      const CustomParameters shaker{{"f", 10.0 * random()}, {"omega", 3.0}};
+      const bool is_drag = (scene + k) % 2 == 0;
+      Joint force = custom_force("force_" + std::to_string(k), a, ids.back(),
+                                 is_drag ? "test/drag" : "test/shaker", is_drag ? drag : shaker);
+      force.anchor_a = random.vector();
+      force.anchor_b = 0.2 * random.vector();
+      world.add_joint(force);
+    }
+    for (int k = 0; k < 60; ++k) {
+      ASSERT_FALSE(world.step().failed)
+          << scene << " at " << world.time() << ": " << world.failed_why();
+      const auto islands = world.islands();
+      inconsistent += std::any_of(islands.begin(), islands.end(), [](const auto& island) {
+        return island.why == MethodReason::kInconsistent;
+      });
+    }
+  }
+  EXPECT_GT(inconsistent, 100 / kSanitizedShare);
 }
 
 }  // namespace

@@ -119,15 +119,16 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
           equations->is_rod(l) ? equations->driven_rate(l, t)[0] : equations->length(l).rate;
       continue;
     }
+    const EquationsOfMotion::Link& link = equations->links()[l];
     RowVector offset = equations->offset(l);
-    if (rows_.rows()[i].axis >= 0) offset.head<3>() += ball_offset(l, *configuration);
+    if (info(link.kind).form == RowsForm::kPoint)
+      offset.head<3>() += ball_offset(l, *configuration);
     const RowVector rate = equations->driven_rate(l, t);
     for (std::size_t k = 0; k < equations->rows_of(l); ++k) {
       const double metres = rows_.rows()[i + k].metres;
       target_.length[i + k] = metres * offset[static_cast<Eigen::Index>(k)];
       target_.rate[i + k] = metres * rate[static_cast<Eigen::Index>(k)];
     }
-    const EquationsOfMotion::Link& link = equations->links()[l];
     for (std::size_t s = 0; s < link.softs; ++s) {
       const std::size_t k = i + equations->rows_of(l) + s;
       target_.length[k] =

@@ -7,6 +7,7 @@
 #include "engine/constraints/contact.h"
 #include "engine/constraints/custom.h"
 #include "engine/constraints/joint.h"
+#include "engine/constraints/joint_kinds.h"
 #include "engine/narrowphase.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
@@ -279,17 +280,38 @@ Failure World::Impl::failure_of_motion() {
   return Failure::kNone;
 }
 
-// sums that a single NaN or infinity spoils
+// Whether all numbers of this step that are reported or saved are finite, beside the states of the
+// bodies. A single NaN or infinity makes the sum none. Energies follow from these numbers, which
+// kMostMagnitude bounds as it bounds positions and velocities.
 bool World::Impl::tells_finite_numbers() const {
-  double sum = 0.0;
+  double sum = report.local_error + report.projected_energy + report.correction_work +
+               report.driven_work + report.solver_residual + report.max_penetration;
   for (const int j : awake_joints) {
-    const JointState& state = joint_states[static_cast<std::size_t>(j)];
-    sum += state.error + state.error_rate + state.force + state.bias + state.reached_rate +
-           state.travel;
+    const auto i = static_cast<std::size_t>(j);
+    const JointState& state = joint_states[i];
+    sum += state.error + state.error_rate + state.angle_error + state.force + state.bias +
+           state.reached_rate + state.travel + state.initial_error + state.impulse.sum();
+    for (int k = 0; k < info(joints[i].kind).coordinates; ++k) {
+      const CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(k)];
+      sum += coordinate.position + coordinate.velocity + coordinate.effort + coordinate.bias +
+             coordinate.held + coordinate.braking;
+    }
+    if (state.closing)
+      sum += state.closing_offset.sum() + state.closing_shift.sum() + state.closing_turn.sum() +
+             state.closing_share + state.coupling.offset;
+    if (couples(joints[i].kind))
+      sum += state.coupling.value + state.coupling.rate + state.coupling.effort +
+             state.coupling.impulse;
   }
   for (std::size_t i = resting_contacts; i < contacts.size(); ++i)
-    sum += contacts[i].normal_force + contacts[i].depth;
-  return std::isfinite(sum);
+    sum += contacts[i].position.sum() + contacts[i].normal.sum() + contacts[i].depth +
+           contacts[i].normal_force + contacts[i].force.sum();
+  if (!std::isfinite(sum)) return false;
+  if (!any_corrections) return true;
+  double squares = 0.0;
+  for (const int i : awake_bodies)
+    squares += corrections[static_cast<std::size_t>(i)].squaredNorm();
+  return squares <= kMostMagnitude * kMostMagnitude;
 }
 
 void World::Impl::note_if_broken(std::size_t j) {

@@ -299,5 +299,32 @@ TEST(Friction, NeverLeavesTheDisk) {
   EXPECT_GT(sliding, 100);  // or the limit was never met
 }
 
+// ---- bodies without joints or extent beside those with
+
+// A point mass that nothing touches falls as if it were alone: x = x₀ + v₀ t + ½ g t (t + h), to
+// rounding. Errors of the hinge beside it are closed in the first steps.
+TEST(FreePoint, FallsBesideAJoint) {
+  Random random;
+  for (int scene = 0; scene < 100; ++scene) {
+    World world(options(0.01));
+    Body box = make_body("box", Box{{0.4, 0.3, 0.5}}, std::pow(10.0, random()), random.vector());
+    box.state = random.state();
+    Joint hinge = make_joint("hinge", kWorldBody, random.vector(), world.add_body(box),
+                             0.2 * random.vector(), JointKind::kHinge);
+    world.add_joint(hinge);
+    Body point = make_body("point", Point{}, std::pow(10.0, random()), 10.0 * random.vector());
+    point.state.linear_velocity = random.vector();
+    const BodyId free = world.add_body(point);
+    for (int k = 1; k <= 50; ++k) {
+      ASSERT_FALSE(world.step().failed) << scene << ", step " << k;
+      const double t = world.time();
+      const Eigen::Vector3d expected = point.state.position + t * point.state.linear_velocity +
+                                       0.5 * t * (t + 0.01) * world.options().gravity;
+      ASSERT_LE((world.state(free).position - expected).norm(), 1e-12) << scene << ", step " << k;
+      ASSERT_TRUE(std::isfinite(world.report().energy)) << scene << ", step " << k;
+    }
+  }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

@@ -70,6 +70,17 @@ double turn_at_rest(const MassProperties& mass, const Vector3d& angle, BodyState
   return 0.5 * L.dot(body->angular_velocity) - before;
 }
 
+// I⁻¹, with 1e-12 of the trace added to the diagonal: of points in line the moment of inertia about
+// that line is zero, and so is the angular momentum. Of a point alone both are zero, and so is the
+// answer. A power of two keeps the determinant within the range of numbers.
+Matrix3d regularized_inverse(const Matrix3d& inertia) {
+  const double trace = inertia.trace();
+  if (!(trace > 0.0)) return Matrix3d::Zero();
+  const double scale = std::exp2(-std::ilogb(trace));
+  const Matrix3d scaled = scale * (inertia + 1e-12 * trace * Matrix3d::Identity());
+  return scale * scaled.inverse();
+}
+
 // angular momentum of a body about its centre
 Vector3d spin(const MassProperties& mass, const BodyState& body, const Vector3d& w) {
   if (!mass.can_turn()) return Vector3d::Zero();
@@ -219,9 +230,7 @@ double RowSolver::limit_changes(const List<int>& moved, const Masses& masses,
     Component& part = components_[body];
     Rigid& rigid = rigid_[body];
     if (parents_[body] != body) continue;
-    // of points in line the inertia about that line is zero, and so is L
-    rigid.inertia += 1e-12 * rigid.inertia.trace() * Matrix3d::Identity();
-    const Matrix3d inverse = rigid.inertia.inverse();
+    const Matrix3d inverse = regularized_inverse(rigid.inertia);
     if (part.gains) {
       if (!part.is_attached)
         rigid.energy -=

@@ -15,6 +15,10 @@ void define_reports(py::module* module);  ///< StepReport and RunReport
 void define_world(py::module* module);
 void define_verify(py::module* module);  ///< VerifyReport and verify()
 
+/// Makes `__new__` of this class raise TypeError: it would give an object without `__init__`, whose
+/// memory nobody has set.
+void make_by_call_alone(py::handle type);
+
 using WorldClass = py::class_<SharedWorld>;
 void define_joints(WorldClass* world);
 void define_verify(WorldClass* world);

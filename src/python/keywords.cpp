@@ -1,5 +1,6 @@
 #include "python/keywords.h"
 
+#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -17,7 +18,78 @@ bool is_bool(py::handle value) {
          std::string(py::str(value.get_type().attr("__name__"))).rfind("bool", 0) == 0;
 }
 
+// Elements of the longest sequence that any function takes, and one more.
+constexpr std::size_t kMostElements = 17;
+
+/// Elements of an iterable, or the first kMostElements; nothing where it is none.
+std::optional<std::vector<py::object>> elements_of(py::handle value) {
+  const auto iterator = py::reinterpret_steal<py::object>(PyObject_GetIter(value.ptr()));
+  std::vector<py::object> elements;
+  while (iterator && elements.size() < kMostElements) {
+    auto element = py::reinterpret_steal<py::object>(PyIter_Next(iterator.ptr()));
+    if (!element) break;
+    elements.push_back(std::move(element));
+  }
+  if (PyErr_Occurred() != nullptr) {
+    PyErr_Clear();
+    return std::nullopt;
+  }
+  return elements;
+}
+
+py::object frozen_value(py::handle value, int depth);
+
+/// A number of a class that is none of Python's own; a null handle where it is no number.
+py::object frozen_number(py::handle value) {
+  if (PyNumber_Check(value.ptr()) == 0) return {};
+  PyObject* const number = PyIndex_Check(value.ptr()) != 0 ? PyNumber_Index(value.ptr()) : nullptr;
+  if (number != nullptr) return py::reinterpret_steal<py::object>(number);
+  PyErr_Clear();
+  const double converted = PyFloat_AsDouble(value.ptr());
+  if (PyErr_Occurred() == nullptr) return py::float_(converted);
+  PyErr_Clear();
+  return {};
+}
+
+py::dict frozen_dict(const py::dict& arguments, int depth) {
+  // a list of them first: code of Python's may change a dict while it is gone through
+  const auto items = py::reinterpret_steal<py::list>(PyDict_Items(arguments.ptr()));
+  py::dict copy;
+  for (const py::handle item : items) {
+    const auto pair = py::reinterpret_borrow<py::tuple>(item);
+    copy[pair[0]] = frozen_value(pair[1], depth);
+  }
+  return copy;
+}
+
+py::object frozen_value(py::handle value, int depth) {
+  constexpr int kMostDepth = 4;  // a dict in a list in a dict, and its numbers
+  const auto as_it_is = py::reinterpret_borrow<py::object>(value);
+  PyObject* const object = value.ptr();
+  if (object == Py_None || PyFloat_CheckExact(object) || PyLong_CheckExact(object) ||
+      PyUnicode_CheckExact(object) || PyBool_Check(object) || depth > kMostDepth)
+    return as_it_is;
+  if (PyUnicode_Check(object))
+    return py::reinterpret_steal<py::object>(PyUnicode_FromObject(object));
+  if (is_bool(value)) {
+    const int truth = PyObject_IsTrue(object);
+    if (truth >= 0) return py::bool_(truth == 1);
+    PyErr_Clear();
+    return as_it_is;
+  }
+  if (PyDict_Check(object)) return frozen_dict(py::reinterpret_borrow<py::dict>(value), depth + 1);
+  if (const py::object number = frozen_number(value)) return number;
+  const auto elements = elements_of(value);
+  if (!elements || elements->size() == kMostElements) return as_it_is;
+  py::tuple copy(elements->size());
+  for (std::size_t i = 0; i < elements->size(); ++i)
+    copy[i] = frozen_value((*elements)[i], depth + 1);
+  return std::move(copy);
+}
+
 }  // namespace
+
+py::dict frozen(const py::dict& arguments) { return frozen_dict(arguments, 0); }
 
 double number(const std::string& field, py::handle value) {
   if (is_bool(value) || PyUnicode_Check(value.ptr()) != 0) refuse(field, "a number", value);
@@ -81,15 +153,12 @@ void Keywords::read_numbers(const char* key, Vector* target) {
   if (!value) return;
   const std::string expected = std::to_string(target->size()) + " numbers";
   if (PyUnicode_Check(value.ptr()) != 0) refuse(key, expected, value);
-  const auto list = py::reinterpret_steal<py::object>(PySequence_Fast(value.ptr(), ""));
-  if (!list) {
-    PyErr_Clear();
+  // elements are held, whatever the conversion of one of them does to the sequence
+  const auto elements = elements_of(value);
+  if (!elements || elements->size() != static_cast<std::size_t>(target->size()))
     refuse(key, expected, value);
-  }
-  const auto size = static_cast<Eigen::Index>(PySequence_Fast_GET_SIZE(list.ptr()));
-  if (size != target->size()) refuse(key, expected, value);
-  for (Eigen::Index i = 0; i < size; ++i)
-    (*target)[i] = number(key, PySequence_Fast_GET_ITEM(list.ptr(), i));
+  for (std::size_t i = 0; i < elements->size(); ++i)
+    (*target)[static_cast<Eigen::Index>(i)] = number(key, (*elements)[i]);
 }
 
 void Keywords::read(const char* key, Eigen::Vector3d* target) { read_numbers(key, target); }

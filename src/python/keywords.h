@@ -15,6 +15,12 @@ namespace py = pybind11;
 /// Number in a Python object; bool and str are none. Throws std::invalid_argument naming `field`.
 double number(const std::string& field, py::handle value);
 
+/// A copy of keyword arguments that is read without running any code of Python's: sequences become
+/// tuples, dicts new dicts, and numbers of other classes floats and ints. To be made before a world
+/// is looked at, since an argument's `__float__` can change the argument, or let another thread
+/// step the world. A value that is no argument of any function stays as it is; reading it throws.
+py::dict frozen(const py::dict& arguments);
+
 /// Keyword arguments of one Python function. `read` converts the argument named `key` into
 /// `target`, which keeps its value when the argument is absent. A wrong type or length throws
 /// std::invalid_argument("KEY: must be ..., got VALUE").

@@ -1,6 +1,7 @@
 // The Python module constraint_sim.engine. Its stubs, with all types:
 // python/constraint_sim/engine.pyi.
 
+#include <pybind11/numpy.h>
 #include <pybind11/pybind11.h>
 
 #include <memory>
@@ -13,9 +14,13 @@
 namespace constraint_sim::python {
 namespace {
 
+PyObject* make_instance(PyTypeObject* type, PyObject* /*arguments*/, PyObject* /*keywords*/) {
+  return py::detail::make_new_instance(type);
+}
+
 engine::WorldOptions defaults_from(const py::kwargs& keywords) {
   engine::WorldOptions defaults;
-  options_from(keywords, &defaults);
+  options_from(frozen(keywords), &defaults);
   return defaults;
 }
 
@@ -40,6 +45,13 @@ void define_scenes(py::module* module) {
 }
 
 }  // namespace
+
+// Python lets `__new__` of a base class make an object only where the class has the same function
+// for it.
+void make_by_call_alone(py::handle type) {
+  reinterpret_cast<PyTypeObject*>(type.ptr())->tp_new = make_instance;
+}
+
 }  // namespace constraint_sim::python
 
 PYBIND11_MODULE(engine, module) {
@@ -58,6 +70,8 @@ PYBIND11_MODULE(engine, module) {
   module.attr("METHODS") = py::tuple(methods);
   py::register_exception<constraint_sim::engine::SceneError>(module, "SceneError",
                                                              PyExc_ValueError);
+  // Asks numpy for its functions, once: two threads that did so later would wait for each other.
+  py::dtype::of<double>();
   define_shapes(&module);
   define_reports(&module);
   define_world(&module);

@@ -350,7 +350,8 @@ void read_coupling(Keywords* reading, const engine::World& world, engine::Joint*
   reading->read("ratio", &joint->coupling.ratio);
   const py::object names = reading->find("joints");
   if (!names || !py::isinstance<py::sequence>(names) || py::isinstance<py::str>(names) ||
-      py::len(names) != 2)
+      py::len(names) != 2 || !py::isinstance<py::str>(names.cast<py::sequence>()[0]) ||
+      !py::isinstance<py::str>(names.cast<py::sequence>()[1]))
     throw std::invalid_argument("joints: must be the names of two constraints");
   const auto list = names.cast<py::sequence>();
   joint->coupling.first = world.find_joint(list[0].cast<std::string>());

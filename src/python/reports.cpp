@@ -140,6 +140,8 @@ void define_run_report(py::module* module) {
 void define_reports(py::module* module) {
   define_step_report(module);
   define_run_report(module);
+  for (const char* name : {"StepReport", "RunReport"})
+    make_by_call_alone(py::object(module->attr(name)));
 }
 
 }  // namespace constraint_sim::python

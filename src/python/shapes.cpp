@@ -58,6 +58,8 @@ void define_shapes(py::module* module) {
         return "Cylinder(" + std::string(py::str(py::float_(cylinder.radius))) + ", " +
                std::string(py::str(py::float_(cylinder.length))) + ")";
       });
+  for (const char* name : {"Point", "Sphere", "Box", "Plane", "Cylinder"})
+    make_by_call_alone(py::object(module->attr(name)));
 }
 
 }  // namespace constraint_sim::python

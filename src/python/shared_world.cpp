@@ -123,9 +123,10 @@ void SharedWorld::write_states(const engine::World& world, const std::vector<eng
   }
 }
 
-/// Nothing where no array is held; a new buffer where bodies came or went.
+/// Nothing where no array is held, or another thread steps the world, which will update them then;
+/// a new buffer where bodies came or went.
 void SharedWorld::update_arrays() {
-  if (buffer_ == nullptr) return;
+  if (buffer_ == nullptr || is_stepping_) return;
   if (buffer_.use_count() == 1) {
     buffer_ = nullptr;
     return;

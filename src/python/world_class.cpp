@@ -17,6 +17,9 @@
 namespace constraint_sim::python {
 namespace {
 
+// Python's memory management may let another thread run wherever an object of Python's is made:
+// what a reference into a world leads to is copied before.
+
 // ---- lists of dicts
 
 py::dict island_dict(const engine::World& world, const engine::Island& island) {
@@ -71,7 +74,7 @@ void define_bodies(Class* world) {
       [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
         engine::Body body;
         keywords["name"] = name;
-        body_from(keywords, &body);
+        body_from(frozen(keywords), &body);
         self.edit([&](engine::World& edited) { edited.add_body(body); });
       },
       py::arg("name"),
@@ -92,7 +95,8 @@ void define_bodies(Class* world) {
   world->def(
       "body",
       [](const SharedWorld& self, const std::string& name) {
-        return body_dict(self.read().body(self.read().find_body(name)));
+        const engine::Body body = self.read().body(self.read().find_body(name));
+        return body_dict(body);
       },
       py::arg("name"), "The body as it was added: the keywords of add_body.");
 }
@@ -101,7 +105,8 @@ void define_states(Class* world) {
   world->def(
       "state",
       [](const SharedWorld& self, const std::string& name) {
-        return state_dict(self.read().state(self.read().find_body(name)));
+        const engine::BodyState state = self.read().state(self.read().find_body(name));
+        return state_dict(state);
       },
       py::arg("name"),
       "State now: position [m], orientation x y z w, linear_velocity [m/s], "
@@ -109,10 +114,11 @@ void define_states(Class* world) {
   world->def(
       "set_state",
       [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
+        const py::dict given = frozen(keywords);
         self.edit([&](engine::World& edited) {
           const engine::BodyId id = edited.find_body(name);
           engine::BodyState state = edited.state(id);
-          state_from(keywords, &state);
+          state_from(given, &state);
           edited.set_state(id, state);
         });
       },
@@ -160,12 +166,13 @@ void define_wrenches(Class* world) {
   world->def(
       "add_wrench",
       [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
+        const py::dict given = frozen(keywords);
         self.edit([&](engine::World& edited) {
           engine::Wrench wrench;
           wrench.body = edited.find_body(name);
           wrench.start = edited.time();
           double duration = std::numeric_limits<double>::infinity();
-          Keywords reading("add_wrench", keywords);
+          Keywords reading("add_wrench", given);
           reading.read("force", &wrench.force);
           reading.read("torque", &wrench.torque);
           reading.read("start", &wrench.start);
@@ -195,7 +202,7 @@ void define_motion(Class* world) {
       [](SharedWorld& self, const py::object& duration, const py::kwargs& keywords) {
         int every = 0;
         double time_limit = std::numeric_limits<double>::infinity();
-        Keywords reading("run", keywords);
+        Keywords reading("run", frozen(keywords));
         reading.read("every", &every);
         reading.read("time_limit", &time_limit);
         reading.expect_no_more();
@@ -254,7 +261,8 @@ void define_lists(Class* world) {
       "contacts",
       [](const SharedWorld& self) {
         py::list list;
-        for (const engine::Contact& contact : self.read().contacts())
+        const std::vector<engine::Contact> copies = self.read().contacts();
+        for (const engine::Contact& contact : copies)
           list.append(contact_dict(self.read(), contact));
         return list;
       },
@@ -264,8 +272,8 @@ void define_lists(Class* world) {
       "events",
       [](const SharedWorld& self) {
         py::list list;
-        for (const engine::Event& event : self.read().events())
-          list.append(event_dict(self.read(), event));
+        const std::vector<engine::Event> copies = self.read().events();
+        for (const engine::Event& event : copies) list.append(event_dict(self.read(), event));
         return list;
       },
       "What happened within the last step, in the order of time: kind ('broken', 'rope_taut', "
@@ -316,9 +324,10 @@ void define_options(Class* world) {
   world->def(
       "set_options",
       [](SharedWorld& self, const py::kwargs& keywords) {
+        const py::dict given = frozen(keywords);
         self.edit([&](engine::World& edited) {
           engine::WorldOptions options = edited.options();
-          options_from(keywords, &options);
+          options_from(given, &options);
           edited.set_options(options);
         });
       },
@@ -358,7 +367,7 @@ void define_world(py::module* module) {
               "be stepped on different threads; one world by one thread at a time.");
   world.def(py::init([](const py::kwargs& keywords) {
     engine::WorldOptions options;
-    options_from(keywords, &options);
+    options_from(frozen(keywords), &options);
     return std::make_unique<SharedWorld>(engine::World(options));
   }));
   define_options(&world);
@@ -373,6 +382,7 @@ void define_world(py::module* module) {
   define_time(&world);
   define_lists(&world);
   define_texts(&world);
+  make_by_call_alone(world);
 }
 
 }  // namespace constraint_sim::python

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "constraint_sim/engine/plan.h"
 #include "python/definitions.h"
@@ -44,7 +45,7 @@ py::dict joint_state_dict(const engine::Joint& joint, const engine::JointState& 
 }
 
 /// Of one coordinate where the joint has any, else of its length.
-void set_motor(engine::World* world, const std::string& name, const py::kwargs& keywords) {
+void set_motor(engine::World* world, const std::string& name, const py::dict& keywords) {
   const engine::JointId id = world->find_joint(name);
   if (engine::coordinates(world->joint(id).kind) == 0) {
     engine::Motor motor;
@@ -71,8 +72,9 @@ void define_list_of_joints(Class* world) {
       "add_joint",
       [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
         keywords["name"] = name;
+        const py::dict given = frozen(keywords);
         bool is_broken = false;
-        const engine::Joint joint = joint_from(keywords, self.read(), &is_broken);
+        const engine::Joint joint = joint_from(given, self.read(), &is_broken);
         self.edit([&](engine::World& edited) { edited.add_joint(joint, is_broken); });
       },
       py::arg("name"),
@@ -99,7 +101,8 @@ void define_list_of_joints(Class* world) {
       [](const SharedWorld& self, const std::string& name) {
         const engine::World& read = self.read();
         const engine::JointId id = read.find_joint(name);
-        return joint_dict(read.joint(id), read, read.joint_state(id).broken);
+        const engine::Joint joint = read.joint(id);
+        return joint_dict(joint, read, read.joint_state(id).broken);
       },
       py::arg("name"),
       "The joint with its length and stiffness filled in: the keywords of "
@@ -108,8 +111,8 @@ void define_list_of_joints(Class* world) {
       "joint_names",
       [](const SharedWorld& self) {
         py::list names;
-        for (const engine::JointId id : self.read().joint_ids())
-          names.append(self.read().joint(id).name);
+        const std::vector<engine::JointId> ids = self.read().joint_ids();
+        for (const engine::JointId id : ids) names.append(self.read().joint(id).name);
         return names;
       },
       "In the order of adding.");
@@ -120,7 +123,9 @@ void define_joint_states(Class* world) {
       "joint_state",
       [](const SharedWorld& self, const std::string& name) {
         const engine::JointId id = self.read().find_joint(name);
-        return joint_state_dict(self.read().joint(id), self.read().joint_state(id));
+        const engine::Joint joint = self.read().joint(id);
+        const engine::JointState state = self.read().joint_state(id);
+        return joint_state_dict(joint, state);
       },
       py::arg("name"),
       "State after the last step: error [m], error_rate [m/s], angle_error [rad], force [N] along "
@@ -152,7 +157,8 @@ void define_joint_settings(Class* world) {
   world->def(
       "set_motor",
       [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
-        self.edit([&](engine::World& edited) { set_motor(&edited, name, keywords); });
+        const py::dict given = frozen(keywords);
+        self.edit([&](engine::World& edited) { set_motor(&edited, name, given); });
       },
       py::arg("name"),
       "set_motor(name, *, bias=0 [m/s or rad/s] > 0 lengthens or turns positively about the axis, "
@@ -164,10 +170,11 @@ void define_joint_settings(Class* world) {
   world->def(
       "set_joint",
       [](SharedWorld& self, const std::string& name, const py::kwargs& keywords) {
+        const py::dict given = frozen(keywords);
         return self.edit([&](engine::World& edited) {
           const engine::JointId id = edited.find_joint(name);
           engine::Joint joint = edited.joint(id);
-          change_joint(keywords, &joint);
+          change_joint(given, &joint);
           edited.set_joint(id, joint);
           return engine::text_of_opening(edited, id);
         });

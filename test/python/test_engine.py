@@ -558,6 +558,123 @@ def test_worlds_on_threads_without_the_gil():
     slow.state('bob')
 
 
+def in_a_process(script, timeout=60):
+    """What a script prints that has the module as `engine`; ends within the timeout [s]."""
+    start = f'import sys; sys.path[:0] = {sys.path!r}\nfrom constraint_sim import engine\n'
+    run = subprocess.run([sys.executable, '-c', start + script], capture_output=True, text=True, timeout=timeout)
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+def test_arrays_on_two_threads_at_once():
+    """The first arrays of a process, on threads that start together."""
+    script = ('import threading\n'
+              'worlds = [engine.World() for _ in range(8)]\n'
+              'for world in worlds: world.add_body("a", mass=1.0)\n'
+              'barrier = threading.Barrier(8)\n'
+              'def ask(world):\n'
+              '    barrier.wait()\n'
+              '    world.positions\n'
+              'threads = [threading.Thread(target=ask, args=(world,)) for world in worlds]\n'
+              'for thread in threads: thread.start()\n'
+              'for thread in threads: thread.join()\n'
+              'print("done")\n')
+    for _ in range(3):
+        assert in_a_process(script) == 'done\n'
+    assert in_a_process('print("numpy" in sys.modules)\n') == 'True\n'
+
+
+def test_arguments_that_change_while_they_are_read():
+    """A list that its own element shortens, and one without end."""
+    script = ('import itertools\n'
+              'class Number:\n'
+              '    def __init__(self, action): self.action = action\n'
+              '    def __float__(self):\n'
+              '        self.action()\n'
+              '        return 1.0\n'
+              'world = engine.World()\n'
+              'world.add_body("a", mass=1.0)\n'
+              'for _ in range(100):\n'
+              '    numbers = []\n'
+              '    numbers[:] = [Number(numbers.clear), [object()] * 1000, [object()] * 1000]\n'
+              '    try: world.set_state("a", position=numbers)\n'
+              '    except ValueError: pass\n'
+              '    numbers[:] = [Number(numbers.clear), 2.0, 3.0]\n'
+              '    world.set_state("a", position=numbers)\n'
+              '    assert world.state("a")["position"] == (1.0, 2.0, 3.0)\n'
+              'try: world.set_state("a", position=itertools.count())\n'
+              'except ValueError as error: print(error)\n'
+              '# an argument that removes the body it is for\n'
+              'try: world.set_state("a", position=(Number(lambda: world.remove_body("a")), 2.0, 3.0))\n'
+              'except ValueError as error: print(error)\n'
+              'world.add_body("a", mass=1.0)\n'
+              'world.add_joint("j", body_b="a", type="hinge")\n'
+              'try: world.set_joint("j", damping=Number(lambda: world.remove_joint("j")))\n'
+              'except ValueError as error: print(error)\n'
+              'print(world.joint_names, world.body_names)\n')
+    assert in_a_process(script).splitlines() == [
+        'position: must be 3 numbers, got count(34)', "body: there is none named 'a'",
+        "constraint: there is none named 'j'", "[] ['a']"]
+
+
+def test_arguments_are_read_before_the_world_is_looked_at():
+    """Arguments let another thread step the world: no call then works on a world in a step."""
+    script = ('import threading, time\n'
+              'world = engine.World(time_step=1e-4)\n'
+              'for i in range(50): world.add_body(f"b{i}", mass=1.0, position=(i, 0, 0))\n'
+              'for i in range(49): world.add_joint(f"j{i}", body_a=f"b{i}", body_b=f"b{i + 1}")\n'
+              'class Number:\n'
+              '    def __float__(self):\n'
+              '        time.sleep(0.001)\n'
+              '        return 1.0\n'
+              'ends = time.monotonic() + 3.0\n'
+              'answers = set()\n'
+              'def step():\n'
+              '    while time.monotonic() < ends:\n'
+              '        world.run(0.002)\n'
+              'def edit():\n'
+              '    while time.monotonic() < ends:\n'
+              '        for call in (lambda: world.set_state("b3", position=(Number(), 0.0, 0.0)),\n'
+              '                     lambda: world.add_wrench("b4", force=(Number(), 0, 0), duration=0.01),\n'
+              '                     lambda: world.set_motor("j5", bias=Number()),\n'
+              '                     lambda: world.set_joint("j6", break_force=Number()),\n'
+              '                     lambda: world.set_options(tolerance=Number())):\n'
+              '            try:\n'
+              '                call()\n'
+              '                answers.add("done")\n'
+              '            except RuntimeError as error:\n'
+              '                answers.add(str(error))\n'
+              'positions = world.positions\n'
+              'threads = [threading.Thread(target=step), threading.Thread(target=edit)]\n'
+              'for thread in threads: thread.start()\n'
+              'for thread in threads: thread.join()\n'
+              'print(sorted(answers))\n')
+    answers = ast.literal_eval(in_a_process(script))
+    assert set(answers) <= {'done', 'world: another thread is stepping it'} and answers
+
+
+@pytest.mark.parametrize('name', ['World', 'Point', 'Sphere', 'Box', 'Plane', 'Cylinder', 'StepReport', 'RunReport'])
+def test_no_object_without_init(name):
+    script = (f'kind = engine.{name}\n'
+              'try: print(kind.__new__(kind).__repr__())\n'
+              'except TypeError as error: print("TypeError")\n'
+              'class Own(kind): pass\n'
+              'try: print(Own.__new__(Own).__repr__())\n'
+              'except TypeError as error: print("TypeError")\n')
+    assert in_a_process(script) == 'TypeError\nTypeError\n'
+
+
+def test_classes_of_ones_own():
+    class Own(engine.World):
+        def __init__(self, length):
+            super().__init__(gravity=(0, 0, 0))
+            self.length = length
+
+    world = Own(2.0)
+    assert world.options['gravity'] == (0.0, 0.0, 0.0) and world.length == 2.0
+    assert isinstance(copy.copy(world), engine.World)
+
+
 def test_time_limit_and_interrupt():
     world = hanging(time_step=1e-4)
     run = world.run(1e4, time_limit=0.05)

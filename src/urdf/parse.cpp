@@ -3,17 +3,93 @@
 #include <console_bridge/console.h>
 #include <urdf_parser/urdf_parser.h>
 
+#include <algorithm>
 #include <map>
 #include <mutex>
-#include <set>
 #include <stdexcept>
+#include <utility>
+#include <vector>
 
 #include "sim/words.h"
+#include "urdf/xml_tags.h"
 
 namespace constraint_sim {
 namespace {
 
 [[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument("urdf: " + why); }
+
+// Bounds of what urdfdom takes: TinyXML parses elements within each other by recursion, and urdfdom
+// takes links apart by recursion from parent to child.
+constexpr int kMostElementDepth = 64;
+constexpr std::size_t kMostLinks = 10000;
+
+/// The joints of a text, each from one link to another, by the numbers that links get here.
+struct LinkGraph {
+  std::vector<std::string> links;  ///< every name that a joint has
+  std::vector<std::pair<std::size_t, std::size_t>> joints;
+};
+
+/// Throws where elements are nested too deep, or are too many. Where the joints are not read well,
+/// for the text is no URDF, urdfdom rejects it.
+LinkGraph read_joints(const std::string& text) {
+  LinkGraph graph;
+  std::map<std::string, std::size_t> numbers;
+  const auto number_of = [&](const std::string& name) {
+    if (name.find('&') != std::string::npos)
+      refuse("a joint refers to link '" + shortened(name) + "': names have no entities");
+    const auto [found, is_new] = numbers.emplace(name, graph.links.size());
+    if (is_new) graph.links.push_back(name);
+    return found->second;
+  };
+  int depth = 0;
+  std::size_t links = 0;
+  std::string parent, child;
+  XmlTags tags(text);
+  while (tags.next()) {
+    const std::string name = tags.name();
+    if (tags.kind() == XmlTags::Kind::kDeclaration) {
+      // TinyXML ends it elsewhere where a value has a `>`, so that depths would not be known
+      if (depth > 0) refuse("has a declaration `<?` within an element");
+      continue;
+    }
+    if (tags.kind() == XmlTags::Kind::kEnd) {
+      depth = std::max(depth - 1, 0);
+      if (depth != 1 || name != "joint" || parent.empty() || child.empty()) continue;
+      graph.joints.emplace_back(number_of(parent), number_of(child));
+      continue;
+    }
+    if (depth == 1 && name == "joint") parent = child = "";
+    if (depth == 1 && name == "link" && ++links > kMostLinks)
+      refuse("has more than " + std::to_string(kMostLinks) + " links");
+    if (depth == 2 && name == "parent" && parent.empty()) parent = tags.attribute("link");
+    if (depth == 2 && name == "child" && child.empty()) child = tags.attribute("link");
+    if (tags.kind() == XmlTags::Kind::kStart && ++depth > kMostElementDepth)
+      refuse("elements are nested more than " + std::to_string(kMostElementDepth) + " deep");
+  }
+  return graph;
+}
+
+/// Rejects links that refer to each other in a circle, whose memory urdfdom never frees: takes away
+/// one link after the other that is no child of those left, until none is left or all are children.
+void check_cycles(const LinkGraph& graph) {
+  std::vector<std::size_t> parents(graph.links.size(), 0), open;
+  std::vector<std::vector<std::size_t>> children(graph.links.size());
+  for (const auto& [parent, child] : graph.joints) {
+    ++parents[child];
+    children[parent].push_back(child);
+  }
+  for (std::size_t i = 0; i < parents.size(); ++i)
+    if (parents[i] == 0) open.push_back(i);
+  while (!open.empty()) {
+    const std::size_t link = open.back();
+    open.pop_back();
+    for (const std::size_t child : children[link])
+      if (--parents[child] == 0) open.push_back(child);
+  }
+  for (std::size_t i = 0; i < parents.size(); ++i)
+    if (parents[i] > 0)
+      refuse("link '" + shortened(graph.links[i]) + "' is in a cycle of joints, or behind one");
+}
 
 /// Keeps the errors that urdfdom logs, since its answer does not say why. One at a time.
 class ParserErrors : public console_bridge::OutputHandler {
@@ -43,34 +119,15 @@ urdf::ModelInterfaceSharedPtr parse(const std::string& text) {
   return model;
 }
 
-/// Takes apart links that refer to each other, so that their memory is freed.
-[[noreturn]] void refuse_links(const urdf::ModelInterface& model, const std::string& why) {
-  for (const auto& [name, link] : model.links_) link->clear();
-  refuse(why);
-}
-
-/// urdfdom forgets all but one of a link's parents, and does not look for cycles beside the root.
+/// urdfdom forgets all but one of a link's parents.
 void check_tree(const urdf::ModelInterface& model) {
   std::map<std::string, std::string> joint_of_child;
   for (const auto& [name, joint] : model.joints_) {
     const auto [other, is_first] = joint_of_child.emplace(joint->child_link_name, name);
     if (!is_first)
-      refuse_links(model, "link '" + joint->child_link_name + "' is the child of two joints, '" +
-                              other->second + "' and '" + name +
-                              "'; close loops by constraints beside the URDF");
+      refuse("link '" + joint->child_link_name + "' is the child of two joints, '" + other->second +
+             "' and '" + name + "'; close loops by constraints beside the URDF");
   }
-  std::set<std::string> reached;
-  std::vector<urdf::LinkConstSharedPtr> open{model.getRoot()};
-  while (!open.empty()) {
-    const urdf::LinkConstSharedPtr link = open.back();
-    open.pop_back();
-    reached.insert(link->name);
-    open.insert(open.end(), link->child_links.begin(), link->child_links.end());
-  }
-  for (const auto& [name, link] : model.links_)
-    if (reached.count(name) == 0)
-      refuse_links(model,
-                   "link '" + name + "' is in a cycle of joints that the root does not reach");
 }
 
 void check_meshes(const urdf::ModelInterface& model, const MeshExists& mesh_exists) {
@@ -91,6 +148,7 @@ void check_meshes(const urdf::ModelInterface& model, const MeshExists& mesh_exis
 
 urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text, const MeshExists& mesh_exists) {
   if (text.empty()) refuse("the text is empty");
+  check_cycles(read_joints(text));
   urdf::ModelInterfaceSharedPtr model = parse(text);
   check_tree(*model);
   check_meshes(*model, mesh_exists);

@@ -13,7 +13,8 @@ namespace constraint_sim {
 using MeshExists = std::function<bool(const std::string& name)>;
 
 /// A robot's description that is a tree of links. Throws std::invalid_argument in plain words for
-/// what is no URDF, for a link with two parents or in a cycle, and for a mesh that is not there.
+/// what is no URDF, for a link with two parents or in a cycle, for a mesh that is not there, for
+/// elements nested more than 64 deep, and for more than 10 000 links.
 urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text, const MeshExists& mesh_exists);
 
 /// As Eigen has it.

@@ -1,6 +1,7 @@
 // What URDFs say, one element at a time, and what they get wrong.
 
 #include "constraint_sim/engine/scene.h"
+#include "memory_peak.h"
 #include "robots.h"
 
 namespace constraint_sim {
@@ -9,6 +10,7 @@ namespace {
 using Eigen::Isometry3d;
 using Eigen::Vector3d;
 using engine::JointKind;
+using engine::MemoryPeak;
 using engine::refusal;
 using engine::World;
 
@@ -308,6 +310,81 @@ TEST(Urdf, ConstraintsBesideItAreOfLinks) {
     EXPECT_LT(world.joint_state(id).initial_error, 1e-15) << world.joint(id).name;
   EXPECT_EQ(world.joint(world.find_joint("p/anchor")).body_a, engine::kWorldBody);
   EXPECT_EQ(world.joint(world.find_joint("p/train")).coupling.second, world.find_joint("p/b"));
+}
+
+// ---- texts that mean harm
+
+std::string text_times(int count, const std::string& text) {
+  std::string all;
+  for (int i = 0; i < count; ++i) all += text;
+  return all;
+}
+
+// A parser that recurses from element to element would overflow the stack.
+TEST(HostileUrdf, OfElementsTooDeepIsRejected) {
+  World world;
+  const auto answer_to = [&](const std::string& text) {
+    return refusal([&] { add_robot(text, {}, &world); });
+  };
+  const std::string deep = "urdf: elements are nested more than 64 deep";
+  for (const char* opening :
+       {"<a>", "<robot>", "<a b='>'>", "<a b=\"</a>\">", "<a><!-- </a></a> -->",
+        "<a><![CDATA[</a>]]>", "<a> /> ", "<a><b/>", "<a><b></b>", "<a><!x </a>"}) {
+    for (const int count : {65, 40000}) {
+      EXPECT_EQ(answer_to(text_times(count, opening)), deep) << opening;
+      EXPECT_EQ(answer_to("<?xml version='1.0'?>\n<robot name='r'>" + text_times(count, opening) +
+                          "</robot>"),
+                deep)
+          << opening;
+    }
+  }
+  // a close tag that hides in a value of a declaration would hide its element
+  EXPECT_EQ(answer_to(text_times(40000, "<a><?xml version=\"></a>\"?>")),
+            "urdf: has a declaration `<?` within an element");
+  EXPECT_EQ(world.body_ids().size(), 0u);
+  // as deep as that is parsed: unknown elements of a robot are left out
+  EXPECT_EQ(answer_to(robot(link("base") + text_times(60, "<a>") + text_times(60, "</a>"))), "");
+}
+
+// urdfdom frees links from parent to child by recursion, in whatever way it ends.
+TEST(HostileUrdf, OfTooManyLinksIsRejected) {
+  std::string chain;
+  for (int i = 0; i < 100000; ++i) {
+    const std::string name = std::to_string(i);
+    chain += "<link name='" + name + "'/>";
+    if (i > 0) chain += joint("j" + name, "fixed", std::to_string(i - 1), name);
+  }
+  World world;
+  EXPECT_EQ(refusal([&] { add_robot(robot(chain), {}, &world); }),
+            "urdf: has more than 10000 links");
+}
+
+// Links in a circle keep each other: urdfdom would never free them, whether it finds no root or
+// another error. Memory stays what it was after the first rejection; one such text took 4 MB.
+TEST(HostileUrdf, OfLinksInACycleIsRejectedWithoutALeak) {
+  std::string circle;
+  for (int i = 0; i < 2000; ++i) {
+    const std::string name = std::to_string(i);
+    circle += link(name) + joint("j" + name, "fixed", name, std::to_string((i + 1) % 2000));
+  }
+  const std::string texts[] = {robot(circle), robot(link("root") + circle),
+                               robot(link("a") + link("b") + circle),
+                               robot(circle + joint("j", "fixed", "0", "none"))};
+  World world;
+  for (const std::string& text : texts) {
+    const auto add = [&] {
+      EXPECT_NE(refusal([&] { add_robot(text, {}, &world); }).find("in a cycle of joints"),
+                std::string::npos);
+    };
+    add();
+    const MemoryPeak memory;
+    for (int i = 0; i < 10; ++i) add();
+    EXPECT_LT(memory.grown_by(), 1e7);
+  }
+  EXPECT_NE(refusal([&] {
+              add_robot(robot(link("a") + joint("j", "fixed", "a", "a")), {}, &world);
+            }).find("in a cycle of joints"),
+            std::string::npos);
 }
 
 }  // namespace

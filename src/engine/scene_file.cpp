@@ -42,6 +42,8 @@ class Descriptor {
 }
 
 std::string text_of_file(const std::string& path) {
+  if (path.find('\0') != std::string::npos)
+    fail(excerpt(path), "cannot read this file: its name has a zero byte");
   const Descriptor file(path);
   struct stat about {};
   if (file.value() < 0 || ::fstat(file.value(), &about) != 0)

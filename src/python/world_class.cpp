@@ -2,7 +2,6 @@
 #include <pybind11/stl.h>
 
 #include <algorithm>
-#include <fstream>
 #include <limits>
 #include <memory>
 #include <string>
@@ -10,6 +9,7 @@
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
+#include "engine/files.h"
 #include "python/definitions.h"
 #include "python/keywords.h"
 #include "python/parameters.h"
@@ -309,10 +309,7 @@ void define_texts(Class* world) {
   world->def(
       "save_scene_file",
       [](const SharedWorld& self, const std::string& path) {
-        std::ofstream file(path);
-        file << engine::save_scene(self.read());
-        file.close();
-        if (!file) throw std::invalid_argument("path: cannot write '" + path + "'");
+        engine::write_file(path, engine::save_scene(self.read()));
       },
       py::arg("path"), "The same into a file.");
 }

@@ -167,6 +167,10 @@ std::optional<Arguments> parse(int argc, char** argv) {
   return arguments;
 }
 
+std::string file_of(const Arguments& arguments) {
+  return arguments.scene == "-" ? "" : file_of_scene(arguments.scene, scene_folder());
+}
+
 World load(const Arguments& arguments) {
   World world = load_scene_named(arguments.scene);
   WorldOptions options = world.options();

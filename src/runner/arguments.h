@@ -21,6 +21,10 @@ struct Arguments {
 /// Nothing when only help was asked for.
 std::optional<Arguments> parse(int argc, char** argv);
 
+/// The file that the scene is read from; empty of standard input. Throws SceneError where there is
+/// none.
+std::string file_of(const Arguments& arguments);
+
 /// The scene, with the options of the command line in place of its own.
 World load(const Arguments& arguments);
 

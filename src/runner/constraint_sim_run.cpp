@@ -9,6 +9,7 @@
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <map>
@@ -16,12 +17,15 @@
 #include <optional>
 #include <set>
 #include <string>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "constraint_sim/engine/verify.h"
+#include "engine/files.h"
 #include "engine/validate.h"
 #include "runner/arguments.h"
 #include "runner/constraints.h"
@@ -45,49 +49,101 @@ std::uint64_t steps_in(double duration, double time_step) {
 
 // ---- files
 
-/// Opened before the run, so that a path that cannot be written costs no run. Not open for an empty
-/// path.
+/// Opened before the run, so that a path that cannot be written costs no run; replaced as a whole
+/// once all is written. A device or a pipe is written to at once. Not open for an empty path.
 class OutputFile {
  public:
   explicit OutputFile(const std::string& path) : path_(path) {
     if (path_.empty()) return;
-    stream_.open(path_);
+    if (is_replaced(path_))
+      replacement_.emplace(path_);
+    else
+      device_.open(path_);
     check();
   }
 
   bool is_wanted() const { return !path_.empty(); }
-  std::ostream& stream() { return stream_; }
-
+  void write(const std::string& text) {
+    constexpr std::size_t kPiece = std::size_t{1} << 16;
+    waiting_ += text;
+    if (waiting_.size() >= kPiece) flush();
+  }
   void close() {
     if (path_.empty()) return;
-    stream_.close();
+    flush();
+    if (replacement_) replacement_->commit();
+    if (!replacement_) device_.close();
     check();
   }
 
- private:
-  void check() const {
-    if (!stream_) throw std::runtime_error("cannot write '" + path_ + "'");
+  /// Whether this is a regular file, or will be one.
+  static bool is_replaced(const std::string& path) {
+    std::error_code error;
+    const auto status = std::filesystem::status(path, error);
+    // of the system's own names for open files the text goes where these are
+    return path.rfind("/dev/", 0) != 0 && path.rfind("/proc/", 0) != 0 &&
+           (!std::filesystem::exists(status) || std::filesystem::is_regular_file(status) ||
+            std::filesystem::is_directory(status));
   }
 
-  std::string path_;
-  std::ofstream stream_;
+ private:
+  void flush() {
+    if (replacement_)
+      replacement_->write(waiting_);
+    else
+      device_ << waiting_ << std::flush;
+    waiting_.clear();
+    check();
+  }
+  void check() const {
+    if (!device_) throw std::runtime_error("cannot write '" + path_ + "'");
+  }
+
+  std::string path_, waiting_;
+  std::optional<FileReplacement> replacement_;
+  std::ofstream device_;
 };
 
-void write_csv_header(std::ostream& out) {
-  out << "time,body,px,py,pz,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz\n";
+/// Throws std::invalid_argument where two outputs are one file, or one is the scene that is read.
+void check_outputs(const Arguments& arguments) {
+  namespace fs = std::filesystem;
+  std::vector<std::pair<std::string, std::string>> names{{"the scene", file_of(arguments)},
+                                                         {"--csv", arguments.csv},
+                                                         {"--report", arguments.report},
+                                                         {"--save", arguments.save},
+                                                         {"--snapshot", arguments.snapshot}};
+  const auto is_unused = [](const auto& entry) {
+    return entry.second.empty() || !OutputFile::is_replaced(entry.second);
+  };
+  names.erase(std::remove_if(names.begin(), names.end(), is_unused), names.end());
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    for (std::size_t j = 0; j < i; ++j) {
+      std::error_code none, error;
+      const fs::path first = fs::weakly_canonical(fs::absolute(names[j].second), none);
+      const fs::path second = fs::weakly_canonical(fs::absolute(names[i].second), none);
+      if (first == second || fs::equivalent(first, second, error))
+        refuse(names[i].first.substr(2),
+               "is the file of " + names[j].first + ", " + engine::quoted(names[i].second));
+    }
+  }
 }
 
-void write_csv_rows(const World& world, std::ostream& out) {
+std::string csv_header() { return "time,body,px,py,pz,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz\n"; }
+
+std::string csv_rows(const World& world) {
+  std::string rows;
   const std::string time = shortest(world.time());
   for (const BodyId id : world.body_ids()) {
     const BodyState& state = world.state(id);
     Eigen::Matrix<double, 13, 1> numbers;
     numbers << state.position, state.orientation.coeffs(), state.linear_velocity,
         state.angular_velocity;
-    out << time << ',' << world.body(id).name;
-    for (Eigen::Index i = 0; i < numbers.size(); ++i) out << ',' << shortest(numbers[i]);
-    out << '\n';
+    rows.append(time).append(1, ',').append(world.body(id).name);
+    for (Eigen::Index i = 0; i < numbers.size(); ++i)
+      rows.append(1, ',').append(shortest(numbers[i]));
+    rows += '\n';
   }
+  return rows;
 }
 
 // ---- the run
@@ -174,12 +230,12 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv, OutputFile* cons
   Outcome outcome;
   outcome.energy_initial = world->energy();
   if (csv->is_wanted()) {
-    write_csv_header(csv->stream());
-    write_csv_rows(*world, csv->stream());
+    csv->write(csv_header());
+    csv->write(csv_rows(*world));
   }
   if (constraint_csv->is_wanted()) {
-    write_constraint_csv_header(constraint_csv->stream());
-    write_constraint_csv_rows(*world, constraint_csv->stream());
+    constraint_csv->write(constraint_csv_header());
+    constraint_csv->write(constraint_csv_rows(*world));
   }
   ProgressBar progress(steps);
   for (std::uint64_t step = 1; step <= steps && !outcome.failed && stop_signal == 0; ++step) {
@@ -207,8 +263,8 @@ Outcome run(std::uint64_t steps, World* world, OutputFile* csv, OutputFile* cons
     if (report.unclosed_joints > 0 || report.energy_rise > 0.0 || report.hits_left_body)
       for (const StepWarning& now : step_warnings(*world)) add(now, &outcome);
     outcome.failed = report.failed;
-    if (csv->is_wanted()) write_csv_rows(*world, csv->stream());
-    if (constraint_csv->is_wanted()) write_constraint_csv_rows(*world, constraint_csv->stream());
+    if (csv->is_wanted()) csv->write(csv_rows(*world));
+    if (constraint_csv->is_wanted()) constraint_csv->write(constraint_csv_rows(*world));
     progress.update(step);
   }
   outcome.energy_final = world->energy();
@@ -324,6 +380,7 @@ void print_summary(const World& world, const Outcome& outcome) {
 
 /// Returns the exit status. Throws what its input deserves.
 int run(const Arguments& arguments) {
+  check_outputs(arguments);
   World world = load(arguments);
   const std::uint64_t steps = steps_in(arguments.duration, world.options().time_step);
   if (arguments.explain) std::cout << explain(world) << std::flush;
@@ -343,7 +400,7 @@ int run(const Arguments& arguments) {
   if (report.is_wanted()) {
     nlohmann::json json = report_of(world, outcome);
     if (verified) json["verify"] = json_of(*verified);
-    report.stream() << json.dump(2) << '\n';
+    report.write(json.dump(2) + '\n');
   }
   if (save.is_wanted()) {
     const std::string scene = save_scene(world);
@@ -352,9 +409,9 @@ int run(const Arguments& arguments) {
                    "constraint_sim_run: warning: the saved scene has %zu bytes, and no more than "
                    "%zu are loaded again\n",
                    scene.size(), kMostSceneBytes);
-    save.stream() << scene;
+    save.write(scene);
   }
-  if (snapshot.is_wanted()) snapshot.stream() << write_snapshot(world);
+  if (snapshot.is_wanted()) snapshot.write(write_snapshot(world));
   for (OutputFile* file : {&csv, &constraint_csv, &report, &save, &snapshot}) file->close();
   print_summary(world, outcome);
   if (verified) std::printf("\n%s", to_table(*verified).c_str());
@@ -375,13 +432,22 @@ int run(const Arguments& arguments) {
   return kSignalled + stop_signal;
 }
 
+// what was printed may be lost where a disk is full
+void check_standard_output() {
+  std::cout.flush();
+  if (!std::cout || std::fflush(stdout) != 0 || std::ferror(stdout) != 0)
+    throw std::runtime_error("cannot write to standard output");
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine
 
 int main(int argc, char** argv) {
   try {
     const auto arguments = constraint_sim::engine::parse(argc, argv);
-    return arguments ? constraint_sim::engine::run(*arguments) : 0;
+    const int status = arguments ? constraint_sim::engine::run(*arguments) : 0;
+    constraint_sim::engine::check_standard_output();
+    return status;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "constraint_sim_run: %s\n", error.what());
     return constraint_sim::engine::kBadInput;

@@ -1,5 +1,6 @@
 #include "runner/constraints.h"
 
+#include <sstream>
 #include <string>
 #include <vector>
 
@@ -23,11 +24,12 @@ std::vector<double> coordinates_of(const World& world, JointId id) {
 
 }  // namespace
 
-void write_constraint_csv_header(std::ostream& out) {
-  out << "time,constraint,q0,q1,q2,error,force,fx,fy,fz,tx,ty,tz\n";
+std::string constraint_csv_header() {
+  return "time,constraint,q0,q1,q2,error,force,fx,fy,fz,tx,ty,tz\n";
 }
 
-void write_constraint_csv_rows(const World& world, std::ostream& out) {
+std::string constraint_csv_rows(const World& world) {
+  std::ostringstream out;
   const std::string time = shortest(world.time());
   for (const JointId id : world.joint_ids()) {
     const Joint& joint = world.joint(id);
@@ -47,6 +49,7 @@ void write_constraint_csv_rows(const World& world, std::ostream& out) {
     for (Eigen::Index i = 0; i < numbers.size(); ++i) out << ',' << shortest(numbers[i]);
     out << '\n';
   }
+  return out.str();
 }
 
 nlohmann::json constraints_of(const World& world) {

@@ -1,7 +1,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
-#include <ostream>
+#include <string>
 
 #include "constraint_sim/engine/world.h"
 
@@ -10,9 +10,9 @@ namespace constraint_sim::engine {
 // Constraints in the runner's files. Coordinates count whole turns; of a distance constraint the
 // length stands in their place. Force [N] and torque [N m] are those of World::joint_wrench().
 
-void write_constraint_csv_header(std::ostream& out);
+std::string constraint_csv_header();
 /// A row each constraint.
-void write_constraint_csv_rows(const World& world, std::ostream& out);
+std::string constraint_csv_rows(const World& world);
 
 /// The constraints now, by name.
 nlohmann::json constraints_of(const World& world);

@@ -1,26 +1,13 @@
 #pragma once
 
-#include <cstddef>
-#include <functional>
-#include <string>
+#include "engine/files.h"
 
 namespace constraint_sim {
 
-// Files that callers of services name. What cannot be throws std::invalid_argument with the path.
-
-inline constexpr std::size_t kMostBytes = std::size_t{6} << 20;  ///< of a scene, as load_scene
-
-/// The bytes of a regular file of up to `most`; a link is followed. `check` is called with its
-/// first bytes before the others are read, and may throw.
-std::string read_file(const std::string& path, std::size_t most = kMostBytes,
-                      const std::function<void(const std::string& start)>& check = nullptr);
-
-/// Replaces or makes a regular file: the whole text, on the disk when this returns, or the file as
-/// it was. Of a link the file that it leads to. The mode of a file that was there stays.
-void write_file(const std::string& path, const std::string& text);
-
-/// The file that `path` leads to, links resolved, which must lie below `folder`; a relative path
-/// starts there. The file itself need not exist.
-std::string path_below(const std::string& folder, const std::string& path);
+// The node's own code is outside the engine's namespace.
+using engine::kMostBytes;
+using engine::path_below;
+using engine::read_file;
+using engine::write_file;
 
 }  // namespace constraint_sim

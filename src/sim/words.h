@@ -6,18 +6,13 @@
 #include <vector>
 
 #include "engine/edit_distance.h"
+#include "engine/shortened.h"
 
 namespace constraint_sim {
 
-/// At most so many characters of a text, with dots where something is left out.
-inline std::string shortened(const std::string& text, std::size_t most = 40) {
-  if (text.size() <= most) return text;
-  std::size_t end = most;
-  while (end > 0 && (static_cast<unsigned char>(text[end]) & 0xC0U) == 0x80U) --end;  // UTF-8
-  return text.substr(0, end) + "...";
-}
+using engine::shortened;
 
-/// The same of what stands from the first quote after `from` to the last one.
+/// A message with what stands shortened from the first quote after `from` to the last one.
 inline std::string with_short_quotes(const std::string& message, std::size_t from = 0) {
   const std::size_t first = message.find('\'', from), last = message.rfind('\'');
   if (first == std::string::npos || first == last) return message;

@@ -251,6 +251,47 @@ TEST_F(Runner, RefusesBadInputInOneLine) {
   }
 }
 
+// What was there stays until the whole of an output is written: on a disk that is full (here: a
+// file of more than 4 KiB cannot be made), and where the program is killed.
+TEST_F(Runner, KeepsOldFilesUntilNewOnesAreWhole) {
+  const std::string outputs = " --csv a.csv --save a.yaml --report a.json --snapshot a.snapshot";
+  const std::vector<std::string> names{"a.csv", "a.yaml", "a.json", "a.snapshot"};
+  for (const std::string& name : names) std::ofstream(in_folder(name)) << "old";
+  ASSERT_EQ(run("scene.yaml --duration 10" + outputs, "trap '' XFSZ && ulimit -f 8 &&"), 2);
+  EXPECT_EQ(lines_of(err()).size(), 1u) << err();
+  EXPECT_NE(err().find("a.csv': File too large"), std::string::npos) << err();
+  for (const std::string& name : names) EXPECT_EQ(read(in_folder(name)), "old") << name;
+  ASSERT_EQ(run("scene.yaml --duration 1e9" + outputs, "timeout -s KILL 2"), 137);
+  for (const std::string& name : names) EXPECT_EQ(read(in_folder(name)), "old") << name;
+  ASSERT_EQ(run("scene.yaml --duration 1" + outputs), 0) << err();
+  EXPECT_EQ(lines_of(read(in_folder("a.csv"))).size(), 1u + 2u * 101u);
+  ASSERT_EQ(run("scene.yaml --duration 1 --csv /dev/stdout"), 0) << err();
+  EXPECT_EQ(lines_of(out())[0], lines_of(read(in_folder("a.csv")))[0]);
+}
+
+TEST_F(Runner, RefusesToWriteOneFileTwiceOrTheScene) {
+  const std::string scene = read(in_folder("scene.yaml"));
+  ASSERT_EQ(
+      std::system(
+          ("cd '" + in_folder("") + "' && ln -s scene.yaml link && ln scene.yaml hard").c_str()),
+      0);
+  for (const char* arguments : {"--csv a --report a", "--save a --snapshot ./a", "--csv scene.yaml",
+                                "--save ./scene.yaml", "--report link", "--snapshot hard"}) {
+    EXPECT_EQ(run("scene.yaml --duration 0.1 " + std::string(arguments)), 2) << arguments;
+    EXPECT_NE(err().find("is the file of "), std::string::npos) << err();
+    EXPECT_EQ(read(in_folder("scene.yaml")), scene) << arguments;
+  }
+  EXPECT_EQ(run("scene.yaml --duration 0.1 --csv /dev/null --report /dev/null"), 0) << err();
+}
+
+TEST_F(Runner, TellsThatItsOutputIsLost) {
+  for (const char* arguments :
+       {"scene.yaml --duration 0.1", "scene.yaml --duration 0.1 --explain", "--help"}) {
+    EXPECT_EQ(run(std::string(arguments) + " >/dev/full 2>stderr.txt #"), 2) << arguments;
+    EXPECT_EQ(err(), "constraint_sim_run: cannot write to standard output\n");
+  }
+}
+
 TEST_F(Runner, KnowsTheShippedScenesByName) {
   ASSERT_EQ(run("pendulum --duration 0.1 --report a.json"), 0) << err();
   ASSERT_EQ(run("'" CONSTRAINT_SIM_SCENE_DIR "/pendulum.yaml' --duration 0.1 --report b.json"), 0);

@@ -675,6 +675,27 @@ def test_classes_of_ones_own():
     assert isinstance(copy.copy(world), engine.World)
 
 
+def test_a_saved_scene_replaces_the_old_one_as_a_whole(tmp_path):
+    """Here a file of more than 1 KiB cannot be made, as on a disk that is full."""
+    path = tmp_path / 'saved.yaml'
+    path.write_text('old')
+    script = ('import resource, signal\n'
+              'signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n'
+              'resource.setrlimit(resource.RLIMIT_FSIZE, (1024, 1024))\n'
+              'world = engine.World()\n'
+              'for i in range(100): world.add_body(f"b{i}", mass=1.0)\n'
+              f'try: world.save_scene_file({str(path)!r})\n'
+              'except ValueError as error: print(error)\n')
+    assert in_a_process(script) == f"path: cannot write '{path}': File too large\n"
+    assert path.read_text() == 'old' and list(tmp_path.iterdir()) == [path]
+    hanging().save_scene_file(str(path))
+    assert path.read_text() == hanging().save_scene()
+    with pytest.raises(ValueError, match='zero byte'):
+        hanging().save_scene_file(str(path) + '\0.txt')
+    with pytest.raises(ValueError, match='zero byte'):
+        engine.load_scene_file(str(path) + '\0.txt')
+
+
 def test_time_limit_and_interrupt():
     world = hanging(time_step=1e-4)
     run = world.run(1e4, time_limit=0.05)

@@ -176,20 +176,72 @@ REFUSED = (
     ('[1, 2, 3]', '[1, 2, 1000000]', 'cases, more than 200000'),
     (STUDY, '[', 'not valid YAML'),
     (STUDY, '3', 'study: must be a map, got 3'),
+    # names that stand for something in closed forms, or for a column
+    *((f'{name}: {{', f'  {other}: {{', f'parameters.{other}: is not a name for a parameter')
+      for name, other in (('  mass', 't'), ('  mass', 'pi'), ('  mass', 'sin'), ('  mass', 'outcome'),
+                          ('  mass', 'sim_time'), ('  mass', 'state_hash'), ('  mass', 'warnings'),
+                          ('  mass', 'methods'), ('  mass', 'reference_error'), ('  mass', 'run_time_spread'),
+                          ('  mass', 'worker'), ('  mass', 'if'), ('  mass', '5'))),
+    # bounds
+    ('[1, 2, 3]', '[1, 2, 1000000000000]', 'must be a whole number <= 1000000, got 1000000000000'),
+    ('[1, 2, 3]', '[-1e308, 1e308, 3]', 'linear spans more than numbers can'),
+    ('scene: scene.yaml', 'scene: scene.yaml\nrandom: {count: 1000000000000, seed: 1}', 'random.count: must be'),
+    ('scene: scene.yaml', 'scene: scene.yaml\nrandom: {count: 2, seed: 1' + '0' * 40 + '}', 'random.seed: must be'),
+    ('scene: scene.yaml', 'scene: scene.yaml\nrounds: 1000000000', 'rounds: must be a whole number <= 1000'),
+    ('scene: scene.yaml', 'scene: scene.yaml\noutputs: {every: 1e-300}', 'are too far from a tick'),
+    ('duration: 0.5', 'duration: 1e300', 'are too far from a tick'),
+    # distributions
+    *(('linear: [1, 2, 3]}', f'{kind}: {numbers}}}\nrandom: {{count: 2, seed: 1}}', message)
+      for kind, numbers, message in (
+          ('normal', '[1, -1]', 'normal: the deviation must be >= 0'),
+          ('uniform', '[2, 1]', 'uniform: the second number must not be below the first'),
+          ('log_uniform', '[2, 1]', 'log_uniform: the second number must not be below the first'),
+          ('uniform', '[-1e308, 1e308]', 'parameters.start.uniform: '),
+          ('uniform', '[[1], 2]', 'uniform: must be a number'))),
+    # YAML that means harm
+    (STUDY, '[' * 100000, 'lists and maps more than 32 deep'),
+    (STUDY, '{a: ' * 100000, 'lists and maps more than 32 deep'),
+    (STUDY, '? ' * 100000, 'lists and maps more than 32 deep'),
+    (STUDY, 'a0: &a0 [1, 1]\n' + ''.join(f'a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n' for i in range(1, 60)),
+     'has more than 200000 values'),
+    (STUDY, 'scene: &a [*a]\n', 'has more than 200000 values'),
+    (STUDY, 'scene: &a {b: *a}\n', 'has more than 200000 values'),
+    (STUDY, '? [a]\n: 1\n', 'a key is a list or a map'),
+    (STUDY, 'scene: 2001-99-99\n', 'not valid YAML'),
+    (STUDY, 'scene: ' + '9' * 5000 + '\n', 'not valid YAML'),
+    (STUDY, ''.join(f'k{i}: 1\n' for i in range(60000)), "unknown key 'k0'"),
+    ('duration: 0.5', 'duration: 1' + '+1' * 5000, 'has 10001 characters, more than 1000'),
+    ('duration: 0.5', 'duration: ' + '(' * 400 + '1' + ')' * 400, 'duration: must be a number'),
+    ('duration: 0.5', 'duration: 1' + '0' * 900, 'duration: must be'),
+    ('duration: 0.5', 'duration: {a: 1}', "duration: must be a number, got {'a': 1}"),
+    ('scene: scene.yaml', 'scene: scene.yaml\nreference: {closed_form: {bob: {px: "sin(t, t)"}}}',
+     'sin has 1 arguments, got 2'),
+    ('scene: scene.yaml', 'scene: scene.yaml\nplots: [{x: [mass], y: run_time}]', "there is no ['mass']"),
+    ('scene: scene.yaml', 'scene: scene.yaml\nreference: {csv: lines.csv}', 'reference.csv: cannot read'),
+    # files that are none
+    ('scene: scene.yaml', 'scene: pipe', 'scenes.pipe: cannot read'),
+    ('scene: scene.yaml', 'scene: /dev/zero', 'it is no regular file'),
+    ('scene: scene.yaml', 'scene: .', 'scenes.: cannot read'),
+    ('scene: scene.yaml', 'scene: scene.yaml\nreference: {csv: pipe}', 'it is no regular file'),
+    ('scene: scene.yaml', 'scene: "a\\0b"', 'null byte'),
 )
 
 
 def test_what_cannot_be_is_told_before_anything_runs(tmp_path, capsys):
+    make(tmp_path)
+    os.mkfifo(tmp_path / 'pipe')
+    (tmp_path / 'lines.csv').write_text('time,body\n"' + 'x' * 200000 + '"\n')
     for old, new, message in REFUSED:
-        assert old in STUDY
+        assert old in STUDY, old
         path = make(tmp_path, STUDY.replace(old, new))
         started = time.process_time()
         assert command.main([str(path)]) == 2, (new, capsys.readouterr().err)
         assert message in capsys.readouterr().err, new
         assert time.process_time() < started + 5.0
         assert not path.with_suffix('.results').exists(), 'nothing was begun'
-    assert command.main([str(tmp_path / 'none.yaml')]) == 2
-    assert 'cannot read' in capsys.readouterr().err
+    for name in ('none.yaml', 'pipe', '.', 'a\0b'):
+        assert command.main([str(tmp_path / name)]) == 2
+        assert 'cannot read' in capsys.readouterr().err
     path = make(tmp_path)
     assert command.main([str(path), '--workers', '0']) == 2
     assert command.main([str(path), '--scene', '36']) == 2

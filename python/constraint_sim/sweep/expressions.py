@@ -7,7 +7,11 @@ import numpy as np
 FUNCTIONS = {name: getattr(np, name) for name in (
     'sin', 'cos', 'tan', 'arcsin', 'arccos', 'arctan', 'arctan2', 'sinh', 'cosh', 'tanh', 'exp', 'log', 'sqrt',
     'abs', 'minimum', 'maximum', 'floor')}
+TWO_ARGUMENTS = ('arctan2', 'minimum', 'maximum')  # of all others one
 CONSTANTS = {'pi': math.pi}
+TIME = 't'  # in closed forms
+RESERVED = frozenset((*FUNCTIONS, *CONSTANTS, TIME))  # names that stand for something already
+MOST_CHARACTERS = 1000
 OPERATORS = {ast.Add: np.add, ast.Sub: np.subtract, ast.Mult: np.multiply, ast.Div: np.divide,
              ast.Pow: np.power, ast.Mod: np.mod}
 
@@ -17,8 +21,11 @@ class ExpressionError(ValueError):
 
 
 def parse(text):
+    words = str(text).strip()
+    if len(words) > MOST_CHARACTERS:
+        raise ExpressionError(f'an expression has {len(words)} characters, more than {MOST_CHARACTERS}')
     try:
-        return ast.parse(str(text).strip(), mode='eval').body
+        return ast.parse(words, mode='eval').body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise ExpressionError(f'not an expression: {text!r}') from None
 
@@ -26,7 +33,12 @@ def parse(text):
 def value(text, variables=None):
     """Of an expression; variables may be arrays."""
     with np.errstate(all='ignore'):  # who asks for the value looks at what is finite
-        return _value(parse(text), variables or {}, text)
+        try:
+            return _value(parse(text), variables or {}, text)
+        except (TypeError, ValueError, OverflowError, RecursionError) as error:
+            if isinstance(error, ExpressionError):
+                raise
+            raise ExpressionError(f'{text!r}: {error}') from None
 
 
 def _value(node, variables, text):
@@ -50,9 +62,9 @@ def _value(node, variables, text):
         if node.func.id not in FUNCTIONS:
             raise ExpressionError(f'{text!r}: there is no function {node.func.id!r}; there are '
                                   + ', '.join(sorted(FUNCTIONS)))
+        wanted = 2 if node.func.id in TWO_ARGUMENTS else 1
+        if len(node.args) != wanted:  # numpy would write its result into one more
+            raise ExpressionError(f'{text!r}: {node.func.id} has {wanted} arguments, got {len(node.args)}')
         values = [_value(argument, variables, text) for argument in node.args]
-        try:
-            return FUNCTIONS[node.func.id](*values)
-        except (TypeError, ValueError) as error:
-            raise ExpressionError(f'{text!r}: {error}') from None
+        return FUNCTIONS[node.func.id](*values)
     raise ExpressionError(f'{text!r}: {type(node).__name__} is no arithmetic')

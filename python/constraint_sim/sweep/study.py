@@ -2,22 +2,23 @@
 import collections
 import csv
 import hashlib
+import io
 import itertools
 import json
+import keyword
 import math
 import pathlib
 import subprocess
 import zlib
 
 import numpy as np
-import yaml
 
 from .. import engine
 from . import expressions, peers
 from .child import COMPONENTS
 from .scene_template import PathError, SceneTemplate
-from .study_values import (StrictLoader, StudyError, expect_keys, listed, number, scene_value, spread,
-                           whole)
+from .study_values import (MOST_VALUES, StudyError, expect_keys, listed, load_yaml, number, read_text,
+                           scene_value, shown, spread, whole)
 
 # columns of the table that are not parameters
 INDEX = ('case', 'scene')
@@ -27,7 +28,12 @@ MEASURES = ('position_error', 'orientation_error', 'max_constraint_error', 'max_
             'energy_error', 'correction_work', 'driven_work', 'solver_residual', 'run_time', 'steps', 'substeps',
             'rejected', 'iterations', 'rows', 'contacts', 'changes', 'energy_rise', 'unclosed_joints',
             'torn_joints', 'unresolved_bodies')
+OTHERS = ('outcome', 'sim_time', 'state_hash', 'reference_error', 'methods', 'warnings', 'run_time_spread',
+          'worker', 'key', 'samples')  # that results have beside
 MOST_CASES = 200_000  # whose table is kept in memory
+MOST_ROUNDS = 1000
+MOST_CSV_BYTES = 256 << 20
+MOST_TICKS = 2 ** 53  # that a double can count
 
 # time_steps, tolerances: of the method's own; None: those of the study. peer: ENGINE VARIANT, of `program` or --peers
 Method = collections.namedtuple('Method', 'name options peer time_steps tolerances program',
@@ -46,7 +52,8 @@ KINDS = ('values', 'factors', 'linear', 'logarithmic', *DRAWS)
 def parameter(name, value, draws):
     where = f'parameters.{name}'
     expect_keys(where, value, ('path', *KINDS))
-    if name in (*INDEX, *CHOICES, *MEASURES) or not str(name).isidentifier():
+    if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name) or \
+            name in (*INDEX, *CHOICES, *MEASURES, *OTHERS) or name in expressions.RESERVED:
         raise StudyError(f'{where}: is not a name for a parameter, or means something else')
     paths = [str(path) for path in listed(f'{where}.path', value.get('path', []))]
     kinds = [kind for kind in KINDS if kind in value]
@@ -63,14 +70,23 @@ def parameter(name, value, draws):
         values = spread(where, kind, given, math.log if kind == 'logarithmic' else float)
         return Parameter(name, paths, values, False, kind == 'logarithmic')
     if not isinstance(given, list) or len(given) != 2:
-        raise StudyError(f'{where}.{kind}: must be two numbers, got {given!r}')
+        raise StudyError(f'{where}.{kind}: must be two numbers, got {shown(given)}')
     if draws is None:
         raise StudyError(f'{where}.{kind}: needs `random: {{count: N, seed: S}}` in the study')
     least = 0.0 if kind == 'log_uniform' else -math.inf
     a, b = (number(f'{where}.{kind}', element, least) for element in given)
+    if b < (0.0 if kind == 'normal' else a):
+        raise StudyError(f'{where}.{kind}: ' + ('the deviation must be >= 0' if kind == 'normal' else
+                                                'the second number must not be below the first')
+                         + f', got {shown(given)}')
     # a stream of its own: another parameter changes none of these
     random = np.random.default_rng([draws['seed'], zlib.crc32(name.encode())])
-    values = [float(drawn) for drawn in DRAWS[kind](random, a, b, draws['count'])]
+    try:
+        values = [float(drawn) for drawn in DRAWS[kind](random, a, b, draws['count'])]
+    except (ValueError, OverflowError) as error:
+        raise StudyError(f'{where}.{kind}: {error}') from None
+    if not all(math.isfinite(drawn) for drawn in values):
+        raise StudyError(f'{where}.{kind}: draws numbers that are not finite, got {shown(given)}')
     return Parameter(name, paths, values, True, kind == 'log_uniform')
 
 
@@ -78,7 +94,7 @@ def method(value):
     if isinstance(value, str):
         return Method(value, {'method': value})
     if not isinstance(value, dict) or not isinstance(value.get('name'), str):
-        raise StudyError(f'methods: must be names, or maps with a name and options, got {value!r}')
+        raise StudyError(f'methods: must be names, or maps with a name and options, got {shown(value)}')
     where = f'methods.{value["name"]}'
     own = {key: [number(f'{where}.{key}', element, least) for element in listed(f'{where}.{key}', value[key])]
            for key, least in (('time_steps', 0.0), ('tolerances', -math.inf)) if key in value}
@@ -94,7 +110,7 @@ def world_options(where, options):
     found = {}
     for key, value in options.items():
         if key not in known:
-            raise StudyError(f'{where}: unknown option {key!r}; there are ' + ', '.join(known))
+            raise StudyError(f'{where}: unknown option {shown(key)}; there are ' + ', '.join(known))
         found[key] = scene_value(f'{where}.{key}', value)
     return found
 
@@ -110,18 +126,15 @@ class Study:
         """`known_peers`: those of other engines that methods may name; `first`: the number of its first case."""
         self.source, self.folder, self.peers, self.first = source, pathlib.Path(folder), known_peers or {}, first
         self.peer_of = {}
-        try:
-            document = yaml.load(text, Loader=StrictLoader)
-        except yaml.YAMLError as error:
-            raise StudyError(f'not valid YAML: {error}') from None
+        document = load_yaml(text)
         expect_keys('study', document, STUDY_KEYS)
         self.read_scenes(document)
         self.duration = number('duration', document.get('duration', 'missing'), 0.0)
         draws = document.get('random')
         if draws is not None:
             expect_keys('random', draws, ('count', 'seed'))
-            draws = {key: whole(f'random.{key}', draws.get(key), least)
-                     for key, least in (('count', 1), ('seed', 0))}
+            draws = {key: whole(f'random.{key}', draws.get(key), least, most)
+                     for key, least, most in (('count', 1, MOST_VALUES), ('seed', 0, 2 ** 64 - 1))}
         self.parameters = [parameter(name, value, draws) for name, value in
                            (expect_any('parameters', document.get('parameters', {}))).items()]
         if draws and not any(each.draw for each in self.parameters):
@@ -143,9 +156,9 @@ class Study:
             if 'tolerances' in document else [None]
         if 'tolerances' in document and any(each.peer for each in self.methods):
             raise StudyError('tolerances: peers know none; give methods of their own a tolerance each')
-        self.rounds = whole('rounds', document.get('rounds', 1), 1)
+        self.rounds = whole('rounds', document.get('rounds', 1), 1, MOST_ROUNDS)
         self.time_limit = number('time_limit', document.get('time_limit', 60.0), 0.0)
-        self.memory = whole('memory', document.get('memory', 4 << 30), 0)
+        self.memory = whole('memory', document.get('memory', 4 << 30), 0, 1 << 50)
         outputs = expect_keys('outputs', document.get('outputs', {}), ('bodies', 'every', 'samples'))
         self.bodies = outputs.get('bodies')
         self.every = number('outputs.every', outputs['every'], 0.0) if 'every' in outputs else None
@@ -154,6 +167,9 @@ class Study:
         self.plots = document.get('plots')
         self.limits = document.get('limits')
         self.check_plots()
+        count = self.count()
+        if count > MOST_CASES:
+            raise StudyError(f'study: has {count} cases, more than {MOST_CASES}')
 
     def peer_named(self, method):
         """Of `program`, or --peers; the only one need not be named."""
@@ -179,12 +195,12 @@ class Study:
         if isinstance(files, str):
             files = {pathlib.Path(files).stem: files}
         if not isinstance(files, dict) or not files:
-            raise StudyError(f'scenes: must be a map of names to files, got {files!r}')
+            raise StudyError(f'scenes: must be a map of names to files, got {shown(files)}')
         self.scenes = {}
         for name, file in files.items():
             path = self.folder / str(file)
             try:
-                text = path.read_text()
+                text = read_text(path)
                 engine.load_scene(text, str(file))
                 self.scenes[str(name)] = SceneTemplate(text, str(file))
             except (OSError, UnicodeDecodeError) as error:
@@ -206,7 +222,7 @@ class Study:
                 raise StudyError('reference.run: needs a tolerance or a time_step of its own')
             value = options
         elif kind == 'closed_form':
-            variables = {'t', *(each.name for each in self.parameters)}
+            variables = {expressions.TIME, *(each.name for each in self.parameters)}
             for body, components in expect_any('reference.closed_form', value).items():
                 expect_keys(f'reference.closed_form.{body}', components, COMPONENTS)
                 for component, text in components.items():
@@ -223,13 +239,14 @@ class Study:
         """A trajectory as the runner writes it."""
         rows = collections.defaultdict(dict)
         try:
-            with open(self.folder / str(file), newline='') as stream:
-                for row in csv.DictReader(stream):
-                    rows[float(row['time'])][row['body']] = [float(row[name]) for name in COMPONENTS]
-        except (OSError, KeyError, TypeError, ValueError) as error:
-            raise StudyError(f'reference.csv: cannot read {file!r}: {error}') from None
+            for row in csv.DictReader(io.StringIO(read_text(self.folder / str(file), MOST_CSV_BYTES), newline='')):
+                rows[float(row['time'])][row['body']] = [float(row[name]) for name in COMPONENTS]
+        except (OSError, KeyError, TypeError, ValueError, csv.Error) as error:
+            raise StudyError(f'reference.csv: cannot read {shown(file)}: {error}') from None
         if not rows:
-            raise StudyError(f'reference.csv: {file!r} is empty')
+            raise StudyError(f'reference.csv: {shown(file)} is empty')
+        if not all(math.isfinite(time) for time in rows):
+            raise StudyError(f'reference.csv: {shown(file)} has a time that is no number')
         return dict(rows)
 
     def check_plots(self):
@@ -246,8 +263,8 @@ class Study:
                     if key not in entry:
                         raise StudyError(f'{where}: needs {key}')
                 for key in set(entry) & {'x', 'y', 'of', 'error'}:
-                    if entry[key] not in {*axes, 'outcome'}:
-                        raise StudyError(f'{where}.{key}: there is no {entry[key]!r}; there are '
+                    if not isinstance(entry[key], str) or entry[key] not in {*axes, 'outcome'}:
+                        raise StudyError(f'{where}.{key}: there is no {shown(entry[key])}; there are '
                                          + ', '.join(sorted(axes)))
                 for key in set(entry) & {'below', 'line'}:
                     entry[key] = number(f'{where}.{key}', entry[key])
@@ -332,9 +349,6 @@ class Study:
     def jobs(self, program, progress=lambda count: None):
         """Groups of cases that are compared with each other, without their texts (`filled`); checks
         each case on the way."""
-        count = self.count()
-        if count > MOST_CASES:
-            raise StudyError(f'study: has {count} cases, more than {MOST_CASES}')
         self.check_overlaps()
         index = self.first
         for scene, values in self.points():
@@ -422,11 +436,14 @@ class Study:
         for name in (self.reference or {}).get('closed_form', {}):
             if name not in bodies:
                 raise StudyError(f'reference.closed_form: there is no body {name!r} among the outputs')
+        interval = self.duration if self.every is None else self.every
+        if not max(self.duration / step, interval / step, step / interval) < MOST_TICKS:
+            raise StudyError(f'duration: {self.duration:g} s and outputs.every: {interval:g} s are too far from '
+                             f'a tick of {step:.17g} s ({description})')
         ticks = round(self.duration / step)
         if ticks < 1 or abs(ticks * step - self.duration) > 1e-9 * self.duration:
             raise StudyError(f'duration: {self.duration:g} s is not a whole number of ticks of '
                              f'{step:.17g} s ({description})')
-        interval = self.duration if self.every is None else self.every
         stride = max(1, round(interval / step))
         ratio = interval / step if interval >= step else step / interval
         if abs(ratio - round(ratio)) > 1e-6:
@@ -472,14 +489,14 @@ class Study:
 
 def expect_any(where, value):
     if not isinstance(value, dict):
-        raise StudyError(f'{where}: must be a map, got {value!r}')
+        raise StudyError(f'{where}: must be a map, got {shown(value)}')
     return value
 
 
 def load(path, known_peers=None):
     path = pathlib.Path(path)
     try:
-        text = path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(path)
+    except (OSError, ValueError) as error:
         raise StudyError(f'cannot read {path}: {error}') from None
     return Study(text, path.parent, str(path), known_peers)

@@ -318,12 +318,15 @@ void World::Impl::note_if_broken(std::size_t j) {
   if (joint_states[j].broken) give_up(j);
 }
 
-// A joint that broke in this step, and what couples it, which is read after it.
+// A joint that broke in this step, and what couples it, which is read after it. Neither closes
+// anything from now on.
 void World::Impl::give_up(std::size_t j) {
   forget_impulses(&joint_states[j]);
+  joint_states[j].closing = false;
   tell_broken(j);
   for (const std::size_t coupling : couplings_of(j)) {
     joint_states[coupling].broken = true;
+    joint_states[coupling].closing = false;
     tell_broken(coupling);
   }
   topology_edited = true;

@@ -316,6 +316,28 @@ TEST(Saved, KeepsWhatIsClosing) {
 // 2^-7 s ticks, so that all times are exact.
 // Two welds that a box cannot both meet: once that is known, a loaded world knows it as well, and
 // does not begin to close them anew.
+// A joint that breaks while it closes an error closes nothing from then on.
+TEST(Saved, ForgetsWhatABrokenJointWasClosing) {
+  for (const Method method : {Method::kAuto, Method::kEnergyMomentum, Method::kEventDriven,
+                              Method::kSequentialImpulses}) {
+    World world;
+    WorldOptions options = world.options();
+    options.method = method;
+    world.set_options(options);
+    Body body = make_body("body", Point{}, 1.0, {1.0, 0.0, 0.0});
+    body.inertia = {1.0, 1.0, 1.0};
+    Joint joint = hang("rod", world.add_body(body), rod(1.5));
+    joint.break_force = 1e-3;
+    const JointId id = world.add_joint(joint);
+    ASSERT_TRUE(world.joint_state(id).closing);
+    run(world, 5);
+    ASSERT_TRUE(world.joint_state(id).broken) << name(method);
+    EXPECT_FALSE(world.joint_state(id).closing) << name(method);
+    const std::string text = save_scene(world);
+    EXPECT_EQ(save_scene(load_scene(text)), text);
+  }
+}
+
 TEST(Saved, KeepsWhatIsKnownToContradict) {
   const std::string scene = R"(
 world: {time_step: 0.01}

@@ -1,0 +1,22 @@
+// Scenes: any text is loaded or rejected. A scene that is loaded can be stepped, saved and loaded
+// again.
+
+#include "checks.h"
+
+using namespace constraint_sim;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static fuzz::Watchdog watchdog;
+  const std::string text(reinterpret_cast<const char*>(data), size);
+  try {
+    engine::World world = engine::load_scene(text);
+    if (!fuzz::is_small(world)) return 0;
+    for (int k = 0; k < 3; ++k) fuzz::step(&watchdog, &world);
+    fuzz::check_saved(world);
+    fuzz::check_snapshot(world);
+  } catch (const engine::SceneError& error) {
+    fuzz::require(std::string(error.what()).find('\n') == std::string::npos,
+                  "an answer has several lines");
+  }
+  return 0;
+}

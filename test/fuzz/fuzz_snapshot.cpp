@@ -1,0 +1,58 @@
+// Snapshots: any bytes are read or rejected. Bytes go by the build, so the corpus has scenes: a
+// scene becomes the snapshot of its world after some steps before it is changed. Sums and hashes
+// are not checked, so that what is behind them is reached.
+
+#include "checks.h"
+#include "engine/snapshot_checks.h"
+
+using namespace constraint_sim;
+
+extern "C" std::size_t LLVMFuzzerMutate(std::uint8_t* data, std::size_t size, std::size_t most);
+
+namespace {
+
+/// The snapshot of the scene with this text after up to 30 steps; empty where there is none.
+std::string snapshot_of(const std::string& scene, unsigned seed) {
+  try {
+    engine::World world = engine::load_scene(scene);
+    for (unsigned k = 0; k < seed % 31; ++k) world.step();
+    return engine::write_snapshot(world);
+  } catch (const std::invalid_argument&) {
+    return "";
+  }
+}
+
+}  // namespace
+
+extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size,
+                                               std::size_t most, unsigned seed) {
+  const std::string given(reinterpret_cast<const char*>(data), size);
+  if (!engine::is_snapshot(given)) {
+    const std::string bytes = snapshot_of(given, seed);
+    if (bytes.empty() || bytes.size() > most) return LLVMFuzzerMutate(data, size, most);
+    std::copy(bytes.begin(), bytes.end(), data);
+    return bytes.size();
+  }
+  const std::size_t start = given.find('\n') + 1;
+  return start + LLVMFuzzerMutate(data + start, size - start, most - start);
+}
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static fuzz::Watchdog watchdog;
+  const std::string bytes(reinterpret_cast<const char*>(data), size);
+  try {
+    engine::read_snapshot(bytes);
+  } catch (const engine::SnapshotError&) {
+  }
+  if (!engine::is_snapshot(bytes)) return 0;
+  try {
+    engine::World world = engine::read_world(bytes, false);
+    if (!fuzz::is_small(world)) return 0;
+    world.state_hash();
+    watchdog.start(std::chrono::milliseconds(50));
+    world.set_stop_flag(watchdog.flag());
+    for (int k = 0; k < 2; ++k) world.step();
+  } catch (const engine::SnapshotError&) {
+  }
+  return 0;
+}

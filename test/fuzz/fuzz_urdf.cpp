@@ -1,0 +1,31 @@
+// Robots: any URDF, with any YAML beside it, is added or rejected. The YAML follows the last line
+// that begins with `---`. A robot that is added can be stepped.
+
+#include "checks.h"
+#include "urdf/robot.h"
+
+using namespace constraint_sim;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  static fuzz::Watchdog watchdog;
+  std::string urdf(reinterpret_cast<const char*>(data), size);
+  RobotOptions options;
+  const std::size_t end = urdf.rfind("\n---");
+  if (end != std::string::npos) {
+    options.extra = urdf.substr(end + 4);
+    urdf.resize(end);
+  }
+  engine::World world;
+  const std::uint64_t before = world.state_hash();
+  try {
+    add_robot(urdf, options, &world);
+  } catch (const std::invalid_argument&) {
+    fuzz::require(world.state_hash() == before, "a rejected robot has changed the world");
+    return 0;
+  }
+  if (!fuzz::is_small(world)) return 0;
+  for (int k = 0; k < 2; ++k) fuzz::step(&watchdog, &world);
+  fuzz::check_saved(world);
+  fuzz::check_snapshot(world);
+  return 0;
+}

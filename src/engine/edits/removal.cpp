@@ -42,7 +42,7 @@ void compact_list(const List<bool>& is_removed, Container* list) {
 
 /// The same of a list of ids, with the index by id.
 template <class Id>
-void compact_list(const List<bool>& is_removed, List<Id>* ids, List<int>* index) {
+void compact_list(const List<bool>& is_removed, std::vector<Id>* ids, List<int>* index) {
   for (std::size_t i = 0; i < ids->size(); ++i)
     if (is_removed[i]) (*index)[(*ids)[i].value] = -1;
   compact_list(is_removed, ids);

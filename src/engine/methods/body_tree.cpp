@@ -24,9 +24,19 @@ std::size_t directions_of(const JointKindInfo& kind, std::array<TreeNode::Direct
       add(false, form.product.u.axis);
     has_turned = has_turned || form.is_angle;
   }
+  if (kind.separation_rows == 0)  // translation has no coordinates of its own
+    for (int k = 0; k < 3; ++k) add(false, 4 + k);
   if (kind.alignment == Alignment::kFree)
     for (int k = 0; k < 3; ++k) add(true, 4 + k);
   return count;
+}
+
+/// Whether rows and free directions of a kind span the six directions of a motion, which is what
+/// the elimination takes for granted: a direction in neither list would be held without a row.
+bool spans_all_directions(const JointKindInfo& kind) {
+  std::array<TreeNode::Direction, 6> directions;
+  return kind.rows <= 6 &&
+         to_index(kind.rows) + directions_of(kind, &directions) == directions.size();
 }
 
 /// The joint of a link, with the body that hangs on it.
@@ -73,7 +83,7 @@ BodyTree tree_of(const IslandModel& island) {
   const auto can_hang = [&](std::size_t l) {
     const JointKindInfo& kind = info(links[l].kind);
     return (island.is_ball(l) || island.is_general(l)) && !kind.function[0].is_length &&
-           !couples(links[l].kind) && !is_custom(links[l].kind);
+           !couples(links[l].kind) && !is_custom(links[l].kind) && spans_all_directions(kind);
   };
   for (std::size_t l = 0; l < links.size(); ++l)
     if (!can_hang(l)) return {};

@@ -1,0 +1,57 @@
+// Scenes of test/engine/cases whose result is known, at time steps of 1/30, 1/60, 1/240 and
+// 1/1000 s. The first comment of each scene says how its value is known. The value is met to 1e-6,
+// or the run reports by name what is off.
+
+#include "constraint_sim/engine/scene.h"
+#include "support.h"
+#include "test_paths.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kCaseTimeSteps[] = {1.0 / 30.0, 1.0 / 60.0, 1.0 / 240.0, 1.0 / 1000.0};
+
+World load_case(const std::string& name, double time_step) {
+  World world = load_scene_file(CONSTRAINT_SIM_SOURCE_DIR "/test/engine/cases/" + name + ".yaml");
+  WorldOptions options = world.options();
+  options.time_step = time_step;
+  world.set_options(options);
+  return world;
+}
+
+/// Steps to a time [s].
+void run_case_until(World& world, double time) {
+  const auto steps = std::lround((time - world.time()) / world.options().time_step);
+  for (long i = 0; i < steps; ++i) ASSERT_FALSE(world.step().failed) << "at t = " << world.time();
+}
+
+/// Where a body is after a time [s].
+struct Place {
+  const char* scene;
+  double duration;
+  const char* body;
+  Eigen::Vector3d position;
+};
+
+void PrintTo(const Place& place, std::ostream* os) { *os << place.scene; }
+
+class Cases : public testing::TestWithParam<Place> {};
+
+TEST_P(Cases, EndWhereTheyShould) {
+  const Place& place = GetParam();
+  for (const double h : kCaseTimeSteps) {
+    World world = load_case(place.scene, h);
+    run_case_until(world, place.duration);
+    const Eigen::Vector3d& p = world.state(world.find_body(place.body)).position;
+    EXPECT_LE((p - place.position).norm(), 1e-6) << p.transpose() << " at 1/" << 1.0 / h;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Places, Cases,
+    testing::Values(Place{"parallel_falls", 1.0, "tray", {0.0, 0.0, -4.905}},
+                    Place{"parallel_keeps_momentum", 1.0, "tray", {1.0, 2.0, 3.0}}),
+    [](const auto& place) { return std::string(place.param.scene); });
+
+}  // namespace
+}  // namespace constraint_sim::engine

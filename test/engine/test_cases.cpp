@@ -53,5 +53,26 @@ INSTANTIATE_TEST_SUITE_P(
                     Place{"parallel_keeps_momentum", 1.0, "tray", {1.0, 2.0, 3.0}}),
     [](const auto& place) { return std::string(place.param.scene); });
 
+// A target that is sent again in each step, as a topic does, is reached.
+TEST(Case, RepeatedTargetsAreReached) {
+  for (const double h : kCaseTimeSteps) {
+    World world(weightless(h));
+    Body load = make_body("load", Box{{0.1, 0.1, 0.1}}, 1.0, Eigen::Vector3d::Zero());
+    load.no_collision = true;
+    Joint rail;
+    rail.name = "rail";
+    rail.kind = JointKind::kSlider;
+    rail.body_b = world.add_body(load);
+    const JointId id = world.add_joint(rail);
+    CoordinateMotor motor;
+    motor.position = 0.3;
+    for (int i = 0; i < static_cast<int>(std::lround(1.0 / h)); ++i) {
+      world.set_motor(id, 0, motor);
+      ASSERT_FALSE(world.step().failed);
+    }
+    EXPECT_NEAR(world.joint_state(id).coordinates[0].position, 0.3, 1e-9) << "at 1/" << 1.0 / h;
+  }
+}
+
 }  // namespace
 }  // namespace constraint_sim::engine

@@ -6,6 +6,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/edits/coupling_loops.h"
+#include "engine/edits/same_laws.h"
 #include "engine/math/numbers.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
@@ -43,30 +44,6 @@ bool World::Impl::follow_law(std::size_t j, std::size_t i, const CoordinateLaw& 
 }
 
 namespace {
-
-auto numbers_of(const Motor& m) {
-  return std::tie(m.bias, m.amplitude, m.frequency, m.phase, m.max_force, m.timeout);
-}
-
-bool are_same(const Motor& a, const Motor& b) { return numbers_of(a) == numbers_of(b); }
-
-bool are_same(const std::optional<CoordinateMotor>& a, const std::optional<CoordinateMotor>& b) {
-  if (!a || !b) return a.has_value() == b.has_value();
-  const auto further = [](const CoordinateMotor& m) {
-    return std::tie(m.position, m.servo_frequency, m.servo_damping_ratio, m.servo_stiffness,
-                    m.servo_damping, m.force);
-  };
-  return numbers_of(*a) == numbers_of(*b) && further(*a) == further(*b);
-}
-
-bool are_same(const CoordinateLaw& a, const CoordinateLaw& b) {
-  const auto numbers = [](const CoordinateLaw& law) {
-    return std::tie(law.lower, law.upper, law.limit_restitution, law.friction, law.damping,
-                    law.stiffness, law.rest, law.frequency, law.damping_ratio, law.position,
-                    law.zero);
-  };
-  return numbers(a) == numbers(b) && are_same(a.motor, b.motor);
-}
 
 bool have_same_length(const DistanceJoint& a, const DistanceJoint& b) {
   return std::tie(a.length, a.min_length, a.max_length) ==
@@ -112,6 +89,30 @@ void check_same_place(const Joint& joint, const Joint& before) {
 }
 
 }  // namespace
+
+// `is_motor_set`: its timeout begins now.
+void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set) {
+  const std::size_t j = index(id);
+  Joint joint = joints[j];
+  const auto i = static_cast<std::size_t>(coordinate);
+  joint.coordinates[i] = law;
+  validate(joint);
+  set_zeros(joint);
+  fill_in_laws(joint);
+  // what is repeated goes on as it is: a motor that began anew each time would never get anywhere
+  if (are_same(joint.coordinates[i], joints[j].coordinates[i])) {
+    const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
+    const bool has_timeout = is_motor_set && motor && motor->timeout > 0.0;
+    if (!has_timeout) return;
+    if (motor->position) {
+      joint_states[j].coordinates[i].expires_at = end_of(*motor);
+      return;
+    }
+  }
+  std::array<LawChange, kMaxCoordinates> changes{};
+  changes[i] = {true, is_motor_set};
+  replace_joint(j, joint, changes);
+}
 
 void World::set_joint(JointId id, const Joint& joint) {
   const std::size_t j = impl_->index(id);

@@ -12,6 +12,7 @@
 #include "engine/constraints/one_sided_law.h"
 #include "engine/edits/coupling_loops.h"
 #include "engine/edits/find_named.h"
+#include "engine/edits/same_laws.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/validate.h"
@@ -339,6 +340,7 @@ void World::set_motor(JointId id, const Motor& motor) {
   Joint joint = impl_->joints[j];
   joint.motor = motor;
   validate(joint);
+  if (motor.timeout == 0.0 && are_same(motor, impl_->joints[j].motor)) return;
 
   impl_->wake_ends(joint);
   impl_->topology_edited |= is_always_rigid(joint) != is_always_rigid(impl_->joints[j]);  // loops
@@ -368,20 +370,6 @@ void World::Impl::check_coordinate(const char* field, const Joint& joint, int co
   if (coordinate >= 0 && coordinate < coordinates(joint.kind)) return;
   refuse(field, "a " + std::string(name(joint.kind)) + " joint has no coordinate " +
                     std::to_string(coordinate) + " with a law");
-}
-
-// `is_motor_set`: its timeout begins now.
-void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, bool is_motor_set) {
-  const std::size_t j = index(id);
-  Joint joint = joints[j];
-  const auto i = static_cast<std::size_t>(coordinate);
-  joint.coordinates[i] = law;
-  validate(joint);
-  set_zeros(joint);
-  fill_in_laws(joint);
-  std::array<LawChange, kMaxCoordinates> changes{};
-  changes[i] = {true, is_motor_set};
-  replace_joint(j, joint, changes);
 }
 
 // a coordinate reads otherwise than it did, and so do the couplings that have it

@@ -56,7 +56,10 @@ INSTANTIATE_TEST_SUITE_P(
 // A target that is sent again in each step, as a topic does, is reached.
 TEST(Case, RepeatedTargetsAreReached) {
   for (const double h : kCaseTimeSteps) {
-    World world(weightless(h));
+    WorldOptions options;
+    options.time_step = h;
+    options.gravity.setZero();
+    World world(options);
     Body load = make_body("load", Box{{0.1, 0.1, 0.1}}, 1.0, Eigen::Vector3d::Zero());
     load.no_collision = true;
     Joint rail;

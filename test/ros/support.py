@@ -16,7 +16,7 @@ from constraint_sim.msg import Body, Shape
 from constraint_sim.srv import GetWorldPropertiesRequest  # noqa: F401  (the package must be built)
 
 NODE = "/constraint_sim"
-TIMEOUT = 60.0  # [s] far beyond what anything here takes, so that a slow machine is no failure
+TIMEOUT = 120.0  # [s] far beyond what anything here takes, so that a slow machine is no failure
 
 
 def wait_until(condition, what, timeout=TIMEOUT):

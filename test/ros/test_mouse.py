@@ -38,6 +38,20 @@ def from_above():
     return text.replace("/constraint_sim/labels", "/constraint_sim/no_labels")
 
 
+class Patience:
+    """Time for rviz to draw what is under the pointer, of which nothing is told. It is longer in each
+    trial, so that a trial succeeds on a machine of any load."""
+
+    def __init__(self, seconds):
+        self.seconds = seconds
+
+    def wait(self, count=1):
+        time.sleep(count * self.seconds)
+
+    def grow(self):
+        self.seconds *= 1.5
+
+
 class Mouse(InRviz):
     configuration = staticmethod(from_above)
 
@@ -67,14 +81,17 @@ class Mouse(InRviz):
 
     def grab(self, body, x, y):
         """Presses the button over the body, again until rviz has it under the pointer."""
+        patience = Patience(0.1)
+
         def pressed():
             self.mouse("mouseup", "1")
             self.point(x, y)
-            time.sleep(0.3)
+            patience.wait()
             self.point(x + 0.02, y)  # rviz looks what is there when the pointer moves
-            time.sleep(0.3)
+            patience.wait()
             self.mouse("mousedown", "1")
-            time.sleep(0.3)
+            patience.wait()
+            patience.grow()
             return any(m.event_type == InteractiveMarkerFeedback.MOUSE_DOWN and
                        m.marker_name == body for m in self.feedback.messages)
         try:
@@ -97,7 +114,7 @@ class Mouse(InRviz):
         self.grab(body, start, 0)
         for step in range(1, 51):
             self.point(start + 0.02 + 0.04 * step, 0)
-            time.sleep(0.04)
+            time.sleep(0.04)  # a metre a second, from which the bounds on what is left are
         self.screenshot("drag_%s.png" % body)
         # the button stays down, the pointer still: rviz says so four times a second
         support.wait_until(lambda: abs(self.x(body) - start - 2.0) < 0.05, "two metres")
@@ -170,22 +187,25 @@ class Mouse(InRviz):
     def choose(self, title, x, y, is_done):
         """Opens the menu of the body that is seen at this place, and takes the entry; again where the
         menu was not there in time."""
+        patience = Patience(0.2)
+
         def chosen():
             self.point(x, y)
-            time.sleep(0.3)
+            patience.wait()
             self.point(x + 0.02, y)
-            time.sleep(0.3)
+            patience.wait()
             self.mouse("click", "3")
-            time.sleep(1.0)
+            patience.wait(2)
             self.screenshot("menu.png")
             for _ in range(self.MENU.index(title) + 1):
                 self.mouse("key", "Down")
             self.mouse("key", "Return")
-            for _ in range(20):
+            for _ in range(10):
                 if is_done():
                     return True
-                time.sleep(0.1)
+                patience.wait()
             self.mouse("key", "Escape")
+            patience.grow()
             return False
         support.wait_until(chosen, title, START)
 

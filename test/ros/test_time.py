@@ -58,10 +58,11 @@ def subscribers(topic):
     return dict(all_subscribers).get(topic, [])
 
 
-def stands():
-    step = properties().step
-    time.sleep(0.5)
-    return properties().step == step
+def stands(periods=10):
+    """Whether the world makes no tick in so many periods of publishing."""
+    statistics = Listener(support.NODE + "/statistics", Statistics)
+    support.wait_until(lambda: len(statistics.messages) >= periods, "statistics")
+    return all(m.ticks == 0 for m in statistics.messages)
 
 
 def places_of_pendulum(seconds):
@@ -129,7 +130,7 @@ class Time(unittest.TestCase):
         for factor in (1.0, 0.1):
             with running(node_command(scene="pendulum", real_time_factor=factor)):
                 properties()
-                self.check_pace(factor, 0.002, 2.0)
+                self.check_pace(factor, 0.002, 1.0)
 
     def test_real_time_factor_zero_is_as_fast_as_it_can(self):
         with running(node_command(scene="pendulum", real_time_factor=0)):
@@ -158,23 +159,23 @@ class Time(unittest.TestCase):
             # those done and those dropped are all that were due
             self.check_pace(1000.0, properties().time_step, 1.0)
 
-    def test_it_survives_being_stopped_for_three_seconds(self):
+    def test_it_survives_being_stopped_for_a_second(self):
         listener = Listener("/tf", TFMessage)
         with running(node_command(scene="pendulum")) as process:
             start = time.monotonic()
             before = properties().sim_time
             process.send_signal(signal.SIGSTOP)
-            time.sleep(3.0)
+            time.sleep(1.0)  # the time that must be dropped
+            going_on = time.time()
             process.send_signal(signal.SIGCONT)
             listener.wait(what="a transform after the stop")
             after = properties().sim_time
-            # the time stopped is not made up for, but for max_catch_up
-            self.assertLess(after - before, time.monotonic() - start - 2.5)
+            # the time stopped is not made up for, but for 0.1 s
+            self.assertLess(after - before, time.monotonic() - start - 0.8)
             statistics = Listener(support.NODE + "/statistics", Statistics)
-            message = statistics.wait(lambda m: m.dropped_ticks > 0)
-            self.assertGreater(message.dropped_ticks, 1000)  # of 1500 in 3 s
-            late = listener.wait().transforms[0].header.stamp
-            self.assertLess(abs(time.time() - late.to_sec()), 2.0)
+            statistics.wait(lambda m: m.dropped_ticks > 400, "dropped ticks, of 500 in a second")
+            late = listener.wait().transforms[0].header.stamp.to_sec()
+            self.assertTrue(going_on - 0.5 < late < time.time() + 0.5, late - going_on)
         stamps = [m.transforms[0].header.stamp for m in listener.messages]
         self.assertTrue(all(a < b for a, b in zip(stamps, stamps[1:])))
 
@@ -240,7 +241,7 @@ class Time(unittest.TestCase):
             self.assertAlmostEqual(stood.sim_time, start + stood.step * tick, places=6)
             answer = call("get_body_state", name="bob")
             self.assertAlmostEqual(answer.header.stamp.to_sec(), stood.sim_time, places=6)
-            time.sleep(0.5)
+            self.assertTrue(stands())
             self.assertEqual(properties().state_hash, stood.state_hash)
             return stood.step
 
@@ -328,13 +329,15 @@ class Time(unittest.TestCase):
             call("unpause_physics")
             states.wait()
             Listener.stop_all()
-            time.sleep(0.5)  # until the node has seen that nobody listens
+            support.wait_until(lambda: not support.topics_between(support.NODE, rospy.get_name()) &
+                               {support.NODE + "/body_states"}, "the node without listeners")
             call("pause_physics")
-            time.sleep(3.0)
+            time.sleep(1.0)  # by which stamps would be late
+            going_on = time.time()
             call("unpause_physics")
             message = Listener(support.NODE + "/body_states", BodyStates).wait()
             for stamp in (message.header.stamp.to_sec(), self.pacer()[0]):
-                self.assertLess(abs(time.time() - stamp), 2.0)
+                self.assertTrue(going_on - 0.5 < stamp < time.time() + 0.5, stamp - going_on)
 
     def test_an_answer_is_stamped_with_simulated_time_where_that_is_published(self):
         with running(node_command(publish_clock="true")):

@@ -111,17 +111,17 @@ class Mechanisms(InRviz):
         subprocess.check_call(command + [path])
 
     def test_each_mechanism_is_drawn_whole(self):
-        with self.showing(from_the_front()):
-            self.show({name: of for name, of in MECHANISMS.items() if of[-1] == 0})
+        self.show_configuration(from_the_front())
+        self.show({name: of for name, of in MECHANISMS.items() if of[-1] == 0})
 
     def test_each_mechanism_that_lies_is_drawn_whole(self):
         """Its legend would be in front of it, and is written at its edge."""
-        with self.showing(from_the_front(legend="false")):
-            self.show({name: of for name, of in MECHANISMS.items() if of[-1] != 0})
+        self.show_configuration(from_the_front(legend="false"))
+        self.show({name: of for name, of in MECHANISMS.items() if of[-1] != 0})
 
     def test_each_kind_of_joint_is_drawn_with_its_name(self):
-        with self.showing(from_the_front(names="true")):
-            self.show(JOINTS)
+        self.show_configuration(from_the_front(names="true"))
+        self.show(JOINTS)
 
     def show(self, scenes):
         for scene, (middle, distance, seconds, turn) in scenes.items():

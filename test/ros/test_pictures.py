@@ -67,12 +67,12 @@ class Pictures(InRviz):
             return ([sign for sign, count in counts.items() if count < 25] or not share > filled or
                     not is_settled)
         support.empty_world()
-        with self.showing(fitted_configuration(path)):
-            try:
-                support.wait_until(lambda: not missing(), "all signs", START)
-            finally:
-                call("pause_physics")
-                support.Listener.stop_all()
+        self.show_configuration(fitted_configuration(path))
+        try:
+            support.wait_until(lambda: not missing(), "all signs", START)
+        finally:
+            call("pause_physics")
+            support.Listener.stop_all()
 
     def test_kinds_of_constraints(self):
         self.show("kinds.png", "kinds.yaml", [TENSION, COMPRESSION, SLACK, MOTOR, CONTACT, RED])

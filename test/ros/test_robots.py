@@ -273,10 +273,8 @@ constraints:
                                                       points=[end]))
                     topics[1].publish(Twist(linear=Vector3(0.5, 0, 0)))
                     topics[2].publish(WrenchStamped(wrench=Wrench(force=Vector3(2, 0, 0))))
-                    rospy.sleep(0.3)  # no answer says that a message has come
-                    moving = self.good("step", steps=10)
-                    self.assertNotEqual({b.name: b for b in moving.bodies}["cart"].pose.position.x,
-                                        0.0)
+                    self.step_until(lambda before, after: all(
+                        before[body].pose != after[body].pose for body in ("shoulder/com", "cart", "ball")))
 
                 def ended(by):
                     for topic, names in (("joint_trajectory", ["shoulder_pan", "elbow"]),

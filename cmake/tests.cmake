@@ -117,7 +117,7 @@ if(TARGET constraint_sim_urdf)
 endif()
 
 constraint_sim_add_gtest_program(report_tests test/report/test_report.cpp)
-target_include_directories(report_tests PRIVATE bench)
+target_include_directories(report_tests PRIVATE bench test/engine)  # temporary_folder.h
 target_link_libraries(report_tests PRIVATE constraint_sim_report_common constraint_sim_engine)
 add_dependencies(report_tests constraint_sim_report_engine)
 constraint_sim_add_gtests(report_tests report test/report/test_report.cpp)

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/scene.h"
+#include "temporary_folder.h"
 #include "test_paths.h"
 
 namespace constraint_sim::engine {
@@ -35,9 +36,6 @@ std::vector<std::string> lines_of(const std::string& text) {
 class Runner : public testing::Test {
  protected:
   void SetUp() override {
-    std::string pattern = testing::TempDir() + "constraint_sim_run_XXXXXX";
-    ASSERT_NE(mkdtemp(pattern.data()), nullptr);
-    folder_ = pattern;
     std::ofstream(in_folder("scene.yaml")) << "world: {time_step: 0.01}\n"
                                               "bodies:\n"
                                               "  - {name: bob, mass: 1, position: [1, 0, 0]}\n"
@@ -45,14 +43,13 @@ class Runner : public testing::Test {
                                               "constraints:\n"
                                               "  - {name: rod, body_a: hook, body_b: bob}\n";
   }
-  void TearDown() override { ASSERT_EQ(std::system(("rm -r '" + folder_ + "'").c_str()), 0); }
-
-  std::string in_folder(const std::string& name) const { return folder_ + "/" + name; }
+  std::string in_folder(const std::string& name) const { return folder_.path() + "/" + name; }
 
   /// The exit status. `with` is what starts the program.
   int run(const std::string& arguments, const std::string& with = "") const {
-    const std::string command = "cd '" + folder_ + "' && " + with + " '" CONSTRAINT_SIM_RUN "' " +
-                                arguments + " >stdout.txt 2>stderr.txt";
+    const std::string command = "cd '" + folder_.path() + "' && " + with +
+                                " '" CONSTRAINT_SIM_RUN "' " + arguments +
+                                " >stdout.txt 2>stderr.txt";
     const int status = std::system(command.c_str());
     return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
   }
@@ -63,7 +60,7 @@ class Runner : public testing::Test {
   }
 
  private:
-  std::string folder_;
+  TemporaryFolder folder_;
 };
 
 TEST_F(Runner, PrintsASummary) {

@@ -16,6 +16,7 @@
 #include "redundant_cases.h"
 #include "sanitized.h"
 #include "support.h"
+#include "temporary_folder.h"
 #include "test_paths.h"
 
 namespace constraint_sim::engine {
@@ -151,8 +152,7 @@ std::string shown(std::uint64_t hash) {
 
 // 500 ticks, go back, 500 ticks: in this process, and in one that has nothing but the file.
 TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
-  const std::string folder = testing::TempDir() + "constraint_sim_snapshots";
-  std::filesystem::create_directories(folder);
+  const TemporaryFolder folder;
   int compared = 0;
   const auto compare = [&](World world, const std::string& what) {
     World again = read_snapshot(write_snapshot(world));
@@ -163,7 +163,8 @@ TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
     }
     ++compared;
     EXPECT_EQ(again.state_hash(), world.state_hash()) << what;
-    EXPECT_EQ(hash_in_another_process(start, kFuture, folder), shown(world.state_hash())) << what;
+    EXPECT_EQ(hash_in_another_process(start, kFuture, folder.path()), shown(world.state_hash()))
+        << what;
   };
   const std::vector<std::string> scenes = shipped();
   for (const std::string& scene : scenes) {
@@ -179,7 +180,6 @@ TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
             "mechanism " + std::to_string(seed));
   }
   EXPECT_GT(compared, static_cast<int>(1.9 * kRandom));
-  std::filesystem::remove_all(folder);
 }
 
 // Edits before and after, and what a reset and ids go by.

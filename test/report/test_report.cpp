@@ -15,6 +15,7 @@
 #include "problems.h"
 #include "report/measures.h"
 #include "report/tree.h"
+#include "temporary_folder.h"
 #include "test_paths.h"
 
 namespace constraint_sim::report {
@@ -367,7 +368,8 @@ TEST(Tree, SpinsOfPointMassesFollowFromVelocities) {
 // ---- the pipeline
 
 std::string run_python(const std::string& arguments) {
-  const std::string log = testing::TempDir() + "/report_log";
+  const engine::TemporaryFolder folder;
+  const std::string log = folder.path() + "/log";
   const std::string command = "/usr/bin/python3 " + arguments + " >" + log + " 2>&1";
   const int status = std::system(command.c_str());
   std::ifstream file(log);
@@ -404,8 +406,8 @@ std::vector<std::string> split(const std::string& line) {
 /// References that know no engine against the engine, with 1e-10 m/s of tolerance over a few
 /// seconds: neither they nor the scenes that the adapter builds can be wrong alone.
 TEST(Pipeline, ProblemsOfEventsAreMetByEvents) {
-  const std::filesystem::path folder =
-      std::filesystem::path(testing::TempDir()) / "event_references";
+  const engine::TemporaryFolder temporary;
+  const std::filesystem::path folder = temporary.path();
   int met = 0;
   for (const Problem& problem : problems()) {
     if (problem.group != "event") continue;
@@ -437,8 +439,8 @@ TEST(Pipeline, ProblemsOfEventsAreMetByEvents) {
 /// Two problems, every method of ours within a budget that sanitizers keep, once as it is and once
 /// with gravity wrong by 1e-3.
 TEST(Pipeline, WritesAllPagesAndShowsAPerturbedMethodAsWorse) {
-  const std::filesystem::path folder = std::filesystem::path(testing::TempDir()) / "tiny_report";
-  std::filesystem::remove_all(folder);
+  const engine::TemporaryFolder temporary;
+  const std::filesystem::path folder = temporary.path();
   ASSERT_EQ(
       run_python(std::string(CONSTRAINT_SIM_SOURCE_DIR) + "/bench/report/report.py --tiny " +
                  "--rounds 2 --budget 5 --perturb 1e-3 --memory 0 --programs " +

@@ -149,7 +149,7 @@ if(CONSTRAINT_SIM_ROS)
     # a first line `<!-- rviz -->` marks a test that looks at rviz
     file(STRINGS ${ros_test} first LIMIT_COUNT 1)
     if(first MATCHES "rviz")
-      set_tests_properties(ros.${name} PROPERTIES LABELS "ros;rviz" COST 20)
+      set_tests_properties(ros.${name} PROPERTIES LABELS "ros;rviz" TIMEOUT 1200 COST 20)
     endif()
     if(first MATCHES "alone")
       set_tests_properties(ros.${name} PROPERTIES RUN_SERIAL ON)

@@ -96,7 +96,10 @@ def topics_between(publisher, subscriber):
     uri = rosnode.get_api_uri(rosgraph.Master(rospy.get_name()), publisher, skip_cache=True)
     if not uri:
         return set()  # not up yet
-    _, _, connections = xmlrpc.client.ServerProxy(uri).getBusInfo(rospy.get_name())
+    try:
+        _, _, connections = xmlrpc.client.ServerProxy(uri).getBusInfo(rospy.get_name())
+    except ConnectionError:
+        return set()  # it is gone, and the master does not know
     return {topic for _, other, direction, _, topic, *_ in connections
             if direction == "o" and other == subscriber}
 

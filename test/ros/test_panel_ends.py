@@ -6,6 +6,7 @@ import signal
 import subprocess
 import time
 
+import rosnode
 import rospy
 import rostest
 
@@ -67,9 +68,13 @@ class PanelEnds(WithPanel):
 
     def test_1_nodes_end_at_any_moment_of_their_start(self):
         """While the panel looks for one, and calls it."""
-        for after in (0.0, 0.1, 0.3, 1.0):  # [s]: the moment is what is tested
+        def is_looked_for():
+            time.sleep(0.1)  # of its start, before anybody knows of it
+            return True
+        for moment in (lambda: True, is_looked_for, lambda: rosnode.rosnode_ping(NODE, 1),
+                       topics_of_panel):
             with support.running(node_command(scene="winch")) as node:
-                time.sleep(after)
+                wait_until(moment, "the moment", START)
                 node.send_signal(signal.SIGINT)
                 node.wait(timeout=START)
 
@@ -105,10 +110,10 @@ class PanelEnds(WithPanel):
     def test_4_rviz_ends_at_any_moment_of_its_start(self):
         """While the panel finds the node, and the scene that is loaded."""
         config = os.path.join(self.folder, "view.rviz")
-        for after in (0.5, 1.5, 3.0):  # [s]: the moment is what is tested
+        for moment in (lambda: True, lambda: "/rviz" in rosnode.get_node_names(), topics_of_panel):
             with support.running(["rviz", "-d", config, "__name:=rviz"], env=self.environment,
                                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as rviz:
-                time.sleep(after)
+                wait_until(moment, "the moment", START)
                 self.assertTrue(call("load_scene", path="bridge").success)
                 rviz.send_signal(signal.SIGINT)
                 rviz.wait(timeout=START)

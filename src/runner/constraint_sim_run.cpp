@@ -123,7 +123,7 @@ void check_outputs(const Arguments& arguments) {
       const fs::path second = fs::weakly_canonical(fs::absolute(names[i].second), none);
       if (first == second || fs::equivalent(first, second, error))
         refuse(names[i].first.substr(2),
-               "is the file of " + names[j].first + ", " + engine::quoted(names[i].second));
+               "is the file of " + names[j].first + ", " + engine::in_quotes(names[i].second));
     }
   }
 }

@@ -417,7 +417,7 @@ class Builder {
   void warn_of_overlaps() {
     constexpr std::size_t kMost = 20;
     const std::set<std::pair<BodyId, BodyId>> joined = joined_pairs();
-    std::vector<engine::Proxy> proxies;
+    engine::List<engine::Proxy> proxies;
     for (std::size_t i = 0; i < bodies_.size(); ++i) {
       const engine::Body& body = world_.body(bodies_[i]);
       if (body.no_collision) continue;

@@ -179,7 +179,7 @@ TEST(SnapshotBytes, GoOnWithTheSameBitsInThisProcessAndInAnother) {
     compare(random_scenes::make_world(random_scenes::MechanismGenerator(seed).make()),
             "mechanism " + std::to_string(seed));
   }
-  EXPECT_GT(compared, static_cast<int>(1.9 * kRandom));
+  EXPECT_GT(compared, static_cast<int>(19 * kRandom / 10));
 }
 
 // Edits before and after, and what a reset and ids go by.

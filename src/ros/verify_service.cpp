@@ -6,6 +6,7 @@
 
 #include "constraint_sim/engine/verify.h"
 #include "ros/answer.h"
+#include "ros/guarded.h"
 
 namespace constraint_sim {
 namespace {
@@ -47,7 +48,7 @@ void fill_in(const engine::VerifyReport& report, VerifyResponse* response) {
 }  // namespace
 
 VerifyService::VerifyService(Stepper& stepper, ros::NodeHandle handle) : stepper_(stepper) {
-  server_ = handle.advertiseService("verify", &VerifyService::verify, this);
+  server_ = guarded_service(handle, "verify", &VerifyService::verify, this);
 }
 
 void VerifyService::stop() {

@@ -51,7 +51,7 @@ bodies:
 - {name: carrier, type: kinematic, position: [9, 0, 0]}
 - {name: arm, mass: 1, shape: {box: {size: [0.1, 0.1, 0.5]}}}
 constraints:
-- {name: elbow, type: hinge, body_b: arm, axis: [0, 1, 0], motor: {bias: 0}}
+- {name: elbow, type: hinge, body_b: arm, axis_a: [0, 1, 0], motor: {bias: 0}}
 """
 
 

@@ -175,5 +175,9 @@ if(TARGET constraint_sim_python)
     add_test(NAME python.${name} COMMAND ${CMAKE_CURRENT_SOURCE_DIR}/scripts/run_python_test
       ${CMAKE_CURRENT_BINARY_DIR} ${python_test} --junitxml=${test_results}/python.${name}.xml)
     set_tests_properties(python.${name} PROPERTIES LABELS python TIMEOUT 600 COST 15)
+    if(CONSTRAINT_SIM_ROS)
+      set_tests_properties(python.${name} PROPERTIES
+        ENVIRONMENT "CONSTRAINT_SIM_SPACES=${CMAKE_INSTALL_PREFIX}:${CATKIN_DEVEL_PREFIX}")
+    endif()
   endforeach()
 endif()

@@ -156,7 +156,8 @@ class Replay(support.ServiceCase):
         self.begin()
         self.good("step", steps=250)
         self.end()
-        for step in (2 ** 64 - 1, 10 ** 12, 251 + 101):
+        last = self.log.messages[-1].step
+        for step in (2 ** 64 - 1, last + 10 ** 12, last + 101):
             records = [copy.copy(r) for r in self.log.messages]
             records[-1].step = step
             self.write(records)

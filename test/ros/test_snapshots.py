@@ -5,6 +5,7 @@ import tempfile
 import threading
 import xmlrpc.client
 
+import rosgraph
 import rosnode
 import rospy
 import rostest
@@ -15,7 +16,7 @@ from support import call, node_command, properties, running, sphere
 
 def most_memory():
     """The most resident memory that the node ever had [MiB]."""
-    uri = rosnode.get_api_uri(rospy.get_master(), support.NODE)
+    uri = rosnode.get_api_uri(rosgraph.Master(rospy.get_name()), support.NODE)
     pid = xmlrpc.client.ServerProxy(uri).getPid(rospy.get_name())[2]
     with open("/proc/%d/status" % pid) as file:
         return next(int(line.split()[1]) for line in file if line.startswith("VmHWM:")) / 1024

@@ -24,10 +24,6 @@ constexpr double kInstant = 1e-9;   // of a step, that a hit takes
 constexpr double kMostTurn = 0.5;   // [rad] of a body in a part of a step
 constexpr int kMostAdvances = 100;  // towards one hit
 constexpr int kMostLegs = 1000;     // parts of a step
-// Advances towards all hits of a step, for each pair: long thin shapes that turn get nearer to a
-// hit by a small share of their gap only. Ten pairs or fewer share those of ten: 50 ms with
-// cylinders.
-constexpr std::size_t kMostAdvancesOfPair = 500, kFewPairs = 10;
 
 struct Thickness {
   double operator()(const Point&) const { return kInfinity; }
@@ -144,8 +140,8 @@ void World::Impl::sweep(double duration, Proxy* proxy) const {
 
 // The first time at which a pair that is apart touches, as far as its velocities say. The plane
 // between two shapes keeps them apart as long as they do not close the gap along its normal.
-std::optional<double> World::Impl::time_of_hit(const Broadphase::Pair& pair, double duration,
-                                               std::size_t* advances) const {
+std::optional<double> World::Impl::time_of_hit(const Broadphase::Pair& pair,
+                                               double duration) const {
   const std::size_t i = to_index(pair.first);
   const std::size_t j = to_index(pair.second);
   const Vector3d none = Vector3d::Zero();
@@ -159,7 +155,6 @@ std::optional<double> World::Impl::time_of_hit(const Broadphase::Pair& pair, dou
   const double near = kNear * std::min(thickness(bodies[i].shape), thickness(bodies[j].shape));
   double t = 0.0;
   for (int k = 0; k < kMostAdvances; ++k) {
-    if (advances != nullptr) ++*advances;
     const BodyState later_i = moved(states[i], masses[i], g_i, t);
     const BodyState later_j = moved(states[j], masses[j], g_j, t);
     const PlacedShape shape_i(bodies[i], later_i), shape_j(bodies[j], later_j);
@@ -193,7 +188,7 @@ void World::Impl::find_hits(const List<Broadphase::Pair>& near) {
   List<bool> hits_something(bodies.size());
   bool any = false;
   for (const Broadphase::Pair& pair : near) {
-    if (!is_open(pair) || !time_of_hit(pair, h, nullptr)) continue;
+    if (!is_open(pair) || !time_of_hit(pair, h)) continue;
     any = true;
     for (const int body : {pair.first, pair.second})
       if (is_movable(to_index(body))) hits_something[body] = true;
@@ -256,8 +251,7 @@ void World::Impl::find_fast_group(const Carried& by_method) {
 }
 
 // Pairs that may touch in a time, of the group with itself and with what does not move.
-List<Broadphase::Pair> World::Impl::pairs_of_group(double duration, bool* is_any_left,
-                                                   std::size_t* advances) {
+List<Broadphase::Pair> World::Impl::pairs_of_group(double duration, bool* is_any_left) {
   const List<bool>& is_member = fast_group.is_member;
   proxies.clear();
   for (const int body : moving_shapes) {
@@ -272,8 +266,7 @@ List<Broadphase::Pair> World::Impl::pairs_of_group(double duration, bool* is_any
     if (std::binary_search(unpaired.begin(), unpaired.end(), pair)) continue;
     const int other = has_a ? pair.second : pair.first;
     if (has_a != has_b && is_movable(to_index(other)))
-      *is_any_left =
-          *is_any_left || (is_fast(pair, duration) && time_of_hit(pair, duration, advances));
+      *is_any_left = *is_any_left || (is_fast(pair, duration) && time_of_hit(pair, duration));
     else
       pairs.push_back(pair);
   }
@@ -419,19 +412,17 @@ void World::Impl::advance_fast_group(const Tick& tick) {
   const List<BodyState> at_start = states;  // of what moves by itself
   bool is_any_left = false, was_hit = false;
   std::uint32_t found = 0;
-  std::size_t advances = 0;
   double done = 0.0;
   List<double> ways;
   for (int leg = 0; done < h && !is_set(stop); ++leg) {
     for (const int body : kinematic)
       states[body] = moved(at_start[body], MassProperties{}, Vector3d::Zero(), done);
     const double left = h - done;
-    const List<Broadphase::Pair> near = pairs_of_group(left, &is_any_left, &advances);
+    const List<Broadphase::Pair> near = pairs_of_group(left, &is_any_left);
     ways.clear();
     const bool is_any_hit = collide_group(near, left);
     double duration = left;
-    const std::size_t most_advances = kMostAdvancesOfPair * std::max(kFewPairs, near.size());
-    if ((found == kMostHits && !is_on_joints) || leg == kMostLegs || advances > most_advances) {
+    if ((found == kMostHits && !is_on_joints) || leg == kMostLegs) {
       is_any_left = true;
     } else if (is_on_joints) {
       found += is_any_hit && !was_hit ? 1 : 0;  // what sweeps leave goes on closing
@@ -447,8 +438,7 @@ void World::Impl::advance_fast_group(const Tick& tick) {
       for (const TouchingPair& pair : touching) duration = std::min(duration, time_to_watch(pair));
       for (const Broadphase::Pair& pair : near)
         if (is_fast(pair, duration) && find(touching, pair) == nullptr)
-          duration =
-              std::max(kInstant * h, time_of_hit(pair, duration, &advances).value_or(duration));
+          duration = std::max(kInstant * h, time_of_hit(pair, duration).value_or(duration));
     }
     const bool is_last = duration >= left;
     advance_group(tick, done, is_last ? left : duration);

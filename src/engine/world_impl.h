@@ -448,8 +448,7 @@ struct World::Impl : Model, State, IslandLists {
   double swept(int body, double duration) const;
   void sweep(double duration, Proxy* proxy) const;
   void find_hits(const List<Broadphase::Pair>& near);
-  std::optional<double> time_of_hit(const Broadphase::Pair& pair, double duration,
-                                    std::size_t* advances) const;
+  std::optional<double> time_of_hit(const Broadphase::Pair& pair, double duration) const;
   bool has_joints(const Broadphase::Pair& pair) const;
   bool is_touching(const Broadphase::Pair& pair) const;
   void list_jointed_pairs(const List<Broadphase::Pair>& near);
@@ -462,7 +461,7 @@ struct World::Impl : Model, State, IslandLists {
   void find_fast_group(const Carried& by_method);
   void advance_fast_group(const Tick& tick);
   bool collide_group(const List<Broadphase::Pair>& near, double left);
-  List<Broadphase::Pair> pairs_of_group(double duration, bool* is_any_left, std::size_t* advances);
+  List<Broadphase::Pair> pairs_of_group(double duration, bool* is_any_left);
   void advance_group(const Tick& tick, double done, double duration);
   double time_to_watch(const TouchingPair& pair) const;
   bool is_hit(const TouchingPair& pair, double duration) const;

@@ -262,8 +262,6 @@ TEST_F(Runner, KeepsOldFilesUntilNewOnesAreWhole) {
   for (const std::string& name : names) EXPECT_EQ(read(in_folder(name)), "old") << name;
   ASSERT_EQ(run("scene.yaml --duration 1" + outputs), 0) << err();
   EXPECT_EQ(lines_of(read(in_folder("a.csv"))).size(), 1u + 2u * 101u);
-  ASSERT_EQ(run("scene.yaml --duration 1 --csv /dev/stdout"), 0) << err();
-  EXPECT_EQ(lines_of(out())[0], lines_of(read(in_folder("a.csv")))[0]);
 }
 
 TEST_F(Runner, RefusesToWriteOneFileTwiceOrTheScene) {

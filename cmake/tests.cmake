@@ -76,7 +76,7 @@ function(constraint_sim_add_gtests name label)
         set(test ${test}.${shard}_of_${shards})
       endif()
       math(EXPR index "${shard} - 1")
-      add_test(NAME ${test} COMMAND ${name} "--gtest_filter=${filter}"
+      add_test(NAME ${test} COMMAND ${in_space} $<TARGET_FILE:${name}> "--gtest_filter=${filter}"
         "--gtest_output=xml:${test_results}/${test}.xml")
       set_tests_properties(${test} PROPERTIES LABELS ${label} TIMEOUT 1500 COST ${shards}
         ENVIRONMENT "GTEST_TOTAL_SHARDS=${shards};GTEST_SHARD_INDEX=${index};TSAN_OPTIONS=suppressions='${CMAKE_CURRENT_SOURCE_DIR}/test/thread_sanitizer.supp'")
@@ -129,7 +129,11 @@ if(CONSTRAINT_SIM_ROS)
     test/ros/test_conversions.cpp test/ros/test_markers.cpp test/engine/counted_allocations.cpp)
   target_include_directories(ros_tests PRIVATE test/engine)
   target_link_libraries(ros_tests PRIVATE constraint_sim_ros)
+  # shipped scenes are found as files of the package
+  set(in_space ${CMAKE_CURRENT_SOURCE_DIR}/scripts/run_in_space
+    "${CMAKE_INSTALL_PREFIX}:${CATKIN_DEVEL_PREFIX}")
   constraint_sim_add_gtests(ros_tests ros_shell test/ros/test_conversions.cpp test/ros/test_markers.cpp)
+  set(in_space)
 
   if(TARGET constraint_sim_panel)
     constraint_sim_add_gtest_program(panel_tests test/ros/test_motors.cpp src/panel/motors.cpp)

@@ -361,7 +361,7 @@ def test_scenes_as_text_and_file(tmp_path):
     world.save_scene_file(str(path))
     assert path.read_text() == world.save_scene()
     assert engine.load_scene('bodies: []', time_step=0.25).options['time_step'] == 0.25
-    with pytest.raises(ValueError, match='path: cannot write'):
+    with pytest.raises(ValueError, match='path: cannot use'):
         world.save_scene_file(str(tmp_path / 'missing' / 'x.yaml'))
 
 
@@ -607,7 +607,7 @@ def test_arguments_that_change_while_they_are_read():
               '# an argument that removes the body it is for\n'
               'try: world.set_state("a", position=(Number(lambda: world.remove_body("a")), 2.0, 3.0))\n'
               'except ValueError as error: print(error)\n'
-              'world.add_body("a", mass=1.0)\n'
+              'world.add_body("a", shape=engine.Sphere(0.1), mass=1.0)\n'
               'world.add_joint("j", body_b="a", type="hinge")\n'
               'try: world.set_joint("j", damping=Number(lambda: world.remove_joint("j")))\n'
               'except ValueError as error: print(error)\n'

@@ -284,6 +284,7 @@ Failure World::Impl::failure_of_motion() {
 // bodies. A single NaN or infinity makes the sum none. Energies follow from these numbers, which
 // kMostMagnitude bounds as it bounds positions and velocities.
 bool World::Impl::tells_finite_numbers() const {
+  if (awake_bodies.empty() && awake_joints.empty()) return true;  // nothing is new in this step
   double sum = report.local_error + report.projected_energy + report.correction_work +
                report.driven_work + report.solver_residual + report.max_penetration;
   for (const int j : awake_joints) {

@@ -67,12 +67,14 @@ def stands(periods=10):
 
 def places_of_pendulum(seconds):
     """Where the runner has the bob of the pendulum after each step."""
-    with tempfile.NamedTemporaryFile("r", suffix=".csv") as states:
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "states.csv")
         subprocess.check_call(["rosrun", "constraint_sim", "constraint_sim_run", PENDULUM,
-                               "--duration", str(seconds), "--csv", states.name],
+                               "--duration", str(seconds), "--csv", path],
                               stdout=subprocess.DEVNULL)
-        return [[float(row[axis]) for axis in ("px", "py", "pz")]
-                for row in csv.DictReader(states)]
+        with open(path) as states:
+            return [[float(row[axis]) for axis in ("px", "py", "pz")]
+                    for row in csv.DictReader(states)]
 
 
 class Followed:

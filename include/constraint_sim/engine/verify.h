@@ -13,7 +13,7 @@
 
 namespace constraint_sim::engine {
 
-/// What verify() runs, and what it compares with.
+/// Options of verify(): number of ticks, perturbation and stop flag.
 struct VerifyOptions {
   std::uint64_t ticks = 0;      ///< ticks of the world to run
   double perturbation = 1e-10;  ///< motion of each body in the first tick of the twin [m] > 0
@@ -45,7 +45,7 @@ struct VerifiedFigures {
   double global_error() const { return estimate * growth; }
 };
 
-/// What became of one dynamic body.
+/// Differences and error estimate of one dynamic body.
 struct VerifiedBody {
   std::string name;
   VerifiedFigures figures;                  ///< at the end, or where `chaotic_from` says
@@ -61,7 +61,7 @@ struct VerifiedBody {
   const char* verdict() const;
 };
 
-/// What verify() found out.
+/// Result of verify().
 struct VerifyReport {
   std::uint64_t ticks = 0;              ///< done by all runs
   double time_step = 0.0;               ///< of the verified run [s]

@@ -99,7 +99,7 @@ void World::Impl::set_law(JointId id, int coordinate, const CoordinateLaw& law, 
   validate(joint);
   set_zeros(joint);
   fill_in_laws(joint);
-  // what is repeated goes on as it is: a motor that began anew each time would never get anywhere
+  // A repeated target changes nothing: a motor that began anew each time would never reach it.
   if (are_same(joint.coordinates[i], joints[j].coordinates[i])) {
     const std::optional<CoordinateMotor>& motor = joint.coordinates[i].motor;
     const bool has_timeout = is_motor_set && motor && motor->timeout > 0.0;

@@ -40,7 +40,7 @@ void compact_list(const List<bool>& is_removed, Container* list) {
   list->erase(list->begin() + static_cast<std::ptrdiff_t>(kept), list->end());
 }
 
-/// The same of a list of ids, with the index by id.
+/// Compacts a list of ids and updates the index by id.
 template <class Id>
 void compact_list(const List<bool>& is_removed, std::vector<Id>* ids, List<int>* index) {
   for (std::size_t i = 0; i < ids->size(); ++i)

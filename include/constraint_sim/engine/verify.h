@@ -13,7 +13,7 @@
 
 namespace constraint_sim::engine {
 
-/// Options of verify(): number of ticks, perturbation and stop flag.
+/// Options of verify(): length of the run, thresholds, commands and callbacks.
 struct VerifyOptions {
   std::uint64_t ticks = 0;      ///< ticks of the world to run
   double perturbation = 1e-10;  ///< motion of each body in the first tick of the twin [m] > 0

@@ -5,6 +5,7 @@ shipped scene, the same with every compiler and on every machine.
     bench/digests.py build/engine/constraint_sim_run            prints them
     bench/digests.py PROGRAM --check bench/digests.csv          fails where one is another
     bench/digests.py PROGRAM --update bench/digests.csv
+    bench/digests.py PROGRAM --against OTHER            by how much positions differ from another program's
 """
 import argparse
 import csv
@@ -20,7 +21,8 @@ TICKS = 300
 METHODS = ('auto', 'energy_momentum', 'event_driven', 'sequential_impulses')
 
 
-def digest(program, scene, method, folder):
+def run(program, scene, method, folder):
+    """The bodies in the report."""
     text = scene.read_text()
     tick = next((float(line.split('time_step:')[1].split('#')[0].split(',')[0].strip(' }'))
                  for line in text.splitlines() if 'time_step:' in line), 0.01)
@@ -30,8 +32,18 @@ def digest(program, scene, method, folder):
                           universal_newlines=True, check=False)
     if done.returncode not in (0, 4):  # 4: errors that are not closed are told, and are bits too
         raise SystemExit(f'digests: {scene.stem} by {method} ended with {done.returncode}:\n{done.stdout}')
-    bodies = json.loads(report.read_text())['bodies']
+    return json.loads(report.read_text())['bodies']
+
+
+def digest(program, scene, method, folder):
+    bodies = run(program, scene, method, folder)
     return hashlib.sha256(json.dumps(bodies, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def difference(program, other, scene, method, folder):
+    """The largest one of a coordinate of a position [m]."""
+    a, b = (run(of, scene, method, folder) for of in (program, other))
+    return max(abs(x - y) for i, j in zip(a, b) for x, y in zip(i['position'], j['position']))
 
 
 def main():
@@ -39,7 +51,15 @@ def main():
     parser.add_argument('program')
     parser.add_argument('--check', type=pathlib.Path)
     parser.add_argument('--update', type=pathlib.Path)
+    parser.add_argument('--against')
     options = parser.parse_args()
+    if options.against:
+        with tempfile.TemporaryDirectory() as folder:
+            for scene in sorted(SCENES.glob('*.yaml')):
+                off = [difference(options.program, options.against, scene, method, pathlib.Path(folder))
+                       for method in METHODS]
+                print(f'{scene.stem:20s}', *(f'{method} {value:.1e}' for method, value in zip(METHODS, off)))
+        return 0
     with tempfile.TemporaryDirectory() as folder:
         found = {(scene.stem, method): digest(options.program, scene, method, pathlib.Path(folder))
                  for scene in sorted(SCENES.glob('*.yaml')) for method in METHODS}

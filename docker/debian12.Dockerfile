@@ -4,7 +4,7 @@
 FROM debian:12
 COPY . /constraint_sim
 WORKDIR /constraint_sim
-RUN apt-get update && ./scripts/setup && ./scripts/build && rm -rf /var/lib/apt/lists/*
+RUN ./docker/build && rm -rf /var/lib/apt/lists/*
 SHELL ["/bin/bash", "-c"]
-ENTRYPOINT ["/bin/bash", "-c", ". build/colcon/install/setup.bash && exec \"$@\"", "--"]
+ENTRYPOINT ["/bin/bash", "-c", ". build/catkin/ws/devel/setup.bash && exec \"$@\"", "--"]
 CMD ["roslaunch", "constraint_sim", "simulator.launch", "rviz:=false"]

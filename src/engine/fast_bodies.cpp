@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/narrowphase.h"
@@ -44,7 +45,7 @@ struct Reach {
   double operator()(const Box& box) const { return 0.5 * box.size.norm(); }
   double operator()(const Plane&) const { return distance; }
   double operator()(const Cylinder& cylinder) const {
-    return std::hypot(cylinder.radius, 0.5 * cylinder.length);
+    return math::hypot(cylinder.radius, 0.5 * cylinder.length);
   }
 };
 

@@ -33,8 +33,7 @@ struct Path {
         m1(h * to.linear_velocity),
         q0(from.orientation),
         turn(0.5 * h * (from.angular_velocity + to.angular_velocity)) {
-    const Eigen::AngleAxisd off(to.orientation * (rotation(turn) * q0).conjugate());
-    rest = off.angle() * off.axis();
+    rest = rotation_vector(to.orientation * (rotation(turn) * q0).conjugate());
   }
   BodyState at(double s) const {
     const double t = 1.0 - s;

@@ -8,6 +8,8 @@
 #include <array>
 #include <cmath>
 
+#include "engine/math/elementary.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -73,7 +75,7 @@ void LeastDepthAxis::find_corners() {
                        (k & 2) != 0 ? a_.half.y() : -a_.half.y(),
                        (k & 4) != 0 ? a_.half.z() : -a_.half.z());
     const Vector3d p = b_.axes.transpose() * (t_ + a_.axes * arm);
-    const double across = std::hypot(p.x(), p.y());
+    const double across = math::hypot(p.x(), p.y());
     if (across == 0.0) continue;
     const Vector3d radial(p.x() / across, p.y() / across, 0.0);
     try_axis(b_.axes * radial);

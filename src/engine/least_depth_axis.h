@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 #include "engine/narrowphase.h"
 
@@ -29,7 +30,7 @@ struct Solid {
   /// How far it goes along n from its centre [m].
   double reach(const Eigen::Vector3d& n) const {
     const Eigen::Vector3d c = axes.transpose() * n;
-    return is_round ? half.x() * std::hypot(c.x(), c.y()) + half.z() * std::abs(c.z())
+    return is_round ? half.x() * math::hypot(c.x(), c.y()) + half.z() * std::abs(c.z())
                     : half.dot(c.cwiseAbs());
   }
   /// A point that is farthest along n, from the centre [m].
@@ -38,7 +39,7 @@ struct Solid {
     Eigen::Vector3d p(std::copysign(half.x(), c.x()), std::copysign(half.y(), c.y()),
                       std::copysign(half.z(), c.z()));
     if (is_round) {
-      const double across = std::hypot(c.x(), c.y());
+      const double across = math::hypot(c.x(), c.y());
       p.head<2>() =
           across > 0.0 ? Eigen::Vector2d(half.x() / across * c.head<2>()) : Eigen::Vector2d::Zero();
     }

@@ -4,6 +4,8 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "engine/math/elementary.h"
+
 namespace constraint_sim::engine {
 
 /// Mass as the methods want it; immovable bodies have zeros.
@@ -28,12 +30,21 @@ inline Eigen::Vector3d apply_inertia(const Eigen::Vector3d& principal, const Eig
 /// The rotation by the vector w [rad].
 inline Eigen::Quaterniond rotation(const Eigen::Vector3d& w) {
   const double angle = w.norm();
+  const auto [sine, cosine] = math::sin_cos(0.5 * angle);
   // sin(x/2)/x: below 1e-4 its series to second order is exact to round-off
-  const double s = angle > 1e-4 ? std::sin(0.5 * angle) / angle : 0.5 - angle * angle / 48.0;
+  const double s = angle > 1e-4 ? sine / angle : 0.5 - angle * angle / 48.0;
   Eigen::Quaterniond q;
-  q.w() = std::cos(0.5 * angle);
+  q.w() = cosine;
   q.vec() = s * w;
   return q;
+}
+
+/// The vector of the rotation q, of a length in [0, π] [rad].
+inline Eigen::Vector3d rotation_vector(const Eigen::Quaterniond& q) {
+  const double sine = q.vec().norm(), sign = q.w() < 0.0 ? -1.0 : 1.0;
+  // squares of smaller ones underflow, and their angle is twice their sine
+  const double stretch = sine > 1e-100 ? math::atan2(sine, std::abs(q.w())) / sine : 1.0;
+  return 2.0 * sign * stretch * q.vec();
 }
 
 }  // namespace constraint_sim::engine

@@ -8,6 +8,7 @@
 
 #include "engine/least_depth_axis.h"
 #include "engine/manifold_points.h"
+#include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 #include "engine/narrowphase.h"
 
@@ -59,7 +60,7 @@ Feature feature_of_box(const Solid& box, const Vector3d& along) {
   c.cwiseAbs().maxCoeff(&most);
   c.cwiseAbs().minCoeff(&least);
   const Eigen::Index next = (most + 1) % 3, last = (most + 2) % 3;
-  if (std::hypot(c[next], c[last]) <= kFlatSine) {
+  if (math::hypot(c[next], c[last]) <= kFlatSine) {
     feature.kind = Feature::Kind::kArea;
     feature.out = signs[most] * box.axes.col(most);
     feature.centre = box.centre + box.half[most] * feature.out;
@@ -97,7 +98,7 @@ std::uint32_t rim_code(bool is_upper, bool is_level, int quarter) {
 
 Feature feature_of_cylinder(const Solid& cylinder, const Vector3d& along) {
   const Vector3d c = cylinder.axes.transpose() * along;
-  const double across = std::hypot(c.x(), c.y());
+  const double across = math::hypot(c.x(), c.y());
   const double side = std::copysign(1.0, c.z());
   Feature feature;
   if (across <= kFlatSine) {
@@ -400,7 +401,7 @@ Manifold collide_cylinder_sphere(const Cylinder& cylinder_a, const BodyState& a,
                                  const Vector3d& p_b, double radius_b, double margin) {
   const Solid cylinder(cylinder_a, a, Vector3d::Zero());
   const Vector3d centre = cylinder.axes.transpose() * (p_b - cylinder.centre);
-  const double across = std::hypot(centre.x(), centre.y());
+  const double across = math::hypot(centre.x(), centre.y());
   const double r = cylinder.radius(), half = cylinder.half.z();
   const Vector3d radial =
       across > 0.0 ? Vector3d(centre.x() / across, centre.y() / across, 0.0) : Vector3d::UnitX();

@@ -49,7 +49,10 @@ std::string words(Method, AnyValue) {
 std::string words(double, Positive range) {
   if (std::isinf(range.most)) return "> 0";
   const auto exponent = [](double value) {  // as people write powers of ten
-    return "1e" + std::to_string(std::lround(std::log10(value)));
+    int power = 0;
+    for (; value > 3.0; value /= 10.0) ++power;
+    for (; value < 0.3; value *= 10.0) --power;
+    return "1e" + std::to_string(power);
   };
   return exponent(range.least) + " to " + exponent(range.most);
 }

@@ -2,6 +2,7 @@
 
 #include <limits>
 
+#include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/method_names.h"
@@ -127,11 +128,11 @@ void read_plane_pose(const YamlElement& item, const YamlElement& plane, BodyStat
   double offset = 0.0;
   plane.read("normal", &normal);
   plane.read("offset", &offset);
-  const double norm = normal.stableNorm();
+  const double norm = math::hypot(normal.x(), normal.y(), normal.z());
   if (!(norm > 0.0)) plane.at("normal").fail("must not be zero, got [0, 0, 0]");
   normal /= norm;
   state->position = offset * normal;
-  state->orientation = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), normal);
+  state->orientation = frame_along(normal);
 }
 
 Body read_body(const YamlElement& item) {

@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim {
@@ -31,7 +32,7 @@ Vector3d within_reach(const Vector3d& position, const Vector3d& target) {
   const double omega = 2.0 * kPi * kGripFrequency;
   const double reach = kGripAcceleration / (omega * omega);
   const Vector3d way = target - position;
-  const double distance = way.stableNorm();
+  const double distance = engine::math::hypot(way.x(), way.y(), way.z());
   return distance <= reach ? target : Vector3d(position + reach / distance * way);
 }
 
@@ -73,7 +74,8 @@ void drag(World* world, const std::string& body, const Vector3d& target) {
   const engine::BodyState& state = world->state(id);
   const Vector3d reached = within_reach(state.position, target);
   const double omega = 2.0 * kPi * kGripFrequency;
-  const double speed = state.linear_velocity.stableNorm();
+  const Vector3d& v = state.linear_velocity;
+  const double speed = engine::math::hypot(v.x(), v.y(), v.z());
   // [1/s], times the mass
   const double damping = std::min(2.0 * omega, kGripAcceleration / std::max(speed, 1e-9));
   if (!is_gripped(*world, body)) {

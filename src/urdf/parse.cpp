@@ -4,12 +4,14 @@
 #include <urdf_parser/urdf_parser.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <mutex>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
+#include "engine/math/elementary.h"
 #include "sim/words.h"
 #include "urdf/xml_tags.h"
 
@@ -144,6 +146,89 @@ void check_meshes(const urdf::ModelInterface& model, const MeshExists& mesh_exis
   }
 }
 
+using engine::math::SineCosine;
+
+/// The quaternion of roll, pitch and yaw [rad] about fixed axes.
+urdf::Rotation rotation_of(const urdf::Vector3& rpy) {
+  const SineCosine roll = engine::math::sin_cos(0.5 * rpy.x),
+                   pitch = engine::math::sin_cos(0.5 * rpy.y),
+                   yaw = engine::math::sin_cos(0.5 * rpy.z);
+  urdf::Rotation rotation;
+  rotation.x = roll.sine * pitch.cosine * yaw.cosine - roll.cosine * pitch.sine * yaw.sine;
+  rotation.y = roll.cosine * pitch.sine * yaw.cosine + roll.sine * pitch.cosine * yaw.sine;
+  rotation.z = roll.cosine * pitch.cosine * yaw.sine - roll.sine * pitch.sine * yaw.cosine;
+  rotation.w = roll.cosine * pitch.cosine * yaw.cosine + roll.sine * pitch.sine * yaw.sine;
+  rotation.normalize();
+  return rotation;
+}
+
+/// Rotations of a description that are the same bits on every machine. urdfdom makes them of `rpy`
+/// by the sine of the C library, and keeps nothing else: each is replaced by that of the angles in
+/// the text which are the same to rounding.
+class Rotations {
+ public:
+  explicit Rotations(const std::string& text) {
+    constexpr const char* kSpace = " \t\r\n";
+    for (std::size_t at = text.find("rpy"); at != std::string::npos; at = text.find("rpy", at)) {
+      at = text.find_first_not_of(kSpace, at + 3);
+      if (at == std::string::npos || text[at] != '=') continue;
+      at = text.find_first_not_of(kSpace, at + 1);
+      if (at == std::string::npos || (text[at] != '"' && text[at] != '\'')) continue;
+      const std::size_t end = text.find(text[at], at + 1);
+      if (end == std::string::npos) return;
+      add(text.substr(at + 1, end - at - 1));
+      at = end;
+    }
+  }
+
+  void replace(urdf::Rotation* rotation) const {
+    const urdf::Rotation& q = *rotation;
+    const double key = key_of(q);
+    for (auto at = by_key_.lower_bound(key - 4.0 * kRounding);
+         at != by_key_.end() && at->first <= key + 4.0 * kRounding; ++at) {
+      const urdf::Rotation& own = at->second;
+      if (std::abs(own.x - q.x) > kRounding || std::abs(own.y - q.y) > kRounding ||
+          std::abs(own.z - q.z) > kRounding || std::abs(own.w - q.w) > kRounding)
+        continue;
+      *rotation = own;
+      return;
+    }
+  }
+
+ private:
+  static constexpr double kRounding = 1e-14;
+
+  /// A number that rotations share only by chance.
+  static double key_of(const urdf::Rotation& q) {
+    return 0.37 * q.x + 0.61 * q.y + 0.83 * q.z + 0.29 * q.w;
+  }
+
+  void add(const std::string& angles) {
+    urdf::Vector3 rpy;
+    try {
+      rpy.init(angles);
+    } catch (const std::exception&) {
+      return;  // in a comment: urdfdom has read all others
+    }
+    const urdf::Rotation rotation = rotation_of(rpy);
+    by_key_.emplace(key_of(rotation), rotation);
+  }
+
+  std::map<double, urdf::Rotation> by_key_;
+};
+
+void replace_rotations(const std::string& text, const urdf::ModelInterface& model) {
+  const Rotations rotations(text);
+  for (const auto& [name, link] : model.links_) {
+    if (link->inertial) rotations.replace(&link->inertial->origin.rotation);
+    for (const auto& visual : link->visual_array) rotations.replace(&visual->origin.rotation);
+    for (const auto& collision : link->collision_array)
+      rotations.replace(&collision->origin.rotation);
+  }
+  for (const auto& [name, joint] : model.joints_)
+    rotations.replace(&joint->parent_to_joint_origin_transform.rotation);
+}
+
 }  // namespace
 
 urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text, const MeshExists& mesh_exists) {
@@ -152,6 +237,7 @@ urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text, const MeshExis
   urdf::ModelInterfaceSharedPtr model = parse(text);
   check_tree(*model);
   check_meshes(*model, mesh_exists);
+  replace_rotations(text, *model);
   return model;
 }
 

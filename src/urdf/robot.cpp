@@ -1,6 +1,5 @@
 #include "urdf/robot.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <set>
@@ -8,6 +7,8 @@
 #include <utility>
 
 #include "engine/broadphase.h"
+#include "engine/mass_properties.h"
+#include "engine/math/dense.h"
 #include "engine/narrowphase.h"
 #include "engine/scene_joints.h"
 #include "urdf/extra.h"
@@ -49,7 +50,7 @@ bool is_diagonal(const Matrix3d& inertia) {
 /// The principal axes, each nearest to one of those that the inertia is given along.
 Matrix3d principal_axes(const Matrix3d& inertia) {
   if (is_diagonal(inertia)) return Matrix3d::Identity();
-  const Matrix3d found = Eigen::SelfAdjointEigenSolver<Matrix3d>(inertia).eigenvectors();
+  const Matrix3d found = engine::math::eigensystem(inertia).vectors;
   std::array<int, 3> order{0, 1, 2}, best = order;
   double most = -1.0;
   do {
@@ -155,7 +156,7 @@ class Builder {
     if (joint.type == urdf::Joint::PRISMATIC)
       motion.translation() = q * axis;
     else
-      motion.linear() = Eigen::AngleAxisd(q, axis).toRotationMatrix();
+      motion.linear() = engine::rotation(q * axis).toRotationMatrix();
     return motion;
   }
 

@@ -7,6 +7,7 @@
 #include <functional>
 #include <random>
 
+#include "engine/mass_properties.h"
 #include "engine/math/dense.h"
 #include "engine/math/elementary.h"
 #include "support.h"
@@ -173,6 +174,20 @@ TEST(Elementary, BitsAreTheSameOnEveryMachine) {
       hash.add(value);
   }
   EXPECT_EQ(hash.value(), 0x4159d479be5699d6u);
+}
+
+TEST(Elementary, RotationVectorIsTheInverseOfRotation) {
+  Random random;
+  for (int i = 0; i < 1000; ++i) {
+    const Vector3d axis = random.vector().normalized();
+    for (const double angle : {0.0, 1e-200, 1e-9, 0.3, 2.0, kPi - 1e-6}) {
+      const Vector3d w = angle * axis;
+      // of a half turn the axis is known to a rounding of the cosine over its slope
+      EXPECT_LE((rotation_vector(rotation(w)) - w).norm(), 8.0 * kEpsilon * angle) << angle;
+    }
+    // angles beyond half a turn come back as the shorter turn
+    EXPECT_LE((rotation_vector(rotation((kPi + 0.5) * axis)) + (kPi - 0.5) * axis).norm(), 1e-14);
+  }
 }
 
 TEST(Dense, SemidefiniteSystemsAreSolved) {

@@ -1,8 +1,13 @@
 // What URDFs say, one element at a time, and what they get wrong.
 
+#include <cstdio>
+
 #include "constraint_sim/engine/scene.h"
+#include "draw.h"
+#include "engine/math/elementary.h"
 #include "memory_peak.h"
 #include "robots.h"
+#include "urdf/parse.h"
 
 namespace constraint_sim {
 namespace {
@@ -71,6 +76,41 @@ TEST(Urdf, JointsBecomeThoseOfTheEngine) {
 }
 
 // A load that is fixed to an arm, and turned: the body has the mass and inertia of both.
+// By the engine's own sine, not that of the C library, by which urdfdom makes rotations.
+TEST(Urdf, RotationsAreTheSameBitsOnEveryMachine) {
+  engine::Draw draw(1);
+  std::string inside = link("base");
+  std::vector<Vector3d> angles;
+  for (int i = 0; i < 200; ++i) {
+    angles.push_back(i == 0 ? Vector3d(0.0, 0.0, 0.0) : Vector3d(3.0 * draw.vector()));
+    const std::string name = std::to_string(i);
+    char rpy[100];
+    std::snprintf(rpy, sizeof rpy, "%.17g %.17g %.17g", angles.back().x(), angles.back().y(),
+                  angles.back().z());
+    inside += link(name) + joint("j" + name, "floating", "base", name,
+                                 std::string("<origin rpy = '") + rpy + "'/>");
+  }
+  const auto model = parse_urdf(robot("<!-- rpy= rpy='x' -->" + inside), {});
+  for (std::size_t i = 0; i < angles.size(); ++i) {
+    const Vector3d half = 0.5 * angles[i];
+    const auto [s_x, c_x] = engine::math::sin_cos(half.x());
+    const auto [s_y, c_y] = engine::math::sin_cos(half.y());
+    const auto [s_z, c_z] = engine::math::sin_cos(half.z());
+    urdf::Rotation expected;
+    expected.x = s_x * c_y * c_z - c_x * s_y * s_z;
+    expected.y = c_x * s_y * c_z + s_x * c_y * s_z;
+    expected.z = c_x * c_y * s_z - s_x * s_y * c_z;
+    expected.w = c_x * c_y * c_z + s_x * s_y * s_z;
+    expected.normalize();
+    const urdf::Rotation& found =
+        model->getJoint("j" + std::to_string(i))->parent_to_joint_origin_transform.rotation;
+    EXPECT_EQ(found.x, expected.x) << i;
+    EXPECT_EQ(found.y, expected.y) << i;
+    EXPECT_EQ(found.z, expected.z) << i;
+    EXPECT_EQ(found.w, expected.w) << i;
+  }
+}
+
 TEST(Urdf, FixedLinksAreLumped) {
   World world;
   const Robot r =

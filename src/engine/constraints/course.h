@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "constraint_sim/engine/joint.h"
+#include "engine/math/elementary.h"
 
 namespace constraint_sim::engine {
 
@@ -25,17 +26,17 @@ inline double motor_travel(const Motor& motor, double t, double h) {
   // ∫ sin(ωt + φ) dt = h sin(ω(t + h/2) + φ) sin(x)/x with x = ωh/2
   const double omega = motor_omega(motor);
   const double x = 0.5 * omega * h;
-  const double sinc = std::abs(x) > 1e-4 ? std::sin(x) / x : 1.0 - x * x / 6.0;
-  travel += motor.amplitude * h * std::sin(omega * (t + 0.5 * h) + motor.phase) * sinc;
+  const double sinc = std::abs(x) > 1e-4 ? math::sin(x) / x : 1.0 - x * x / 6.0;
+  travel += motor.amplitude * h * math::sin(omega * (t + 0.5 * h) + motor.phase) * sinc;
   return travel;
 }
 
 /// The same, with ζ and its rate at the end.
 inline Prescribed motor_course(const Motor& motor, double t, double h) {
   const double omega = motor_omega(motor);
-  const double phase = omega * (t + h) + motor.phase;
-  return {motor_travel(motor, t, h), motor.bias + motor.amplitude * std::sin(phase),
-          motor.amplitude * omega * std::cos(phase)};
+  const math::SineCosine at_end = math::sin_cos(omega * (t + h) + motor.phase);
+  return {motor_travel(motor, t, h), motor.bias + motor.amplitude * at_end.sine,
+          motor.amplitude * omega * at_end.cosine};
 }
 
 /// Share of an error left by an edit that is still there `since` seconds later: 1 at first, 0 after

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "engine/constraints/custom.h"
+#include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
@@ -19,9 +20,9 @@ struct Stretch {
       slope = x * (1.0 / 3.0 + square * 7.0 / 90.0);
       return;
     }
-    const double sine = std::sin(x);
+    const auto [sine, cosine] = math::sin_cos(x);
     value = x / sine;
-    slope = (sine - x * std::cos(x)) / (sine * sine);
+    slope = (sine - x * cosine) / (sine * sine);
   }
 };
 
@@ -72,7 +73,7 @@ double value(const ScalarForm& form, const JointVectors& vectors) {
   if (form.is_length) return vectors.d.norm();
   if (!form.is_angle) return vectors.custom->value(vectors);
   const CosineAndSine<double> at = values(form.angle, vectors);
-  return std::atan2(at.s, at.c);
+  return math::atan2(at.s, at.c);
 }
 
 Jacobian jacobian(const ScalarForm& form, const JointVectors& vectors) {
@@ -142,7 +143,7 @@ AngleStep::AngleStep(CosineAndSine<double> start, CosineAndSine<double> end) {
   const double chi = start.c * end.c + start.s * end.s;
   const double square = sigma * sigma + chi * chi;
   const double P = std::sqrt(square);
-  change = std::atan2(sigma, chi);
+  change = math::atan2(sigma, chi);
   const Stretch k(change);
   kappa = k.value / P;
   const auto slopes = [&](double d_sigma, double d_chi, double* of_change, double* of_kappa) {

@@ -3,6 +3,8 @@
 #include <cmath>
 #include <initializer_list>
 
+#include "engine/mass_properties.h"
+#include "engine/math/elementary.h"
 #include "engine/validate.h"
 
 namespace constraint_sim::engine {
@@ -88,8 +90,8 @@ constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
 // clang-format on
 
 // of a rotation by the angle θ in [0, π] about n
-Vector3d rotation_vector(const Vector3d& n, double sine, double cosine) {
-  const double angle_off = std::atan2(sine, cosine);
+Vector3d vector_of_turn(const Vector3d& n, double sine, double cosine) {
+  const double angle_off = math::atan2(sine, cosine);
   return sine > 0.0 ? Vector3d(angle_off / sine * n) : Vector3d(angle_off * Vector3d::UnitX());
 }
 
@@ -149,7 +151,7 @@ const std::array<JointKind, kOwnJointKindCount>& joint_kinds() {
 
 Eigen::Quaterniond frame_along(const Vector3d& axis) {
   check_axis("axis_a", axis);
-  const Vector3d n = axis.stableNormalized();
+  const Vector3d n = axis / math::hypot(axis.x(), axis.y(), axis.z());
   if (n.z() < 0.0)  // by the opposite one, turned over by half a turn about x
     return frame_along(-n) * Eigen::Quaterniond(0.0, 1.0, 0.0, 0.0);
   return Eigen::Quaterniond(1.0 + n.z(), -n.y(), n.x(), 0.0).normalized();
@@ -167,17 +169,16 @@ Vector3d misalignment(Alignment alignment, const JointVectors& vectors) {
   switch (alignment) {
     case Alignment::kFree:
       break;
-    case Alignment::kSame: {
-      const Eigen::AngleAxisd turn(Matrix3d(vectors.axes_B.transpose() * vectors.axes_A));
-      return turn.angle() * turn.axis();
-    }
+    case Alignment::kSame:
+      return rotation_vector(
+          Eigen::Quaterniond(Matrix3d(vectors.axes_B.transpose() * vectors.axes_A)));
     case Alignment::kParallelZ: {
       const Vector3d n = z.cross(a);
-      return rotation_vector(n, n.norm(), a.z());
+      return vector_of_turn(n, n.norm(), a.z());
     }
     case Alignment::kPerpendicularZ: {
       const Vector3d n = a.cross(z);
-      const double off = std::atan2(a.z(), n.norm());
+      const double off = math::atan2(a.z(), n.norm());
       const Vector3d axis = n.norm() > 0.0 ? Vector3d(n.normalized()) : Vector3d(Vector3d::UnitX());
       // turning z_B by +off about a × z takes it away from a
       return off * axis;

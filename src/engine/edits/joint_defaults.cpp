@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/distance.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 #include "engine/validate.h"
 #include "engine/world_impl.h"
@@ -82,8 +84,9 @@ void World::Impl::fill_in_frames(Joint& joint) const {
     joint.frame_b =
         b.orientation.conjugate() * a.orientation * joint.frame_a * home(kind.alignment);
     if (joint.axis_b) {
-      const Eigen::Quaterniond along =
-          frame_along(joint.frame_b->conjugate() * joint.axis_b->stableNormalized());
+      const Vector3d& axis = *joint.axis_b;
+      const Eigen::Quaterniond along = frame_along(
+          joint.frame_b->conjugate() * (axis / math::hypot(axis.x(), axis.y(), axis.z())));
       joint.frame_b = *joint.frame_b * along;
     }
   }
@@ -160,11 +163,18 @@ double World::Impl::inverse_effective_mass(const Joint& joint, int coordinate) c
         std::sqrt(masses[b].inverse_mass) * J.j3.transpose(), turned(b, J.j4).transpose();
     G.row(k) = row;
   }
-  const Eigen::VectorXd g = G.bottomRows(1).transpose();
+  const Row g = G.row(rows);
   if (rows == 0) return g.squaredNorm();
-  const Eigen::MatrixXd held = G.topRows(rows).transpose();
-  const Eigen::VectorXd part = held.completeOrthogonalDecomposition().solve(g);
-  const double left = (g - held * part).squaredNorm();
+  LeastNormSolver held;
+  Eigen::Map<Eigen::Matrix<double, 12, 12>> columns(held.resize(12));
+  columns.setZero();
+  columns.leftCols(rows) = G.topRows(rows).transpose();
+  held.factor(12.0 * std::numeric_limits<double>::epsilon());
+  Row part = g;
+  held.solve(part.data());
+  Row rest = g;
+  for (int k = 0; k < rows; ++k) rest -= part[k] * G.row(k);
+  const double left = rest.squaredNorm();
   return left > 1e-20 * g.squaredNorm() ? left : 0.0;
 }
 

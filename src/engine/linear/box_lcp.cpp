@@ -1,9 +1,10 @@
 #include "engine/linear/box_lcp.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "engine/math/dense.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 
@@ -17,13 +18,21 @@ using Eigen::VectorXd;
 constexpr double kDependentPivot = kDependent;  // pivots below, of rows scaled to a diagonal of one
 constexpr double kBoxSolved = 1e-11;            // of the largest a without x
 
+// Within the bounds. Of zeros of both signs Eigen's maximum may be either.
+VectorXd nearest_to_zero(const BoxLcp& problem) {
+  VectorXd x(problem.b.size());
+  for (Index i = 0; i < x.size(); ++i)
+    x[i] = std::min(std::max(0.0, problem.least[i]), problem.most[i]);
+  return x;
+}
+
 /// A problem scaled to a diagonal of one, and how far it is solved.
 class ActiveSet {
  public:
   explicit ActiveSet(const BoxLcp& problem)
       : problem_(problem),
-        x_(VectorXd::Zero(problem.b.size()).cwiseMax(problem.least).cwiseMin(problem.most)),
-        a_(problem.b + problem.A * x_),
+        x_(nearest_to_zero(problem)),
+        a_(problem.b + math::product(problem.A, x_)),
         tolerance_(kBoxSolved *
                    std::max(problem.b.lpNorm<Eigen::Infinity>(), a_.lpNorm<Eigen::Infinity>())) {}
 
@@ -63,7 +72,7 @@ VectorXd ActiveSet::solve_free(const VectorXd& b) const {
   for (Index i = 0; i < n; ++i)
     for (Index j = 0; j < n; ++j)
       A(i, j) = problem_.A(free_[static_cast<std::size_t>(i)], free_[static_cast<std::size_t>(j)]);
-  return A.ldlt().solve(b);
+  return math::solve_semidefinite(std::move(A), b);
 }
 
 // Moves the free rows by a step, or in a direction, as far as the bounds let them; rows that come
@@ -85,7 +94,7 @@ bool ActiveSet::move(const VectorXd& step, bool is_direction) {
   for (std::size_t k = 0; k < free_.size(); ++k)
     x_[free_[k]] += k == first ? room(k) : share * step[static_cast<Index>(k)];
   if (first < free_.size()) free_.erase(free_.begin() + static_cast<std::ptrdiff_t>(first));
-  a_ = problem_.b + problem_.A * x_;
+  a_ = problem_.b + math::product(problem_.A, x_);
   return true;
 }
 
@@ -94,7 +103,7 @@ bool ActiveSet::set_free(Index row) {
   for (std::size_t k = 0; k < free_.size(); ++k)
     column[static_cast<Index>(k)] = problem_.A(free_[k], row);
   const VectorXd along = solve_free(column);
-  const double pivot = problem_.A(row, row) - column.dot(along);
+  const double pivot = problem_.A(row, row) - math::dot(column, along);
   free_.push_back(row);
   if (pivot <
       kDependentPivot) {  // it follows from others: they change together, until one is bounded
@@ -137,7 +146,7 @@ double pivot_beside(const MatrixXd& A, const List<Index>& rows, Index row) {
       among(i, j) = scale[k] * A(k, l) * scale[l];
     }
   }
-  return 1.0 - column.dot(among.ldlt().solve(column));
+  return 1.0 - math::dot(column, math::solve_semidefinite(std::move(among), column));
 }
 
 double response_beside(const MatrixXd& A, const List<Index>& others, Index row) {

@@ -7,6 +7,8 @@
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 
+#include "engine/math/elementary.h"
+
 namespace constraint_sim::engine {
 namespace {
 
@@ -276,9 +278,9 @@ bool ConeSolver::is_strict(const double* p) {
   for (Index i = 0; i < end_of_contacts(); i += 3) {
     const ConeContact& of = contact(i);
     if (p[i] <= 0.0 && !(u[i] > least)) return false;
-    const bool is_at_cone = std::hypot(p[i + 1], p[i + 2]) >= (1.0 - kStrict) * of.friction * p[i];
+    const bool is_at_cone = math::hypot(p[i + 1], p[i + 2]) >= (1.0 - kStrict) * of.friction * p[i];
     if (p[i] > 0.0 && !of.slips && of.friction > 0.0 && is_at_cone &&
-        !(std::hypot(u[i + 1], u[i + 2]) > least))
+        !(math::hypot(u[i + 1], u[i + 2]) > least))
       return false;
   }
   for (Index i = end_of_contacts(); i < size(); ++i) {

@@ -206,6 +206,12 @@ double FrontalLu::residual(const double* values, const double* b, const double* 
   return most > 0.0 ? largest / most : 0.0;
 }
 
+// What is left of a residual after further steps, each of which leaves that share of it.
+double FrontalLu::at_last(double residual, double share, int steps) {
+  for (; steps > 0; --steps) residual *= share;
+  return residual;
+}
+
 // The solution to solution_, refined until its residual is small; false where it stays above
 // `enough`.
 bool FrontalLu::refine(const double* values, const double* b, int steps, double enough) {
@@ -217,8 +223,8 @@ bool FrontalLu::refine(const double* values, const double* b, int steps, double 
     for (std::size_t i = 0; i < n_; ++i) solution_[i] += change_[i];
     const double share = residual(values, b, solution_.data());
     if (share <= kRefined) return true;
-    const double left = std::log(kRefined / share) / std::log(share / before);  // at this rate
-    if (!(share <= kGain * before && k + left <= steps)) return share <= enough;
+    if (!(share <= kGain * before && at_last(share, share / before, steps - k) <= kRefined))
+      return share <= enough;
     before = share;
   }
   return before <= enough;

@@ -47,6 +47,7 @@ class FrontalLu {
 
   /// Largest entry of b − A x, as a share of what it is the difference of.
   double residual(const double* values, const double* b, const double* x);
+  static double at_last(double residual, double share, int steps);
   /// Replaces b by A⁻¹ b; false where A is singular.
   bool solve(const double* values, double* b);
   /// Drops the factors, so that the next solution depends on its matrix alone.

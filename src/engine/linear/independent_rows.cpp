@@ -1,5 +1,6 @@
 #include "engine/linear/independent_rows.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 
@@ -52,7 +53,7 @@ IndependentRows choose_independent_rows(Eigen::MatrixXd A, const List<char>& pre
     if (pivot < 0) break;
     chosen.smallest_pivot = std::min(chosen.smallest_pivot, left[pivot]);
     L.col(k) = A.col(pivot);
-    L.col(k).noalias() -= L.leftCols(k) * L.row(pivot).head(k).transpose();
+    for (Index j = 0; j < k; ++j) L.col(k) -= L(pivot, j) * L.col(j);
     L.col(k) /= std::sqrt(left[pivot]);
     left -= L.col(k).cwiseAbs2();
     chosen.is_kept[pivot] = 1;

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/contact_events.h"
@@ -83,7 +84,7 @@ double ContactEvents::least_margin(const List<double>& force) const {
     double left = force[of.column];
     if (of.sticks)
       left = std::min(left,
-                      of.friction * left - std::hypot(force[of.column + 1], force[of.column + 2]));
+                      of.friction * left - math::hypot(force[of.column + 1], force[of.column + 2]));
     const double mean = mean_beside(of, force);
     if (left != 0.0 || mean != 0.0) least = std::min(least, left / mean);
   }

@@ -34,8 +34,8 @@ constexpr double kMostStepParts = 32.0;
 constexpr int kSpansUntilLonger = 4;
 
 // Suzuki's coefficients
-const double kOuter = 1.0 / (4.0 - std::cbrt(4.0));
-const double kInner = 1.0 - 4.0 * kOuter;
+constexpr double kOuter = 1.0 / (4.0 - 1.5874010519681994748);  // the cubic root of 4
+constexpr double kInner = 1.0 - 4.0 * kOuter;
 
 }  // namespace
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/methods/equations_of_motion.h"
 #include "engine/methods/quaternion_state.h"
@@ -157,7 +158,7 @@ double EquationsOfMotion::frequency() {
     if (is_general(l)) continue;
     if (is_ball(l)) {
       for (std::size_t k = 0; k < 3; ++k)
-        force = std::hypot(force, forces[rows_[first_row(l) + k].unknown]);
+        force = math::hypot(force, forces[rows_[first_row(l) + k].unknown]);
     } else {
       force = std::abs(forces[is_rod(l) ? rows_[l].unknown : rows_.size() + l - first_spring_]);
       const double distance = is_rod(l) ? length_[l].value : d_[l].norm();

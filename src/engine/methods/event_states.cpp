@@ -11,6 +11,7 @@
 #include <cmath>
 
 #include "engine/linear/box_lcp.h"
+#include "engine/math/dense.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_span.h"
@@ -205,8 +206,8 @@ bool EventDriven::have_impact(const List<Hit>& hits, Rows* rows) {
     for (Index i = 0; i < n; ++i)
       problem.b[i] = (1.0 + share * hits[static_cast<std::size_t>(i)].restitution) * rate[i];
     if (!solve(problem, &impulse)) return false;
-    const VectorXd mean = rate + 0.5 * problem.A * impulse;
-    if (impulse.dot(mean) <= kNoWork * impulse.cwiseAbs().dot(rate.cwiseAbs())) break;
+    const VectorXd mean = rate + 0.5 * math::product(problem.A, impulse);
+    if (math::dot(impulse, mean) <= kNoWork * math::dot(impulse.cwiseAbs(), rate.cwiseAbs())) break;
   }
   for (Index i = 0; i < n; ++i) {
     const Hit& hit = hits[static_cast<std::size_t>(i)];
@@ -303,7 +304,7 @@ bool EventDriven::decide_holds(const Span& span, Rows* problem_at, const Release
   rows.acceleration.resize(index(laws_.size()));
   for (std::size_t c = 0; c < laws_.size(); ++c)
     rows.acceleration[index(c)] = rows.reading[c].acceleration;
-  rows.acceleration += rows.A * force;
+  rows.acceleration += math::product(rows.A, force);
   if (candidates.size() > kMostRows) return false;
   if (n == 0) return true;
   BoxLcp problem{Eigen::MatrixXd(n, n), VectorXd(n), VectorXd(n), VectorXd(n)};
@@ -317,7 +318,7 @@ bool EventDriven::decide_holds(const Span& span, Rows* problem_at, const Release
   }
   VectorXd lambda;
   if (!solve(problem, &lambda)) return false;
-  const VectorXd a = problem.b + problem.A * lambda;
+  const VectorXd a = problem.b + math::product(problem.A, lambda);
   for (Index i = 0; i < n; ++i)
     rows.acceleration += lambda[i] * rows.A.col(index(candidates[static_cast<std::size_t>(i)].law));
   const VectorXd roots = problem.A.diagonal().cwiseSqrt();

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/methods/row_solver.h"
 
@@ -29,7 +30,8 @@ void turn(const MassProperties& mass, double h, BodyState* body) {
   Vector3d
       half_turn;  // about the axis of the step, in the body frame; of length tan of half the angle
   if (half_angle < 1.0) {
-    const double scale = half_angle > 1e-4 ? std::tan(half_angle) / speed
+    const auto [sine, cosine] = math::sin_cos(half_angle);
+    const double scale = half_angle > 1e-4 ? sine / (cosine * speed)
                                            : 0.5 * h * (1.0 + half_angle * half_angle / 3.0);
     const auto cross = [](const Vector3d& x) {
       Matrix3d m;

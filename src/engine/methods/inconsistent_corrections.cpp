@@ -279,8 +279,8 @@ double InconsistentMotion::work_of_loads() const {
     sum +=
         mass_[i] * equations_->applied_acceleration(i).dot(end_.position[i] - start_.position[i]);
   for (std::size_t i = 0; i < rotating_; ++i) {
-    const Eigen::AngleAxisd turned(end_.orientation[i] * start_.orientation[i].conjugate());
-    sum += equations_->applied_torque(i).dot(turned.angle() * turned.axis());
+    const Vector3d turn = rotation_vector(end_.orientation[i] * start_.orientation[i].conjugate());
+    sum += equations_->applied_torque(i).dot(turn);
   }
   return sum;
 }

@@ -31,6 +31,12 @@ constexpr double kMostAddedDriven = 0.5;
 // What a constant force is taken to give way by, as a share of the mass that it moves.
 constexpr double kLeastGiven = 1e-9;
 
+// The orientation in the middle of the shorter turn from a to b.
+Quaterniond halfway(const Quaterniond& a, const Quaterniond& b) {
+  const double side = a.dot(b) < 0.0 ? -1.0 : 1.0;
+  return Quaterniond(a.coeffs() + side * b.coeffs()).normalized();
+}
+
 }  // namespace
 
 // ---- what is compiled
@@ -281,7 +287,7 @@ double InconsistentMotion::hold_back(double energy_before, double allowed) {
     for (std::size_t i = 0; i < bodies_; ++i)
       end_.position[i] = 0.5 * (start_.position[i] + along + end_.position[i]);
     for (std::size_t i = 0; i < rotating_; ++i)
-      end_.orientation[i] = start_.orientation[i].slerp(0.5, end_.orientation[i]).normalized();
+      end_.orientation[i] = halfway(start_.orientation[i], end_.orientation[i]);
     rows_.measure(end_, &at_end_);
     spring_energy_ = spring_energy();
     allowed = energy_before + work_ + work_of_loads() - spring_energy_;

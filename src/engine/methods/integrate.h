@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "constraint_sim/engine/stop_flag.h"
+#include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/embedded_pairs.h"
 
@@ -187,12 +188,22 @@ template <class Pair, class System>
   return std::isfinite(error) ? error : -1.0;
 }
 
+/// The root of order kOrder of x.
+template <int kOrder>
+double root(double x) {
+  static_assert(kOrder == 8 || kOrder == 5);
+  if constexpr (kOrder == 8)
+    return std::sqrt(std::sqrt(std::sqrt(x)));
+  else
+    return math::fifth_root(x);
+}
+
 /// How much longer the next step can be, or how much shorter this one has to.
 template <class Pair>
 double stretch(double error, double allowed) {
   if (error < 0.0) return kMostShrinking;
   if (error < 1e-6 * allowed) return kMostGrowth;  // 0.9 · 1e6^(1/8) is already more
-  const double ratio = kSafety * std::pow(allowed / error, 1.0 / (Pair::kErrorOrder - 1));
+  const double ratio = kSafety * root<Pair::kErrorOrder - 1>(allowed / error);
   const double most = error > allowed ? kLeastShrinking : kMostGrowth;
   return std::clamp(ratio, kMostShrinking, most);
 }

@@ -15,6 +15,7 @@
 #include <stdexcept>
 
 #include "engine/linear/independent_rows.h"
+#include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/embedded_pairs.h"
@@ -247,7 +248,7 @@ double EquationsOfMotion::offset_of(std::size_t l, const PrescribedMotion& cours
   if (!is_general(l)) return course.offset().norm();
   RowVector offset = RowVector::Zero();
   const auto [shift, turn] = course.opening();
-  const double by_frame = course.moves_frame() ? std::hypot(shift, links_[l].radius * turn) : 0.0;
+  const double by_frame = course.moves_frame() ? math::hypot(shift, links_[l].radius * turn) : 0.0;
   for (std::size_t k = 0; k < rows_of(l); ++k)
     if (with_motors || links_[l].function[k] < info(links_[l].kind).rows)
       offset[static_cast<Eigen::Index>(k)] =
@@ -256,7 +257,7 @@ double EquationsOfMotion::offset_of(std::size_t l, const PrescribedMotion& cours
   if (couples(links_[l].kind))
     for (const CoupledRow& coupled : coupled_)
       if (coupled.link == l) by_coupling = coupled.metres * course.coupling_offset();
-  return std::hypot(offset.norm(), by_frame, by_coupling);
+  return math::hypot(offset.norm(), by_frame, by_coupling);
 }
 
 // What turns such an opening into an angle [m].

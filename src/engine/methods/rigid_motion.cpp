@@ -2,6 +2,7 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "engine/math/dense.h"
 #include "engine/math/list.h"
 #include "engine/methods/cross_matrix.h"
 
@@ -32,11 +33,11 @@ RigidMotion as_one_body(const List<double>& mass, const List<Vector3d>& inertia,
     total += J;
     body.momentum += J * velocity.angular[i];
   }
-  const Eigen::SelfAdjointEigenSolver<Matrix3d> eigen(total);
+  const auto [values, vectors] = math::eigensystem(total);
   for (Eigen::Index k = 0; k < 3; ++k) {
-    const Vector3d axis = eigen.eigenvectors().col(k);
-    if (eigen.eigenvalues()[k] > 1e-12 * eigen.eigenvalues()[2])
-      body.inverse_inertia += axis * axis.transpose() / eigen.eigenvalues()[k];
+    const Vector3d axis = vectors.col(k);
+    if (values[k] > 1e-12 * values.maxCoeff())
+      body.inverse_inertia += axis * axis.transpose() / values[k];
   }
   return body;
 }

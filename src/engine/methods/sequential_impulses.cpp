@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "engine/constraints/contact.h"
+#include "engine/math/elementary.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {
@@ -27,7 +28,7 @@ void apply_wrenches(const List<ActingWrench>& wrenches, const List<MassPropertie
 ContactState contact_state(const Row* rows, std::size_t count) {
   if (count < kMaxContactRows || rows[0].impulse == 0.0) return ContactState::kClosed;
   const double limit = rows[1].friction * rows[0].impulse;
-  const double friction = std::hypot(rows[1].impulse, rows[2].impulse);
+  const double friction = math::hypot(rows[1].impulse, rows[2].impulse);
   return friction < (1.0 - kAtLimit) * limit ? ContactState::kSticking : ContactState::kSlipping;
 }
 

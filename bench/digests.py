@@ -43,7 +43,7 @@ def digest(program, scene, method, folder):
 def difference(program, other, scene, method, folder):
     """The largest one of a coordinate of a position [m]."""
     a, b = (run(of, scene, method, folder) for of in (program, other))
-    return max(abs(x - y) for i, j in zip(a, b) for x, y in zip(i['position'], j['position']))
+    return max(abs(x - y) for name in a for x, y in zip(a[name]['position'], b[name]['position']))
 
 
 def main():

@@ -10,6 +10,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/linear/least_norm_solver.h"
 #include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
 #include "engine/validate.h"

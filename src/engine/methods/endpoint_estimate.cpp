@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "engine/mass_properties.h"
+
 namespace constraint_sim::engine {
 
 using Eigen::Vector3d;
@@ -67,7 +69,7 @@ double EndpointEstimate::largest(const Points& a, const Points& b, const Points&
     const double speed = spin.norm();
     const double radius = arms[1][0].norm();
     Eigen::Matrix3d turn = Eigen::Matrix3d::Identity();
-    if (speed > 0.0) turn = Eigen::AngleAxisd(h * speed, spin / speed).toRotationMatrix();
+    if (speed > 0.0) turn = rotation(h * spin).toRotationMatrix();
     double square = 0.0;
     for (std::size_t k = 0; k < 3; ++k) {
       const Vector3d at_a = turn * arms[0][k], at_c = turn.transpose() * arms[2][k];

@@ -78,7 +78,7 @@ double turn_at_rest(const MassProperties& mass, const Vector3d& angle, BodyState
 Matrix3d regularized_inverse(const Matrix3d& inertia) {
   const double trace = inertia.trace();
   if (!(trace > 0.0)) return Matrix3d::Zero();
-  const double scale = std::exp2(-std::ilogb(trace));
+  const double scale = std::ldexp(1.0, -std::ilogb(trace));
   const Matrix3d scaled = scale * (inertia + 1e-12 * trace * Matrix3d::Identity());
   return scale * scaled.inverse();
 }

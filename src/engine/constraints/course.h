@@ -31,12 +31,25 @@ inline double motor_travel(const Motor& motor, double t, double h) {
   return travel;
 }
 
-/// The same, with ζ and its rate at the end.
-inline Prescribed motor_course(const Motor& motor, double t, double h) {
+/// Sine and cosine of the phase of ζ at time t; not computed where ζ is constant.
+inline math::SineCosine motor_phase(const Motor& motor, double t) {
+  if (motor.amplitude == 0.0) return {};
+  return math::sin_cos(motor_omega(motor) * t + motor.phase);
+}
+
+/// ∫ζ dt over `h` seconds from a time with the given phase, with ζ and its rate at the end.
+inline Prescribed motor_course(const Motor& motor, const math::SineCosine& phase, double h) {
+  if (motor.amplitude == 0.0) return {motor.bias * h, motor.bias, 0.0};
+  // the phase in the middle is x = ωh/2 ahead, the phase at the end 2x
   const double omega = motor_omega(motor);
-  const math::SineCosine at_end = math::sin_cos(omega * (t + h) + motor.phase);
-  return {motor_travel(motor, t, h), motor.bias + motor.amplitude * at_end.sine,
-          motor.amplitude * omega * at_end.cosine};
+  const double x = 0.5 * omega * h;
+  const auto [s, c] = math::sin_cos(x);
+  const double sinc = std::abs(x) > 1e-4 ? s / x : 1.0 - x * x / 6.0;
+  const double middle = phase.sine * c + phase.cosine * s;
+  const double sine = 2.0 * s * c, cosine = 1.0 - 2.0 * s * s;
+  return {motor.bias * h + motor.amplitude * h * sinc * middle,
+          motor.bias + motor.amplitude * (phase.sine * cosine + phase.cosine * sine),
+          motor.amplitude * omega * (phase.cosine * cosine - phase.sine * sine)};
 }
 
 /// Share of an error left by an edit that is still there `since` seconds later: 1 at first, 0 after

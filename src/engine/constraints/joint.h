@@ -180,6 +180,9 @@ class PrescribedMotion {
     visit.beside(self.closing_shift_);
     visit.beside(self.closing_turn_);
     visit.beside(self.moves_frame_);
+    if constexpr (Visit::kReads) {
+      for (auto& held : self.held_) held.phase = motor_phase(held.motor, self.start_);
+    }
   }
 
  private:
@@ -188,6 +191,7 @@ class PrescribedMotion {
     double value = 0.0;  // at the start, or where it comes to rest
     Motor motor;
     double until = 0.0, braking = 0.0;  // of one that does
+    math::SineCosine phase;             // of the motor at start_, which both determine
   };
 
   void hold(std::size_t i, double value, const Motor& motor);
@@ -197,7 +201,7 @@ class PrescribedMotion {
       const double left = held.until - t;
       return {0.5 * held.braking * left * left, -held.braking * left, held.braking};
     }
-    return held.motor.is_moving() ? motor_course(held.motor, start_, t - start_) : Prescribed{};
+    return held.motor.is_moving() ? motor_course(held.motor, held.phase, t - start_) : Prescribed{};
   }
 
   std::array<Held, kMaxCoordinates> held_;

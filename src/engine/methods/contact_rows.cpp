@@ -156,7 +156,7 @@ Prescribed ContactEquations::limit(const Coordinate& of, bool upper_one) const {
 Prescribed ContactEquations::zeta(const Coordinate& of) const {
   if (of.law.is_distance) return joints[of.joint].course.length(clock());
   if (of.law.drive == 0.0) return {};
-  if (!of.law.goal) return motor_course(of.motor, clock(), 0.0);
+  if (!of.law.goal) return motor_course(of.motor, motor_phase(of.motor, clock()), 0.0);
   if (of.braking == 0.0) return {*of.law.goal, 0.0, 0.0};
   const double q = read(of, nullptr).q;
   if (of.state.hold == Hold::kBrake)

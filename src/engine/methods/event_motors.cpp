@@ -37,7 +37,7 @@ Prescribed EventDriven::zeta(const Span& span, std::size_t c, double t, double q
   const JointState& state = joint_states_[law.joint];
   if (motor.timeout > 0.0 && state.coordinates[law.coordinate].expires_at <= span.all.t)
     motor.bias = 0.0;
-  return motor_course(motor, t, 0.0);
+  return motor_course(motor, motor_phase(motor, t), 0.0);
 }
 
 // whether its motor or servo is at its force limit, or at the end of its travel

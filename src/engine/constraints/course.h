@@ -43,8 +43,10 @@ inline Prescribed motor_course(const Motor& motor, const math::SineCosine& phase
   // the phase in the middle is x = ωh/2 ahead, the phase at the end 2x
   const double omega = motor_omega(motor);
   const double x = 0.5 * omega * h;
-  const auto [s, c] = math::sin_cos(x);
-  const double sinc = std::abs(x) > 1e-4 ? s / x : 1.0 - x * x / 6.0;
+  // the root is cheaper than a cosine, and as exact where s² is far below 1
+  const double s = math::sin(x);
+  const double c = std::abs(x) <= 0.5 ? std::sqrt(1.0 - s * s) : math::cos(x);
+  const double sinc = x == 0.0 ? 1.0 : s / x;
   const double middle = phase.sine * c + phase.cosine * s;
   const double sine = 2.0 * s * c, cosine = 1.0 - 2.0 * s * s;
   return {motor.bias * h + motor.amplitude * h * sinc * middle,

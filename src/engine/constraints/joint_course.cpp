@@ -76,7 +76,8 @@ void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointSta
 }
 
 void PrescribedMotion::hold(std::size_t i, double value, const Motor& motor) {
-  held_[i] = {value, motor, 0.0, 0.0, motor_phase(motor, start_)};
+  held_[i] = {value, motor, 0.0, 0.0, {}};
+  if (motor.amplitude != 0.0) held_[i].phase = motor_phase(motor, start_);
   is_driven_ = is_driven_ || motor.is_moving();
 }
 

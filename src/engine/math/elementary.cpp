@@ -144,15 +144,26 @@ ReducedAngle reduce(double x) {
   return std::isfinite(x) ? reduce_exactly(x) : ReducedAngle{x - x, 0.0, 0};
 }
 
+constexpr double kS1 = -1.66666666666666324348e-01;
+
+// (sin x − x − kS1 x³)/x⁵ as a polynomial of z = x², |x| ≤ π/4
+double sine_series(double z) {
+  constexpr double kS2 = 8.33333333332248946124e-03, kS3 = -1.98412698298579493134e-04,
+                   kS4 = 2.75573137070700676789e-06, kS5 = -2.50507602534068634195e-08,
+                   kS6 = 1.58969099521155010221e-10;
+  return kS2 + z * (kS3 + z * kS4) + z * (z * z) * (kS5 + z * kS6);
+}
+
+// sin(x), |x| ≤ π/4
+double sine_near_zero(double x) {
+  const double z = x * x;
+  return x + z * x * (kS1 + z * sine_series(z));
+}
+
 // sin(high + low), |high| ≤ π/4
 double sine_near_zero(double high, double low) {
-  constexpr double kS1 = -1.66666666666666324348e-01, kS2 = 8.33333333332248946124e-03,
-                   kS3 = -1.98412698298579493134e-04, kS4 = 2.75573137070700676789e-06,
-                   kS5 = -2.50507602534068634195e-08, kS6 = 1.58969099521155010221e-10;
-  const double z = high * high, w = z * z;
-  const double r = kS2 + z * (kS3 + z * kS4) + z * w * (kS5 + z * kS6);
-  const double cube = z * high;
-  return high - ((z * (0.5 * low - cube * r) - low) - cube * kS1);
+  const double z = high * high, cube = z * high;
+  return high - ((z * (0.5 * low - cube * sine_series(z)) - low) - cube * kS1);
 }
 
 // cos(high + low), |high| ≤ π/4
@@ -194,7 +205,7 @@ constexpr Origin kOrigins[3][4] = {
 
 double sin(double x) {
   if (is_own_sine(x)) return x;
-  if (std::abs(x) <= kQuarterPi) return sine_near_zero(x, 0.0);
+  if (std::abs(x) <= kQuarterPi) return sine_near_zero(x);
   const ReducedAngle at = reduce(x);
   const double size =
       (at.quadrant & 1) != 0 ? cosine_near_zero(at.high, at.low) : sine_near_zero(at.high, at.low);
@@ -211,7 +222,7 @@ double cos(double x) {
 
 SineCosine sin_cos(double x) {
   if (std::abs(x) <= kQuarterPi)
-    return {is_own_sine(x) ? x : sine_near_zero(x, 0.0), cosine_near_zero(x, 0.0)};
+    return {is_own_sine(x) ? x : sine_near_zero(x), cosine_near_zero(x, 0.0)};
   const ReducedAngle at = reduce(x);
   double sine = sine_near_zero(at.high, at.low), cosine = cosine_near_zero(at.high, at.low);
   if ((at.quadrant & 1) != 0) {

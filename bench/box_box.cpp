@@ -7,7 +7,7 @@
 #include <random>
 #include <vector>
 
-#include "engine/narrowphase.h"
+#include "engine/collision/narrowphase.h"
 #ifdef CONSTRAINT_SIM_BENCH_ODE
 #include <ode/ode.h>
 #endif

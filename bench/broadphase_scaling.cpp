@@ -6,7 +6,7 @@
 #include <functional>
 #include <random>
 
-#include "engine/broadphase.h"
+#include "engine/collision/broadphase.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::engine {

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "engine/methods/integrate.h"
+#include "engine/math/integrate.h"
 
 namespace constraint_sim::engine::hand_written {
 

@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "engine/math/list.h"
-#include "engine/methods/chain_of_bodies.h"
-#include "engine/methods/chain_of_rods.h"
+#include "engine/dynamics/kernels/chain_of_bodies.h"
+#include "engine/dynamics/kernels/chain_of_rods.h"
 #include "problems.h"
 
 namespace constraint_sim::engine {

@@ -4,7 +4,7 @@
 #include <benchmark/benchmark.h>
 
 #include "contestant.h"
-#include "engine/linear/sparse_ldlt.h"
+#include "engine/math/sparse_ldlt.h"
 #include "engine/math/list.h"
 
 namespace constraint_sim::report {

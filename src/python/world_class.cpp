@@ -9,7 +9,7 @@
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
-#include "engine/files.h"
+#include "engine/support/files.h"
 #include "python/definitions.h"
 #include "python/keywords.h"
 #include "python/parameters.h"

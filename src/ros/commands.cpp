@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "engine/validate.h"
+#include "engine/model/validate.h"
 #include "ros/conversions.h"
 #include "ros/topic_names.h"
 #include "sim/words.h"

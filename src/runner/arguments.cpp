@@ -10,9 +10,9 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
-#include "engine/method_names.h"
-#include "engine/option_values.h"
-#include "engine/validate.h"
+#include "engine/model/method_names.h"
+#include "engine/model/option_values.h"
+#include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
 namespace {

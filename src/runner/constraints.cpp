@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/validate.h"
+#include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "engine/files.h"
+#include "engine/support/files.h"
 
 namespace constraint_sim {
 

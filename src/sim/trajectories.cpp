@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "engine/validate.h"
+#include "engine/model/validate.h"
 
 namespace constraint_sim {
 namespace {

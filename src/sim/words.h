@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "engine/edit_distance.h"
-#include "engine/shortened.h"
+#include "engine/support/edit_distance.h"
+#include "engine/support/shortened.h"
 
 namespace constraint_sim {
 

@@ -1,6 +1,6 @@
 #include "urdf/extra.h"
 
-#include "engine/validate.h"
+#include "engine/model/validate.h"
 
 namespace constraint_sim {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/yaml_element.h"
+#include "engine/scene/yaml_element.h"
 
 namespace constraint_sim {
 

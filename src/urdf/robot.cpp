@@ -6,11 +6,11 @@
 #include <stdexcept>
 #include <utility>
 
-#include "engine/broadphase.h"
-#include "engine/mass_properties.h"
+#include "engine/collision/broadphase.h"
+#include "engine/model/mass_properties.h"
 #include "engine/math/dense.h"
-#include "engine/narrowphase.h"
-#include "engine/scene_joints.h"
+#include "engine/collision/narrowphase.h"
+#include "engine/scene/scene_joints.h"
 #include "urdf/extra.h"
 #include "urdf/lumps.h"
 #include "urdf/positions.h"

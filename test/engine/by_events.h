@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "engine/narrowphase.h"
+#include "engine/collision/narrowphase.h"
 #include "parts.h"
 #include "support.h"
 

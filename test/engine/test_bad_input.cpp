@@ -2,7 +2,7 @@
 
 #include <functional>
 
-#include "engine/validate.h"
+#include "engine/model/validate.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -6,7 +6,7 @@
 #include "bouncing.h"
 #include "by_events.h"
 #include "draw.h"
-#include "engine/narrowphase.h"
+#include "engine/collision/narrowphase.h"
 #include "parts.h"
 
 namespace constraint_sim::engine {

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <random>
 
-#include "engine/broadphase.h"
+#include "engine/collision/broadphase.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 

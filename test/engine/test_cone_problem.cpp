@@ -8,7 +8,7 @@
 #include <cmath>
 
 #include "draw.h"
-#include "engine/linear/cone_problem.h"
+#include "engine/math/cone_problem.h"
 #include "engine/math/list.h"
 #include "support.h"
 

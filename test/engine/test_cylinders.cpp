@@ -5,7 +5,7 @@
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
 #include "draw.h"
-#include "engine/narrowphase.h"
+#include "engine/collision/narrowphase.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -7,7 +7,7 @@
 #include <functional>
 #include <random>
 
-#include "engine/mass_properties.h"
+#include "engine/model/mass_properties.h"
 #include "engine/math/dense.h"
 #include "engine/math/elementary.h"
 #include "support.h"

@@ -8,8 +8,8 @@
 
 #include "counted_allocations.h"
 #include "engine/math/list.h"
-#include "engine/methods/implicit_step.h"
-#include "engine/methods/island_motion.h"
+#include "engine/dynamics/implicit_step.h"
+#include "engine/islands/island_motion.h"
 #include "problems.h"
 #include "random_joints.h"
 #include "redundant_scenes.h"

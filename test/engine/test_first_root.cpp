@@ -1,7 +1,7 @@
 // Roots of polynomials in Bernstein's basis, and complementarity problems with bounds.
 
-#include "engine/linear/box_lcp.h"
-#include "engine/methods/first_root.h"
+#include "engine/math/box_lcp.h"
+#include "engine/math/first_root.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

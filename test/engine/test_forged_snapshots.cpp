@@ -3,7 +3,7 @@
 
 #include "constraint_sim/engine/scene.h"
 #include "constraint_sim/engine/snapshot.h"
-#include "engine/snapshot_checks.h"
+#include "engine/snapshot/snapshot_checks.h"
 #include "sanitized.h"
 #include "support.h"
 #include "test_paths.h"

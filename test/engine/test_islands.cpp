@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "engine/islands.h"
+#include "engine/islands/islands.h"
 #include "engine/math/list.h"
 #include "support.h"
 

@@ -4,7 +4,7 @@
 
 #include "engine/constraints/contact.h"
 #include "engine/constraints/distance.h"
-#include "engine/narrowphase.h"
+#include "engine/collision/narrowphase.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -7,8 +7,8 @@
 
 #include "engine/constraints/joint.h"
 #include "engine/math/list.h"
-#include "engine/methods/least_norm_forces.h"
-#include "engine/methods/runge_kutta.h"
+#include "engine/dynamics/least_norm_forces.h"
+#include "engine/methods/runge_kutta/runge_kutta.h"
 #include "redundant_scenes.h"
 #include "support.h"
 

@@ -3,7 +3,7 @@
 #include <Eigen/QR>
 
 #include "counted_allocations.h"
-#include "engine/linear/least_norm_solver.h"
+#include "engine/math/least_norm_solver.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include "engine/method_choice.h"
+#include "engine/islands/method_choice.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/narrowphase.h"
+#include "engine/collision/narrowphase.h"
 
 namespace constraint_sim::engine {
 namespace {

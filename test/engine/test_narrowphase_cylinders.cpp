@@ -1,7 +1,7 @@
 // Where cylinders touch. Oracles that know no axes: projecting from one convex shape to the other
 // in turn, and the least depth of many directions.
 
-#include "engine/narrowphase.h"
+#include "engine/collision/narrowphase.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -15,8 +15,8 @@
 
 #include "constraint_sim/engine/plan.h"
 #include "constraint_sim/engine/scene.h"
-#include "engine/option_values.h"
-#include "engine/validate.h"
+#include "engine/model/option_values.h"
+#include "engine/model/validate.h"
 #include "support.h"
 #include "test_paths.h"
 

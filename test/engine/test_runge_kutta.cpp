@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <map>
 
-#include "engine/methods/embedded_pairs.h"
+#include "engine/math/embedded_pairs.h"
 #include "problems.h"
 #include "support.h"
 

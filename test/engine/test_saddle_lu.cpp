@@ -4,7 +4,7 @@
 #include <Eigen/LU>
 
 #include "counted_allocations.h"
-#include "engine/linear/saddle_lu.h"
+#include "engine/math/saddle_lu.h"
 #include "engine/math/list.h"
 #include "problems.h"
 #include "support.h"

@@ -3,7 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "engine/linear/sparse_ldlt.h"
+#include "engine/math/sparse_ldlt.h"
 #include "engine/math/list.h"
 #include "support.h"
 

@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "engine/workers.h"
+#include "engine/world/workers.h"
 #include "problems.h"
 #include "support.h"
 

@@ -4,7 +4,7 @@
 
 #include <Eigen/Dense>
 
-#include "engine/linear/tridiagonal_ldlt.h"
+#include "engine/math/tridiagonal_ldlt.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <atomic>
 
-#include "engine/workers.h"
+#include "engine/world/workers.h"
 #include "problems.h"
 #include "support.h"
 

@@ -3,7 +3,7 @@
 // are not checked, so that what is behind them is reached.
 
 #include "checks.h"
-#include "engine/snapshot_checks.h"
+#include "engine/snapshot/snapshot_checks.h"
 
 using namespace constraint_sim;
 

@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "engine/math/numbers.h"
-#include "engine/validate.h"
+#include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -3,9 +3,9 @@
 #include <cmath>
 #include <initializer_list>
 
-#include "engine/mass_properties.h"
+#include "engine/model/mass_properties.h"
 #include "engine/math/elementary.h"
-#include "engine/validate.h"
+#include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "constraint_sim/engine/joint.h"
 #include "engine/constraints/course.h"
-#include "engine/mass_properties.h"
+#include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
 

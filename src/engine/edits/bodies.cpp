@@ -3,8 +3,8 @@
 
 #include "engine/constraints/joint.h"
 #include "engine/edits/find_named.h"
-#include "engine/validate.h"
-#include "engine/world_impl.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 namespace {

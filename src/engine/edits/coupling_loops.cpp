@@ -12,7 +12,7 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/math/list.h"
-#include "engine/validate.h"
+#include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "engine/model.h"
-#include "engine/state.h"
+#include "engine/model/model.h"
+#include "engine/model/state.h"
 
 namespace constraint_sim::engine {
 

@@ -3,7 +3,7 @@
 #include <string>
 #include <string_view>
 
-#include "engine/validate.h"
+#include "engine/model/validate.h"
 
 namespace constraint_sim::engine {
 

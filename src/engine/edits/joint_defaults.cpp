@@ -10,11 +10,11 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
-#include "engine/linear/least_norm_solver.h"
+#include "engine/math/least_norm_solver.h"
 #include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
-#include "engine/validate.h"
-#include "engine/world_impl.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 namespace {

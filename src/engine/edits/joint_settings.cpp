@@ -8,8 +8,8 @@
 #include "engine/edits/coupling_loops.h"
 #include "engine/edits/same_laws.h"
 #include "engine/math/numbers.h"
-#include "engine/validate.h"
-#include "engine/world_impl.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 // by one that has been checked and filled in

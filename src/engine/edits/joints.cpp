@@ -15,8 +15,8 @@
 #include "engine/edits/same_laws.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/validate.h"
-#include "engine/world_impl.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 

@@ -7,8 +7,8 @@
 
 #include "engine/constraints/joint_kinds.h"
 #include "engine/math/list.h"
-#include "engine/validate.h"
-#include "engine/world_impl.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/validate.h"
-#include "engine/world_impl.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 World::World(const WorldOptions& options) : impl_(std::make_unique<Impl>()) {

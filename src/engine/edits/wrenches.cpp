@@ -1,8 +1,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/validate.h"
-#include "engine/world_impl.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 

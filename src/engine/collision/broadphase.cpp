@@ -1,0 +1,173 @@
+#include "engine/collision/broadphase.h"
+
+#include <algorithm>
+#include <variant>
+
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+/// Half the extent of a shape along the world's axes [m].
+struct HalfExtent {
+  const BodyState& state;
+
+  Eigen::Vector3d operator()(const Point&) const { return Eigen::Vector3d::Zero(); }
+  Eigen::Vector3d operator()(const Sphere& sphere) const {
+    return Eigen::Vector3d::Constant(sphere.radius);
+  }
+  Eigen::Vector3d operator()(const Box& box) const {
+    return state.orientation.toRotationMatrix().cwiseAbs() * (0.5 * box.size);
+  }
+  Eigen::Vector3d operator()(const Cylinder& cylinder) const {
+    const Eigen::Matrix3d R = state.orientation.toRotationMatrix();
+    return cylinder.radius * R.leftCols<2>().rowwise().norm() +
+           0.5 * cylinder.length * R.col(2).cwiseAbs();
+  }
+  Eigen::Vector3d operator()(const Plane&) const { return Eigen::Vector3d::Constant(kInfinity); }
+};
+
+bool is_bounded(const Aabb& box) { return box.min.allFinite() && box.max.allFinite(); }
+
+Aabb merged(const Aabb& a, const Aabb& b) { return {a.min.cwiseMin(b.min), a.max.cwiseMax(b.max)}; }
+
+double girth(const Aabb& box) { return (box.max - box.min).sum(); }
+
+}  // namespace
+
+bool overlap(const Aabb& a, const Aabb& b) {
+  for (int axis = 0; axis < 3; ++axis) {
+    if (a.max[axis] < b.min[axis] || b.max[axis] < a.min[axis]) return false;
+  }
+  return true;
+}
+
+Aabb bounds(const Shape& shape, const BodyState& state) {
+  const Eigen::Vector3d half = std::visit(HalfExtent{state}, shape);
+  return {state.position - half, state.position + half};
+}
+
+void Broadphase::set_resting(const List<Proxy>& proxies) {
+  resting_.build(proxies);
+  pairs_.clear();
+}
+
+const List<Broadphase::Pair>& Broadphase::find_pairs(const List<Proxy>& proxies) {
+  tests_ = 0;
+  pairs_.clear();
+  moving_.build(proxies);
+
+  if (!moving_.nodes.empty()) {
+    pair_within(moving_, 0);
+    if (!resting_.nodes.empty()) pair_between(moving_, 0, resting_, 0);
+  }
+  for (std::size_t i = 0; i < moving_.unbounded.size(); ++i) {
+    const Proxy& unbounded = moving_.unbounded[i];
+    pair_with(unbounded, moving_);
+    pair_with(unbounded, resting_);
+    for (std::size_t j = 0; j < i; ++j) pair_proxies(unbounded, moving_.unbounded[j]);
+    for (const Proxy& other : resting_.unbounded) pair_proxies(unbounded, other);
+  }
+  for (const Proxy& unbounded : resting_.unbounded) pair_with(unbounded, moving_);
+
+  std::sort(pairs_.begin(), pairs_.end());
+  return pairs_;
+}
+
+void Broadphase::Tree::build(const List<Proxy>& proxies) {
+  items.clear();
+  unbounded.clear();
+  for (std::size_t i = 0; i < proxies.size(); ++i) {
+    const Aabb& box = proxies[i].box;
+    if (is_bounded(box)) {
+      items.push_back({box.min + box.max, static_cast<int>(i)});
+    } else {
+      unbounded.push_back(proxies[i]);
+    }
+  }
+  nodes.resize(items.empty() ? 0 : 2 * items.size() - 1);
+  if (!items.empty()) build(proxies, 0, 0, static_cast<int>(items.size()));
+}
+
+void Broadphase::Tree::build(const List<Proxy>& proxies, int node, int first_item, int leaves) {
+  nodes[node].leaves = leaves;
+  const auto first = items.begin() + first_item;
+  if (leaves == 1) {
+    const Proxy& proxy = proxies[first->proxy];
+    nodes[node] = {proxy.box, 1, proxy.body, proxy.movable};
+    return;
+  }
+
+  // the axis along which the centres spread most
+  Eigen::Vector3d lowest = first->centre;
+  Eigen::Vector3d highest = first->centre;
+  for (auto item = first; item != first + leaves; ++item) {
+    lowest = lowest.cwiseMin(item->centre);
+    highest = highest.cwiseMax(item->centre);
+  }
+  int axis = 0;
+  (highest - lowest).maxCoeff(&axis);
+
+  // the index decides ties, so that the two halves do not depend on the library's nth_element
+  const auto before = [axis](const Item& a, const Item& b) {
+    if (a.centre[axis] != b.centre[axis]) return a.centre[axis] < b.centre[axis];
+    return a.proxy < b.proxy;
+  };
+  const int half = leaves / 2;
+  std::nth_element(first, first + half, first + leaves, before);
+
+  build(proxies, left_child(node), first_item, half);
+  build(proxies, right_child(node), first_item + half, leaves - half);
+  const Node& left = nodes[left_child(node)];
+  const Node& right = nodes[right_child(node)];
+  nodes[node].box = merged(left.box, right.box);
+  nodes[node].movable = left.movable || right.movable;
+}
+
+void Broadphase::pair_within(const Tree& tree, int node) {
+  if (tree[node].leaves == 1 || !tree[node].movable || is_full()) return;
+  pair_within(tree, Tree::left_child(node));
+  pair_within(tree, tree.right_child(node));
+  pair_between(tree, Tree::left_child(node), tree, tree.right_child(node));
+}
+
+void Broadphase::pair_between(const Tree& tree_a, int node_a, const Tree& tree_b, int node_b) {
+  const Node& a = tree_a[node_a];
+  const Node& b = tree_b[node_b];
+  if ((!a.movable && !b.movable) || is_full()) return;
+  if (!test(a.box, b.box)) return;
+
+  // splitting the larger box keeps a big body from being compared with everything at every level
+  if (a.leaves == 1 && b.leaves == 1) {
+    add_pair(a.body, b.body);
+  } else if (b.leaves == 1 || (a.leaves > 1 && girth(a.box) > girth(b.box))) {
+    pair_between(tree_a, Tree::left_child(node_a), tree_b, node_b);
+    pair_between(tree_a, tree_a.right_child(node_a), tree_b, node_b);
+  } else {
+    pair_between(tree_a, node_a, tree_b, Tree::left_child(node_b));
+    pair_between(tree_a, node_a, tree_b, tree_b.right_child(node_b));
+  }
+}
+
+// an unbounded one with all leaves
+void Broadphase::pair_with(const Proxy& proxy, const Tree& tree) {
+  for (const Node& node : tree.nodes)
+    if (node.leaves == 1 && !is_full()) pair_proxies(proxy, {node.box, node.body, node.movable});
+}
+
+void Broadphase::pair_proxies(const Proxy& a, const Proxy& b) {
+  if (!a.movable && !b.movable) return;
+  if (test(a.box, b.box)) add_pair(a.body, b.body);
+}
+
+bool Broadphase::test(const Aabb& a, const Aabb& b) {
+  ++tests_;
+  return overlap(a, b);
+}
+
+void Broadphase::add_pair(int body_a, int body_b) {
+  pairs_.emplace_back(std::min(body_a, body_b), std::max(body_a, body_b));
+}
+
+}  // namespace constraint_sim::engine

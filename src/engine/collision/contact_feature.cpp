@@ -1,0 +1,200 @@
+#include "engine/collision/contact_feature.h"
+
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "engine/collision/box_features.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+// A point of B, and how it moves.
+Vector3d point_of(const BodyState& body, const Vector3d& arm) { return body.position + arm; }
+Vector3d velocity_of(const BodyState& body, const Vector3d& arm) {
+  return body.linear_velocity + body.angular_velocity.cross(arm);
+}
+
+// Which part of a box a point is nearest to, axis by axis: -1, 0 or 1. Where it is on a border it
+// belongs to the side that it moves to.
+Eigen::Vector3i region_of(const Box& box, const Vector3d& point, const Vector3d& velocity) {
+  constexpr double kBorder = 1e-12;  // of the size
+  Eigen::Vector3i region = Eigen::Vector3i::Zero();
+  int inside = 0;
+  for (int i = 0; i < 3; ++i) {
+    const double half = 0.5 * box.size[i];
+    const int side = point[i] < 0.0 ? -1 : 1;
+    const double beyond = std::abs(point[i]) - half;
+    const bool is_on_border = std::abs(beyond) <= kBorder * box.size[i];
+    const bool is_out = is_on_border ? side * velocity[i] > 0.0 : beyond > 0.0;
+    if (is_out)
+      region[i] = side;
+    else
+      ++inside;
+  }
+  if (inside < 3) return region;
+  Eigen::Index nearest = 0;  // the centre is in the box
+  (point.cwiseAbs() - 0.5 * box.size).maxCoeff(&nearest);
+  region[nearest] = point[nearest] < 0.0 ? -1 : 1;
+  return region;
+}
+
+ContactFeature sphere_on_box(double radius, const BodyState& a, const Box& box,
+                             const BodyState& b) {
+  const Eigen::Quaterniond to_b = b.orientation.conjugate();
+  const Vector3d arm = a.position - b.position;
+  const Vector3d point = to_b * arm;
+  const Vector3d velocity =
+      to_b * (a.linear_velocity - b.linear_velocity - b.angular_velocity.cross(arm));
+  const Eigen::Vector3i region = region_of(box, point, velocity);
+  ContactFeature feature;
+  feature.radius_a = radius;
+  feature.on_b = 0.5 * box.size.cwiseProduct(region.cast<double>());
+  const int sides = region.cwiseAbs().sum();
+  if (sides == 1) {
+    feature.axis = region.cast<double>();
+  } else if (sides == 2) {
+    feature.kind = ContactFeature::Kind::kLine;
+    feature.axis = (Eigen::Vector3i::Ones() - region.cwiseAbs()).cast<double>();
+  } else {
+    feature.kind = ContactFeature::Kind::kPoint;
+  }
+  feature.id =
+      static_cast<std::uint32_t>((region.x() + 1) + 3 * (region.y() + 1) + 9 * (region.z() + 1));
+  return feature;
+}
+
+}  // namespace
+
+void set_velocities(const Vector3d& p_dot, const BodyState& a, const BodyState& b,
+                    ContactMotion* motion) {
+  motion->w = velocity_of(a, motion->r_a) - velocity_of(b, motion->r_b);
+  motion->w_bias = a.angular_velocity.cross(p_dot - a.linear_velocity) -
+                   b.angular_velocity.cross(p_dot - b.linear_velocity);
+}
+
+namespace {
+
+// a corner of B, against a plane of A
+ContactMotion motion_on_a(const ContactFeature& feature, const BodyState& a, const BodyState& b) {
+  ContactMotion motion;
+  motion.n = -(a.orientation * feature.axis_a);
+  motion.n_dot = a.angular_velocity.cross(motion.n);
+  motion.r_b = b.orientation * feature.on_b;
+  motion.p = point_of(b, motion.r_b);
+  motion.r_a = motion.p - a.position;
+  motion.gap = motion.n.dot(a.orientation * feature.on_a - motion.r_a);
+  set_velocities(velocity_of(b, motion.r_b), a, b, &motion);
+  return motion;
+}
+
+}  // namespace
+
+ContactMotion motion_of(const ContactFeature& feature, const BodyState& a, const BodyState& b) {
+  if (feature.kind == ContactFeature::Kind::kNothing) {
+    ContactMotion nothing;
+    nothing.gap = kInfinity;
+    return nothing;
+  }
+  if (feature.kind == ContactFeature::Kind::kPlaneOfA) return motion_on_a(feature, a, b);
+  if (feature.kind == ContactFeature::Kind::kEdges) return motion_of_edges(feature, a, b);
+  const Vector3d to_c = a.orientation * feature.on_a, to_o = b.orientation * feature.on_b;
+  const Vector3d c = point_of(a, to_c), c_dot = velocity_of(a, to_c);
+  const Vector3d axis = b.orientation * feature.axis;
+  const Vector3d d = c - point_of(b, to_o), d_dot = c_dot - velocity_of(b, to_o);
+  ContactMotion motion;
+  if (feature.kind == ContactFeature::Kind::kPlane) {
+    motion.n = axis;
+    motion.n_dot = b.angular_velocity.cross(axis);
+    motion.gap = axis.dot(d) - feature.radius_a;
+  } else {
+    Vector3d e = d, e_dot = d_dot;
+    if (feature.kind == ContactFeature::Kind::kLine) {
+      const Vector3d axis_dot = b.angular_velocity.cross(axis);
+      e -= axis * axis.dot(d);
+      e_dot -= axis_dot * axis.dot(d) + axis * (axis_dot.dot(d) + axis.dot(d_dot));
+    }
+    const double distance = e.norm();
+    if (distance > 0.0) {  // coincident points part along z
+      motion.n = e / distance;
+      motion.n_dot = (e_dot - motion.n * motion.n.dot(e_dot)) / distance;
+    }
+    motion.gap = distance - feature.radius_a - feature.radius_b;
+  }
+  motion.p = c - feature.radius_a * motion.n;
+  const Vector3d p_dot = c_dot - feature.radius_a * motion.n_dot;
+  motion.r_a = motion.p - a.position;
+  motion.r_b = motion.p - b.position;
+  set_velocities(p_dot, a, b, &motion);
+  return motion;
+}
+
+bool has_features(const Shape& a, const Shape& b) {
+  if (std::holds_alternative<Sphere>(a))
+    return std::holds_alternative<Sphere>(b) || std::holds_alternative<Box>(b) ||
+           std::holds_alternative<Plane>(b);
+  return std::holds_alternative<Box>(a) &&
+         (std::holds_alternative<Box>(b) || std::holds_alternative<Plane>(b));
+}
+
+void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b,
+                  const BodyState& b, List<ContactFeature>* features) {
+  ContactFeature feature;
+  if (const auto* box = std::get_if<Box>(&shape_a)) {
+    if (const auto* other = std::get_if<Box>(&shape_b)) {
+      add_box_features(*box, a, *other, b, features);
+      return;
+    }
+    // its corners on a plane
+    for (std::uint32_t corner = 0; corner < 8; ++corner) {
+      feature.on_a = 0.5 * box->size;
+      for (int i = 0; i < 3; ++i)
+        if ((corner >> i & 1U) == 0U) feature.on_a[i] = -feature.on_a[i];
+      feature.id = corner;
+      features->push_back(feature);
+    }
+    return;
+  }
+  const double radius = std::get<Sphere>(shape_a).radius;
+  if (const auto* box = std::get_if<Box>(&shape_b)) {
+    features->push_back(sphere_on_box(radius, a, *box, b));
+    return;
+  }
+  feature.radius_a = radius;
+  if (const auto* sphere = std::get_if<Sphere>(&shape_b)) {
+    feature.kind = ContactFeature::Kind::kPoint;
+    feature.radius_b = sphere->radius;
+  }
+  features->push_back(feature);
+}
+
+FeatureMargin margin_of(const ContactFeature& feature, const Shape& shape_a, const BodyState& a,
+                        const Shape& shape_b, const BodyState& b) {
+  FeatureMargin least{kInfinity, 0.0};
+  const auto* box = std::get_if<Box>(&shape_b);
+  if (box == nullptr) return least;
+  if (const auto* box_a = std::get_if<Box>(&shape_a))
+    return margin_of_boxes(feature, *box_a, a, *box, b);
+  const Eigen::Quaterniond to_b = b.orientation.conjugate();
+  const Vector3d arm = a.position - b.position;
+  const Vector3d point = to_b * arm;
+  const Vector3d velocity =
+      to_b * (a.linear_velocity - b.linear_velocity - b.angular_velocity.cross(arm));
+  for (int i = 0; i < 3; ++i) {
+    const double half = 0.5 * box->size[i];
+    const double side = feature.on_b[i] == 0.0 ? 0.0 : (feature.on_b[i] < 0.0 ? -1.0 : 1.0);
+    const bool is_face = feature.kind == ContactFeature::Kind::kPlane;
+    FeatureMargin margin = least;
+    if (side == 0.0)  // beside it
+      margin = {half - std::abs(point[i]), point[i] < 0.0 ? velocity[i] : -velocity[i]};
+    else if (!is_face)  // beyond it
+      margin = {side * point[i] - half, side * velocity[i]};
+    if (margin.value < least.value) least = margin;
+  }
+  return least;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,70 @@
+// What touches a box, but for other boxes.
+
+#include <cmath>
+
+#include "engine/collision/manifold_points.h"
+#include "engine/collision/narrowphase.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector3d;
+
+/// A box in world coordinates.
+struct OrientedBox {
+  OrientedBox(const Vector3d& size, const BodyState& state)
+      : centre(state.position), axes(state.orientation.toRotationMatrix()), half(0.5 * size) {}
+
+  /// From the centre to a side [m].
+  Vector3d arm(int axis, bool upper) const {
+    return axes.col(axis) * (upper ? half[axis] : -half[axis]);
+  }
+
+  Vector3d centre;
+  Matrix3d axes;  ///< in columns
+  Vector3d half;  ///< of the edge lengths [m]
+};
+
+}  // namespace
+
+Manifold collide_box_plane(const Vector3d& size_a, const BodyState& a, const Vector3d& N, double d,
+                           double margin) {
+  const OrientedBox box(size_a, a);
+  Manifold manifold;
+  manifold.normal = N;
+  for (std::uint32_t vertex = 0; vertex < 8; ++vertex) {
+    const Vector3d position = box.centre + box.arm(0, (vertex & 1u) != 0) +
+                              box.arm(1, (vertex & 2u) != 0) + box.arm(2, (vertex & 4u) != 0);
+    const double depth = d - N.dot(position);
+    add_point(manifold, position + depth * N, depth, vertex, margin);
+  }
+  return manifold;
+}
+
+Manifold collide_box_sphere(const Vector3d& size_a, const BodyState& a, const Vector3d& p_b,
+                            double radius_b, double margin) {
+  const OrientedBox box(size_a, a);
+  const Vector3d centre = box.axes.transpose() * (p_b - box.centre);
+  const Vector3d nearest = centre.cwiseMax(-box.half).cwiseMin(box.half);
+  const double distance_squared = (nearest - centre).squaredNorm();
+  if (distance_squared >= (radius_b + margin) * (radius_b + margin)) return {};
+
+  Manifold manifold;
+  double depth = 0.0;
+  if (distance_squared >= kSmallestSquare) {
+    const double distance = std::sqrt(distance_squared);
+    manifold.normal = box.axes * (nearest - centre) / distance;
+    depth = radius_b - distance;
+  } else {
+    // the centre is inside: out through the nearest face, the first of them where they tie
+    int k = 0;
+    const double below_face = (box.half - centre.cwiseAbs()).minCoeff(&k);
+    manifold.normal = box.axes.col(k) * (centre[k] < 0.0 ? 1.0 : -1.0);
+    depth = radius_b + below_face;
+  }
+  add_point(manifold, p_b + radius_b * manifold.normal, depth, 0, margin);
+  return manifold;
+}
+
+}  // namespace constraint_sim::engine

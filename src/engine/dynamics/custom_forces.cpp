@@ -1,0 +1,48 @@
+// Of EquationsOfMotion the forces of other packages, which act beside all rows.
+
+#include <algorithm>
+#include <tuple>
+
+#include "engine/constraints/custom.h"
+#include "engine/math/list.h"
+#include "engine/dynamics/equations_of_motion.h"
+
+namespace constraint_sim::engine {
+
+// as pull_softs()
+void EquationsOfMotion::pull_custom() {
+  if (first_spring_ == links_.size() && softs_.empty())
+    std::copy(applied_acceleration_.begin(), applied_acceleration_.end(), acceleration_.begin());
+  for (std::size_t l = first_general_; l < first_spring_; ++l) {
+    const Link& link = links_[l];
+    if (!link.has_custom_force()) continue;
+    const std::size_t g = l - first_general_;
+    const Jacobian wrench = link.custom->wrench(placed_at_, vectors_[g], motions_[g]);
+    acceleration_[link.a] += inverse_mass_[link.a] * wrench.j1;
+    acceleration_[link.b] += inverse_mass_[link.b] * wrench.j3;
+    if (rotates(link.a)) torque_[link.a] += wrench.j2;
+    if (rotates(link.b)) torque_[link.b] += wrench.j4;
+  }
+}
+
+void EquationsOfMotion::add_custom_loads(double t, const List<BodyState>& states) {
+  if (!has_custom_forces_) return;
+  List<double> y(size());
+  gather_state(states, y.data());
+  update_kinematics(t, y.data());
+  set_velocities(y.data());
+  for (std::size_t l = first_general_; l < first_spring_; ++l) {
+    const Link& link = links_[l];
+    if (!link.has_custom_force()) continue;
+    const std::size_t g = l - first_general_;
+    const Jacobian wrench = link.custom->wrench(t, vectors_[g], motions_[g]);
+    for (const auto& [point, force, torque] :
+         {std::tuple(link.a, wrench.j1, wrench.j2), {link.b, wrench.j3, wrench.j4}}) {
+      if (point >= bodies_.size()) continue;
+      applied_acceleration_[point] += inverse_mass_[point] * force;
+      if (rotates(point)) applied_torque_[point] += torque;
+    }
+  }
+}
+
+}  // namespace constraint_sim::engine

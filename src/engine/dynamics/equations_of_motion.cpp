@@ -1,0 +1,394 @@
+#include "engine/dynamics/equations_of_motion.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "engine/math/larger.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+#include "engine/math/embedded_pairs.h"
+#include "engine/math/quaternion_state.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+using ConstVector = Eigen::Map<const Vector3d>;
+using Vector = Eigen::Map<Vector3d>;
+
+// without the call that std::copy is, for a few numbers
+void copy(const double* from, std::size_t n, double* to) {
+  const auto size = static_cast<Eigen::Index>(n);
+  Eigen::VectorXd::Map(to, size) = Eigen::VectorXd::Map(from, size);
+}
+
+}  // namespace
+
+// ---- one evaluation
+
+// lengths and offsets at t, of the links where they change
+void EquationsOfMotion::update_prescribed(double t) {
+  if (t == asked_at_) return;  // as of the last stage and the projection after it
+  asked_at_ = t;
+  for (const auto& [l, course] : courses_) {
+    if (is_rod(l)) {
+      Prescribed& length = length_[l];
+      length = course.length(t);
+      rate_target_[l] = length.value * length.rate;
+      acceleration_target_[l] = length.rate * length.rate + length.value * length.acceleration;
+      continue;
+    }
+    if (l >= first_spring_) {
+      length_[l] = course.length(t);
+      continue;
+    }
+    length_[l] = course.share_to_close(t);
+    if (couples(links_[l].kind)) update_prescribed_coupling(l, course, t);
+    if (course.moves_frame()) set_frame(l, course.frame(t, links_[l].anchor_b, links_[l].frame_b));
+    for (std::size_t k = 0; k < rows_of(l); ++k) {
+      const Prescribed target = course.target(links_[l].function[k], t);
+      value_target_[first_row(l) + k] = target.value;
+      rate_target_[first_row(l) + k] = target.rate;
+      acceleration_target_[first_row(l) + k] = target.acceleration;
+    }
+  }
+}
+
+void EquationsOfMotion::set_frame(std::size_t l, const MovingFrame& frame) {
+  frames_[l - first_general_] = frame;
+  const std::size_t b = links_[l].b;
+  if (b < bodies_.size()) return;
+  FixedPoint& point = fixed_points_[b - bodies_.size()];
+  point.anchor = frame.anchor;
+  point.anchor_rate = frame.anchor_rate;
+  point.anchor_acceleration = frame.anchor_acceleration;
+  fixed_points_move_ = fixed_points_move_ || frame.moves;
+}
+
+// what does not hang on the state
+void EquationsOfMotion::move_with_time(double t) {
+  update_prescribed(t);
+  if (fixed_points_move_) update_fixed_points(t);
+}
+
+void EquationsOfMotion::update_kinematics(double t, const double* y) {
+  placed_at_ = t;
+  update_bodies(y);
+  if (fixed_points_move_) update_fixed_points(t);
+  update_separations();
+  if (rotating_ > 0) update_arms();
+  if (first_general_ < first_spring_) update_general();
+}
+
+void EquationsOfMotion::update_bodies(const double* y) {
+  copy(y, 3 * bodies_.size(), position_.front().data());
+  const double* q = y + q_at_;
+  for (std::size_t i = 0; i < rotating_; ++i) {
+    const Matrix3d R = rotation_matrix(q + 4 * i);
+    orientation_[i] = R;
+    inverse_inertia_[i].noalias() = R * inertia_[i].cwiseInverse().asDiagonal() * R.transpose();
+  }
+}
+
+void EquationsOfMotion::update_fixed_points(double t) {
+  for (std::size_t i = 0; i < fixed_points_.size(); ++i) {
+    const FixedPoint& point = fixed_points_[i];
+    const std::size_t p = bodies_.size() + i;
+    const double since = t - tick_start_;
+    const Vector3d& w = point.start.angular_velocity;
+    const Quaterniond turned = rotation(since * w) * point.start.orientation;
+    const Vector3d arm = turned * point.anchor;
+    const Vector3d around = w.cross(arm);
+    position_[p] = point.start.position + since * point.start.linear_velocity + arm;
+    velocity_[p] = point.start.linear_velocity + around;
+    applied_acceleration_[p] = w.cross(around);
+    if (!point.anchor_rate.isZero(0.0) || !point.anchor_acceleration.isZero(0.0)) {
+      const Vector3d rate = turned * point.anchor_rate;
+      velocity_[p] += rate;
+      applied_acceleration_[p] += 2.0 * w.cross(rate) + turned * point.anchor_acceleration;
+    }
+    if (point.has_axes)
+      fixed_axes_[i] = (rotation(since * w) * point.start.orientation).toRotationMatrix();
+  }
+}
+
+// d, for now from centre to centre where an end turns
+void EquationsOfMotion::update_separations() {
+  for (std::size_t l = 0; l < first_ball_; ++l)
+    direction_[l] = position_[links_[l].b] - position_[links_[l].a];
+  for (std::size_t l = first_ball_; l < links_.size(); ++l)
+    d_[l] = position_[links_[l].b] - position_[links_[l].a];
+}
+
+void EquationsOfMotion::update_arms() {
+  const auto place_arm = [&](std::size_t l, const Vector3d& anchor_b) {
+    const Link& link = links_[l];
+    Vector3d& d = is_rod(l) ? direction_[l] : d_[l];
+    if (rotates(link.a)) d -= arm_a_[l] = orientation_[link.a] * link.anchor_a;
+    if (rotates(link.b)) d += arm_b_[l] = orientation_[link.b] * anchor_b;
+  };
+  for (std::size_t l = first_general_; l < first_spring_; ++l) place_arm(l, frame_b(l).anchor);
+  for (std::size_t l = first_spring_; l < links_.size(); ++l) place_arm(l, links_[l].anchor_b);
+  for (std::size_t l = first_armed_; l < first_general_; ++l) {
+    if (!links_[l].has_arms) continue;
+    place_arm(l, links_[l].anchor_b);
+    const std::size_t begin = is_rod(l) ? l : first_row(l);
+    const std::size_t end = is_rod(l) ? l + 1 : begin + 3;
+    for (std::size_t i = begin; i < end; ++i) {
+      const Row& row = rows_[i];
+      if (row.block_a >= 0) J_angular_[row.block_a] = direction_[i].cross(arm_a_[l]);
+      if (row.block_b >= 0) J_angular_[row.block_b] = arm_b_[l].cross(direction_[i]);
+    }
+  }
+  for (std::size_t p = 0; p < angular_blocks_.size(); ++p)
+    M_inv_Jt_[p].noalias() = inverse_inertia_[angular_blocks_[p].body] * J_angular_[p];
+}
+
+// A = G M⁻¹ Gᵀ here
+void EquationsOfMotion::find_matrix() {
+  List<double>& A = ldlt_.values();
+  std::fill(A.begin(), A.end(), 0.0);
+  for (const LinearCoupling& c : linear_couplings_)
+    A[c.slot] += c.inverse_mass * direction_[c.i].dot(direction_[c.j]);
+  for (const AngularCoupling& c : angular_couplings_)
+    A[c.slot] += J_angular_[c.p].dot(M_inv_Jt_[c.q]);
+}
+
+void EquationsOfMotion::factor(double least) {
+  if (rows_.empty()) return;
+  find_matrix();
+  left_out_ = ldlt_.factor(least);
+  if (left_out_ > 0 && has_chosen_) verify_left_out(least);
+  factors_are_there_ = true;
+}
+
+void EquationsOfMotion::set_velocities(const double* y) {
+  copy(y + v_at_, 3 * bodies_.size(), velocity_.front().data());
+  const double* L = y + L_at_;
+  for (std::size_t i = 0; i < rotating_; ++i) {
+    const ConstVector momentum(L + 3 * i);
+    angular_velocity_[i].noalias() = inverse_inertia_[i] * momentum;
+    angular_acceleration_[i] =
+        momentum.cross(angular_velocity_[i]);  // without torque, and times I⁻¹ to come
+  }
+  if (!motions_.empty()) move_general();
+}
+
+Vector3d EquationsOfMotion::d_dot(std::size_t l) const {
+  const Link& link = links_[l];
+  Vector3d rate = velocity_[link.b] - velocity_[link.a];
+  if (!link.has_arms) return rate;
+  if (rotates(link.a)) rate -= angular_velocity_[link.a].cross(arm_a_[l]);
+  if (rotates(link.b)) rate += angular_velocity_[link.b].cross(arm_b_[l]);
+  return rate;
+}
+
+Vector3d EquationsOfMotion::gamma_d(std::size_t l) const {
+  const Link& link = links_[l];
+  Vector3d gamma = Vector3d::Zero();
+  if (rotates(link.a))
+    gamma -= angular_velocity_[link.a].cross(angular_velocity_[link.a].cross(arm_a_[l]));
+  if (rotates(link.b))
+    gamma += angular_velocity_[link.b].cross(angular_velocity_[link.b].cross(arm_b_[l]));
+  return gamma;
+}
+
+// the springs' forces, in addition to what acts without the rows
+void EquationsOfMotion::pull_springs(double* forces) {
+  std::copy(applied_acceleration_.begin(), applied_acceleration_.end(), acceleration_.begin());
+  for (std::size_t l = first_spring_; l < links_.size(); ++l) {
+    const Link& link = links_[l];
+    const double distance = d_[l].norm();
+    const Vector3d n = distance > 0.0 ? Vector3d(d_[l] / distance) : Vector3d(Vector3d::UnitX());
+    const double stretch = distance - length_[l].value;
+    const double rate = n.dot(d_dot(l)) - length_[l].rate;
+    const double force = -link.stiffness * stretch - link.damping * rate;
+    forces[rows_.size() + l - first_spring_] = force;
+    const Vector3d f = force * n;
+    acceleration_[link.a] -= inverse_mass_[link.a] * f;
+    acceleration_[link.b] += inverse_mass_[link.b] * f;
+    if (rotates(link.a)) torque_[link.a] -= arm_a_[l].cross(f);
+    if (rotates(link.b)) torque_[link.b] += arm_b_[l].cross(f);
+  }
+}
+
+// the same of what acts along coordinates
+void EquationsOfMotion::pull_softs(double* forces) {
+  if (first_spring_ == links_.size())
+    std::copy(applied_acceleration_.begin(), applied_acceleration_.end(), acceleration_.begin());
+  for (std::size_t s = 0; s < softs_.size(); ++s) {
+    const SoftCoordinate& soft = softs_[s];
+    const Link& link = links_[soft.link];
+    const JointVectors& vectors = vectors_[soft.link - first_general_];
+    const double force = forces[soft_force(s)] =
+        soft.law.force(reading_of(soft), rate_of(soft.link, soft.form));
+    const Jacobian J = jacobian(soft.form, vectors);
+    acceleration_[link.a] += inverse_mass_[link.a] * force * J.j1;
+    acceleration_[link.b] += inverse_mass_[link.b] * force * J.j3;
+    if (rotates(link.a)) torque_[link.a] += force * J.j2;
+    if (rotates(link.b)) torque_[link.b] += force * J.j4;
+  }
+}
+
+// where coordinates read and how fast they go, that angles go on from
+void EquationsOfMotion::note_positions() {
+  for (SoftCoordinate& soft : softs_) {
+    soft.position = reading_of(soft);
+    soft.rate = rate_of(soft.link, soft.form);
+  }
+  for (CoupledRow& coupled : coupled_) {
+    for (CoupledRow::Term& term : coupled.terms) {
+      term.position = reading_of(term);
+      term.rate = rate_of(term.link, term.form);
+    }
+  }
+  noted_at_ = placed_at_;
+}
+
+// C̈_target − γ − G a_free
+void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) const {
+  for (std::size_t l = 0; l < first_armed_; ++l) {
+    const Row& row = rows_[l];
+    const Vector3d d_dot = velocity_[row.b] - velocity_[row.a];
+    b[row.unknown] = -d_dot.squaredNorm() - direction_[l].dot(free[row.b] - free[row.a]);
+  }
+  for (std::size_t l = first_armed_; l < first_ball_; ++l) {
+    const Row& row = rows_[l];
+    const Vector3d a = free[row.b] - free[row.a] + gamma_d(l);
+    b[row.unknown] = -d_dot(l).squaredNorm() - direction_[l].dot(a);
+  }
+  for (std::size_t l = first_ball_; l < first_general_; ++l) {
+    const Link& link = links_[l];
+    Vector3d a = free[link.b] - free[link.a];
+    if (link.has_arms) a += gamma_d(l);
+    for (std::size_t k = 0; k < 3; ++k)
+      b[rows_[first_row(l) + k].unknown] = -a[static_cast<Eigen::Index>(k)];
+  }
+  for (const GeneralRow& row : general_rows_) {
+    const Row& of = rows_[row.row];
+    const std::size_t g = row.link - first_general_;
+    b[of.unknown] = -gamma(row.form, vectors_[g], motions_[g]) -
+                    direction_[row.row].dot(free[of.b] - free[of.a]);
+  }
+  if (!coupled_.empty()) add_coupled_right_hand_side(free, b);
+  for (std::size_t p = 0; p < angular_blocks_.size(); ++p)
+    b[angular_blocks_[p].unknown] -=
+        J_angular_[p].dot(angular_acceleration_[angular_blocks_[p].body]);
+  if (courses_.empty()) return;
+  for (std::size_t i = 0; i < rows_.size(); ++i) b[rows_[i].unknown] += acceleration_target_[i];
+}
+
+void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* dydt) {
+  double* const lambda = stage_forces_.data() + stage * impulses_.size();
+  std::copy(applied_torque_.begin(), applied_torque_.end(), torque_.begin());
+  const Vector3d* free = applied_acceleration_.data();  // what bodies do without the rows
+  if (first_spring_ < links_.size()) {
+    pull_springs(lambda);
+    free = acceleration_.data();
+  }
+  if (!softs_.empty()) {
+    pull_softs(lambda);
+    free = acceleration_.data();
+  }
+  if (has_custom_forces_) {
+    pull_custom();
+    free = acceleration_.data();
+  }
+  for (std::size_t i = 0; i < rotating_; ++i)
+    angular_acceleration_[i] = inverse_inertia_[i] * (torque_[i] + angular_acceleration_[i]);
+  find_right_hand_side(free, lambda);
+  solve(lambda);
+  apply_jacobian_transpose(lambda);
+  multipliers_to_forces(lambda);
+
+  const std::size_t bodies = bodies_.size();
+  copy(y + v_at_, 3 * bodies, dydt);
+  for (std::size_t i = 0; i < bodies; ++i)
+    Vector(dydt + v_at_ + 3 * i) = free[i] + inverse_mass_[i] * constraint_force_[i];
+  const double* q = y + q_at_;
+  for (std::size_t i = 0; i < rotating_; ++i) {
+    write_quaternion_rate(angular_velocity_[i], q + 4 * i, dydt + q_at_ + 4 * i);
+    Vector(dydt + L_at_ + 3 * i) = torque_[i] + constraint_torque_[i];
+  }
+}
+
+// from λ of rods to their forces [N]
+void EquationsOfMotion::multipliers_to_forces(double* lambda) const {
+  for (std::size_t l = 0; l < first_ball_; ++l) lambda[rows_[l].unknown] *= length_[l].value;
+}
+
+void EquationsOfMotion::derivative(std::size_t stage, double t, const double* y, double* dydt) {
+  update_prescribed(t);
+  update_kinematics(t, y);
+  factor(kLeastPivotOfForces);
+  set_velocities(y);
+  accelerate(stage, y, dydt);
+}
+
+double EquationsOfMotion::rounding() const { return 4.0 * kEpsilon * scale_; }
+
+double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
+  const std::size_t bodies = bodies_.size();
+  double largest = 0.0;
+  const auto consider = [&](double square) { largest = larger(largest, square); };
+  for (std::size_t i = 0; i < bodies; ++i) {
+    consider(ConstVector(dy + 3 * i).squaredNorm());
+    consider(h * h * ConstVector(dy + v_at_ + 3 * i).squaredNorm());
+  }
+  const double* dq = dy + q_at_;
+  for (std::size_t i = 0; i < rotating_; ++i) {
+    const double turned = 2.0 * radius_of_gyration_[i];
+    const double norm = Eigen::Map<const Eigen::Vector4d>(dq + 4 * i).squaredNorm();
+    consider(turned * turned * norm);
+  }
+  return largest;
+}
+
+// ---- the linear system
+
+// Gᵀλ: what the rows do to points and to those that turn
+void EquationsOfMotion::apply_jacobian_transpose(const double* lambda) {
+  std::size_t pull = 0;
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    Vector3d sum = Vector3d::Zero();
+    for (; pull < pulls_end_[i]; ++pull)
+      sum += pulls_[pull].sign * lambda[pulls_[pull].unknown] * direction_[pulls_[pull].row];
+    constraint_force_[i] = sum;
+  }
+  for (Vector3d& twist : constraint_torque_) twist.setZero();
+  for (std::size_t p = 0; p < angular_blocks_.size(); ++p)
+    constraint_torque_[angular_blocks_[p].body] +=
+        lambda[angular_blocks_[p].unknown] * J_angular_[p];
+}
+
+// λ in place of b; 0 of rows without a force
+void EquationsOfMotion::solve(double* b) {
+  if (left_out_ > dependent_rows_) dependent_rows_ = left_out_;
+  if (kept_ < value_.size()) clear_redundant(b);
+  ldlt_.solve(b);
+}
+
+// b − A λ of all rows, redundant ones as well
+void EquationsOfMotion::find_residual(const double* b, const double* lambda, double* residual) {
+  apply_jacobian_transpose(lambda);
+  for (std::size_t i = 0; i < rows_.size(); ++i) {
+    const Row& row = rows_[i];
+    const Vector3d a = inverse_mass_[row.b] * constraint_force_[row.b] -
+                       inverse_mass_[row.a] * constraint_force_[row.a];
+    residual[row.unknown] = b[row.unknown] - direction_[i].dot(a);
+  }
+  for (std::size_t i = rows_.size(); i < parts(); ++i) {
+    const Row& row = part(i);
+    const Vector3d a = inverse_mass_[row.b] * constraint_force_[row.b] -
+                       inverse_mass_[row.a] * constraint_force_[row.a];
+    residual[rows_[row_of_part(i)].unknown] -= direction_[i].dot(a);
+  }
+  for (std::size_t p = 0; p < angular_blocks_.size(); ++p)
+    residual[angular_blocks_[p].unknown] -=
+        M_inv_Jt_[p].dot(constraint_torque_[angular_blocks_[p].body]);
+}
+
+}  // namespace constraint_sim::engine

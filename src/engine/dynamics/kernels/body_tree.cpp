@@ -1,0 +1,131 @@
+#include "engine/dynamics/kernels/body_tree.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "engine/math/list.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+/// Of B against A along what the kind leaves free, with the coordinates first.
+std::size_t directions_of(const JointKindInfo& kind, std::array<TreeNode::Direction, 6>* to) {
+  std::size_t count = 0;
+  const auto add = [&](bool turns, int axis) {
+    (*to)[count].turns = turns;
+    (*to)[count++].axis = static_cast<std::uint8_t>(axis);
+  };
+  bool has_turned = false;
+  for (int i = 0; i < kind.coordinates; ++i) {
+    const ScalarForm& form = kind.coordinate[i];
+    if (form.is_angle)
+      add(true, has_turned ? 3 : 2);
+    else
+      add(false, form.product.u.axis);
+    has_turned = has_turned || form.is_angle;
+  }
+  if (kind.separation_rows == 0)  // translation has no coordinates of its own
+    for (int k = 0; k < 3; ++k) add(false, 4 + k);
+  if (kind.alignment == Alignment::kFree)
+    for (int k = 0; k < 3; ++k) add(true, 4 + k);
+  return count;
+}
+
+/// Whether rows and free directions of a kind span the six directions of a motion, which is what
+/// the elimination takes for granted: a direction in neither list would be held without a row.
+bool spans_all_directions(const JointKindInfo& kind) {
+  std::array<TreeNode::Direction, 6> directions;
+  return kind.rows <= 6 &&
+         to_index(kind.rows) + directions_of(kind, &directions) == directions.size();
+}
+
+/// The joint of a link, with the body that hangs on it.
+TreeNode node_of(const IslandModel& island, std::size_t l, bool is_b) {
+  const auto& link = island.links()[l];
+  TreeNode node;
+  node.link = l;
+  node.body = is_b ? link.b : link.a;
+  node.parent = is_b ? link.a : link.b;
+  node.sense = is_b ? 1.0 : -1.0;
+  node.count = directions_of(info(link.kind), &node.directions);
+  const int rows = info(link.kind).rows;
+  for (int k = rows; k < link.rows; ++k)
+    node.directions[link.function[k] - to_index(rows)].row = island.row_of(l) + to_index(k);
+  for (std::size_t s = link.first_soft; s < link.first_soft + link.softs; ++s)
+    node.directions[island.soft_coordinates()[s].function - rows].soft = s;
+  return node;
+}
+
+TreeNode free_root() {
+  TreeNode root;
+  for (std::size_t k = 0; k < 6; ++k) {
+    root.directions[k].turns = k >= 3;
+    root.directions[k].axis = static_cast<std::uint8_t>(4 + k % 3);
+  }
+  root.count = 6;
+  return root;
+}
+
+std::size_t free_directions(const List<TreeNode>& tree) {
+  std::size_t count = 0;
+  for (const TreeNode& node : tree)
+    for (std::size_t k = 0; k < node.count; ++k)
+      count += node.directions[k].row == TreeNode::kNone ? 1 : 0;
+  return count;
+}
+
+}  // namespace
+
+BodyTree tree_of(const IslandModel& island) {
+  const auto& links = island.links();
+  const std::size_t bodies = island.bodies().size();
+  if (bodies == 0 || island.rotating() != bodies || !island.coupled_rows().empty()) return {};
+  const auto can_hang = [&](std::size_t l) {
+    const JointKindInfo& kind = info(links[l].kind);
+    return (island.is_ball(l) || island.is_general(l)) && !kind.function[0].is_length &&
+           !couples(links[l].kind) && !is_custom(links[l].kind) && spans_all_directions(kind);
+  };
+  for (std::size_t l = 0; l < links.size(); ++l)
+    if (!can_hang(l)) return {};
+  const auto is_fixed = [&](std::size_t point) { return point >= bodies; };
+  const auto holds_on = static_cast<std::size_t>(std::count_if(
+      links.begin(), links.end(),
+      [&](const IslandModel::Link& link) { return is_fixed(link.a) || is_fixed(link.b); }));
+  if (holds_on > 1 || links.size() + 1 != bodies + holds_on) return {};
+
+  List<TreeNode> nodes;
+  List<char> is_placed(bodies, 0);
+  const auto place = [&](const TreeNode& node) {
+    is_placed[node.body] = 1;
+    nodes.push_back(node);
+  };
+  const auto hang = [&](std::size_t l, bool is_b) { place(node_of(island, l, is_b)); };
+  List<List<std::size_t>> links_on(bodies);
+  for (std::size_t l = 0; l < links.size(); ++l) {
+    const auto& link = links[l];
+    for (const std::size_t point : {link.a, link.b})
+      if (!is_fixed(point)) links_on[point].push_back(l);
+    if (is_fixed(link.a) || is_fixed(link.b)) hang(l, is_fixed(link.a));
+  }
+  if (holds_on == 0) place(free_root());  // in free space the first body is the root
+  std::size_t next = 0;
+  while (next < nodes.size()) {  // of which there are more with each that hangs on one
+    const std::size_t parent = nodes[next++].body;
+    for (const std::size_t l : links_on[parent]) {
+      const bool is_a = links[l].a == parent;
+      const std::size_t other = is_a ? links[l].b : links[l].a;
+      if (!is_fixed(other) && is_placed[other] == 0) hang(l, is_a);
+    }
+  }
+  // parts that are not joined, or more that is free than what rows hold
+  if (nodes.size() != bodies || free_directions(nodes) >= island.rows()) return {};
+  std::reverse(nodes.begin(), nodes.end());
+  BodyTree tree;
+  tree.nodes = std::move(nodes);
+  tree.inertias.resize(bodies);
+  tree.forces.resize(bodies);
+  tree.motions.resize(bodies);
+  return tree;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,235 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "engine/math/larger.h"
+#include "engine/dynamics/kernel_view.h"
+
+namespace constraint_sim::engine {
+
+/// An EquationsOfMotion of which is_chain() holds, as a System. Rods between centres, one after the
+/// other, are most of what swings in scenes, and worth the lines: bodies and rods lie in the order
+/// of the chain, so that nothing is looked up, A is tridiagonal, and one pass finds all that is
+/// known of a rod. Where rows depend on each other the equations take over. For one span: points
+/// into the equations.
+class ChainOfRods {
+ public:
+  explicit ChainOfRods(EquationsOfMotion& equations)
+      : ChainOfRods(equations, equations.kernel_view()) {}
+
+  std::size_t size() const { return equations_.size(); }
+
+  void derivative(std::size_t stage, double t, const double* y, double* dydt) {
+    if (equations_.is_time_dependent()) {
+      equations_.move_with_time(t);
+      find_falls();
+    }
+    const double* const target = acceleration_target_;
+    const Vector3d* const falls = falls_;
+    set_up(y, [=](std::size_t l, const Vector3d& d, const Vector3d& d_dot) {
+      return target[l] - d.dot(falls[l]) - d_dot.squaredNorm();
+    });
+    if (factor_and_solve()) {
+      write_rates(stage, y, dydt);
+    } else {
+      equations_.derivative(stage, t, y, dydt);
+      depends_ = true;
+    }
+  }
+
+  /// Newton's steps with the factors of the last stage, as the equations make them.
+  bool project(double t, double* y) {
+    if (depends_) return equations_.project(t, y);
+    return equations_.project_by(
+        t, y, [&] { return find_values(y); },
+        [&] {
+          tridiagonal_.solve(solution_);
+          push(y);
+        });
+  }
+
+  template <class Pair>
+  void accept(double h) {
+    equations_.accept<Pair>(h);
+  }
+
+  bool restart(double* y, double* dydt) {
+    depends_ = false;
+    const double* const rate = rate_target_;
+    set_up(y, [=](std::size_t l, const Vector3d& d, const Vector3d& d_dot) {
+      return rate[l] - d.dot(d_dot);
+    });
+    if (!factor_and_solve()) return equations_.restart(y, dydt);
+    push(y + v_at_);
+    for (std::size_t l = 0; l < rods_; ++l)
+      impulses_[rows_[l].unknown] += solution_[l] * lengths_[l].value;
+
+    const double* const target = acceleration_target_;
+    Along v = velocities(y);
+    for (std::size_t l = 0; l < rods_; ++l) {
+      const double centripetal = v.step(l + 1 == rods_).squaredNorm();
+      solution_[l] = target[l] - direction_[l].dot(falls_[l]) - centripetal;
+    }
+    tridiagonal_.solve(solution_);
+    write_rates(0, y, dydt);
+    return true;
+  }
+
+  double rounding() const { return equations_.rounding(); }
+  double squared_size_of(const double* dy, double h) const {
+    return equations_.squared_size_of(dy, h);
+  }
+
+ private:
+  ChainOfRods(EquationsOfMotion& equations, const KernelView& view)
+      : equations_(equations),
+        rods_(equations.links().size()),
+        bodies_(equations.bodies().size()),
+        v_at_(view.v_at),
+        first_(equations.links().front().a),
+        last_(equations.links().back().b),
+        starts_with_body_(first_ < bodies_),
+        ends_with_body_(last_ < bodies_),
+        rows_(view.rows),
+        lengths_(view.lengths),
+        position_(view.position),
+        velocity_(view.velocity),
+        free_(view.applied_acceleration),
+        inverse_mass_(view.inverse_mass),
+        direction_(view.rod_direction),
+        solution_(view.solution),
+        rate_target_(view.rate_target),
+        acceleration_target_(view.acceleration_target),
+        impulses_(view.impulses),
+        stage_forces_(view.stage_forces),
+        unknowns_(view.unknowns),
+        tridiagonal_(*view.tridiagonal),
+        falls_(view.falls) {
+    find_falls();
+  }
+
+  using Vector3d = Eigen::Vector3d;
+  using ConstVector = Eigen::Map<const Vector3d>;
+  using Vector = Eigen::Map<Vector3d>;
+
+  /// What is at the points of the chain, taken from one to the next.
+  class Along {
+   public:
+    /// From numbers of the bodies, three each, and of all points for those that are none.
+    Along(const ChainOfRods& chain, const double* of_bodies, const Vector3d* of_points)
+        : here_(chain.starts_with_body_ ? of_bodies : of_points[chain.first_].data()),
+          next_(chain.starts_with_body_ ? of_bodies + 3 : of_bodies),
+          last_(chain.ends_with_body_ ? of_bodies + 3 * chain.last_
+                                      : of_points[chain.last_].data()) {}
+
+    /// How the next differs from this one.
+    Vector3d step(bool is_last) {
+      const double* const before = here_;
+      here_ = is_last ? last_ : next_;
+      next_ += 3;
+      return ConstVector(here_) - ConstVector(before);
+    }
+
+   private:
+    const double *here_, *next_, *last_;
+  };
+
+  Along positions(const double* y) const { return {*this, y, position_}; }
+  Along velocities(const double* y) const { return {*this, y + v_at_, velocity_}; }
+  // what the ends of each rod do without the rods
+  void find_falls() {
+    Along free{*this, free_->data(), free_};
+    for (std::size_t l = 0; l < rods_; ++l) falls_[l] = free.step(l + 1 == rods_);
+  }
+
+  // A, and the right-hand side from d and ḋ
+  template <class RightHandSide>
+  void set_up(const double* y, const RightHandSide& right_hand_side) {
+    Along x = positions(y);
+    Along v = velocities(y);
+    double* const diagonal = tridiagonal_.diagonal();
+    double* const off_diagonal = tridiagonal_.off_diagonal();
+    for (std::size_t l = 0; l < rods_; ++l) {
+      const bool is_last = l + 1 == rods_;
+      const Vector3d d = x.step(is_last);
+      direction_[l] = d;
+      diagonal[l] = rows_[l].inverse_mass * d.squaredNorm();
+      solution_[l] = right_hand_side(l, d, v.step(is_last));
+    }
+    const double* const inverse_mass = inverse_mass_ + (starts_with_body_ ? 1 : 0);
+    for (std::size_t l = 0; l + 1 < rods_; ++l)
+      off_diagonal[l] = -inverse_mass[l] * direction_[l].dot(direction_[l + 1]);
+  }
+
+  bool factor_and_solve() {
+    return tridiagonal_.factor_and_solve(EquationsOfMotion::kLeastPivot, solution_);
+  }
+
+  // −C, and d; returns how far the worst is off [m]
+  double find_values(const double* y) {
+    Along x = positions(y);
+    double worst = 0.0;
+    for (std::size_t l = 0; l < rods_; ++l) {
+      const Vector3d d = direction_[l] = x.step(l + 1 == rods_);
+      const double length = lengths_[l].value;
+      solution_[l] = 0.5 * (length * length - d.squaredNorm());
+      worst = larger(worst, std::abs(solution_[l] / length));
+    }
+    return worst;
+  }
+
+  // M⁻¹ Gᵀ of the solution, added to three numbers of each body
+  void push(double* of_bodies) const {
+    pull_bodies([&](std::size_t i, const Vector3d& pull) {
+      Vector(of_bodies + 3 * i) += inverse_mass_[i] * pull;
+    });
+  }
+
+  // in line, as the elimination is: the calls take a tenth of a pendulum's step
+  [[gnu::always_inline]] void write_rates(std::size_t stage, const double* y, double* dydt) {
+    const double* const v = y + v_at_;
+    double* const v_dot = dydt + v_at_;
+    pull_bodies([&](std::size_t i, const Vector3d& pull) {
+      Vector(dydt + 3 * i) = ConstVector(v + 3 * i);
+      Vector(v_dot + 3 * i) = free_[i] + inverse_mass_[i] * pull;
+    });
+    double* const forces = stage_forces_ + stage * unknowns_;
+    for (std::size_t l = 0; l < rods_; ++l)
+      forces[rows_[l].unknown] = solution_[l] * lengths_[l].value;
+  }
+
+  // Gᵀ of the solution, body by body
+  template <class Take>
+  void pull_bodies(const Take& take) const {
+    std::size_t i = 0;
+    Vector3d before = Vector3d::Zero();
+    for (std::size_t l = 0; l < rods_; ++l) {
+      const Vector3d force = solution_[l] * direction_[l];
+      if (l > 0 || starts_with_body_) take(i++, before - force);
+      before = force;
+    }
+    if (ends_with_body_) take(i, before);
+  }
+
+  EquationsOfMotion& equations_;
+  std::size_t rods_, bodies_;
+  std::size_t v_at_;          // in a state
+  std::size_t first_, last_;  // points
+  bool starts_with_body_, ends_with_body_;
+  const IslandModel::Row* rows_;
+  const Prescribed* lengths_;
+  const Vector3d *position_, *velocity_, *free_;  // of points; the last without the rods
+  const double* inverse_mass_;                    // of points
+  Vector3d* direction_;                           // d of rods
+  double* solution_;                              // of rods
+  const double *rate_target_, *acceleration_target_;
+  double *impulses_, *stage_forces_;  // by unknown
+  std::size_t unknowns_;
+  TridiagonalLdlt& tridiagonal_;
+  Vector3d* falls_;       // of rods, end against end
+  bool depends_ = false;  // some rows did, since the last restart
+};
+
+}  // namespace constraint_sim::engine

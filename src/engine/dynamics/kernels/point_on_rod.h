@@ -1,0 +1,132 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+#include "engine/math/numbers.h"
+#include "engine/dynamics/kernel_view.h"
+
+namespace constraint_sim::engine {
+
+/// An EquationsOfMotion of which is_point_on_rod() holds, as a System: one body on one rod to a
+/// point that is fixed or moves on its own. The most common of all scenes, and the size of its
+/// state is known as this is compiled. With u for λ/m and d from the point to the body:
+///   v̇ = a + u d,  u = (C̈_target − ‖ḋ‖² − d·(a − a_point)) / d²
+/// For one span: points into the equations.
+class PointOnRod {
+ public:
+  explicit PointOnRod(EquationsOfMotion& equations)
+      : PointOnRod(equations, equations.kernel_view()) {}
+
+  static constexpr std::size_t size() { return 8; }  // x and v, each with a number for the pair
+
+  void derivative(std::size_t stage, double t, const double* y, double* dydt) {
+    if (equations_.is_time_dependent()) move_with_time(t);
+    const Vector3d d = d_of(y);
+    const Vector3d v = ConstVector(y + kV);
+    accelerate(stage, d, d.squaredNorm(), v, dydt);
+  }
+
+  /// Newton's steps along the d of the last one.
+  bool project(double t, double* y) {
+    if (equations_.is_time_dependent()) move_with_time(t);
+    const double length = length_;
+    Vector3d d = d_of(y);
+    double before = kInfinity;
+    const auto error_of = [=](const Vector3d& of) {
+      return 0.5 * (length * length - of.squaredNorm()) / length;
+    };
+    double error = error_of(d);
+    const double rounding = kEpsilon * std::max(scale_, std::abs(error));
+    while (!(std::abs(error) <= rounding)) {
+      if (!(std::abs(error) <= 0.5 * before)) return before <= 16.0 * rounding;
+      before = std::abs(error);
+      const Vector3d step = error * length / d.squaredNorm() * d;
+      for (Eigen::Index i = 0; i < 3; ++i) y[i] += step[i];
+      d = d_of(y);
+      error = error_of(d);
+    }
+    return true;
+  }
+
+  template <class Pair>
+  void accept(double h) {
+    equations_.accept<Pair>(h);
+  }
+
+  bool restart(double* y, double* dydt) {
+    const Vector3d d = d_of(y);
+    const double d2 = d.squaredNorm();
+    Vector v(y + kV);
+    const Vector3d d_dot = v - velocity_;
+    const double u = (rate_target_ - d.dot(d_dot)) / d2;
+    v += u * d;
+    impulse_ += mass_ * u * length_;
+    accelerate(0, d, d2, v, dydt);
+    return true;
+  }
+
+  double rounding() const { return equations_.rounding(); }
+
+  double squared_size_of(const double* dy, double h) const {
+    const double x2 = ConstVector(dy).squaredNorm();
+    const double v2 = h * h * ConstVector(dy + kV).squaredNorm();
+    return v2 <= x2 ? x2 : v2;  // of NaNs there are two, or there is one in v
+  }
+
+ private:
+  PointOnRod(EquationsOfMotion& equations, const KernelView& view)
+      : equations_(equations),
+        point_(std::max(equations.links().front().a, equations.links().front().b)),
+        mass_(1.0 / equations.inverse_mass(0)),
+        scale_(view.scale),
+        length_(view.lengths->value),
+        rate_target_(*view.rate_target),
+        acceleration_target_(*view.acceleration_target),
+        position_(view.position[point_]),
+        velocity_(view.velocity[point_]),
+        free_(*view.applied_acceleration),
+        free_point_(view.applied_acceleration[point_]),
+        free_apart_(free_ - free_point_),
+        impulse_(*view.impulses),
+        stage_forces_(view.stage_forces) {}
+
+  using Vector3d = Eigen::Vector3d;
+  using ConstVector = Eigen::Map<const Vector3d>;
+  using Vector = Eigen::Map<Vector3d>;
+  static constexpr Eigen::Index kV = 4;  // where v stands in a state
+
+  void move_with_time(double t) {
+    equations_.move_with_time(t);
+    free_apart_ = free_ - free_point_;
+  }
+
+  Vector3d d_of(const double* y) const { return ConstVector(y) - position_; }
+
+  void accelerate(std::size_t stage, const Vector3d& d, double d2, const Vector3d& v,
+                  double* dydt) {
+    const Vector3d& a = free_;
+    const Vector3d d_dot = v - velocity_;
+    const double u = (acceleration_target_ - d_dot.squaredNorm() - d.dot(free_apart_)) / d2;
+    const Vector3d v_dot = a + u * d;
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      dydt[i] = v[i];
+      dydt[kV + i] = v_dot[i];
+    }
+    dydt[3] = dydt[kV + 3] = 0.0;
+    stage_forces_[stage] = mass_ * u * length_;
+  }
+
+  EquationsOfMotion& equations_;
+  std::size_t point_;
+  double mass_, scale_;
+  const double &length_, &rate_target_, &acceleration_target_;  // as time moves them
+  const Vector3d &position_, &velocity_;                        // of the point
+  const Vector3d &free_, &free_point_;                          // of both without the rod
+  Vector3d free_apart_;                                         // of one against the other
+  double& impulse_;
+  double* stage_forces_;
+};
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,62 @@
+#include "engine/islands/island_motion.h"
+
+#include "engine/math/list.h"
+#include "engine/dynamics/fit_velocities.h"
+
+namespace constraint_sim::engine {
+
+IntegrationResult IslandMotion::advance(Integration way, const SmoothSpan& span,
+                                        const IntegratorOptions& accuracy,
+                                        List<BodyState>* states) {
+  const bool goes_on = way == Integration::kGradients && gradients_ && gradients_->has_started();
+  if (follows_gradients_ && !goes_on && !span.is_edited)
+    fit_velocities(span, accuracy.most_projected, &substeps_.equations(), states);
+  const IntegrationResult result = advance_by(way, span, accuracy, states);
+  if (result.done) follows_gradients_ = way == Integration::kGradients;
+  return result;
+}
+
+IntegrationResult IslandMotion::advance_by(Integration way, const SmoothSpan& span,
+                                           const IntegratorOptions& accuracy,
+                                           List<BodyState>* states) {
+  EquationsOfMotion& equations = substeps_.equations();
+  switch (way) {
+    case Integration::kSubsteps:
+      return substeps_.advance(span, accuracy, states);
+    case Integration::kGradients:
+      if (!gradients_) gradients_.emplace(equations);
+      return gradients_->advance(span, accuracy, &equations, states);
+    case Integration::kInconsistent:
+      if (!inconsistent_) inconsistent_.emplace(equations);
+      change_way();
+      return inconsistent_->advance(span, &equations, states);
+  }
+  return {};
+}
+
+void IslandMotion::change_way() {
+  substeps_.forget();
+  if (events_) events_->forget();
+  if (gradients_) gradients_->forget();
+}
+
+void IslandMotion::forget() {
+  change_way();
+  follows_gradients_ = false;
+}
+
+void IslandMotion::restart() {
+  follows_gradients_ = false;
+  substeps_.restart();
+  if (events_) events_->forget();
+  if (gradients_) gradients_->restart();
+  inconsistent_.reset();
+}
+
+const LeastNormForces& IslandMotion::share_forces(const List<BodyState>& states) {
+  if (!least_forces_) least_forces_.emplace(equations());
+  least_forces_->share(equations(), states);
+  return *least_forces_;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,488 @@
+#include "engine/math/cone_problem.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+
+#include "engine/math/elementary.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Index;
+using Eigen::Matrix2d;
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr double kFreeDirection = 1e-12;  // of the trace: a direction that nothing moves along
+constexpr double kDone = 1e-14;           // of the largest rate: rounding
+constexpr double kNearlyDone = 1e-12;     // the same, where another step takes off no more
+constexpr double kStrict = 1e-8;          // the same, of what leaves a bound
+constexpr double kConeSolved = 1e-9;  // the same, of what rounding adds along what has no effect
+constexpr double kRateRounding = 4.0 * kEpsilon;  // of what rates are the sums of
+constexpr int kMostSweeps = 1025;
+constexpr double kCompliance = 1e-6;  // beside one of 1 on average
+constexpr int kMostPasses = 4;
+constexpr int kMostTogether = 8;
+constexpr int kMostNewton = 40, kMostWorse = 6;
+constexpr int kMostSteps = 100;  // to a factor of slip: six do, where none is bisected
+constexpr int kMostStalled = 3;  // times without half of what is left: rounding
+
+/// Of so many rows, in substeps; fitted to what 3, 18 and 36 rows cost.
+double sweep_cost(std::size_t rows) {
+  const auto n = static_cast<double>(rows);
+  return 0.02 * n + 7e-5 * n * n;
+}
+
+/// The tangential impulse of a contact that slips, by the factor κ with u_t = −κ p_t that it slips
+/// with; and the normal one that goes with it.
+class Slipping {
+ public:
+  Slipping(const Matrix3d& A, const Vector3d& b)
+      : row_(A.block<1, 2>(0, 1).transpose() / A(0, 0)), pushed_(-b[0] / A(0, 0)) {
+    const Matrix2d S = A.block<2, 2>(1, 1) - A.block<2, 1>(1, 0) * row_.transpose();
+    const Vector2d c = b.tail<2>() + A.block<2, 1>(1, 0) * pushed_;
+    solver_.computeDirect(S);
+    c_ = solver_.eigenvectors().transpose() * c;
+    least_ = kFreeDirection * A.trace();
+    scale_ = b.norm();
+  }
+
+  /// 0 is to stick; where a direction that nothing moves along has a rate, that is none.
+  bool can_stick() const {
+    for (Index i = 0; i < 2; ++i)
+      if (solver_.eigenvalues()[i] <= least_ && std::abs(c_[i]) > kFreeDirection * scale_)
+        return false;
+    return true;
+  }
+  Vector3d impulse(double kappa) const { return in_full(tangential(kappa)); }
+
+  /// κ > 0 where the impulse is on the cone of friction μ, or infinity: Newton's method on
+  /// μ p_n/‖p_t‖ − 1, which is close to linear in κ, within a bracket.
+  double kappa_on_cone(double mu, double start) const {
+    double low = 0.0, high = kInfinity, kappa = start;
+    double least = high;  // that the last step was off by
+    for (int k = 0; k < kMostSteps && low < (1.0 - 2.0 * kEpsilon) * high; ++k) {
+      const Vector2d p = tangential(kappa);
+      const double r = p.norm(), most = mu * (pushed_ - row_.dot(solver_.eigenvectors() * p));
+      const double off = most / r - 1.0;
+      (off >= 0.0 ? high : low) = kappa;
+      Vector2d slope;
+      for (Index i = 0; i < 2; ++i)
+        slope[i] = -p[i] / (std::max(solver_.eigenvalues()[i], 0.0) + kappa);
+      const double rate =
+          (-mu * row_.dot(solver_.eigenvectors() * slope) - most * p.dot(slope) / (r * r)) / r;
+      double next = kappa - off / rate;
+      const bool is_slow = !(std::abs(off) <= 0.5 * least);
+      least = std::abs(off);
+      if (std::abs(next - kappa) <= 2.0 * kEpsilon * kappa) return kappa;
+      if (is_slow || !(next > low && next < high)) {  // κ spans many orders: means of logarithms
+        if (!std::isfinite(high))
+          next = 16.0 * kappa;
+        else
+          next = low > 0.0 && high > 4.0 * low ? std::sqrt(low * high) : 0.5 * (low + high);
+      }
+      kappa = next;
+    }
+    return high;
+  }
+
+ private:
+  /// along the eigenvectors
+  Vector2d tangential(double kappa) const {
+    Vector2d p;
+    for (Index i = 0; i < 2; ++i) {
+      const double s = std::max(solver_.eigenvalues()[i], 0.0) + kappa;
+      p[i] = s > (kappa > 0.0 ? 0.0 : least_) ? -c_[i] / s : 0.0;
+    }
+    return p;
+  }
+  Vector3d in_full(const Vector2d& p) const {
+    Vector3d all;
+    all.tail<2>() = solver_.eigenvectors() * p;
+    all[0] = pushed_ - row_.dot(all.tail<2>());
+    return all;
+  }
+
+  Vector2d row_;   // of what tangential impulses do along the normal
+  double pushed_;  // the normal impulse without friction
+  Eigen::SelfAdjointEigenSolver<Matrix2d> solver_;
+  Vector2d c_;
+  double least_, scale_;
+};
+
+}  // namespace
+
+bool solve_contact(const Matrix3d& A, const Vector3d& b, const ConeContact& contact, Vector3d* p) {
+  p->setZero();
+  if (b[0] >= 0.0) return true;
+  if (!(A(0, 0) > kFreeDirection * A.trace())) return false;
+  const double mu = contact.friction;
+  if (contact.slips || mu == 0.0) {
+    Vector3d along = Vector3d::UnitX();
+    along.tail<2>() = -mu * contact.direction;
+    const double response = A.row(0).dot(along);
+    if (!(response > kFreeDirection * A.trace())) return false;  // friction pushes it in: Painlevé
+    *p = -b[0] / response * along;
+    return true;
+  }
+  const Slipping slipping(A, b);
+  const auto beyond = [&](const Vector3d& q) { return q.tail<2>().norm() - mu * q[0]; };
+  if (slipping.can_stick()) {
+    *p = slipping.impulse(0.0);
+    if (beyond(*p) <= 0.0) return true;
+  }
+  const double kappa = slipping.kappa_on_cone(mu, A.trace());
+  if (!std::isfinite(kappa)) return false;
+  *p = slipping.impulse(kappa);
+  const double length = p->tail<2>().norm();
+  if (length > mu * (*p)[0]) p->tail<2>() *= mu * (*p)[0] / length;
+  return (*p)[0] >= 0.0;
+}
+
+namespace {
+
+Vector3d into_cone(const Vector3d& x, double mu) {
+  const double t = x.tail<2>().norm();
+  if (t <= mu * x[0]) return x;
+  if (mu * t <= -x[0]) return Vector3d::Zero();
+  Vector3d on;
+  on[0] = (x[0] + mu * t) / (1.0 + mu * mu);
+  on.tail<2>() = x.tail<2>() * (mu * on[0] / t);
+  return on;
+}
+
+}  // namespace
+
+double ConeSolver::cost_of_a_step(std::size_t rows) {
+  const auto n = static_cast<double>(rows);
+  return 0.15 + 1.8e-3 * n * n + 2.3e-5 * n * n * n;
+}
+
+// Where A is singular impulses are shared as those of least norm: at once, or by a small compliance
+// that is taken away again by passes from what the one before found.
+bool ConeSolver::solve(const ConeProblem& problem, List<double>* p, SolveEffort* effort) {
+  p->resize(problem.b.size());
+  if (effort->is_over()) return false;
+  effort_ = effort;
+  effort->spent += cost_of_a_step(p->size());  // to set it up
+  set(problem);
+  bool is_found = find_together(p->data());
+  if (!is_found) {
+    start(p->data());
+    for (int pass = 0; pass < kMostPasses && residual(p->data()) > rounding(p->data()); ++pass)
+      if (!find_with_compliance(kCompliance, p->data())) break;
+    is_found = find(p->data());
+  }
+  unscale(problem, p->data());
+  return is_found;
+}
+
+void ConeSolver::set(const ConeProblem& problem) {
+  scaled_ = problem;
+  const auto n = problem.b.size();
+  scale_.resize(n);
+  const Matrix of(problem.A.data(), size(), size());
+  for (Index i = 0; i < end_of_contacts(); i += 3) {
+    const double trace = of.block<3, 3>(i, i).trace();
+    std::fill_n(scale_.begin() + i, 3, trace > 0.0 ? std::sqrt(3.0 / trace) : 0.0);
+  }
+  for (Index i = end_of_contacts(); i < size(); ++i) {
+    const double response = of(i, i);
+    BoundedRow& row = scaled_.rows[row_at(i)];
+    double& scale = scale_[static_cast<std::size_t>(i)];
+    scale = response > 0.0 ? std::sqrt(1.0 / response) : 0.0;
+    row.least = response > 0.0 ? row.least / scale : 0.0;
+    row.most = response > 0.0 ? row.most / scale : 0.0;
+  }
+  largest_rate_ = 0.0;
+  for (std::size_t j = 0; j < n; ++j) {
+    for (std::size_t i = 0; i < n; ++i) scaled_.A[n * j + i] *= scale_[i] * scale_[j];
+    scaled_.b[j] *= scale_[j];
+    largest_rate_ = std::max(largest_rate_, std::abs(scaled_.b[j]));
+  }
+}
+
+// of `problem`, which this is; at its bounds to the bit
+void ConeSolver::unscale(const ConeProblem& problem, double* p) const {
+  for (Index i = 0; i < size(); ++i) {
+    const double scale = scale_[static_cast<std::size_t>(i)], x = p[i];
+    p[i] = scale * x;
+    if (i < end_of_contacts() || scale == 0.0) continue;
+    const BoundedRow &here = scaled_.rows[row_at(i)], &there = problem.rows[row_at(i)];
+    if (x == here.most) p[i] = there.most;
+    if (x == here.least) p[i] = there.least;
+  }
+}
+
+void ConeSolver::start(double* p) const {
+  std::fill_n(p, end_of_contacts(), 0.0);
+  for (Index i = end_of_contacts(); i < size(); ++i) p[i] = within(i, 0.0);
+}
+
+double ConeSolver::within(Index i, double x) const {
+  const BoundedRow& row = scaled_.rows[row_at(i)];
+  return std::min(std::max(x, row.least), row.most);
+}
+
+const double* ConeSolver::rates(const double* p) {
+  u_ = scaled_.b;
+  Numbers u(u_.data(), size());
+  for (Index j = 0; j < size(); ++j)
+    if (p[j] != 0.0) u += matrix().col(j) * p[j];
+  return u_.data();
+}
+
+/// A solution of the problem with rates that rise by so much of the impulse beyond p, from p on.
+bool ConeSolver::find_with_compliance(double compliance, double* p) {
+  stiff_A_ = scaled_.A;
+  stiff_b_ = scaled_.b;
+  const auto n = scaled_.b.size();
+  for (std::size_t i = 0; i < n; ++i) {
+    scaled_.A[n * i + i] += compliance;
+    scaled_.b[i] -= compliance * p[i];
+  }
+  const bool is_found = find(p);
+  scaled_.A.swap(stiff_A_);
+  scaled_.b.swap(stiff_b_);
+  return is_found;
+}
+
+/// All that is pushed together acts, then what is so found, from step to step. False also where
+/// something is at a bound that would not leave it: others may then share what it has.
+bool ConeSolver::find_together(double* p) {
+  start(p);
+  double before = residual(p);
+  if (before <= kDone * largest_rate_) return true;
+  for (int k = 0; k < kMostTogether && count_newton(); ++k) {
+    take_newton(true, p);
+    const double now = residual(p);
+    const bool is_done =
+        now <= kDone * largest_rate_ ||
+        (now > 0.5 * before && std::max(now, before) <= kNearlyDone * largest_rate_);
+    if (is_done) return is_strict(p);
+    before = now;
+  }
+  return false;
+}
+
+/// Whether all that is at a bound would leave it if it were not there.
+bool ConeSolver::is_strict(const double* p) {
+  const double* const u = rates(p);
+  const double least = kStrict * largest_rate_;
+  for (Index i = 0; i < end_of_contacts(); i += 3) {
+    const ConeContact& of = contact(i);
+    if (p[i] <= 0.0 && !(u[i] > least)) return false;
+    const bool is_at_cone = math::hypot(p[i + 1], p[i + 2]) >= (1.0 - kStrict) * of.friction * p[i];
+    if (p[i] > 0.0 && !of.slips && of.friction > 0.0 && is_at_cone &&
+        !(math::hypot(u[i + 1], u[i + 2]) > least))
+      return false;
+  }
+  for (Index i = end_of_contacts(); i < size(); ++i) {
+    const BoundedRow& row = scaled_.rows[row_at(i)];
+    const bool is_at_bound = row.least < row.most && (p[i] == row.least || p[i] == row.most);
+    if (is_at_bound && !(std::abs(u[i]) > least)) return false;
+  }
+  return true;
+}
+
+/// A solution from p on, or what is closest to one. False where it is not.
+bool ConeSolver::find(double* p) {
+  List<double>&x = swept_, &tried = tried_;
+  x.assign(p, p + size());
+  double least = residual(p);
+  const auto consider = [&](const List<double>& other) {
+    const double now = residual(other.data());
+    if (!(now < least)) return;
+    least = now;
+    std::copy(other.begin(), other.end(), p);
+  };
+  double before = least;
+  for (int k = 0, stalled = 0; least > rounding(p) && k < kMostSweeps; ++k) {
+    if (effort_->is_over()) return false;
+    effort_->spent += sweep_cost(x.size());
+    if ((k & (k - 1)) == 0) {
+      tried = x;
+      polish(tried.data());
+      consider(tried);
+      stalled = least <= kConeSolved * largest_rate_ && least > 0.5 * before ? stalled + 1 : 0;
+      if (stalled == kMostStalled) break;
+      before = least;
+    }
+    if (!sweep(k % 2 == 1, x.data())) return false;
+    consider(x);
+  }
+  return least <= kConeSolved * largest_rate_;
+}
+
+/// One contact after the other, there or back. False where one has no answer.
+bool ConeSolver::sweep(bool back, double* p) {
+  rates(p);
+  Numbers u(u_.data(), size()), all(p, size());
+  for (Index k = 0; k < end_of_contacts(); k += 3) {
+    const Index i = back ? end_of_contacts() - 3 - k : k;
+    const Matrix3d own = matrix().block<3, 3>(i, i);
+    const Vector3d before = all.segment<3>(i);
+    Vector3d b = u.segment<3>(i) - own * before, now;
+    if (std::abs(b[0]) <= kFreeDirection * largest_rate_ &&
+        own(0, 0) <= kFreeDirection * own.trace())
+      b[0] = 0.0;
+    if (!solve_contact(own, b, contact(i), &now)) return false;
+    all.segment<3>(i) = now;
+    u += matrix().middleCols<3>(i) * (now - before);
+  }
+  for (Index k = end_of_contacts(); k < size(); ++k) {
+    const Index i = back ? end_of_contacts() + size() - 1 - k : k;
+    const double before = p[i];
+    if (matrix()(i, i) > 0.0) p[i] = within(i, before - u[i] / matrix()(i, i));
+    u += matrix().col(i) * (p[i] - before);
+  }
+  return true;
+}
+
+/// How far p is from a solution, as a rate: the largest change of a contact's impulse by a step
+/// along its rate, and back into its cone. 0 of a solution alone, and infinite where rounding of
+/// what p does is more than a solution may be off.
+double ConeSolver::residual(const double* p) {
+  const ConstNumbers all(p, size());
+  if (size() > 0 && kEpsilon * all.lpNorm<Eigen::Infinity>() > kConeSolved * largest_rate_)
+    return kInfinity;
+  const double* const rate = rates(p);
+  const ConstNumbers u(rate, size());
+  double worst = 0.0;
+  const auto consider = [&](double value) {
+    if (!(value <= worst)) worst = value;  // a NaN stays
+  };
+  for (Index i = 0; i < end_of_contacts(); i += 3) {
+    const ConeContact& of = contact(i);
+    if (of.slips || of.friction == 0.0) {
+      consider(std::abs(std::min(p[i], u[i])));
+      consider((all.segment<2>(i + 1) + of.friction * p[i] * of.direction).norm());
+      continue;
+    }
+    Vector3d step = u.segment<3>(i);
+    step[0] += of.friction * step.tail<2>().norm();
+    const Vector3d here = all.segment<3>(i);
+    consider((here - into_cone(here - step, of.friction)).norm());
+  }
+  for (Index i = end_of_contacts(); i < size(); ++i)
+    consider(std::abs(p[i] - within(i, p[i] - u[i])));
+  return worst;
+}
+
+/// A residual that is one of rounding: impulses that hold each other are larger than their sums.
+double ConeSolver::rounding(const double* p) const {
+  double largest = 0.0;
+  for (Index i = 0; i < size(); ++i) {
+    double terms = 0.0;
+    for (Index j = 0; j < size(); ++j) terms += std::abs(matrix()(i, j) * p[j]);
+    largest =
+        std::max(largest, i < end_of_contacts() ? (1.0 + contact(i).friction) * terms : terms);
+  }
+  return std::min(std::max(kDone * largest_rate_, kRateRounding * largest),
+                  kConeSolved * largest_rate_);
+}
+
+// False where the effort is over.
+bool ConeSolver::count_newton() {
+  effort_->spent += cost_of_a_step(scaled_.b.size());
+  return !effort_->is_over();
+}
+
+/// Newton's method on which contacts are open, stick and slip, from p on. Leaves its best.
+void ConeSolver::polish(double* p) {
+  List<double>& x = x_;
+  x.assign(p, p + size());
+  double before = residual(p), least = before;
+  for (int k = 0, worse = 0; least > rounding(p) && k < kMostNewton && worse < kMostWorse; ++k) {
+    if (!count_newton()) return;
+    take_newton(false, x.data());
+    const double now = residual(x.data());
+    if (now < least) {
+      least = now;
+      std::copy(x.begin(), x.end(), p);
+    }
+    worse += now > 0.5 * before ? 1 : 0;
+    before = now;
+  }
+}
+
+// Of the equations of Alart and Curnier (Comput. Methods Appl. Mech. Eng. 92 (1991) 353), J p =
+// right where they hold to first order: the p of least norm, or else the least step to there.
+void ConeSolver::take_newton(bool is_of_least_norm, double* p) {
+  rates(p);
+  const Index n = size();
+  double* const J = factors_.resize(scaled_.b.size());
+  std::fill_n(J, n * n, 0.0);
+  off_.assign(p, p + n);
+  right_.assign(scaled_.b.size(), 0.0);
+  Numbers off(off_.data(), n), right(right_.data(), n), all(p, n);
+  for (Index i = 0; i < n; ++i) J[n * i + i] = 1.0;
+  for (Index i = 0; i < end_of_contacts(); i += 3) write_newton_contact(i, p, J);
+  for (Index i = end_of_contacts(); i < n; ++i) {
+    const double u = u_[static_cast<std::size_t>(i)], x = p[i] - u, bound = within(i, x);
+    if (x == bound) {
+      for (Index j = 0; j < n; ++j) J[n * j + i] = matrix()(i, j);
+      off[i] = u;
+      right[i] = -scaled_.b[static_cast<std::size_t>(i)];
+    } else {
+      off[i] = p[i] - bound;
+      right[i] = bound;
+    }
+  }
+  factors_.factor(kFreeDirection);
+  factors_.solve(is_of_least_norm ? right_.data() : off_.data());
+  if (is_of_least_norm)
+    all = right;
+  else
+    all -= off;
+}
+
+// Rows i to i + 2, of a contact; J has there those of the identity.
+void ConeSolver::write_newton_contact(Index i, const double* p, double* J) {
+  const Index n = size();
+  const ConeContact& of = contact(i);
+  const double* const u = u_.data() + i;
+  const double along = p[i] - u[0];
+  const Vector2d across(p[i + 1] - u[1], p[i + 2] - u[2]);
+  const auto at = [&](Index k, Index column) -> double& { return J[n * column + i + k]; };
+  const auto is_zero = [&](Index k) {  // the rate is
+    const auto row = static_cast<std::size_t>(i + k);
+    for (Index j = 0; j < n; ++j) at(k, j) = matrix()(i + k, j);
+    off_[row] = u[k];
+    right_[row] = -scaled_.b[row];
+  };
+  if (along > 0.0) is_zero(0);
+  if (of.slips || of.friction == 0.0) {
+    for (Index k = 1; k < 3; ++k) {
+      off_[static_cast<std::size_t>(i + k)] += of.friction * p[i] * of.direction[k - 1];
+      at(k, i) += of.friction * of.direction[k - 1];
+    }
+  } else if (along > 0.0 && across.norm() <= of.friction * along) {
+    is_zero(1);
+    is_zero(2);
+  } else if (along > 0.0) {
+    const double most = of.friction * std::max(p[i], 0.0), length = across.norm();
+    const Vector2d d = across / length;
+    const Matrix2d turn = most / length * (Matrix2d::Identity() - d * d.transpose());
+    const Vector2d pushed = turn * Vector2d(scaled_.b[static_cast<std::size_t>(i + 1)],
+                                            scaled_.b[static_cast<std::size_t>(i + 2)]);
+    for (Index k = 1; k < 3; ++k) {
+      const auto row = static_cast<std::size_t>(i + k);
+      off_[row] -= most * d[k - 1];
+      right_[row] = (most - of.friction * p[i]) * d[k - 1] - pushed[k - 1];  // J p − off
+      for (Index j = 0; j < n; ++j)
+        at(k, j) += turn(k - 1, 0) * matrix()(i + 1, j) + turn(k - 1, 1) * matrix()(i + 2, j);
+      at(k, i) -= of.friction * d[k - 1];
+      at(k, i + 1) -= turn(k - 1, 0);
+      at(k, i + 2) -= turn(k - 1, 1);
+    }
+  }
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,212 @@
+#include "engine/methods/energy_momentum/energy_momentum.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+#include "engine/dynamics/fit_velocities.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr int kMostStepIterations = 25;
+// Newton's steps end when a change moves nothing by more than this share of the scene, or by less
+// than the second and no longer half of the change before: then it is rounding. Or when the next
+// change, of those that go down as squares, is to be below the third, and what rows are off by then
+// below the fourth, a hundredth of rounding: what such steps leave has the same sign from step to
+// step, and changes the energy by as much as rounding of ten thousand times as many steps. That is
+// believed of changes below the second as a share of the mechanism, wherever it lies.
+constexpr double kStepSolved = 1e-14;
+constexpr double kStepRounding = 1e-7;
+constexpr double kSquared = 1e-18;
+constexpr double kRowSquared = 3e-18;
+// They are given up where the changes are larger than this, and grow.
+constexpr double kDiverged = 10.0;
+// What a row may be off then, as a share of the scene.
+constexpr double kStepRowSolved = 1e-11;
+// The same of a row that has no force in the step, where with one there is no step.
+constexpr double kMomentaryOff = 1e-9;
+// Rows off by less keep the energy: a force of 1e7 N does 1e-6 J of work over what is closed next.
+constexpr double kMomentaryMet = 1e-13;
+
+constexpr double kMostStepParts = 32.0;
+constexpr int kSpansUntilLonger = 4;
+
+// Suzuki's coefficients
+constexpr double kOuter = 1.0 / (4.0 - 1.5874010519681994748);  // the cubic root of 4
+constexpr double kInner = 1.0 - 4.0 * kOuter;
+
+}  // namespace
+
+bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
+                           List<BodyState>* states, IntegrationResult* progress) {
+  for (auto& unknowns : found_) unknowns.assign(step_equations_.size(), 0.0);
+  change_.assign(step_equations_.size(), 0.0);
+  numbers_.resize(2 * equations->size());
+  double* const y = numbers_.data();
+  equations->gather_state(*states, y);
+  progress->projected = equations->kinetic_energy(y);
+  if (!equations->start(span.t, y, y + equations->size())) return false;
+  progress->projected -= equations->kinetic_energy(y);
+  equations->scatter_state(y, states);
+  refinement_ = -1;
+  spans_since_ = 0;
+  step_before_ = 0.0;
+  return true;
+}
+
+// A midpoint step turns a body by 2 atan(θ/2) and not by θ = h|W|: off by θ³/12, composed by
+// θ⁵/1075.
+int EnergyMomentum::parts_for_turning(double h, bool composes, double tolerance) const {
+  const auto [spin, speed] = step_equations_.largest_spin(kResolved / h);
+  if (speed == 0.0 || tolerance == 0.0) return 1;
+  const double longest = composes ? std::sqrt(std::sqrt(1075.0 * tolerance / speed))
+                                  : std::sqrt(12.0 * tolerance / speed);
+  return static_cast<int>(std::clamp(std::ceil(h * spin / longest), 1.0, kMostStepParts));
+}
+
+IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                          EquationsOfMotion* equations, List<BodyState>* states) {
+  const ImplicitMode mode = accuracy.mode;
+  IntegrationResult progress;
+  bool is_new = !has_started_ || span.is_edited || mode != mode_;
+  mode_ = mode;
+  stop_ = span.stop;
+  equations->begin(span.t, *states, span.gravity, span.loads, span.courses, span.since_tick);
+  was_first_ = is_new = is_new || equations->has_jumped();
+  if (is_new) {
+    List<BodyState> before;
+    if (std::isfinite(accuracy.most_projected)) before = states_of(*equations, *states);
+    has_started_ = start(span, equations, states, &progress);
+    if (!has_started_) {
+      progress.done = false;
+      progress.is_inconsistent = true;
+      return progress;
+    }
+    const double left = equations->kinetic_energy(numbers_.data());
+    if (progress.projected > accuracy.most_projected * (left + progress.projected)) {
+      // too much: the midpoint rule goes on from velocities that do not fit as well
+      for (std::size_t i = 0; i < before.size(); ++i)
+        (*states)[static_cast<std::size_t>(equations->bodies()[i])] = before[i];
+      progress.projected = 0.0;
+    }
+  }
+  const bool composes = mode == ImplicitMode::kOrder4 && !step_equations_.has_dampers();
+  const int least = composes ? -1 : 0;
+  if (++spans_since_ > kSpansUntilLonger) {
+    --refinement_;
+    spans_since_ = 0;
+  }
+  refinement_ = std::max(refinement_, least);
+  for (;; ++refinement_) {
+    if (refinement_ > accuracy.most_halvings) {
+      has_started_ = false;
+      progress.done = false;
+      progress.is_inconsistent = equations->is_inconsistent();
+      return progress;
+    }
+    step_equations_.gather_state(*states, *equations);
+    int parts = parts_for_turning(span.h, refinement_ < 0, accuracy.tolerance)
+                << std::max(refinement_, 0);
+    if (is_new) {  // two halves at least, for the estimate
+      parts += parts % 2;
+      step_equations_.write_points(estimate_.start());
+    }
+    const double h = span.h / parts;
+    equations->keep_impulses();
+    bool done = true;
+    for (int k = 0; k < parts && done; ++k) {
+      const double t = span.t + k * h;
+      done = refinement_ < 0 ? composition(t, h, equations, &progress)
+                             : step(t, h, 0, equations, &progress);
+      if (is_new && 2 * (k + 1) == parts) step_equations_.write_points(estimate_.middle());
+    }
+    const std::size_t redundant = equations->redundant_rows();
+    if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
+      done = false;
+      if (equations->is_inconsistent()) refinement_ = accuracy.most_halvings;
+      if (equations->redundant_rows() < redundant) --refinement_;  // again, with all rows needed
+    }
+    if (done) {
+      step_equations_.write_points(estimate_.end());
+      const bool is_order_4 = refinement_ < 0;
+      const std::size_t bodies = equations->bodies().size();
+      progress.local_error = is_new ? estimate_.first(span.h, is_order_4, parts, bodies)
+                                    : estimate_.next(span.h, is_order_4, parts, bodies);
+      break;
+    }
+    equations->restore_impulses();
+    ++progress.rejected;
+    spans_since_ = 0;
+    step_before_ = 0.0;
+    for (auto& unknowns : found_) std::fill(unknowns.begin(), unknowns.end(), 0.0);
+  }
+  step_equations_.scatter_state(*equations, states);
+  return progress;
+}
+
+bool EnergyMomentum::composition(double t, double h, EquationsOfMotion* equations,
+                                 IntegrationResult* progress) {
+  for (std::size_t stage = 0; stage < kStages; ++stage) {
+    const double part = h * (stage == 2 ? kInner : kOuter);
+    if (!step(t, part, stage, equations, progress)) return false;
+    t += part;
+  }
+  return true;
+}
+
+bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMotion* equations,
+                          IntegrationResult* progress) {
+  ImplicitRule rule = ImplicitRule::kMidpoint;
+  const bool goes_on = std::abs(h - step_before_) <= 1e-9 * h;
+  if (goes_on && mode_ == ImplicitMode::kDissipate) rule = ImplicitRule::kBdf2;
+  if (!step_equations_.begin(t, h, rule, equations)) return false;
+  unknowns_ = found_[stage];
+  ++progress->substeps;
+  if (!find_end(progress)) return false;
+  const double off = step_equations_.worst_momentary_row() / step_equations_.scale();
+  found_[stage] = unknowns_;
+  if (off > kMomentaryMet) {
+    step_equations_.leave_out_momentary_rows(false, *equations);
+    if (!find_end(progress)) {
+      if (off > kMomentaryOff) return false;
+      step_equations_.leave_out_momentary_rows(true, *equations);
+      unknowns_ = found_[stage];
+      step_equations_.evaluate(unknowns_);
+    }
+    found_[stage] = unknowns_;
+  }
+  step_equations_.finish(unknowns_, equations);
+  step_before_ = h;
+  return true;
+}
+
+// Newton's method from the unknowns there; false where it does not converge.
+bool EnergyMomentum::find_end(IntegrationResult* progress) {
+  double before = kInfinity;
+  for (int i = 0; i < kMostStepIterations; ++i) {
+    if (is_set(stop_)) return false;
+    step_equations_.evaluate(unknowns_);
+    const double worst_row = step_equations_.worst_row();
+    for (std::size_t u = 0; u < change_.size(); ++u) change_[u] = -step_equations_.residual()[u];
+    ++progress->iterations;
+    if (!step_equations_.solve(change_.data())) return false;
+    const double moved = step_equations_.add(change_.data(), &unknowns_) / step_equations_.scale();
+    const bool diverges = i > 1 && moved > kDiverged && moved > before;
+    if (!std::isfinite(moved) || diverges) return false;
+    const bool is_rounding = moved < kStepRounding && moved > 0.5 * before;
+    const bool is_solved = (moved < kStepSolved || is_rounding) &&
+                           worst_row <= kStepRowSolved * step_equations_.scale();
+    const double ratio = i > 0 ? (moved / before) * (moved / before) : kInfinity;
+    const bool is_next_nothing =
+        moved * ratio < kSquared && worst_row * ratio < kRowSquared * step_equations_.scale();
+    const bool is_close =
+        moved * step_equations_.scale() < kStepRounding * step_equations_.extent();
+    if (is_solved || (is_close && is_next_nothing)) return true;
+    before = moved;
+  }
+  return false;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,273 @@
+// Impacts of ContactEvents: contacts and limits that are hit.
+//
+// With w the rates of contacts along their normals and tangents, and A what impulses do to these
+// while the joints hold: w⁺ = w + A p,  w_n⁺ + e w_n⁻ ≥ 0 and p_n ≥ 0, one of them 0, p in its
+// cone. Coordinates with one-sided laws are rows of the same problem, as event_states.cpp has them.
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/math/cone_problem.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+#include "engine/methods/event_driven/contacts/contact_events.h"
+#include "engine/methods/event_driven/joints/law_events.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kJam = 1e-9;  // [m/s] that what jams is taken to approach with
+
+}  // namespace
+
+// Impacts one after the other until nothing is hit any more. What would bounce too low to be seen
+// has no restitution: then all is done again.
+bool ContactEvents::have_impacts(double left, Of<double>* hit) {
+  Of<char>& rests = rests_;
+  rests.reset(equations_.contacts.size(), equations_.coordinates.size());
+  find_hits(rests, &hits_);
+  if (hits_.empty()) return true;
+  before_impacts_.numbers.assign(numbers_.data(), numbers_.data() + equations_.size());
+  before_impacts_.driven_work = equations_.driven_work;
+  before_impacts_.contacts = equations_.contacts;
+  before_impacts_.joints = equations_.joints;
+  before_impacts_.coordinates = equations_.coordinates;
+  for (bool is_settled = false;;) {
+    for (int count = 0; !hits_.empty(); ++count) {
+      if (count == kMostImpacts || !have_impact(hits_, rests, 0.0, hit)) return false;
+      find_hits(rests, &hits_);
+    }
+    ++done_.impacts;
+    if (!let_rest(left, *hit, &rests, &is_settled)) return false;
+    if (is_settled) return true;
+    std::copy(before_impacts_.numbers.begin(), before_impacts_.numbers.end(), numbers_.begin());
+    equations_.driven_work = before_impacts_.driven_work;
+    equations_.contacts = before_impacts_.contacts;
+    equations_.joints = before_impacts_.joints;
+    equations_.coordinates = before_impacts_.coordinates;
+    equations_.place(numbers_.data());
+    hit->reset(equations_.contacts.size(), equations_.coordinates.size());
+    find_hits(rests, &hits_);
+  }
+}
+
+std::pair<std::size_t, std::size_t> ContactEvents::bodies_of(
+    const ContactEquations::Coordinate& of) const {
+  const ContactEquations::BodyJoint& joint = equations_.joints[of.joint];
+  return std::minmax(joint.a, joint.b);
+}
+
+// Limits that are reached, and not left: those that are hit, and those without restitution.
+// `only_slow`: none that is hit.
+void ContactEvents::add_touching_limits(const Of<char>& rests, bool only_slow,
+                                        List<LimitHit>* hits) const {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    const ContactEquations::Coordinate& of = equations_.coordinates[c];
+    if (!of.is_one_sided || std::isfinite(of.law.limit_force)) continue;
+    for (const bool upper_one : {false, true}) {
+      if (!std::isfinite(of.law.limit(upper_one))) continue;
+      const ContactEquations::Reading now = equations_.read(of, nullptr);
+      const Prescribed at_limit = equations_.limit(of, upper_one);
+      const double direction = upper_one ? -1.0 : 1.0;
+      const double gap = direction * (now.q - at_limit.value);
+      if (gap > kTouching) continue;
+      const double rate = direction * (now.rate - at_limit.rate);
+      const bool is_hit = rate < -kResting;
+      const double restitution = rests.coordinates[c] ? 0.0 : of.law.restitution;
+      if (only_slow ? rate > kResting : !is_hit && restitution > 0.0) continue;
+      hits->push_back({c, direction, gap, rate, is_hit ? restitution : 0.0});
+    }
+  }
+}
+
+// What a span begins with has yet to get there: with early hits bounces end too early.
+bool ContactEvents::is_hit(double gap, double rate) const {
+  return rate < -kResting && (!begins_ || gap <= 0.0);
+}
+
+// What takes part in the next impact: of contacts and limits with a restitution the one that is hit
+// fastest with all others between the same two bodies, and all without. None where none is hit.
+void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
+  Hits& hits = *found;
+  hits.clear();
+  double fastest_rate = -kResting;
+  std::pair<std::size_t, std::size_t> fastest;
+  bool any_hit = false, any_bounce = false;
+  const auto consider = [&](double gap, double rate, bool bounces, std::size_t a, std::size_t b) {
+    any_hit = any_hit || is_hit(gap, rate);
+    if (!bounces || !(rate < fastest_rate)) return;
+    any_bounce = true;
+    fastest_rate = rate;
+    fastest = std::minmax(a, b);
+  };
+  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
+    const ContactEquations::Contact& contact = equations_.contacts[c];
+    const ContactMotion now = equations_.motion(contact);
+    if (now.gap > kTouching) continue;
+    hits.contacts.push_back({c, now});
+    consider(now.gap, now.gap_rate(), contact.restitution > 0.0 && !rests.contacts[c], contact.a,
+             contact.b);
+  }
+  add_touching_limits(rests, false, &hits.limits);
+  for (const LimitHit& hit : hits.limits) {
+    const auto [a, b] = bodies_of(equations_.coordinates[hit.coordinate]);
+    consider(hit.gap, hit.rate, hit.restitution > 0.0, a, b);
+  }
+  if (!any_hit) {
+    hits.clear();
+    return;
+  }
+  const auto waits = [&](const ContactHit& hit) {
+    const ContactEquations::Contact& contact = equations_.contacts[hit.contact];
+    return contact.restitution > 0.0 && !rests.contacts[hit.contact] &&
+           !(any_bounce &&
+             std::minmax(contact.a, contact.b) == std::minmax(fastest.first, fastest.second));
+  };
+  hits.contacts.erase(std::remove_if(hits.contacts.begin(), hits.contacts.end(), waits),
+                      hits.contacts.end());
+  const auto limit_waits = [&](const LimitHit& hit) {
+    return hit.restitution > 0.0 && bodies_of(equations_.coordinates[hit.coordinate]) != fastest;
+  };
+  hits.limits.erase(std::remove_if(hits.limits.begin(), hits.limits.end(), limit_waits),
+                    hits.limits.end());
+}
+
+// With less restitution where kinetic energy would rise, and where joints or friction leave no
+// answer with it. `faster` [m/s] than they are, contacts at rest approach. False where there is
+// none.
+bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double faster,
+                                Of<double>* hit) {
+  ContactEquations::Responses& responses = responses_;
+  responses.clear();
+  for (const ContactHit& of : hits.contacts) responses.add(of.contact, of.motion);
+  for (const LimitHit& of : hits.limits) responses.coordinates.push_back(of.coordinate);
+  equations_.find_responses(&responses);
+  ConeProblem& problem = problem_;
+  begin_problem();
+  const std::size_t first = responses.of_contacts;
+  rate_.resize(responses.columns);
+  for (const ContactEquations::Touching& touching : responses.contacts)
+    set_rate(touching, touching.frame.transpose() * touching.motion.w, &rate_);
+  for (std::size_t k = 0; k < hits.limits.size(); ++k) {
+    const LimitHit& of = hits.limits[k];
+    rate_[first + k] = of.direction * of.rate;
+    if (!responses.is_free[k] && of.rate < -kResting) return false;  // joints drive it in
+    problem.rows.push_back(
+        {of.direction > 0.0 ? 0.0 : -kInfinity, of.direction > 0.0 ? kInfinity : 0.0});
+    if (!responses.is_free[k]) problem.rows.back() = {};
+  }
+  for (const double share : {1.0, 0.5, 0.25, 0.0}) {
+    problem.b = rate_;
+    for (const ContactEquations::Touching& touching : responses.contacts) {
+      double& normal = problem.b[touching.column];
+      const std::size_t c = touching.contact;
+      const double e = rests.contacts[c] ? 0.0 : equations_.contacts[c].restitution;
+      if (normal < -kResting)
+        normal *= 1.0 + share * e;
+      else
+        normal = std::max(normal, 0.0) - faster;
+    }
+    for (std::size_t k = 0; k < hits.limits.size(); ++k)
+      problem.b[first + k] *= 1.0 + share * hits.limits[k].restitution;
+    if (!solve_counted()) {
+      if (share == 0.0) return false;
+      continue;
+    }
+    if (!does_work(responses)) break;
+  }
+  equations_.apply(responses, force_.data(), numbers_.data());
+  for (const ContactEquations::Touching& touching : responses.contacts)
+    hit->contacts[touching.contact] += force_[touching.column];
+  for (std::size_t k = 0; k < hits.limits.size(); ++k)
+    hit->coordinates[hits.limits[k].coordinate] += force_[first + k];
+  return true;
+}
+
+// Solves problem_ for force_. Not where the work of the step is done, or it is to stop.
+bool ContactEvents::solve_counted() {
+  SolveEffort effort{most_work_ - done_.work, stop_};
+  const bool is_found = solver_.solve(problem_, &force_, &effort);
+  done_.work += effort.spent;
+  return is_found;
+}
+
+// whether impulses add kinetic energy: by the means of rates before and after
+bool ContactEvents::does_work(const ContactEquations::Responses& responses) const {
+  const std::size_t n = responses.columns;
+  double work = 0.0, exchanged = 0.0;
+  for (std::size_t j = 0; j < n; ++j) {
+    double change = 0.0;
+    for (std::size_t i = 0; i < n; ++i) change += responses.A[n * j + i] * force_[i];
+    work += force_[j] * (rate_[j] + 0.5 * change);
+    exchanged += std::abs(force_[j]) * std::abs(rate_[j]);
+  }
+  return !(work <= kNoWork * exchanged);
+}
+
+// Where friction drives a contact that slips into the other body (Painlevé), no force is large
+// enough, but an impulse without restitution, that ends the slip.
+bool ContactEvents::have_jam(Of<double>* hit) {
+  Hits& touching = hits_;
+  touching.clear();
+  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
+    const ContactMotion now = equations_.motion(equations_.contacts[c]);
+    if (now.gap <= kTouching && now.gap_rate() <= kResting) touching.contacts.push_back({c, now});
+  }
+  if (touching.contacts.empty()) return false;
+  ++done_.impacts;
+  Of<char>& rests = rests_;
+  rests.reset(equations_.contacts.size(), equations_.coordinates.size());
+  std::fill(rests.contacts.begin(), rests.contacts.end(), 1);
+  std::fill(rests.coordinates.begin(), rests.coordinates.end(), 1);
+  add_touching_limits(rests, true, &touching.limits);
+  return have_impact(touching, rests, kJam, hit);
+}
+
+// Finds those that bounce too low to be seen.
+bool ContactEvents::let_rest(double left, const Of<double>& hit, Of<char>* rests,
+                             bool* is_settled) {
+  *is_settled = true;
+  const auto is_bounce = [&](std::size_t c) {
+    return hit.contacts[c] > 0.0 && equations_.contacts[c].restitution > 0.0 && !rests->contacts[c];
+  };
+  const auto is_limit_bounce = [&](std::size_t c) {
+    return hit.coordinates[c] != 0.0 && equations_.coordinates[c].law.restitution > 0.0 &&
+           !rests->coordinates[c];
+  };
+  bool any = false;
+  for (std::size_t c = 0; c < hit.contacts.size(); ++c) any = any || is_bounce(c);
+  for (std::size_t c = 0; c < hit.coordinates.size(); ++c) any = any || is_limit_bounce(c);
+  if (!any) return true;
+  if (!decide({})) return false;
+  for (std::size_t c = 0; c < hit.contacts.size(); ++c) {
+    if (!is_bounce(c)) continue;
+    const ContactMotion now = equations_.motion(equations_.contacts[c]);
+    if (now.gap > kTouching) continue;
+    const std::optional<double> rests_in = time_to_rest(now.gap_rate(), -gap_acceleration_[c],
+                                                        equations_.contacts[c].restitution, left);
+    if (!rests_in) continue;
+    rests_in_.contacts[c] = *rests_in;
+    rests->contacts[c] = 1;
+    *is_settled = false;
+  }
+  for (std::size_t c = 0; c < hit.coordinates.size(); ++c) {
+    if (!is_limit_bounce(c)) continue;
+    const ContactEquations::Coordinate& of = equations_.coordinates[c];
+    const bool upper_one = hit.coordinates[c] < 0.0;
+    const double direction = upper_one ? -1.0 : 1.0;
+    const ContactEquations::Reading now = equations_.read(of, nullptr);
+    const Prescribed at_limit = equations_.limit(of, upper_one);
+    if (direction * (now.q - at_limit.value) > kTouching) continue;
+    const std::optional<double> rests_in =
+        time_to_rest(direction * (now.rate - at_limit.rate),
+                     -direction * (coordinate_acceleration_[c] - at_limit.acceleration),
+                     of.law.restitution, left);
+    if (!rests_in) continue;
+    rests_in_.coordinates[c] = *rests_in;
+    rests->coordinates[c] = 1;
+    *is_settled = false;
+  }
+  return true;
+}
+
+}  // namespace constraint_sim::engine

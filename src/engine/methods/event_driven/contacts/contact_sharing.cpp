@@ -1,0 +1,183 @@
+// How redundant contacts of ContactEvents share what they bear. Where the forces of least norm are
+// not within their bounds, those of the cone problem are, but some of them are at a bound, and
+// would be beyond it a moment later, though others could bear it. From there forces go on towards
+// the analytic centre of all that do the same, where Σ −log(μ² f_n² − f_t²) of what sticks and
+// −log f_n of what slips is least, by Newton's method as long as the least margin grows. What they
+// change by from there on is shared in proportion to the normal forces, so that what gives way
+// together gets to its bounds together.
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "engine/math/elementary.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+#include "engine/methods/event_driven/contacts/contact_events.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+
+constexpr double kDependentShare = 1e-10;  // pivots below
+constexpr double kLeastShare = 1e-3;   // of the mean normal force: what has less could bear more
+constexpr int kMostSharingRounds = 4;  // of Newton's method
+constexpr double kLeastStep = 0.1;     // of a round
+constexpr double kWorthwhile = 1.05;   // times the margin before
+constexpr double kBeyond = 0.1;        // of the mean normal force, and of the round before
+
+// L with L Lᵀ the inverse of the second derivative of the barrier at x in a cone, or, without
+// friction, along its normal alone: x xᵀ − D J/2 with D = xᵀ J x, x scaled to a slope of 1.
+Matrix3d metric_in_cone(const Vector3d& x, double friction) {
+  Matrix3d L = Matrix3d::Zero();
+  if (friction == 0.0) {
+    L(0, 0) = x[0];
+    return L;
+  }
+  const Vector3d scaled(friction * x[0], x[1], x[2]);
+  const double t = scaled.tail<2>().norm();
+  const double D = std::max((scaled[0] - t) * (scaled[0] + t), 0.0);
+  Matrix3d inverse = scaled * scaled.transpose();
+  inverse.diagonal() += 0.5 * D * Vector3d(-1.0, 1.0, 1.0);
+  L = inverse.llt().matrixL();
+  L.row(0) /= friction;
+  return L;
+}
+
+}  // namespace
+
+// Of contacts that act: one column along the normal, with friction of what slips; three of what
+// sticks. Of coordinates that are held a row alone: their forces stay.
+void ContactEvents::list_sharing() {
+  List<Share>& shares = shares_;
+  shares.clear();
+  for (const ContactEquations::Touching& touching : responses_.contacts) {
+    const ContactEquations::Contact& contact = equations_.contacts[touching.contact];
+    if (contact.acts == Acts::kOpen) continue;
+    Share share{touching.contact,  touching.column, contact.friction,
+                touching.is_rough, false,           Vector2d::Zero()};
+    share.sticks = touching.is_rough && contact.acts == Acts::kSticks;
+    if (touching.is_rough && !share.sticks)
+      share.direction = touching.frame.rightCols<2>().transpose() * contact.direction;
+    shares.push_back(share);
+  }
+}
+
+// The mean normal force between the two bodies of a contact.
+double ContactEvents::mean_beside(const Share& of, const List<double>& force) const {
+  double sum = 0.0, count = 0.0;
+  for (const Share& other : shares_) {
+    if (pair_of_[other.contact] != pair_of_[of.contact]) continue;
+    sum += std::max(force[other.column], 0.0);
+    count += 1.0;
+  }
+  return sum / count;
+}
+
+// What is left to the nearest bound of any contact, as a share of that.
+double ContactEvents::least_margin(const List<double>& force) const {
+  double least = kInfinity;
+  for (const Share& of : shares_) {
+    double left = force[of.column];
+    if (of.sticks)
+      left = std::min(left,
+                      of.friction * left - math::hypot(force[of.column + 1], force[of.column + 2]));
+    const double mean = mean_beside(of, force);
+    if (left != 0.0 || mean != 0.0) least = std::min(least, left / mean);
+  }
+  return least;
+}
+
+// The direction from the present forces on, in `shared_`: with G what forces do to the rows, x the
+// forces and L Lᵀ the inverse of the barrier's second derivative there, Newton's step is
+// x − L y, y the least one that does what x does, G L y = G x. `beyond`: bounds are taken to be so
+// much farther, as a share of the mean normal force. False where there is one way to share only.
+bool ContactEvents::find_shares(double beyond) {
+  const std::size_t n = force_.size();
+  List<std::size_t> rows;
+  for (const Share& of : shares_)
+    for (std::size_t k = 0; k < (of.sticks ? 3 : 1); ++k) rows.push_back(of.column + k);
+  const std::size_t columns = rows.size();
+  for (std::size_t k = 0; k < held_.size(); ++k)
+    if (equations_.coordinates[held_[k].coordinate].state.hold != Hold::kNone)
+      rows.push_back(responses_.of_contacts + k);
+  const std::size_t count = rows.size();
+  double* const M = sharing_.resize(count);
+  std::fill_n(M, count * count, 0.0);
+  List<double> right(count, 0.0);
+  List<Matrix3d> metrics;
+  List<Vector3d> places;
+  std::size_t first = 0;
+  for (const Share& of : shares_) {
+    const Eigen::Index size = of.sticks ? 3 : 1;
+    Vector3d x(force_[of.column] + beyond * mean_beside(of, force_), 0.0, 0.0);
+    if (of.sticks) x.tail<2>() << force_[of.column + 1], force_[of.column + 2];
+    places.push_back(x);
+    metrics.push_back(metric_in_cone(x, of.sticks ? of.friction : 0.0));
+    for (std::size_t i = 0; i < count; ++i) {
+      const double* const A = problem_.A.data() + n * of.column + rows[i];
+      const double own = problem_.A[n * rows[i] + rows[i]];
+      Vector3d G(A[0], 0.0, 0.0);
+      if (of.is_rough && !of.sticks)
+        G[0] -= of.friction * (of.direction[0] * A[n] + of.direction[1] * A[2 * n]);
+      if (of.sticks) G.tail<2>() << A[n], A[2 * n];
+      if (own > 0.0) G /= std::sqrt(own);
+      right[i] += G.dot(x);
+      const Vector3d by = metrics.back().transpose() * G;
+      for (Eigen::Index k = 0; k < size; ++k)
+        M[count * (first + static_cast<std::size_t>(k)) + i] = by[k];
+    }
+    first += static_cast<std::size_t>(size);
+  }
+  sharing_.factor(kDependentShare);
+  if (sharing_.rank() == columns) return false;
+  sharing_.solve(right.data());
+  shared_.assign(n, 0.0);
+  first = 0;
+  for (std::size_t k = 0; k < shares_.size(); ++k) {
+    const Share& of = shares_[k];
+    Vector3d y(right[first], 0.0, 0.0);
+    if (of.sticks) y.tail<2>() << right[first + 1], right[first + 2];
+    first += of.sticks ? 3 : 1;
+    Vector3d step = places[k] - metrics[k] * y;
+    if (of.is_rough && !of.sticks) step.tail<2>() = -of.friction * step[0] * of.direction;
+    for (std::size_t i = 0; i < (of.is_rough ? 3 : 1); ++i)
+      shared_[of.column + i] = step[static_cast<Eigen::Index>(i)];
+  }
+  return true;
+}
+
+// Forces of the problem's solution that do the same, farther within their bounds; and how what
+// changes of them is shared from here on.
+void ContactEvents::share_forces() {
+  list_sharing();
+  const double first = least_margin(force_);
+  double margin = first;
+  List<double> next;
+  double beyond = kBeyond;
+  for (int round = 0; round < kMostSharingRounds; ++round, beyond *= kBeyond) {
+    done_.work += ConeSolver::cost_of_a_step(force_.size());
+    if (!find_shares(beyond)) return;
+    const double before = margin;
+    for (double step = 1.0; margin == before && step > kLeastStep; step *= 0.5) {
+      next = force_;
+      for (std::size_t i = 0; i < next.size(); ++i) next[i] += step * shared_[i];
+      const double now = least_margin(next);
+      if (now > 0.0 && now > kWorthwhile * margin) margin = now;
+    }
+    if (margin == before) break;
+    force_ = next;
+  }
+  if (!(margin > first)) return;
+  for (const Share& of : shares_) {
+    const double mean = mean_beside(of, force_);
+    ContactEquations::Contact& contact = equations_.contacts[of.contact];
+    if (mean > 0.0) contact.normal_share = std::max(force_[of.column] / mean, kLeastShare);
+    contact.tangent_share = std::sqrt(contact.normal_share);
+  }
+}
+
+}  // namespace constraint_sim::engine

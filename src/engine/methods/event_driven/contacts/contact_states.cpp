@@ -1,0 +1,479 @@
+// What ContactEvents does at an event: contacts and limits that are hit have impacts
+// (contact_impacts.cpp), and then the cone problem of the accelerations says what each contact and
+// each coordinate does from there on.
+//
+// With w the rates of contacts along their normals and tangents, and A what impulses do to these
+// while the joints hold: ẇ = b + A f of contacts that touch and do not part, f in its cone; along
+// the slip of those that slip.
+// Coordinates with one-sided laws are rows of the same problems, as event_states.cpp has them.
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/math/box_lcp.h"
+#include "engine/math/cone_problem.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+#include "engine/methods/event_driven/contacts/contact_events.h"
+#include "engine/methods/event_driven/joints/law_events.h"
+#include "engine/math/same_bits.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kAtRest = 1e-8;      // of the largest acceleration: less is none
+constexpr double kLeastScale = 0.01;  // [m/s²] of these: where nothing pulls all are rounding
+constexpr double kSameTime = 1e-6;    // of a span
+
+}  // namespace
+
+// `event`: what the last substep ended with; of a span that begins nothing. `jams`: what slips has
+// no motion to go on with.
+bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
+  double* const y = numbers_.data();
+  has_stages_ = equations_.is_straight = false;
+  begins_ = is_begin;
+  acts_before_.clear();
+  features_before_.clear();
+  for (const ContactEquations::Contact& contact : equations_.contacts) {
+    acts_before_.push_back(contact.acts);
+    features_before_.push_back(contact.feature.id);
+  }
+  find_features(!is_begin && event.kind == Watched::Kind::kMargin);
+  note_bounds(*span, event);
+  states_before_.clear();
+  for (const ContactEquations::Coordinate& of : equations_.coordinates)
+    states_before_.push_back(of.state);
+  Of<double>& hit = hit_;
+  hit.reset(equations_.contacts.size(), equations_.coordinates.size());
+  rests_in_.reset(equations_.contacts.size(), equations_.coordinates.size());
+  if ((jams && !have_jam(&hit)) || !have_impacts(span->left.left, &hit)) return false;
+  if (!decide(event) && !(have_jam(&hit) && decide({}))) return false;
+  hold_coordinates(is_begin);
+  const double kinetic = equations_.kinetic_energy(), potential = equations_.potential_energy();
+  before_projection_.assign(y, y + equations_.size());
+  if (!equations_.project(span->left.t, y)) return false;
+  const bool is_known = has_derivative_ && equations_.coordinates.empty() &&
+                        have_same_bits(before_projection_.data(), y, equations_.size());
+  if (!equations_.restart(y, derivative(), is_known ? free_.data() : nullptr)) return false;
+  span->progress.projected += kinetic - equations_.kinetic_energy();
+  span->progress.corrected += equations_.potential_energy() - potential;
+  tell(*span, acts_before_, hit, is_begin);
+  return break_overloaded(span);
+}
+
+void ContactEvents::break_joint(const Span& span, std::size_t joint) {
+  ++done_.breaks;
+  equations_.break_joint(joint);
+  told_.push_back(
+      {EventKind::kBroken, span.all.t + span.left.t, -1, -1, 0.0, static_cast<int>(joint)});
+}
+
+// What bears more than it can from one moment to the next, as where something else lets go, breaks
+// then: the one that is farthest beyond first, for it may spare the others.
+bool ContactEvents::break_overloaded(Span* span) {
+  List<Watched> loads;
+  for (std::size_t j = 0; j < equations_.joints.size(); ++j) watch_breaking(j, &loads);
+  const auto worst =
+      std::min_element(loads.begin(), loads.end(), [](const Watched& left, const Watched& right) {
+        return left.value / left.tolerance < right.value / right.tolerance;
+      });
+  if (worst == loads.end() || worst->value >= -worst->tolerance) return true;
+  ++done_.events;
+  break_joint(*span, worst->joint);
+  return settle(span, {}, false);
+}
+
+// Contacts that share a force have their bounds at the same time, or soon after each other: one
+// after the other gives way, and none that has takes it up again, before it has slipped.
+void ContactEvents::note_bounds(const Span& span, const Watched& event) {
+  const double t = span.all.t + span.left.t;
+  const auto note = [&](Watched::Kind kind, bool is_over, AtBound* at) {
+    const auto is_done = [&](std::size_t c) {
+      const ContactEquations::Contact& contact = equations_.contacts[c];
+      return kind != Watched::Kind::kCone || contact.acts != Acts::kSlips ||
+             equations_.motion(contact).slip().norm() > kEndOfSlip;
+    };
+    List<std::size_t>& contacts = at->contacts;
+    if (is_over)
+      contacts.clear();
+    else if (t - at->since > kSameTime * span.all.h)
+      contacts.erase(std::remove_if(contacts.begin(), contacts.end(), is_done), contacts.end());
+    if (event.kind != kind) return;
+    if (contacts.empty()) at->since = t;
+    if (!at->has(event.contact)) contacts.push_back(event.contact);
+  };
+  note(Watched::Kind::kCone, event.kind != Watched::Kind::kCone, &at_cone_);
+  note(Watched::Kind::kForce, false, &at_zero_);
+}
+
+// ---- states
+
+// What contacts do with where the bodies are and how they move. One whose force has left its bounds
+// gives way, as `event` says, where the force is still there to rounding.
+bool ContactEvents::decide(const Watched& event) {
+  // near the end of a slip its direction turns ever faster: what can stick there does
+  if (event.kind == Watched::Kind::kSlip && decide(event, kEndOfSlip)) {
+    bool all_stick = true;
+    for (const ContactEquations::Contact& contact : equations_.contacts) {
+      const double speed = equations_.motion(contact).slip().norm();
+      all_stick = all_stick && (contact.acts != Acts::kSlips || contact.friction == 0.0 ||
+                                speed <= kResting || speed > kEndOfSlip);
+    }
+    if (all_stick) return true;
+  }
+  return decide(event, kResting);
+}
+
+// Of contacts that slip no faster than `least_slip` as if they did not.
+bool ContactEvents::decide(const Watched& event, double least_slip) {
+  has_derivative_ = false;
+  ContactEquations::Responses& responses = responses_;
+  responses.clear();
+  gap_acceleration_.assign(equations_.contacts.size(), 0.0);
+  for (ContactEquations::Contact& contact : equations_.contacts) {
+    contact.acts = Acts::kOpen;
+    contact.normal_share = contact.tangent_share = 1.0;
+  }
+  find_lost();
+  if (!find_candidates(&held_)) return false;
+  free_.resize(equations_.size());
+  equations_.derivative(0, equations_.time(), numbers_.data(), free_.data());
+  equations_.find_accelerations(free_.data(), &rates_);
+  for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
+    const ContactEquations::Contact& contact = equations_.contacts[c];
+    if (contact.feature.kind == ContactFeature::Kind::kNothing) continue;
+    const ContactMotion now = equations_.motion(contact);
+    gap_acceleration_[c] =
+        now.n_dot.dot(now.w) + now.n.dot(ContactEquations::slip_acceleration(now, contact, rates_));
+    if (now.gap <= kTouching && std::abs(now.gap_rate()) <= kResting) responses.add(c, now);
+  }
+  coordinate_acceleration_.clear();
+  for (const ContactEquations::Coordinate& of : equations_.coordinates)
+    coordinate_acceleration_.push_back(equations_.read(of, &rates_).acceleration);
+  if (responses.contacts.empty() && held_.empty()) {
+    choose_servos();
+    return true;
+  }
+
+  for (const Candidate& row : held_) responses.coordinates.push_back(row.coordinate);
+  equations_.find_responses(&responses);
+  set_problem(least_slip);
+  if (!solve_counted()) return false;
+  choose_acts();
+  choose_holds(event);
+  has_derivative_ = is_within_bounds();
+  if (!has_derivative_) {
+    share_forces();
+    take_forces();
+  }
+  choose_servos();
+  return true;
+}
+
+// A problem of rates or accelerations, without these and without coordinates.
+void ContactEvents::begin_problem() {
+  problem_.A = responses_.A;
+  problem_.b.assign(responses_.columns, 0.0);
+  problem_.contacts.clear();
+  problem_.rows.clear();
+  for (const ContactEquations::Touching& touching : responses_.contacts) {
+    if (touching.is_rough)
+      problem_.contacts.push_back({equations_.contacts[touching.contact].friction});
+    else
+      problem_.rows.push_back({0.0, kInfinity});
+  }
+}
+
+void ContactEvents::set_rate(const ContactEquations::Touching& of, const Vector3d& rate,
+                             List<double>* all) {
+  for (std::size_t k = 0; k < (of.is_rough ? 3 : 1); ++k)
+    (*all)[of.column + k] = rate[static_cast<Eigen::Index>(k)];
+}
+
+// That of the accelerations, where contacts slip no faster than `least_slip` as if they did not.
+void ContactEvents::set_problem(double least_slip) {
+  begin_problem();
+  for (const ContactEquations::Touching& touching : responses_.contacts) {
+    const ContactMotion& now = touching.motion;
+    Vector3d b =
+        touching.frame.transpose() *
+        ContactEquations::slip_acceleration(now, equations_.contacts[touching.contact], rates_);
+    b[0] += now.n_dot.dot(now.w);
+    set_rate(touching, b, &problem_.b);
+    const Vector3d slip = now.slip();
+    const double speed = slip.norm();
+    if (!touching.is_rough || !(speed > least_slip)) continue;
+    ConeContact& cone = problem_.contacts[touching.column / 3];
+    cone.slips = true;
+    cone.direction = touching.frame.rightCols<2>().transpose() * slip / speed;
+  }
+  for (std::size_t k = 0; k < held_.size(); ++k) {
+    problem_.b[responses_.of_contacts + k] =
+        coordinate_acceleration_[held_[k].coordinate] - held_[k].acceleration;
+    problem_.rows.push_back({held_[k].bounds.least, held_[k].bounds.most});
+    if (!responses_.is_free[k]) problem_.rows.back() = {};
+  }
+}
+
+// Which motors are not on their courses, as EventDriven has it.
+void ContactEvents::find_lost() {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    ContactEquations::Coordinate& of = equations_.coordinates[c];
+    if (!of.law.goal) continue;
+    const ContactEquations::Reading now = equations_.read(of, nullptr);
+    if (std::abs(now.q - *of.law.goal) <= kTouching && std::abs(now.rate) <= kResting)
+      of.braking = 0.0;
+    else if (of.braking == 0.0)
+      of.braking = braking_of(c);
+  }
+}
+
+// What half of the force of a motor does to its coordinate while the other motors hold theirs.
+double ContactEvents::braking_of(std::size_t c) {
+  ContactEquations::Responses responses;
+  responses.coordinates = {c};
+  for (std::size_t d = 0; d < equations_.coordinates.size(); ++d)
+    if (d != c && equations_.coordinates[d].is_one_sided &&
+        equations_.coordinates[d].law.drive > 0.0)
+      responses.coordinates.push_back(d);
+  equations_.find_responses(&responses);
+  List<Eigen::Index> others;
+  const std::size_t n = responses.columns;
+  for (std::size_t k = 1; k < n; ++k)
+    if (responses.is_free[k]) others.push_back(static_cast<Eigen::Index>(k));
+  const auto size = static_cast<Eigen::Index>(n);
+  const Eigen::Map<const Eigen::MatrixXd> A(responses.A.data(), size, size);
+  return 0.5 * equations_.coordinates[c].law.drive * response_beside(A, others, 0);
+}
+
+void ContactEvents::choose_servos() {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    ContactEquations::Coordinate& of = equations_.coordinates[c];
+    if (of.law.servo_most == 0.0) continue;
+    ContactEquations::Reading now = equations_.read(of, nullptr);
+    now.acceleration = coordinate_acceleration_[c];
+    of.state.servo = servo_from(of.law, states_before_[c].servo, now, equations_.rest(of));
+  }
+}
+
+// Coordinates that move as something that may hold them; of the others sets what acts. False where
+// one goes beyond a limit of any force.
+bool ContactEvents::find_candidates(List<Candidate>* candidates) {
+  candidates->clear();
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    ContactEquations::Coordinate& of = equations_.coordinates[c];
+    of.state = {};
+    of.reference = 0.0;
+    if (!of.is_one_sided) continue;
+    const ContactEquations::Reading now = equations_.read(of, nullptr);
+    const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
+    const auto zeta = [&] { return equations_.zeta(of); };
+    OneSidedState state;
+    const bool is_lost = of.law.goal && of.braking > 0.0;
+    const std::optional<Hold> hold =
+        find_hold(of.law, states_before_[c], now, limit, zeta, is_lost, &state);
+    if (hold) {
+      const Prescribed at = rate_held_at(*hold, limit, zeta);
+      candidates->push_back(
+          {c, *hold, at.rate, at.acceleration, force_bounds(of.law, *hold, at.rate, zeta().rate)});
+      continue;
+    }
+    if (state.yield != 0 && !std::isfinite(of.law.limit_force)) return false;
+    of.state = state;
+  }
+  return true;
+}
+
+// By the solution of the problem of the accelerations; also finds these for all that touch.
+void ContactEvents::choose_acts() {
+  find_solved_accelerations();
+  double scale = kLeastScale, largest = 0.0;
+  for (std::size_t i = 0; i < force_.size(); ++i) {
+    scale = std::max(scale, std::abs(problem_.b[i]));
+    largest = std::max(largest, std::abs(force_[i]));
+  }
+  const double largest_force = equations_.largest_force();
+  for (const ContactEquations::Touching& touching : responses_.contacts) {
+    const Vector3d f = touching.of(force_.data()), a = touching.of(solved_.data());
+    const std::size_t c = touching.contact;
+    ContactEquations::Contact& contact = equations_.contacts[c];
+    gap_acceleration_[c] = a[0];
+    if (f[0] <= kAtRest * largest && a[0] > kAtRest * scale) continue;
+    if (at_zero_.has(c) && f[0] <= kAtBound * largest_force) continue;
+    contact.acts = Acts::kSlips;
+    contact.reference.setZero();
+    contact.direction.setZero();
+    if (!touching.is_rough) continue;
+    const ConeContact& cone = problem_.contacts[touching.column / 3];
+    const Eigen::Vector2d a_t = a.tail<2>();
+    if (cone.slips)
+      contact.direction = touching.frame.rightCols<2>() * cone.direction;
+    else if (a_t.norm() > kAtRest * scale)
+      contact.direction = touching.frame.rightCols<2>() * a_t.normalized();
+    else
+      contact.acts = Acts::kSticks;
+  }
+}
+
+// b + A p of the problem
+void ContactEvents::find_solved_accelerations() {
+  const std::size_t n = force_.size();
+  solved_ = problem_.b;
+  for (std::size_t j = 0; j < n; ++j)
+    for (std::size_t i = 0; i < n; ++i) solved_[i] += problem_.A[n * j + i] * force_[j];
+}
+
+// The same of coordinates.
+void ContactEvents::choose_holds(const Watched& event) {
+  if (held_.empty()) return;
+  const std::size_t n = force_.size();
+  const auto root = [&](std::size_t i) { return std::sqrt(std::max(problem_.A[n * i + i], 0.0)); };
+  double largest = 0.0;
+  for (std::size_t i = 0; i < n; ++i)
+    if (root(i) > 0.0) largest = std::max(largest, std::abs(problem_.b[i]) / root(i));
+  const double largest_force = equations_.largest_force();
+  for (std::size_t k = 0; k < held_.size(); ++k) {
+    const Candidate& row = held_[k];
+    const std::size_t i = responses_.of_contacts + k;
+    ContactEquations::Coordinate& of = equations_.coordinates[row.coordinate];
+    coordinate_acceleration_[row.coordinate] = solved_[i] + row.acceleration;
+    if (!responses_.is_free[k]) continue;
+    const double least = std::max(kAtRest * largest * root(i), kAtRest * kLeastScale);
+    signed char side = std::abs(solved_[i]) > least ? sign_of(solved_[i]) : sign_of(0.0);
+    const double bound = event.side < 0 ? row.bounds.least : row.bounds.most;
+    const bool gives_way = event.kind == Watched::Kind::kHeld && event.coordinate == row.coordinate;
+    if (side == 0 && gives_way &&
+        std::abs(force_[i] - bound) <=
+            kAtBound * std::max({std::abs(bound), std::abs(force_[i]), largest_force}))
+      side = static_cast<signed char>(-event.side);
+    if (side == 0)
+      of.state.hold = row.hold;
+    else
+      of.state = state_leaving(of.law, row.hold, row.rate, equations_.zeta(of).rate, side);
+  }
+}
+
+// The forces of least norm are not within their bounds: those of the solution, and what is at its
+// bound gives way.
+void ContactEvents::take_forces() {
+  for (std::size_t k = 0; k < held_.size(); ++k)
+    equations_.coordinates[held_[k].coordinate].reference = force_[responses_.of_contacts + k];
+  for (const ContactEquations::Touching& touching : responses_.contacts) {
+    ContactEquations::Contact& contact = equations_.contacts[touching.contact];
+    if (contact.acts == Acts::kOpen) continue;
+    const Vector3d f = touching.of(force_.data());
+    contact.reference = touching.frame * f;
+    const Eigen::Vector2d f_t = f.tail<2>();
+    if (!at_cone_.has(touching.contact) || contact.acts != Acts::kSticks ||
+        !(f_t.norm() >= (1.0 - kAtBound) * contact.friction * f[0]))
+      continue;
+    contact.acts = Acts::kSlips;
+    contact.direction = -(touching.frame.rightCols<2>() * f_t.normalized());
+  }
+}
+
+// whether the forces of all that acts now are, to rounding
+bool ContactEvents::is_within_bounds() {
+  free_.resize(equations_.size());
+  equations_.derivative(0, equations_.time(), numbers_.data(), free_.data());
+  List<Watched>& forces = forces_;
+  forces.clear();
+  for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
+    if (equations_.contacts[c].acts != Acts::kOpen) watch_forces(c, &forces);
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c)
+    if (equations_.coordinates[c].state.hold != Hold::kNone) watch_held(c, &forces);
+  return std::all_of(forces.begin(), forces.end(),
+                     [](const Watched& watched) { return watched.value >= -watched.tolerance; });
+}
+
+// Where coordinates are held from now on.
+void ContactEvents::hold_coordinates(bool is_begin) {
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    ContactEquations::Coordinate& of = equations_.coordinates[c];
+    const OneSidedState& before = states_before_[c];
+    if (!of.is_one_sided || (!is_begin && of.state == before)) continue;
+    of.held = equations_.read(of, nullptr).q;
+    of.held_at = equations_.clock();
+    if (of.law.goal && of.state.drive != 0 && of.braking == 0.0) of.braking = braking_of(c);
+    if (of.state.hold == Hold::kBrake)
+      of.until = of.held_at + std::sqrt(2.0 * std::abs(of.held - *of.law.goal) / of.braking);
+    if (before.yield != 0) of.given_way += of.held - equations_.limit(of, before.yield > 0).value;
+  }
+}
+
+// ---- what is told
+
+// Of contacts and coordinates whose span begins: against where the last one ended.
+void ContactEvents::tell(const Span& span, const List<Acts>& before, const Of<double>& hit,
+                         bool is_begin) {
+  const double t = span.all.t + span.left.t;
+  for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
+    const ContactEquations::Coordinate& of = equations_.coordinates[c];
+    if (!of.is_one_sided) continue;
+    OneSidedState then = is_begin ? last_states_[c] : states_before_[c];
+    if (is_begin && hit.coordinates[c] != 0.0) then.hold = Hold::kNone;
+    const bool was_saturated = is_begin ? was_saturated_[c] != 0 : is_saturated(c, then);
+    add_changes(
+        of.law, then, of.state, hit.coordinates[c], was_saturated, is_saturated(c, of.state),
+        is_begin && span.all.t <= 0.0, [&](EventKind kind, double impulse) {
+          const bool rests = kind == EventKind::kLimitReached || kind == EventKind::kRopeTaut;
+          add_told({kind, t, -1, static_cast<int>(c), impulse},
+                   rests ? rests_in_.coordinates[c] : 0.0);
+        });
+  }
+  for (std::size_t p = 0; p < pairs_.size(); ++p) tell_pair(t, p, before, hit, is_begin);
+}
+
+void ContactEvents::tell_pair(double t, std::size_t p, const List<Acts>& before,
+                              const Of<double>& hit, bool is_begin) {
+  Pair& pair = pairs_[p];
+  bool was = pair.held, is = false, stuck = pair.stuck, sticks = false;
+  double impulse = 0.0, rests_in = 0.0;
+  for (std::size_t c = pair.first; c < pair.first + pair.count; ++c) {
+    const Acts now = equations_.contacts[c].acts;
+    was = was || before[c] != Acts::kOpen;
+    stuck = stuck || before[c] == Acts::kSticks;
+    is = is || now != Acts::kOpen;
+    sticks = sticks || now == Acts::kSticks;
+    impulse += hit.contacts[c];
+    rests_in = std::max(rests_in, rests_in_.contacts[c]);
+  }
+  // of one that nobody knows that it begins to touch is no event
+  if (is_begin && !was && impulse == 0.0) {
+    was = is;
+    stuck = sticks;
+  }
+  // friction of what sticks may be at its bound, as that of what slips is
+  if (is_begin && pair.is_still && sticks) stuck = true;
+  pair.held = pair.stuck = pair.is_still = false;
+  const auto add = [&](EventKind kind, double of, double later) {
+    add_told({kind, t, static_cast<int>(p), -1, of}, later);
+  };
+  if (!was && (is || impulse > 0.0)) add(EventKind::kContactBegan, impulse, is ? rests_in : 0.0);
+  if (was && impulse > 0.0) add(EventKind::kHit, impulse, is ? rests_in : 0.0);
+  if ((was || impulse > 0.0) && !is) add(EventKind::kContactEnded, 0.0, 0.0);
+  if (was && is && stuck != sticks && pair.friction > 0.0)
+    add(sticks ? EventKind::kSticks : EventKind::kSlips, 0.0, 0.0);
+}
+
+// What was to come to rest later, and has an event now, does not.
+void ContactEvents::add_told(const Told& told, double rests_in) {
+  for (Told& other : told_)
+    if (other.pair == told.pair && other.coordinate == told.coordinate)
+      other.time = std::min(other.time, told.time);
+  told_.push_back(told);
+  told_.back().time += rests_in;
+}
+
+bool ContactEvents::is_saturated(std::size_t c, const OneSidedState& state) const {
+  const ContactEquations::Coordinate& of = equations_.coordinates[c];
+  return (equations_.joints[of.joint].is_at_end && of.is_one_sided) ||
+         is_at_force_limit(
+             of.law, state, [&](bool upper_one) { return equations_.limit(of, upper_one); },
+             [&] { return equations_.zeta(of); });
+}
+
+}  // namespace constraint_sim::engine

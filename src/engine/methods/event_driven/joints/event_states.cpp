@@ -1,0 +1,493 @@
+// What an EventDriven does at an event: limits that are hit have impacts, and then a
+// complementarity problem of the accelerations says what each row does from there on.
+//
+// With u = J V the rates of the coordinates and A = J W Jᵀ, W what impulses do while the rigid
+// joints hold:
+//   impacts    u⁺ = u + A p, and of limits that touch  p ≥ 0, u⁺ + e u⁻ ≥ 0, one of them 0
+//   afterwards q̈ − c̈ = b + A λ, and of coordinates that move as c  least ≤ λ ≤ most, and
+//              q̈ = c̈, or q̈ > c̈ at the least λ, or q̈ < c̈ at the most
+
+#include <algorithm>
+#include <cmath>
+
+#include "engine/math/box_lcp.h"
+#include "engine/math/dense.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+#include "engine/methods/event_driven/joints/event_span.h"
+#include "engine/methods/event_driven/joints/law_events.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Index;
+using Eigen::VectorXd;
+
+constexpr double kNoAcceleration = 1e-10;  // of the largest acceleration: less is none
+constexpr double kLeast = 1e-12;           // [m/s² or rad/s²] the same, where nothing pulls
+constexpr double kKeepsTravel = 1e-6;      // [m] a length that is off by less is what a motor holds
+constexpr std::size_t kMostVariants = 16;
+
+Index index(std::size_t i) { return static_cast<Index>(i); }
+
+}  // namespace
+
+// ---- the problem
+
+bool EventDriven::load_rows(Span* span, Rows* rows) {
+  rows->y.resize(bare_.size());
+  rows->dydt.resize(bare_.size());
+  bare_.forget_redundant_rows();
+  bare_.begin_step(joint_states_);
+  bare_.gather_state(*span->states, rows->y.data());
+  const double t = span->left.t;
+  bare_.begin(t, *span->states, span->all.gravity, span->all.loads, bare_courses_,
+              span->all.since_tick + (t - span->all.t));
+  const double before = bare_.kinetic_energy(rows->y.data());
+  if (!bare_.start(t, rows->y.data(), rows->dydt.data())) return false;
+  span->progress.projected += before - bare_.kinetic_energy(rows->y.data());
+  bare_.scatter_state(rows->y.data(), span->states);
+  read_rows(*span, rows);
+  find_responses(rows);
+  find_lost(*span, *rows);
+  return true;
+}
+
+void EventDriven::read_rows(const Span& span, Rows* rows) const {
+  EquationsOfMotion::Motions rates;
+  bare_.find_accelerations(rows->y.data(), rows->dydt.data(), &rates);
+  rows->reading.clear();
+  for (const OneSidedLaw& law : laws_)
+    rows->reading.push_back(read(span, law, span.left.t, bare_, rates));
+}
+
+void EventDriven::find_responses(Rows* rows) {
+  const std::size_t n = laws_.size();
+  rows->response.resize(n);
+  rows->joint_impulses.resize(n);
+  rows->is_free.assign(n, 0);
+  rows->A.setZero(index(n), index(n));
+  const List<int>& bodies = bare_.bodies();
+  const auto rate_of = [&](const OneSidedLaw& law, const Jacobian& J,
+                           const EquationsOfMotion::Motions& motions) {
+    double rate = 0.0;
+    const auto add = [&](std::size_t body, const Eigen::Vector3d& linear,
+                         const Eigen::Vector3d& angular) {
+      const auto found = std::find(bodies.begin(), bodies.end(), static_cast<int>(body));
+      if (found == bodies.end()) return;
+      const auto i = static_cast<std::size_t>(found - bodies.begin());
+      rate += linear.dot(motions.linear[i]) + angular.dot(motions.angular[i]);
+    };
+    add(ends_[law.joint].first, J.j1, J.j2);
+    add(ends_[law.joint].second, J.j3, J.j4);
+    return rate;
+  };
+  for (std::size_t c = 0; c < n; ++c) {
+    if (is_broken_[laws_[c].joint]) continue;
+    const Jacobian& J = rows->reading[c].J;
+    const auto [a, b] = ends_[laws_[c].joint];
+    const EquationsOfMotion::BodyImpulse unit{
+        {static_cast<int>(a), static_cast<int>(b)}, {J.j1, J.j3}, {J.j2, J.j4}};
+    rows->response[c] = bare_.held_response(unit, &rows->joint_impulses[c]);
+    for (std::size_t d = 0; d < n; ++d)
+      rows->A(index(d), index(c)) = rate_of(laws_[d], rows->reading[d].J, rows->response[c]);
+    const bool is_free = rows->A(index(c), index(c)) > kHeld * bare_.free_response(unit);
+    rows->is_free[c] = is_free ? 1 : 0;
+  }
+  rows->A = (0.5 * (rows->A + rows->A.transpose())).eval();
+}
+
+void EventDriven::apply_impulse(Rows* rows, std::size_t c, double impulse) {
+  if (impulse == 0.0) return;
+  bare_.add_response(rows->response[c], rows->joint_impulses[c], impulse, rows->y.data());
+  for (std::size_t d = 0; d < laws_.size(); ++d)
+    rows->reading[d].rate += rows->A(index(d), index(c)) * impulse;
+  impulses_[laws_[c].joint][laws_[c].function] += impulse;
+  rows->hit[c] += impulse;
+}
+
+// ---- impacts
+
+// Impacts one after the other until no limit is hit any more. Limits that would bounce too low to
+// be seen have no restitution: then all is done again.
+bool EventDriven::have_impacts(Span* span, Rows* rows, bool* any) {
+  const List<double> start = rows->y;
+  const List<RowVector> impulses = impulses_;
+  const List<double> coupled = coupled_impulses_;
+  List<char> rests(laws_.size(), 0);
+  for (bool is_settled = false; !is_settled;) {
+    List<char> bounced(laws_.size(), 0);
+    int count = 0;
+    for (; count < kMostImpacts; ++count) {
+      const List<Hit> hits = find_hits(*span, *rows, rests);
+      if (hits.empty()) break;
+      if (!have_impact(hits, rows)) return false;
+      for (const Hit& hit : hits)
+        if (hit.restitution > 0.0) bounced[hit.law] = 1;
+    }
+    if (count == kMostImpacts) return false;
+    if (count == 0) return true;
+    *any = true;
+    if (!go_on_after_impacts(span, rows) || !let_rest(*span, rows, bounced, &rests, &is_settled))
+      return false;
+    if (is_settled) break;
+    impulses_ = impulses;
+    coupled_impulses_ = coupled;
+    rows->hit.assign(laws_.size(), 0.0);
+    bare_.scatter_state(start.data(), span->states);
+    if (!load_rows(span, rows)) return false;
+  }
+  return true;
+}
+
+// what the bodies do by now, with the impulses that joints had
+bool EventDriven::go_on_after_impacts(Span* span, Rows* rows) {
+  for (std::size_t k = 0; k < bare_.joints().size(); ++k) {
+    const auto l = static_cast<std::size_t>(bare_.joints()[k]);
+    impulses_[l] += bare_.impulse(k);
+    if (!bare_.coupled_rows().empty() && couples(joints_[l].kind))
+      coupled_impulses_[l] += bare_.coupled_impulse(k);
+  }
+  bare_.scatter_state(rows->y.data(), span->states);
+  return load_rows(span, rows);
+}
+
+// The limits that take part in the next impact: of those with a restitution the one that is hit
+// fastest with all others between the same two bodies, and all without. None where none is hit.
+List<EventDriven::Hit> EventDriven::find_hits(const Span& span, const Rows& rows,
+                                              const List<char>& rests) const {
+  List<Hit> touching;
+  const Hit* fastest = nullptr;
+  bool any_hit = false;
+  for (std::size_t c = 0; c < laws_.size(); ++c) {
+    const OneSidedLaw& law = laws_[c];
+    if (is_broken_[law.joint] || std::isfinite(law.limit_force)) continue;
+    for (const bool upper_one : {false, true}) {
+      if (!std::isfinite(law.limit(upper_one))) continue;
+      const Prescribed at_limit = limit(c, upper_one, span.left.t);
+      const double direction = upper_one ? -1.0 : 1.0;
+      if (direction * (rows.reading[c].q - at_limit.value) > kTouching) continue;
+      const double rate = direction * (rows.reading[c].rate - at_limit.rate);
+      const bool is_hit = rate < -kResting;
+      any_hit = any_hit || is_hit;
+      const double restitution = rests[c] ? 0.0 : law.restitution;
+      if (is_hit || (restitution == 0.0 && rows.is_free[c]))
+        touching.push_back({c, direction, rate, is_hit ? restitution : 0.0});
+    }
+  }
+  if (!any_hit) return {};
+  for (const Hit& hit : touching)
+    if (hit.restitution > 0.0 && (fastest == nullptr || hit.rate < fastest->rate)) fastest = &hit;
+  const auto ends = fastest != nullptr ? ends_[laws_[fastest->law].joint] : Ends::value_type{};
+  const auto waits = [&](const Hit& hit) {
+    const auto [a, b] = ends_[laws_[hit.law].joint];
+    return hit.restitution > 0.0 && std::minmax(a, b) != std::minmax(ends.first, ends.second);
+  };
+  touching.erase(std::remove_if(touching.begin(), touching.end(), waits), touching.end());
+  return touching;
+}
+
+// With less restitution where kinetic energy would rise. False where there is no answer.
+bool EventDriven::have_impact(const List<Hit>& hits, Rows* rows) {
+  const Index n = index(hits.size());
+  BoxLcp problem{Eigen::MatrixXd(n, n), VectorXd(n), VectorXd::Zero(n),
+                 VectorXd::Constant(n, kInfinity)};
+  VectorXd rate(n), impulse;
+  for (Index i = 0; i < n; ++i) {
+    const Hit& hit = hits[static_cast<std::size_t>(i)];
+    if (!rows->is_free[hit.law]) return false;  // a rigid joint drives it into its limit
+    rate[i] = hit.rate;
+    for (Index j = 0; j < n; ++j) {
+      const Hit& other = hits[static_cast<std::size_t>(j)];
+      problem.A(i, j) = hit.direction * other.direction * rows->A(index(hit.law), index(other.law));
+    }
+  }
+  for (const double share : {1.0, 0.5, 0.25, 0.0}) {
+    for (Index i = 0; i < n; ++i)
+      problem.b[i] = (1.0 + share * hits[static_cast<std::size_t>(i)].restitution) * rate[i];
+    if (!solve(problem, &impulse)) return false;
+    const VectorXd mean = rate + 0.5 * math::product(problem.A, impulse);
+    if (math::dot(impulse, mean) <= kNoWork * math::dot(impulse.cwiseAbs(), rate.cwiseAbs())) break;
+  }
+  for (Index i = 0; i < n; ++i) {
+    const Hit& hit = hits[static_cast<std::size_t>(i)];
+    apply_impulse(rows, hit.law, hit.direction * impulse[i]);
+  }
+  return true;
+}
+
+// Finds those that bounce too low to be seen.
+bool EventDriven::let_rest(const Span& span, Rows* rows, const List<char>& bounced,
+                           List<char>* rests, bool* is_settled) const {
+  List<OneSidedState> states;
+  *is_settled = true;
+  if (std::find(bounced.begin(), bounced.end(), 1) == bounced.end()) return true;
+  if (!decide(span, rows, {}, &states)) return false;
+  for (std::size_t c = 0; c < laws_.size(); ++c) {
+    if (!bounced[c]) continue;
+    const Reading& reading = rows->reading[c];
+    for (const bool upper_one : {false, true}) {
+      if (!std::isfinite(laws_[c].limit(upper_one))) continue;
+      const Prescribed at_limit = limit(c, upper_one, span.left.t);
+      const double direction = upper_one ? -1.0 : 1.0;
+      const double rate = direction * (reading.rate - at_limit.rate);
+      const double fall = -direction * (rows->acceleration[index(c)] - at_limit.acceleration);
+      if (direction * (reading.q - at_limit.value) > kTouching) continue;
+      const std::optional<double> rests_in =
+          time_to_rest(rate, fall, laws_[c].restitution, span.left.left);
+      if (!rests_in) continue;
+      rows->rests_in[c] = *rests_in;
+      (*rests)[c] = 1;
+      *is_settled = false;
+    }
+  }
+  return true;
+}
+
+// ---- states
+
+// At which rate a coordinate moves, of those at which something holds it. Sets what else acts.
+std::optional<EventDriven::Candidate> EventDriven::candidate(const Span& span, std::size_t c,
+                                                             const Reading& reading,
+                                                             OneSidedState* state) const {
+  const OneSidedLaw& law = laws_[c];
+  const double t = span.left.t;
+  const auto limit_of = [&](bool upper_one) { return limit(c, upper_one, t); };
+  const auto zeta_of = [&] { return zeta(span, c, t, reading.q); };
+  const bool is_lost = law.goal && braking_[c] > 0.0;
+  const std::optional<Hold> hold =
+      find_hold(law, states_[c], reading, limit_of, zeta_of, is_lost, state);
+  if (!hold) return std::nullopt;
+  const Prescribed at = rate_held_at(*hold, limit_of, zeta_of);
+  const double zeta_rate = zeta_of().rate;
+  return Candidate{
+      c, *hold, at.rate, at.acceleration, zeta_rate, force_bounds(law, *hold, at.rate, zeta_rate)};
+}
+
+// what a candidate does that leaves its rate to this side
+OneSidedState EventDriven::leaving(const Candidate& from, signed char side) const {
+  return state_leaving(laws_[from.law], from.hold, from.rate, from.zeta, side);
+}
+
+// Also finds the accelerations of all coordinates with that.
+bool EventDriven::decide(const Span& span, Rows* rows, const Release& release,
+                         List<OneSidedState>* next) const {
+  if (!decide_holds(span, rows, release, next)) return false;
+  for (std::size_t c = 0; c < laws_.size(); ++c) {
+    if (laws_[c].servo_most == 0.0 || is_broken_[laws_[c].joint]) continue;
+    Reading now = rows->reading[c];
+    now.acceleration = rows->acceleration[index(c)];
+    (*next)[c].servo = servo_from(laws_[c], states_[c].servo, now, rest(c, span.left.t));
+  }
+  return true;
+}
+
+bool EventDriven::decide_holds(const Span& span, Rows* problem_at, const Release& release,
+                               List<OneSidedState>* next) const {
+  Rows& rows = *problem_at;
+  next->assign(laws_.size(), {});
+  List<Candidate> candidates;
+  VectorXd force = VectorXd::Zero(index(laws_.size()));
+  for (std::size_t c = 0; c < laws_.size(); ++c) {
+    if (is_broken_[laws_[c].joint]) continue;
+    if (laws_[c].servo_most > 0.0)
+      force[index(c)] = clamped_servo_force(laws_[c], rows.reading[c], rest(c, span.left.t));
+    if (!rows.is_free[c]) continue;
+    const auto found = candidate(span, c, rows.reading[c], &(*next)[c]);
+    if ((*next)[c].yield != 0 && !std::isfinite(laws_[c].limit_force)) return false;
+    if (found)
+      candidates.push_back(*found);
+    else
+      force[index(c)] += constant_force(laws_[c], (*next)[c]);
+  }
+  const Index n = index(candidates.size());
+  rows.acceleration.resize(index(laws_.size()));
+  for (std::size_t c = 0; c < laws_.size(); ++c)
+    rows.acceleration[index(c)] = rows.reading[c].acceleration;
+  rows.acceleration += math::product(rows.A, force);
+  if (candidates.size() > kMostRows) return false;
+  if (n == 0) return true;
+  BoxLcp problem{Eigen::MatrixXd(n, n), VectorXd(n), VectorXd(n), VectorXd(n)};
+  for (Index i = 0; i < n; ++i) {
+    const Candidate& row = candidates[static_cast<std::size_t>(i)];
+    for (Index j = 0; j < n; ++j)
+      problem.A(i, j) = rows.A(index(row.law), index(candidates[static_cast<std::size_t>(j)].law));
+    problem.b[i] = rows.acceleration[index(row.law)] - row.acceleration;
+    problem.least[i] = row.bounds.least;
+    problem.most[i] = row.bounds.most;
+  }
+  VectorXd lambda;
+  if (!solve(problem, &lambda)) return false;
+  const VectorXd a = problem.b + math::product(problem.A, lambda);
+  for (Index i = 0; i < n; ++i)
+    rows.acceleration += lambda[i] * rows.A.col(index(candidates[static_cast<std::size_t>(i)].law));
+  const VectorXd roots = problem.A.diagonal().cwiseSqrt();
+  const double largest = problem.b.cwiseQuotient(roots).lpNorm<Eigen::Infinity>();
+  const double largest_force = bare_.largest_force();
+  List<Index> held;
+  List<signed char> sides;
+  for (Index i = 0; i < n; ++i) {
+    const Candidate& row = candidates[static_cast<std::size_t>(i)];
+    const bool is_leaving = std::abs(a[i]) > std::max(kNoAcceleration * largest * roots[i], kLeast);
+    signed char side = is_leaving ? sign_of(a[i]) : sign_of(0.0);
+    const double bound = release.side < 0 ? row.bounds.least : row.bounds.most;
+    if (side == 0 && release.law == static_cast<int>(row.law) &&
+        std::abs(lambda[i] - bound) <=
+            kAtBound * std::max({std::abs(bound), std::abs(lambda[i]), largest_force}))
+      side = static_cast<signed char>(-release.side);
+    sides.push_back(side);
+    if (side == 0 && lambda[i] > row.bounds.least && lambda[i] < row.bounds.most) held.push_back(i);
+  }
+  for (Index i = 0; i < n; ++i) {
+    const Candidate& row = candidates[static_cast<std::size_t>(i)];
+    const signed char side = sides[static_cast<std::size_t>(i)];
+    const bool is_bound = !(lambda[i] > row.bounds.least && lambda[i] < row.bounds.most);
+    if (side != 0) {
+      (*next)[row.law] = leaving(row, side);
+    } else if (!is_bound) {
+      (*next)[row.law].hold = row.hold;
+    } else if (pivot_beside(problem.A, held, i) > kDependent) {
+      held.push_back(i);
+      (*next)[row.law].hold = row.hold;
+    } else {  // others hold it as well, for now
+      (*next)[row.law] = leaving(row, lambda[i] > row.bounds.least ? -1 : 1);
+    }
+  }
+  return true;
+}
+
+// ---- from one set of rows to the next
+
+// Where rows hold their coordinates from now on, and what is on its way there.
+void EventDriven::hold_rows(const Span& span, const Rows& rows, const List<OneSidedState>& next) {
+  const double t = span.left.t;
+  List<char> is_changed(joints_.size(), 0);
+  for (std::size_t c = 0; c < laws_.size(); ++c) {
+    const OneSidedLaw& law = laws_[c];
+    const OneSidedState& before = states_[c];
+    if (has_started_ && before.hold == Hold::kDrive && !law.is_distance)
+      held_[c] = courses_[law.joint].target(law.function, t).value + law.zero;
+    if (has_started_ && next[c] == before) continue;
+    is_changed[law.joint] = 1;
+    const double q = rows.reading[c].q;
+    if (!law.is_distance) {
+      held_[c] = q;
+      if (next[c].hold == Hold::kBrake)
+        held_[c] = t + std::sqrt(2.0 * std::abs(q - *law.goal) / braking_[c]);
+      continue;
+    }
+    double& travelled = held_[c] = joint_states_[law.joint].travel = travel(law.joint, t);
+    const bool is_limit = next[c].hold == Hold::kUpper || next[c].hold == Hold::kLower;
+    double off = 0.0;
+    if (next[c].hold == Hold::kDrive)
+      off = q - courses_[law.joint].length(t).value;
+    else if (before.yield != 0 && (is_limit || next[c].yield != 0 || next[c].hold == Hold::kNone))
+      off = q - limit(c, before.yield > 0, t).value;
+    if (std::abs(off) > kKeepsTravel || before.yield != 0 || before.drive != 0) {
+      travelled += off;
+      joint_states_[law.joint].travel = travelled;
+      joint_states_[law.joint].closing = false;
+    }
+  }
+  // motors with any force go on from where they are
+  for (std::size_t l = 0; l < joints_.size(); ++l) {
+    if (!is_changed[l]) continue;
+    const JointKindInfo& kind = info(joints_[l].kind);
+    for (int i = 0; i < kind.coordinates; ++i) {
+      const CoordinateLaw& law = joints_[l].coordinates[static_cast<std::size_t>(i)];
+      if (!is_held(law)) continue;
+      const int function = kind.rows + i;
+      const double closing = courses_[l].is_closing() ? joint_states_[l].closing_offset[function] *
+                                                            courses_[l].share_to_close(t).value
+                                                      : 0.0;
+      joint_states_[l].coordinates[static_cast<std::size_t>(i)].held =
+          courses_[l].target(function, t).value - closing + law.zero;
+    }
+  }
+  states_ = next;
+  for (std::size_t l = 0; l < joints_.size(); ++l) {
+    if (!is_changed[l]) continue;
+    set_rows(l);
+    begin_course(span, l, t);
+  }
+}
+
+// What of the change from the present states to the next ones is told.
+void EventDriven::tell(const Span& span, const Rows& rows, const List<OneSidedState>& next) {
+  for (std::size_t c = 0; c < laws_.size(); ++c) {
+    const OneSidedLaw& law = laws_[c];
+    if (is_broken_[law.joint]) continue;
+    const double t = span.left.t;
+    const Reading& now = rows.reading[c];
+    const bool is_new = span.begins && span.all.since_tick == 0.0;  // of a step
+    const bool was =
+        is_new ? was_saturated(span, c, now) : is_saturated(span, c, states_[c], t, now.q);
+    OneSidedState before = states_[c];
+    if (!has_started_) {
+      before =
+          state_of_motion(law, now, was, [&](bool upper_one) { return limit(c, upper_one, t); });
+      if (rows.hit[c] != 0.0) before.hold = Hold::kNone;
+    }
+    const int coordinate = law.is_distance ? -1 : law.coordinate;
+    const auto add = [&](EventKind kind, double impulse) {
+      for (Told& told : told_)  // what was to come to rest later has not
+        if (told.joint == law.joint && told.coordinate == coordinate)
+          told.time = std::min(told.time, t);
+      const bool rests = kind == EventKind::kLimitReached || kind == EventKind::kRopeTaut;
+      told_.push_back({kind, t + (rests ? rows.rests_in[c] : 0.0), law.joint, coordinate, impulse});
+    };
+    add_changes(law, before, next[c], rows.hit[c], was, is_saturated(span, c, next[c], t, now.q),
+                !has_started_ && span.all.t <= 0.0, add);
+  }
+}
+
+bool EventDriven::switch_to_states(Span* span) {
+  RungeKutta& motion = *span->motion;
+  collect(*span->states, &motion);
+  if (!(compiled_for_ == states_ && broken_then_ == is_broken_)) {
+    const auto found = std::find_if(others_.begin(), others_.end(), [&](const Variant& other) {
+      return other.states == states_ && other.is_broken == is_broken_;
+    });
+    const double step = motion.step();
+    least_forces_.reset();
+    if (found != others_.end()) {
+      std::swap(motion, found->motion);
+      std::swap(compiled_for_, found->states);
+      std::swap(broken_then_, found->is_broken);
+    } else {
+      if (others_.size() >= kMostVariants) others_.erase(others_.begin());
+      others_.push_back({compiled_for_, broken_then_, std::move(motion)});
+      motion = RungeKutta(compile(states_, span->around.masses));
+      compiled_for_ = states_;
+      broken_then_ = is_broken_;
+    }
+    motion.restart();
+    motion.set_step(step);
+  }
+  motion.begin_step(joint_states_);
+  motion.forget();
+  const IntegrationResult begun = motion.begin(rest_of(*span), span->accuracy, *span->states);
+  span->progress.projected += begun.projected;
+  if (!begun.done) return false;
+  motion.equations().scatter_state(motion.state(), span->states);
+  has_started_ = true;
+  watch(*span, span->left.t, &watched_.before);
+  return true;
+}
+
+bool EventDriven::settle(Span* span, const Release& release, bool is_changed, bool* had_impacts) {
+  Rows rows;
+  rows.hit.assign(laws_.size(), 0.0);
+  rows.rests_in = rows.hit;
+  List<OneSidedState> next;
+  if (!load_rows(span, &rows) || !have_impacts(span, &rows, had_impacts) ||
+      !decide(*span, &rows, release, &next))
+    return false;
+  if (!is_changed && !*had_impacts && next == states_) return true;
+  tell(*span, rows, next);
+  note_lost(rows, next);
+  hold_rows(*span, rows, next);
+  return switch_to_states(span);
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,197 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <optional>
+
+#include "engine/math/list.h"
+#include "engine/math/first_root.h"
+
+namespace constraint_sim::engine {
+
+// Where in a substep the first event is, of values that are watched: at an event one of them falls
+// below zero. For whatever steps from event to event.
+
+inline constexpr double kTouching = 1e-10;  ///< [m or rad] a gap no larger is closed
+inline constexpr double kResting = 1e-9;    ///< [m/s or rad/s] a rate no larger is none
+
+/// What an event waits for: where `value` falls below zero.
+struct WatchedValue {
+  double value = 0.0, rate = 0.0, acceleration = 0.0;
+  int known = 0;         ///< derivatives of the value that are known
+  double tolerance = 0;  ///< [that of the value] below which it is rounding
+  double rough = 0.0;    ///< [that of the value] to which it is found where that has no slope
+  double early = 0.0;    ///< where a stage of the substep had it below, as a share; 0: none did
+};
+
+/// Where something is about to fall below zero, as a share of a substep.
+struct Crossing {
+  double share;
+  std::size_t which;
+};
+
+namespace event_watch {
+
+inline constexpr double kLocatedForce = 1e-3;  // of the tolerance of forces
+inline constexpr double kLocated = 1e-15;      // [s], and of the time
+inline constexpr int kMostLocations = 120;     // substeps taken again for one event
+inline constexpr int kMostNewton = 40;         // of these by models, the others by halves
+inline constexpr int kMostSmooth = 5;          // of what has a slope
+inline constexpr int kMostUnpassed = 12;       // where models cross, and nothing has
+
+/// What a value falls below at its event, by how it starts in a substep. A force has its event just
+/// beyond its bound, so that it is told from one that stays; one that starts there may be beyond by
+/// its tolerance. A gap or a rate that starts at zero, and at rest, may fall by what counts as
+/// closed or at rest, from where it starts: that may be below zero by rounding. So may, for now,
+/// what is muted: it has just had an event that changed nothing.
+inline double level_of(const WatchedValue& start, bool is_muted) {
+  const double below = std::min(start.value, 0.0);
+  if (start.known == 0) {
+    if (is_muted) return below - start.tolerance;
+    return (start.value > start.tolerance ? -kLocatedForce : -1.0) * start.tolerance;
+  }
+  const double resting = start.known == 1 ? kResting : kTouching;
+  if (!is_muted && (start.value > resting || std::abs(start.rate) > kResting)) return 0.0;
+  return below - resting;
+}
+
+/// How close to its level a value is there, where places are told apart down to `least` [s].
+/// `is_rough`: it seems to have no slope there, as where a slip ends that turns ever faster.
+inline double slack_of(const WatchedValue& there, double least, bool is_rough) {
+  if (there.known == 0) return 0.5 * kLocatedForce * there.tolerance;
+  return std::max({there.tolerance, -least * there.rate, is_rough ? there.rough : 0.0});
+}
+
+/// The first root in a substep of h from one end to the other, of what has its event at `level`.
+/// `is_all`: these are both ends of a substep.
+inline std::optional<double> first_crossing(const WatchedValue& from, const WatchedValue& to,
+                                            double h, double level, bool is_all) {
+  const double p0 = from.value - level, p1 = to.value - level;
+  if (from.known == 0) {
+    if (!(to.value < (is_all ? std::min(level, -to.tolerance) : level))) return std::nullopt;
+    return std::clamp(p0 / (p0 - p1), 0.0, 1.0);
+  }
+  const auto root_of = [&](auto p) {
+    const bool is_leaving = p[0] <= 0.0 && from.rate > 0.0;
+    p[0] = is_leaving ? 0.0 : std::max(p[0], 0.0);
+    return is_leaving ? first_root_after_zero(p) : first_root(p);
+  };
+  const double v0 = h * from.rate, v1 = h * to.rate;
+  if (from.known == 1) return root_of(Bernstein<4>{p0, p0 + v0 / 3.0, p1 - v1 / 3.0, p1});
+  const double a0 = h * h * from.acceleration, a1 = h * h * to.acceleration;
+  return root_of(Bernstein<6>{p0, p0 + v0 / 5.0, p0 + 2.0 * v0 / 5.0 + a0 / 20.0,
+                              p1 - 2.0 * v1 / 5.0 + a1 / 20.0, p1 - v1 / 5.0, p1});
+}
+
+}  // namespace event_watch
+
+/// The values watched in one substep, of a type that is a WatchedValue.
+template <class Watched>
+struct WatchedSubstep {
+  List<Watched> before, after;  ///< at its ends
+  List<char> is_muted;          ///< in this substep; may be shorter
+
+  double level(std::size_t k) const {
+    return event_watch::level_of(before[k], k < is_muted.size() && is_muted[k]);
+  }
+
+  /// The earliest crossing that models of what is watched have between two places, h apart.
+  /// `is_all`: these are both ends of a substep.
+  std::optional<Crossing> earliest(const List<Watched>& from, const List<Watched>& to, double h,
+                                   bool is_all) const {
+    std::optional<Crossing> first;
+    for (std::size_t k = 0; k < from.size(); ++k) {
+      std::optional<double> root = event_watch::first_crossing(from[k], to[k], h, level(k), is_all);
+      if (!root && is_all && to[k].early > 0.0) root = to[k].early;
+      if (root && (!first || *root < first->share)) first = Crossing{*root, k};
+    }
+    return first;
+  }
+
+  /// What is beyond its event at `after`. What starts below it, and leaves, is so where it falls
+  /// again.
+  std::optional<std::size_t> find_passed(double least, bool is_rough) const {
+    for (std::size_t k = 0; k < after.size(); ++k) {
+      const Watched& there = after[k];
+      const double at = level(k);
+      if (there.value < at - event_watch::slack_of(there, least, is_rough) &&
+          (there.known == 0 || before[k].value >= at || there.rate < 0.0))
+        return k;
+    }
+    return std::nullopt;
+  }
+
+  /// Whether the event of one is at `after`.
+  bool is_there(std::size_t k, double least, bool is_rough) const {
+    const Watched& there = after[k];
+    return (there.known == 0 || there.rate < 0.0 || (is_rough && there.rough > 0.0)) &&
+           std::abs(there.value - level(k)) <= event_watch::slack_of(there, least, is_rough);
+  }
+
+  /// Ends the substep, which started at t and was h long, where the first event is, and leaves what
+  /// is watched there in `after`. Or there is none after all, and the whole substep stays.
+  /// `go_to(share, is_start)` takes the substep again that far, or not at all, and sets `after`;
+  /// false where it cannot, or where the event is found nowhere.
+  template <class GoTo>
+  bool locate(double t, double h, GoTo go_to_share, std::optional<Crossing>* event) {
+    using namespace event_watch;  // NOLINT(google-build-using-namespace): its constants
+    const double least = kLocated * std::max(1.0, std::abs(t));
+    double low = 0.0, high = 1.0, here = 1.0;
+    bool is_passed = find_passed(least, false).has_value();
+    int low_for = 0, high_for = 0;  // times in a row that the other end has moved
+    low_ = before;
+    high_ = after;
+    const auto go_to = [&](double share) {
+      here = share;
+      return go_to_share(share, share * h <= least);
+    };
+    for (int i = 0; i < kMostLocations; ++i) {
+      const bool is_rough = i >= kMostSmooth;
+      if (is_passed && (high - low) * h <= 2.0 * least) {
+        if (here != high && !go_to(high)) return false;
+        const std::optional<std::size_t> passed = find_passed(least, is_rough);
+        if (passed)
+          *event = Crossing{high, *passed};
+        else  // by the rounding of the first try
+          event->reset();
+        return true;
+      }
+      const std::optional<Crossing> next =
+          i == 0 ? *event : earliest(low_, high_, (high - low) * h, false);
+      if (!is_passed && (!next || i >= kMostUnpassed)) {  // within rounding
+        event->reset();
+        return here == high || go_to(high);
+      }
+      const bool by_model = i < kMostNewton && next && (i == 0 || low == 0.0 || next->share > 0.0);
+      const double share = low + (by_model ? next->share : 0.5) * (high - low);
+      if (!go_to(share)) return false;
+      if (next) *event = next;
+      const std::optional<std::size_t> passed = find_passed(least, is_rough);
+      if (share * h <= least || (!passed && is_there((*event)->which, least, is_rough)))
+        return true;
+      if (passed) {
+        high = share;
+        high_ = after;
+        is_passed = true;
+        low_for = 0;
+        if (++high_for > 1)
+          for (Watched& w : low_)
+            if (w.known == 0 && w.value > 0.0) w.value *= 0.5;  // Illinois
+      } else {
+        low = share;
+        low_ = after;
+        high_for = 0;
+        if (++low_for > 1)
+          for (Watched& w : high_)
+            if (w.known == 0 && w.value < -4.0 * w.tolerance) w.value *= 0.5;
+      }
+    }
+    return false;
+  }
+
+ private:
+  List<Watched> low_, high_;
+};
+
+}  // namespace constraint_sim::engine

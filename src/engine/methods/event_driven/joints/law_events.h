@@ -1,0 +1,313 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "constraint_sim/engine/event.h"
+#include "engine/constraints/course.h"
+#include "engine/constraints/one_sided_law.h"
+#include "engine/math/numbers.h"
+#include "engine/methods/event_driven/joints/event_watch.h"
+#include "engine/math/integrate.h"
+
+namespace constraint_sim::engine {
+
+// What the methods that go from event to event share: of time, and of one-sided laws. At which rate
+// something may hold a coordinate, what acts once that gives way, what is watched meanwhile, and
+// which events a change is. `limit(upper_one)` returns where that limit is and how it moves,
+// `zeta()` the rate and the acceleration that the motor asks for. A reading is where a coordinate
+// is, as `q`, and how it moves, as `rate` and `acceleration`. Of a motor that goes to a position
+// the value of `zeta()` is where its course is.
+
+inline constexpr double kServoEdge = 1e-9;       ///< of its limit: a servo nearer to it is there,
+inline constexpr double kServoEdgeTime = 1e-12;  ///< or one that is so within this time [s]
+
+/// Acceleration that joints leave of a coordinate, as a share of its acceleration without joints: a
+/// coordinate with less is held by the joints.
+inline constexpr double kHeld = 1e-12;
+/// Work of an impulse as a share of the energy that impulses exchange: less is rounding.
+inline constexpr double kNoWork = 1e-12;
+/// Distance of a force from its bound as a share of the bound: a nearer force is at the bound.
+inline constexpr double kAtBound = 1e-6;
+/// Force as a share of the largest force of the island: less is rounding.
+inline constexpr double kForceShare = 1e-9;
+inline constexpr int kMostImpacts = 2000;   ///< impacts at one time
+inline constexpr int kMostUnchanged = 100;  ///< events in a step that change no state
+
+inline signed char sign_of(double x) {
+  return static_cast<signed char>(x > 0.0 ? 1 : (x < 0.0 ? -1 : 0));
+}
+
+/// Where a substep is that began at `start` and has gone on by `done` [s]. What is left is nothing
+/// where the time cannot tell it, as where an event is at the end of a tick.
+inline SubstepSpan gone_on(const SubstepSpan& start, double done) {
+  SubstepSpan now = start;
+  now.left = start.left - done;
+  now.t = start.end - now.left;
+  if (now.t + now.left == now.t) now.left = 0.0;
+  return now;
+}
+
+/// What may hold a coordinate, by where it is and how it moves. None where nothing does: then sets
+/// what acts in `state`, which begins with nothing. `before`: what acted until now; `is_lost`: a
+/// motor that goes to a position is not on its course.
+template <class Reading, class Limit, class Zeta>
+std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& before,
+                              const Reading& reading, Limit limit, Zeta zeta, bool is_lost,
+                              OneSidedState* state) {
+  for (const bool upper_one : {false, true}) {
+    if (!std::isfinite(law.limit(upper_one))) continue;
+    const Prescribed at_limit = limit(upper_one);
+    const double direction = upper_one ? -1.0 : 1.0;
+    const bool gave_way = before.yield == -direction;  // and is where the length is
+    const double gap = direction * (reading.q - at_limit.value);
+    const double rate = direction * (reading.rate - at_limit.rate);
+    const bool has_yet_to_hit = gap > 0.0 && rate < -kResting && !std::isfinite(law.limit_force);
+    if (!gave_way && (gap > kTouching || has_yet_to_hit)) continue;
+    if (std::abs(rate) <= kResting) return upper_one ? Hold::kUpper : Hold::kLower;
+    if (rate < 0.0) state->yield = sign_of(-direction);
+  }
+  if (state->yield != 0) return std::nullopt;
+  if (law.goal && !is_lost) return Hold::kDrive;
+  if (law.friction > 0.0 && std::abs(reading.rate) <= kResting) return Hold::kStill;
+  if (law.drive > 0.0) {
+    const double off = reading.rate - zeta().rate;
+    if (std::abs(off) <= kResting) return is_lost ? Hold::kBrake : Hold::kDrive;
+    state->drive = sign_of(off);
+  }
+  if (law.friction > 0.0) state->slip = sign_of(reading.rate);
+  return std::nullopt;
+}
+
+/// The rate and the acceleration that it is held at.
+template <class Limit, class Zeta>
+Prescribed rate_held_at(Hold hold, Limit limit, Zeta zeta) {
+  switch (hold) {
+    case Hold::kUpper:
+    case Hold::kLower:
+      return limit(hold == Hold::kUpper);
+    case Hold::kDrive:
+    case Hold::kBrake:
+      return zeta();
+    case Hold::kNone:
+    case Hold::kStill:
+      break;
+  }
+  return {};
+}
+
+/// What acts on a coordinate that was held at `rate` and leaves it to a side.
+inline OneSidedState state_leaving(const OneSidedLaw& law, Hold hold, double rate, double zeta_rate,
+                                   signed char side) {
+  const auto beside = [&](double at) {
+    const double off = rate - at;
+    return std::abs(off) <= kResting ? side : sign_of(off);
+  };
+  OneSidedState state;
+  if (law.friction > 0.0) state.slip = beside(0.0);
+  if (law.drive > 0.0) state.drive = beside(zeta_rate);
+  if (std::isfinite(law.limit_force) &&
+      ((hold == Hold::kUpper && side > 0) || (hold == Hold::kLower && side < 0)))
+    state.yield = side;
+  return state;
+}
+
+/// Adds the gaps of limits that are not reached: `add(WatchedValue)`.
+template <class Reading, class Limit, class Add>
+void watch_limits(const OneSidedLaw& law, const OneSidedState& state, const Reading& reading,
+                  Limit limit, Add add) {
+  for (const bool upper_one : {false, true}) {
+    if (!std::isfinite(law.limit(upper_one)) || state.is_at(upper_one)) continue;
+    const Prescribed at_limit = limit(upper_one);
+    const double direction = upper_one ? -1.0 : 1.0;
+    WatchedValue watched;
+    watched.known = 2;
+    watched.value = direction * (reading.q - at_limit.value);
+    watched.rate = direction * (reading.rate - at_limit.rate);
+    watched.acceleration = direction * (reading.acceleration - at_limit.acceleration);
+    watched.tolerance = 4.0 * kEpsilon * (std::abs(reading.q) + std::abs(at_limit.value));
+    add(watched);
+  }
+}
+
+/// Where a motor at its limit that goes to a position has the rate to come to rest there: of
+/// u = q̇ and e = q − g, both taken as u|u| + 2 b e, which is smooth where e passes 0.
+template <class Reading>
+WatchedValue watched_rate_to_goal(const OneSidedLaw& law, double direction, double braking,
+                                  const Reading& reading) {
+  const double u = reading.rate, off = reading.q - *law.goal;
+  WatchedValue watched;
+  watched.known = 1;
+  watched.value = direction * (u * std::abs(u) + 2.0 * braking * off);
+  watched.rate = direction * (2.0 * std::abs(u) * reading.acceleration + 2.0 * braking * u);
+  watched.tolerance =
+      kEpsilon * (u * u + 2.0 * braking * (std::abs(reading.q) + std::abs(*law.goal)));
+  return watched;
+}
+
+/// Where a motor that brakes comes to rest, which takes this long from here [s].
+inline WatchedValue watched_end(double left, double braking) {
+  WatchedValue watched;
+  watched.known = 1;
+  watched.value = braking * left;
+  watched.rate = -braking;
+  watched.tolerance = kEpsilon * braking * std::abs(left);
+  return watched;
+}
+
+/// Adds how far a servo is from its limit, as a share of that, or what it would do is beyond it.
+template <class Reading, class Add>
+void watch_servo(const OneSidedLaw& law, const OneSidedState& state, const Reading& reading,
+                 const Prescribed& rest, Add add) {
+  if (law.servo_most == 0.0) return;
+  const double force = servo_force(law, reading, rest) / law.servo_most;
+  const double rate = servo_force_rate(law, reading, rest) / law.servo_most;
+  WatchedValue watched;
+  watched.known = 1;
+  watched.tolerance = 4.0 * kEpsilon / law.servo_most *
+                      (law.servo_most + law.servo.K * (std::abs(reading.q) + std::abs(rest.value)) +
+                       law.servo.C * (std::abs(reading.rate) + std::abs(rest.rate)));
+  for (const double side : {1.0, -1.0}) {
+    const bool is_there = state.servo == (side > 0.0 ? Servo::kMost : Servo::kLeast);
+    if (!is_there && state.servo != Servo::kFollows) continue;
+    const double inside = is_there ? -1.0 : 1.0;
+    watched.value = inside * (1.0 - side * force);
+    watched.rate = -inside * side * rate;
+    add(watched);
+  }
+}
+
+/// What a servo does from here on; one that is at its edge as its force goes on.
+template <class Reading>
+Servo servo_from(const OneSidedLaw& law, Servo before, const Reading& reading,
+                 const Prescribed& rest) {
+  if (law.servo_most == 0.0) return Servo::kNone;
+  const double force = servo_force(law, reading, rest) / law.servo_most;
+  const Servo beyond = force > 0.0 ? Servo::kMost : Servo::kLeast;
+  const double margin = 1.0 - std::abs(force);
+  const double rate =
+      (force > 0.0 ? 1.0 : -1.0) * servo_force_rate(law, reading, rest) / law.servo_most;
+  const double edge = kServoEdge + kServoEdgeTime * std::abs(rate);
+  if (margin > edge) return Servo::kFollows;
+  if (margin < -edge) return beyond;
+  if (rate != 0.0) return rate > 0.0 ? beyond : Servo::kFollows;
+  return before == Servo::kFollows ? Servo::kFollows : beyond;
+}
+
+/// Adds the rates of what slips, of motors at their limits and of limits that give way. `braking`:
+/// of a motor that has lost its course.
+template <class Reading, class Limit, class Zeta, class Add>
+void watch_rates(const OneSidedLaw& law, const OneSidedState& state, double braking,
+                 const Reading& reading, Limit limit, Zeta zeta, Add add) {
+  const auto watch_rate = [&](double direction, const Prescribed& of) {
+    WatchedValue watched;
+    watched.known = 1;
+    watched.value = direction * (reading.rate - of.rate);
+    watched.rate = direction * (reading.acceleration - of.acceleration);
+    watched.tolerance = kEpsilon * (std::abs(reading.rate) + std::abs(of.rate));
+    add(watched);
+  };
+  if (state.slip != 0) watch_rate(state.slip, {});
+  if (state.drive != 0 && law.goal)
+    add(watched_rate_to_goal(law, state.drive, braking, reading));
+  else if (state.drive != 0)
+    watch_rate(state.drive, zeta());
+  if (state.yield != 0) watch_rate(state.yield, limit(state.yield > 0));
+}
+
+/// Whether a motor or a servo has all its force: also where a limit or friction holds what a motor
+/// pushes.
+template <class Limit, class Zeta>
+bool is_at_force_limit(const OneSidedLaw& law, const OneSidedState& state, Limit limit, Zeta zeta) {
+  if (state.is_saturated()) return true;
+  if (law.drive == 0.0 || state.hold == Hold::kNone || state.hold == Hold::kDrive ||
+      state.hold == Hold::kBrake)
+    return false;
+  const Prescribed held = rate_held_at(state.hold, limit, zeta), asked = zeta();
+  return std::abs(held.rate - asked.rate) > kResting ||  // or where the motor turns
+         std::abs(held.acceleration - asked.acceleration) > kResting;
+}
+
+inline bool has_force_limit(const OneSidedLaw& law) {
+  return law.drive > 0.0 || law.servo_most > 0.0 || std::isfinite(law.limit_force);
+}
+
+/// The same where a step begins, of a joint that says it of any of its coordinates: of several, of
+/// those that do not move as asked for.
+template <class Laws, class LawOf, class Reading, class Zeta>
+bool was_at_force_limit(const OneSidedLaw& law, const Laws& all, LawOf law_of, const Reading& now,
+                        const Prescribed& rest, Zeta zeta) {
+  if (law.is_distance) return true;
+  if (!has_force_limit(law)) return false;
+  const auto count = std::count_if(all.begin(), all.end(), [&](const auto& other) {
+    const OneSidedLaw& of = law_of(other);
+    return of.joint == law.joint && has_force_limit(of);
+  });
+  if (count == 1) return true;
+  if (law.servo_most > 0.0)
+    return std::abs(servo_force(law, now, rest)) >= (1.0 - kServoEdge) * law.servo_most;
+  return std::abs(now.rate - zeta().rate) > kResting;
+}
+
+/// What acted before a step, as its end left the coordinate and what was said of its motor.
+template <class Reading, class Limit>
+OneSidedState state_of_motion(const OneSidedLaw& law, const Reading& now, bool saturated,
+                              Limit limit) {
+  OneSidedState state;
+  const bool yields = saturated && std::isfinite(law.limit_force);
+  for (const bool upper_one : {false, true}) {
+    if (!std::isfinite(law.limit(upper_one))) continue;
+    const Prescribed at_limit = limit(upper_one);
+    if ((upper_one ? -1.0 : 1.0) * (now.q - at_limit.value) > kTouching) continue;
+    if (std::abs(now.rate - at_limit.rate) <= kResting)
+      state.hold = upper_one ? Hold::kUpper : Hold::kLower;
+    else if (yields)
+      state.yield = static_cast<signed char>(upper_one ? 1 : -1);
+  }
+  if (saturated && state.yield == 0) state.drive = 1;
+  const bool is_driven = law.drive > 0.0 && !saturated;
+  if (law.friction > 0.0 && state.hold == Hold::kNone && !is_driven &&
+      std::abs(now.rate) > kResting)
+    state.slip = sign_of(now.rate);
+  return state;
+}
+
+/// How long it takes until what bounces back by `speed`, and falls with `fall` [m/s²], has come to
+/// rest: the sum of all its bounces. None where it bounces higher than 1e-10 m, or on beyond what
+/// is `left` of the span; but where there are too many of these until then, it rests by the end.
+inline std::optional<double> time_to_rest(double speed, double fall, double restitution,
+                                          double left) {
+  constexpr double kBounce = 1e-10;  // [m or rad] of height: lower ones are not followed
+  constexpr double kMost = 128.0;    // to be followed because they go on beyond the span
+  if (!(speed > 0.0 && fall > 0.0 && speed * speed <= 2.0 * fall * kBounce)) return std::nullopt;
+  const double first = 2.0 * speed / fall;
+  if (first <= (1.0 - restitution) * left) return first / (1.0 - restitution);
+  if (kMost * first <= left) return left;
+  return std::nullopt;
+}
+
+/// Adds the events that a change is: `add(kind, impulse)`. `hit`: the impulse that a limit had,
+/// > 0 of the lower one. `was_saturated`, `is_saturated`: the motor. `is_begin`: what acted before
+/// is not known.
+template <class Add>
+void add_changes(const OneSidedLaw& law, const OneSidedState& before, const OneSidedState& next,
+                 double hit, bool was_saturated, bool is_saturated, bool is_begin, Add add) {
+  for (const bool upper_one : {false, true}) {
+    const bool is_hit = upper_one ? hit < 0.0 : hit > 0.0;
+    const bool was = is_begin ? next.is_at(upper_one) && !is_hit : before.is_at(upper_one);
+    const bool is_rope = law.is_distance && upper_one;
+    if (!was && (is_hit || next.is_at(upper_one)))
+      add(is_rope ? EventKind::kRopeTaut : EventKind::kLimitReached, is_hit ? std::abs(hit) : 0.0);
+    if ((was || is_hit) && !next.is_at(upper_one))
+      add(is_rope ? EventKind::kRopeSlack : EventKind::kLimitLeft, 0.0);
+  }
+  if (is_begin) return;
+  const auto compare = [&](bool was, bool is, EventKind begins, EventKind ends) {
+    if (was != is) add(is ? begins : ends, 0.0);
+  };
+  compare(was_saturated, is_saturated, EventKind::kSaturated, EventKind::kReleased);
+  compare(before.slip != 0, next.slip != 0, EventKind::kSlips, EventKind::kSticks);
+}
+
+}  // namespace constraint_sim::engine

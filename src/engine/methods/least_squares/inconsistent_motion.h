@@ -1,0 +1,134 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+
+#include "constraint_sim/engine/body.h"
+#include "engine/math/list.h"
+#include "engine/dynamics/equations_of_motion.h"
+#include "engine/math/integrate.h"
+#include "engine/dynamics/method.h"
+#include "engine/dynamics/regularized_rows.h"
+#include "engine/dynamics/rigid_motion.h"
+
+namespace constraint_sim::engine {
+
+/// The motion of an island with inconsistent constraints: rigid rows that cannot all be met.
+/// Positions go where Σ C²/a is least, a the diagonal entry of G M⁻¹ Gᵀ; velocities meet the rates
+/// that motors ask for in the sense of least squares. What closes errors moves positions alone:
+/// rows near contradiction would turn its rates into velocities without bound. A step is
+///   1. the midpoint rule with the discrete gradients of implicit_step.h, with the impulses along
+///      Ḡ that lead to 2; it keeps energy and both momenta
+///   2. Levenberg & Marquardt on Σ C²/a from there, which moves positions alone
+///   3. velocities projected onto the rates, which only takes energy off
+/// Where the impulses of 1 are not found, or would add energy, they are left out: then 2 does all
+/// of the correction. What energy is above that of the start of the step, plus the work of wrenches
+/// and driven joints, is taken off the velocities: first off those within the island, then, where
+/// nothing holds the island to the world, off its rotation, and never off the motion of its centre.
+class InconsistentMotion {
+ public:
+  explicit InconsistentMotion(const EquationsOfMotion& equations);
+
+  /// As method.h says, without a tolerance: rows that cannot be met leave an error that is larger.
+  IntegrationResult advance(const SmoothSpan& span, EquationsOfMotion* equations,
+                            List<BodyState>* states);
+  /// Whether all rows could be met at the end of the last span, and so could their rates.
+  bool can_be_met() const { return can_be_met_; }
+
+ private:
+  using Vector3d = Eigen::Vector3d;
+  using Rows = RegularizedRows::Geometry;
+  using Numbers = List<double>;  // by row
+
+  // Share of the weights on the diagonal where a right-hand side can be met.
+  static constexpr double kLeastShare = 1e-11;
+  // Share of the scene below which a change that is more than half of the one before is rounding.
+  static constexpr double kRounding = 1e-10;
+
+  /// What time asks of the rows.
+  struct Target {
+    Numbers length;          // [m]: length of a distance, component of a ball joint's offset
+    Numbers rate;            // the same [m/s]
+    BodyVectors fixed;       // velocities of immovable points, zero elsewhere
+    bool is_driven = false;  // any of it may change with time
+  };
+
+  void gather_state(const List<BodyState>& states);
+  void scatter_state(List<BodyState>* states) const;
+  void ask(double t, EquationsOfMotion* equations, Configuration* configuration);
+  Eigen::Vector3d ball_offset(std::size_t joint, const Configuration& configuration) const;
+  int number_of_parts(double h) const;
+
+  void step(double h, double energy_before, IntegrationResult* progress);
+  bool midpoint(double h, IntegrationResult* progress);
+  double find_missing(double h);
+  void drift(double h);
+  void turn(std::size_t body, double h, const Vector3d& torque);
+  void explicit_step(double h, IntegrationResult* progress);
+  void stop_against_correction();
+  void restore_angular_momentum(double h);
+  double most_added(double h) const;
+  double hold_back(double energy_before, double allowed);
+  void find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const;
+  RigidMotion as_one_body(const Configuration& configuration, const BodyVectors& velocity) const {
+    return engine::as_one_body(mass_, inertia_, configuration.position, configuration.orientation,
+                               velocity);
+  }
+
+  // ---- inconsistent_corrections.cpp
+  void meet(Configuration* configuration, Rows* geometry, IntegrationResult* progress);
+  void find_correction(double share);
+  double displace(Configuration* configuration) const;
+  double errors(const Rows& geometry, Numbers* values) const;
+  double reading_of(const EquationsOfMotion::CoupledRow::Term& term, const Rows& geometry) const;
+  double general_error(std::size_t row, const Rows& geometry) const;
+  static double largest(const Numbers& list);
+  Vector3d components(const Numbers& list, std::size_t row) const;
+  double share_off(std::size_t row, const Vector3d& d) const;
+
+  void fit_velocities();
+  void find_drive();
+  void solve_drive(double share, const Numbers& rates);
+  void cap_energy(double allowed, IntegrationResult* progress);
+  void scale(const BodyVectors& part, double factor);
+  void find_whether_met();
+
+  double kinetic_energy(const BodyVectors& velocity) const;
+  double spring_energy() const;
+  double extent(std::size_t row, const Rows& geometry) const;
+  double work_of_drives() const;
+  double work_of_loads() const;
+  double damped_energy(double h) const;
+  double momentum_product(const BodyVectors& u, const BodyVectors& v) const;
+
+  const EquationsOfMotion* equations_ = nullptr;  // of the span
+  List<int> body_indices_;
+  std::size_t bodies_, rotating_, points_;
+  bool is_free_;  // no point is fixed
+  List<double> mass_;
+  List<Vector3d> inertia_;
+  List<double> radius_;                       // of gyration
+  List<double> stiffness_, damping_, force_;  // of springs, by row
+  List<double> least_given_;  // of these, where they have neither of the first two [kg]
+  RegularizedRows rows_;
+
+  Configuration start_, end_, met_;
+  Rows at_start_, at_end_, at_met_;
+  BodyVectors velocity_, velocity_before_;
+  BodyVectors displacement_;  // of drift() since the start
+  BodyVectors change_;        // scratch
+  Target target_;
+
+  Numbers weights_, values_, b_, lambda_, compliance_;
+  Numbers step_impulses_;               // of all rows in one step [N s]
+  Numbers impulses_;                    // the same, since the start of the span
+  Numbers q_;                           // ½h times the impulses of a midpoint step
+  BodyVectors drive_;                   // velocity that rates ask for, of least kinetic energy
+  Numbers drive_rates_, drive_before_;  // G of it, now and at the start of the step
+  double work_ = 0.0;                   // of driven joints in one step [J]
+  double spring_energy_ = 0.0;          // at end_ [J]
+  double scale_ = 1.0;                  // largest coordinate or length [m]
+  bool can_be_met_ = false;
+};
+
+}  // namespace constraint_sim::engine

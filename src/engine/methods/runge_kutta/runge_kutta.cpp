@@ -1,0 +1,264 @@
+#include "engine/methods/runge_kutta/runge_kutta.h"
+
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+#include "engine/dynamics/kernels/chain_of_bodies.h"
+#include "engine/dynamics/kernels/chain_of_rods.h"
+#include "engine/dynamics/kernels/point_on_rod.h"
+#include "engine/dynamics/kernels/tree_of_bodies.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+using Eigen::Vector3d;
+
+// No pair is stable beyond this h ω: with few enough substeps there is no need to ask for ω.
+constexpr double kMostStable = 8.0;
+constexpr double kFarTooStiff = 15.0;
+
+template <class System>
+IntegrationResult integrate(System& system, const StageMemory& memory, double t, double h,
+                            const IntegratorOptions& accuracy, StopFlag stop, double& step) {
+  if (step == 0.0) step = h;
+  return accuracy.order == 5 ? integrate<DormandPrince5>(system, memory, t, h, accuracy.tolerance,
+                                                         step, accuracy.most_attempts, stop)
+                             : integrate<DormandPrince8>(system, memory, t, h, accuracy.tolerance,
+                                                         step, accuracy.most_attempts, stop);
+}
+
+/// The quaternion (x, y, z, w) of a body with known angular momentum, as a System.
+class Turning {
+ public:
+  Turning(const MassProperties& mass, const Vector3d& momentum, const Vector3d& torque)
+      : inverse_inertia_(mass.inverse_inertia),
+        momentum_(momentum),
+        torque_(torque),
+        radius_(mass.radius_of_gyration()) {}
+
+  static constexpr std::size_t size() { return 4; }
+
+  void derivative(std::size_t, double t, const double* y, double* dydt) const {
+    const Vector3d L = momentum_ + t * torque_;
+    // ω_B = I_B⁻¹ Rᵀ L, and q̇ = ½ q ⊗ (0, ω_B); within stages q is not quite of unit length
+    const double w = y[3];
+    const Vector3d v(y[0], y[1], y[2]);
+    const Vector3d c = L.cross(v);
+    const Vector3d L_B = L + 2.0 / (w * w + v.squaredNorm()) * (w * c + c.cross(v));
+    const Vector3d s = 0.5 * inverse_inertia_.cwiseProduct(L_B);
+    Eigen::Map<Vector3d> rate(dydt);
+    rate = w * s + v.cross(s);
+    dydt[3] = -v.dot(s);
+  }
+  bool project(double t, double* y) {
+    end_ = t;
+    Eigen::Map<Eigen::Vector4d>(y).normalize();
+    return true;
+  }
+  template <class Pair>
+  void accept(double) {}
+  bool restart(const double* y, double* dydt) const {
+    derivative(0, end_, y, dydt);
+    return true;
+  }
+  double rounding() const { return 4.0 * kEpsilon * radius_; }
+  double squared_size_of(const double* dy, double) const {
+    return 4.0 * radius_ * radius_ * Eigen::Map<const Eigen::Vector4d>(dy).squaredNorm();
+  }
+
+ private:
+  Vector3d inverse_inertia_, momentum_, torque_;
+  double radius_;
+  double end_ = 0.0;
+};
+
+}  // namespace
+
+RungeKutta::RungeKutta(EquationsOfMotion equations) : equations_(std::move(equations)) {
+  numbers_.resize(StageMemory::kRows * equations_.size());
+}
+
+void RungeKutta::restart() {
+  has_started_ = false;
+  step_ = 0.0;
+  equations_.forget_redundant_rows();
+}
+
+template <class Act>
+auto RungeKutta::with_system(Act act) {
+  if (equations_.redundant_rows() > 0)  // kernels have all rows
+    return act(equations_);
+  if (equations_.is_point_on_rod()) {
+    PointOnRod point(equations_);
+    return act(point);
+  }
+  if (equations_.is_chain_of_bodies()) {
+    ChainOfBodies chain(equations_);
+    return act(chain);
+  }
+  if (equations_.is_tree()) {
+    TreeOfBodies tree(equations_);
+    return act(tree);
+  }
+  if (!equations_.is_chain()) return act(equations_);
+  ChainOfRods chain(equations_);
+  return act(chain);
+}
+
+IntegrationResult RungeKutta::begin(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                    const List<BodyState>& states) {
+  if (span.is_disturbed) has_started_ = false;
+  const StageMemory memory(numbers_.data(), equations_.size());
+  double* const y = memory.state();
+  if (!has_started_) equations_.gather_state(states, y);
+  const bool begins = !has_started_ || equations_.is_time_dependent();
+  if (begins)
+    equations_.begin(span.t, states, span.gravity, span.loads, span.courses, span.since_tick);
+  const bool has_jumped = begins && equations_.has_jumped();  // once, not in all spans that follow
+  if (!has_started_ || has_jumped || !equations_.satisfies_velocity_constraints(span.t, y))
+    return start(span, accuracy, memory);
+  return {};
+}
+
+IntegrationResult RungeKutta::advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                      List<BodyState>* states) {
+  const IntegrationResult begun = begin(span, accuracy, *states);
+  if (!begun.done) return begun;
+  const StageMemory memory(numbers_.data(), equations_.size());
+  const double momentary = equations_.momentary_error();
+  IntegrationResult progress = integrate_equations(memory, span, accuracy);
+  progress.local_error += equations_.momentary_error() - momentary;
+  progress.projected = begun.projected + equations_.take_projected_energy();
+  progress.is_inconsistent =
+      !progress.done && (progress.is_inconsistent || equations_.is_inconsistent());
+  if (std::isfinite(accuracy.most_frequency) &&
+      kMostStable * progress.substeps >= accuracy.most_frequency * span.h) {
+    progress.frequency = equations_.frequency();
+    progress.is_stiff = progress.frequency > accuracy.most_frequency;
+  }
+  if (progress.done)
+    equations_.scatter_state(memory.state(), states);
+  else
+    has_started_ = false;
+  return progress;
+}
+
+// ---- substep by substep
+
+bool RungeKutta::advance_substep(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                 SubstepSpan* left, IntegrationResult* progress) {
+  const StageMemory memory(numbers_.data(), equations_.size());
+  if (accuracy.tolerance == 0.0 || step_ == 0.0) step_ = left->left;
+  const SubstepLimits limits{accuracy.tolerance, accuracy.most_attempts, span.stop};
+  has_started_ = with_system([&](auto& system) {
+    return accuracy.order == 5
+               ? take_substep<DormandPrince5>(system, memory, limits, *left, step_, *progress)
+               : take_substep<DormandPrince8>(system, memory, limits, *left, step_, *progress);
+  });
+  progress->projected += equations_.take_projected_energy();
+  return has_started_;
+}
+
+void RungeKutta::keep_start() {
+  const std::size_t n = equations_.size();
+  const double* const rates = numbers_.data() + StageMemory::kDerivatives * n;
+  kept_.assign(numbers_.begin(), numbers_.begin() + static_cast<std::ptrdiff_t>(n));
+  kept_.insert(kept_.end(), rates, rates + n);
+  equations_.keep_first_stage();
+}
+
+void RungeKutta::return_to_start() {
+  const std::size_t n = equations_.size();
+  std::copy_n(kept_.begin(), n, numbers_.begin());
+  std::copy_n(kept_.begin() + static_cast<std::ptrdiff_t>(n), n,
+              numbers_.begin() + static_cast<std::ptrdiff_t>(StageMemory::kDerivatives * n));
+  equations_.restore_first_stage();
+}
+
+bool RungeKutta::repeat_substep(const SmoothSpan& span, const IntegratorOptions& accuracy, double t,
+                                double h) {
+  return_to_start();
+  IntegratorOptions whatever = accuracy;
+  whatever.tolerance = 0.0;
+  SubstepSpan left(t, h);
+  IntegrationResult progress;
+  const double step = step_;
+  const bool is_done = advance_substep(span, whatever, &left, &progress);
+  step_ = step;
+  return is_done && progress.rejected == 0;
+}
+
+// so stiff that not even a few spans of substeps are to be tried
+bool RungeKutta::is_far_too_stiff(const IntegratorOptions& accuracy) {
+  const double most =
+      accuracy.tolerance > 0.0 ? kFarTooStiff * accuracy.most_frequency : accuracy.most_frequency;
+  return std::isfinite(most) && equations_.frequency() > most;
+}
+
+IntegrationResult RungeKutta::start(const SmoothSpan& span, const IntegratorOptions& accuracy,
+                                    const StageMemory& memory) {
+  IntegrationResult progress;
+  const double before = equations_.kinetic_energy(memory.state());
+  has_started_ = equations_.start(span.t, memory.state(), memory.derivatives());
+  progress.projected = before - equations_.kinetic_energy(memory.state());
+  equations_.take_projected_energy();  // among that
+  progress.is_inconsistent = !has_started_;
+  if (std::isfinite(accuracy.most_projected))
+    has_started_ = has_started_ && progress.projected <= accuracy.most_projected * before;
+  if (!has_started_) progress.rejected = 1;
+  progress.is_stiff = has_started_ && is_far_too_stiff(accuracy);
+  has_started_ = has_started_ && !progress.is_stiff;
+  progress.done = has_started_;
+  return progress;
+}
+
+IntegrationResult RungeKutta::integrate_equations(const StageMemory& memory, const SmoothSpan& span,
+                                                  const IntegratorOptions& accuracy) {
+  return with_system([&](auto& system) {
+    return integrate(system, memory, span.t, span.h, accuracy, span.stop, step_);
+  });
+}
+
+IntegrationResult FreeRotation::advance(double h, const Vector3d& torque,
+                                        const MassProperties& mass,
+                                        const IntegratorOptions& accuracy, StopFlag stop,
+                                        BodyState* state) {
+  const bool is_driven = !torque.isZero(0.0);
+  if (!is_driven && mass.is_isotropic()) {
+    state->orientation = (rotation(h * state->angular_velocity) * state->orientation).normalized();
+    return {};
+  }
+  const bool goes_on = state->angular_velocity == after_.angular_velocity &&
+                       state->orientation.coeffs() == after_.orientation.coeffs();
+  if (!goes_on)  // else L stays as it is, to the last bit
+    momentum_ = apply_inertia(mass.inertia, state->orientation, state->angular_velocity);
+  Turning turning(mass, momentum_, torque);
+  std::array<double, StageMemory::kRows * Turning::size()> numbers;
+  const StageMemory memory(numbers.data(), Turning::size());
+  Eigen::Map<Eigen::Vector4d> q(memory.state());
+  q = state->orientation.coeffs();
+  Eigen::Map<Eigen::Vector4d> first_derivative(memory.derivatives());
+  if (goes_on && torque == torque_)
+    first_derivative = first_derivative_;
+  else
+    turning.derivative(0, 0.0, memory.state(), memory.derivatives());
+  const IntegrationResult progress = integrate(turning, memory, 0.0, h, accuracy, stop, step_);
+  if (!progress.done) return progress;
+  state->orientation.coeffs() = q;
+  momentum_ += h * torque;
+  state->angular_velocity = apply_inertia(mass.inverse_inertia, state->orientation, momentum_);
+  after_ = *state;
+  torque_ = torque;
+  first_derivative_ = first_derivative;
+  return progress;
+}
+
+void integrate_ballistic(double h, const Vector3d& acceleration, BodyState* state) {
+  state->position += h * (state->linear_velocity + 0.5 * h * acceleration);
+  state->linear_velocity += h * acceleration;
+}
+
+}  // namespace constraint_sim::engine

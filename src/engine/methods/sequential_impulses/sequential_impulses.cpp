@@ -1,0 +1,258 @@
+#include "engine/methods/sequential_impulses/sequential_impulses.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "engine/constraints/contact.h"
+#include "engine/math/elementary.h"
+#include "engine/math/list.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr double kAtLimit = 1e-9;  // share of Coulomb's limit that is rounding
+
+void apply_wrenches(const List<ActingWrench>& wrenches, const List<MassProperties>& masses,
+                    List<BodyState>* states) {
+  for (const ActingWrench& wrench : wrenches) {
+    BodyState& state = (*states)[wrench.body];
+    const MassProperties& mass = masses[wrench.body];
+    state.linear_velocity += wrench.duration * mass.inverse_mass * wrench.force;
+    state.angular_velocity +=
+        apply_inertia(mass.inverse_inertia, state.orientation, wrench.duration * wrench.torque);
+  }
+}
+
+// Of the rows of a contact point: slipping where the sweeps left friction at its limit.
+ContactState contact_state(const Row* rows, std::size_t count) {
+  if (count < kMaxContactRows || rows[0].impulse == 0.0) return ContactState::kClosed;
+  const double limit = rows[1].friction * rows[0].impulse;
+  const double friction = math::hypot(rows[1].impulse, rows[2].impulse);
+  return friction < (1.0 - kAtLimit) * limit ? ContactState::kSticking : ContactState::kSlipping;
+}
+
+double work_at(const ActingWrench& wrench, const Twist& v) {
+  return wrench.duration * (wrench.force.dot(v.head<3>()) + wrench.torque.dot(v.tail<3>()));
+}
+
+// Adds the work of wrenches on bodies that have the velocities of the solver [J]. Corrections that
+// move a body against a wrench do the opposite work, as they do against its weight.
+void add_work(const List<ActingWrench>& wrenches, const RowSolver& solver, double* driven,
+              double* by_corrections) {
+  for (const ActingWrench& wrench : wrenches) {
+    *driven += work_at(wrench, solver.final_velocity(wrench.body));
+    *by_corrections -= work_at(wrench, solver.correction(wrench.body));
+  }
+}
+
+}  // namespace
+
+ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep& step,
+                                          State* state) {
+  ImpulseReport report;
+  StageTimes* const times = &report.stage_times;
+  {  // 3. what joints and contacts ask of the velocities
+    const StageTimer timer(step.clock, Stage::kRows, times);
+    report.max_penetration = prepare_rows(model, step, state);
+    report.rows = static_cast<std::uint32_t>(rows_.size());
+    report.contacts = static_cast<std::uint32_t>(contact_rows_.size());
+  }
+  {  // 4. by gravity, and by the impulses of the step before
+    const StageTimer timer(step.clock, Stage::kVelocities, times);
+    update_velocities(model, step, state);
+  }
+  if (!rows_.empty()) {  // 5. to what the rows allow
+    const StageTimer timer(step.clock, Stage::kSolve, times);
+    const int sweeps = model.options.iterations;
+    const RowSolver::Outcome solved = solver_.solve(step.bodies, rows_, sweeps, step.stop);
+    report.iterations = static_cast<std::uint32_t>(sweeps);
+    report.solver_residual = solved.residual;
+    report.driven_work = solved.driven_work;
+  }
+  {  // 6. with the final velocities
+    const StageTimer timer(step.clock, Stage::kPositions, times);
+    add_work(step.wrenches, solver_, &report.driven_work, &report.correction_work);
+    report.correction_work += solver_.update_positions(
+        step.bodies, model.masses, model.options.gravity, step.span.h, state->states);
+  }
+  return report;
+}
+
+// ---- 3. rows
+
+// Returns the depth of the deepest contact [m].
+double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& step, State* state) {
+  rows_.clear();
+  joint_rows_.clear();
+  contact_rows_.clear();
+  loop_rows_.clear();
+  for (const int index : step.joints) {
+    const std::size_t j = to_index(index);
+    const std::size_t first = rows_.size();
+    joint_rows_.push_back(first);
+    if (!model.options.warm_starting) forget_impulses(&state->joint_states[j]);
+    const auto [a, b] = step.joint_ends[j];
+    prepare_joint(model.joints[j], state->states[a], state->states[b], step.span,
+                  state->joint_states[j], &rows_);
+    const bool is_in_loop =
+        model.options.warm_starting && step.is_in_loop[j] && is_always_rigid(model.joints[j]);
+    const std::size_t end = rows_.size();
+    if (couples(model.joints[j].kind)) add_coupling(model, step, *state, j);
+    for (std::size_t k = first; k < end; ++k) {
+      rows_[k].body_a = static_cast<int>(a);
+      rows_[k].body_b = static_cast<int>(b);
+      if (is_in_loop) loop_rows_.push_back({k, j, static_cast<int>(k - first), 0.0, 0.0});
+    }
+  }
+  joint_rows_.push_back(rows_.size());
+
+  double deepest = 0.0;
+  for (const TouchingPair& pair : state->touching) {
+    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
+      deepest = std::max(deepest, pair.manifold.points[k].depth);
+      prepare_contact(model, *state, pair, k);
+    }
+  }
+  return deepest;
+}
+
+std::array<Jacobian, 2> SequentialImpulses::coupled_jacobians(const Model& model,
+                                                              const ImpulseStep& step,
+                                                              const State& state, std::size_t j,
+                                                              bool at_end) {
+  std::array<Jacobian, 2> J;
+  const CoupledTerms terms = model.terms_of(j);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const std::size_t of = terms[k].joint;
+    const auto [a, b] = step.joint_ends[of];
+    const Jacobian gradient =
+        coordinate_jacobian(model.joints[of], state.states[a], state.states[b], step.span,
+                            state.joint_states[of], terms[k].coordinate, at_end);
+    J[k] = combined(terms[k].ratio, gradient, 0.0, gradient);
+  }
+  return J;
+}
+
+void SequentialImpulses::add_coupling(const Model& model, const ImpulseStep& step,
+                                      const State& state, std::size_t j) {
+  prepare_coupling(model.joints[j], step.span, state.joint_states[j],
+                   coupled_jacobians(model, step, state, j, false), &rows_);
+  const CoupledTerms terms = model.terms_of(j);
+  for (std::size_t k = 0; k < 2; ++k) {
+    const auto [a, b] = step.joint_ends[terms[k].joint];
+    Row& row = rows_[rows_.size() - 2 + k];
+    row.body_a = static_cast<int>(a);
+    row.body_b = static_cast<int>(b);
+  }
+}
+
+void SequentialImpulses::prepare_contact(const Model& model, const State& state,
+                                         const TouchingPair& pair, std::size_t point) {
+  const WorldOptions& options = model.options;
+  const ContactSurface surface(model.bodies[pair.a], model.bodies[pair.b]);
+  const ContactStep step{options.time_step, options.baumgarte, options.gravity.norm()};
+  std::array<Row, kMaxContactRows> written;
+  const int count = write_contact_rows(state.states[pair.a], state.states[pair.b],
+                                       pair.manifold.normal, pair.manifold.points[point], surface,
+                                       step, pair.impulses[point], written.data());
+  contact_rows_.push_back(rows_.size());
+  for (std::size_t k = 0; k < to_index(count); ++k) {
+    written[k].body_a = pair.a;
+    written[k].body_b = pair.b;
+    if (k > 0) written[k].normal_row = static_cast<int>(contact_rows_.back());
+    rows_.push_back(written[k]);
+  }
+}
+
+// ---- 4. velocities
+
+void SequentialImpulses::update_velocities(const Model& model, const ImpulseStep& step,
+                                           State* state) {
+  solver_.begin(step.bodies, state->states);
+  if (!step.wrenches.empty()) apply_wrenches(step.wrenches, model.masses, &state->states);
+  solver_.update_velocities(step.bodies, state->states, model.masses, model.options.gravity,
+                            step.span.h, rows_);
+  if (!loop_rows_.empty()) lose_self_stress(model.options, state->self_stress);
+}
+
+// What redundant joints keep of an impact, or of an edit, falls to a share of 1/e in so long,
+// though by no more than a tenth in a step: what is not yet known well is given back by the sweeps.
+void SequentialImpulses::lose_self_stress(const WorldOptions& options,
+                                          const List<SelfStress>& known) {
+  constexpr double kTime = 0.1;  // [s]
+  const double part = std::min(0.1, options.time_step / kTime);
+  for (LoopRow& loop : loop_rows_) {
+    const SelfStress& of_joint = known[loop.joint];
+    loop.share =
+        of_joint.share[loop.component] + rows_[loop.row].impulse - of_joint.impulse[loop.component];
+  }
+  solver_.lose_self_stress(rows_, &loop_rows_, part, 1 + options.iterations / 10);
+  for (LoopRow& loop : loop_rows_) loop.impulse = rows_[loop.row].impulse;
+}
+
+// ---- after the step
+
+double SequentialImpulses::finish(const Model& model, const ImpulseStep& step, State* state) {
+  for (std::size_t k = 0; k < step.joints.size(); ++k) {
+    const std::size_t j = to_index(step.joints[k]);
+    const auto [a, b] = step.joint_ends[j];
+    const int count = static_cast<int>(joint_rows_[k + 1] - joint_rows_[k]);
+    JointState& of_joint = state->joint_states[j];
+    const bool is_coupling = couples_joints(model.joints[j].kind);
+    if (is_coupling) read_coupling(model.terms_of(j), state->joint_states, &of_joint.coupling);
+    read_joint(model.joints[j], state->states[a], state->states[b], step.span,
+               rows_.data() + joint_rows_[k], count, of_joint);
+    if (is_coupling)
+      add_coupled_effort(model.terms_of(j), of_joint.coupling.effort, &state->joint_states);
+  }
+  read_contacts(&state->touching);
+  return solver_.is_to_finish() ? finish_corrections(model, step, state) : 0.0;
+}
+
+double SequentialImpulses::finish_corrections(const Model& model, const ImpulseStep& step,
+                                              State* state) {
+  for (std::size_t k = 0; k < step.joints.size(); ++k) {
+    const std::size_t j = to_index(step.joints[k]);
+    const auto [a, b] = step.joint_ends[j];
+    std::array<Jacobian, kMostRowsOfJoint> J;
+    const std::size_t first = joint_rows_[k];
+    const int count = static_cast<int>(joint_rows_[k + 1] - first);
+    const JointState& of_joint = state->joint_states[j];
+    joint_jacobians(model.joints[j], state->states[a], state->states[b], step.span, of_joint,
+                    rows_.data() + first, count, J.data());
+    if (couples(model.joints[j].kind)) {
+      const std::array<Jacobian, 2> coupled = coupled_jacobians(model, step, *state, j, true);
+      std::copy(coupled.begin(), coupled.end(), J.begin() + count - 2);
+    }
+    for (std::size_t r = first; r < joint_rows_[k + 1]; ++r)
+      solver_.finish_row(r, rows_[r], J[r - first],
+                         spring_stretch(model.joints[j], of_joint, rows_[r]));
+  }
+  state->any_corrections = true;
+  return solver_.take_out_corrections(step.bodies, model.masses, state->states,
+                                      &state->corrections);
+}
+
+void SequentialImpulses::read_contacts(List<TouchingPair>* touching) const {
+  std::size_t i = 0;
+  for (TouchingPair& pair : *touching) {
+    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k, ++i) {
+      const std::size_t first = contact_rows_[i];
+      const std::size_t end = i + 1 < contact_rows_.size() ? contact_rows_[i + 1] : rows_.size();
+      pair.impulses[k].setZero();
+      for (std::size_t r = first; r < end; ++r)
+        pair.impulses[k] += rows_[r].impulse * rows_[r].J.j1;
+      pair.contact_states[k] = contact_state(rows_.data() + first, end - first);
+    }
+  }
+}
+
+void SequentialImpulses::keep_self_stress(List<SelfStress>* self_stress) const {
+  for (const LoopRow& loop : loop_rows_) {
+    (*self_stress)[loop.joint].share[loop.component] = loop.share;
+    (*self_stress)[loop.joint].impulse[loop.component] = loop.impulse;
+  }
+}
+
+}  // namespace constraint_sim::engine

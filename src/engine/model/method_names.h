@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+
+#include "constraint_sim/engine/report.h"
+#include "engine/model/validate.h"
+
+namespace constraint_sim::engine {
+
+/// The method with this name(). Throws std::invalid_argument for one that does not exist (yet).
+inline Method method_named(const std::string& text) {
+  std::string existing;
+  for (std::size_t i = 0; i < kMethodCount; ++i) {
+    const auto method = static_cast<Method>(i);
+    if (text == name(method)) return method;
+    existing += (existing.empty() ? "" : ", ") + std::string(name(method));
+  }
+  refuse("method", "there is no " + in_quotes(text) + " (yet); there are " + existing);
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/contact.h"
+#include "constraint_sim/engine/id.h"
+#include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/wrench.h"
+#include "engine/math/list.h"
+#include "engine/methods/sequential_impulses/row_solver.h"
+
+namespace constraint_sim::engine {
+
+/// Two bodies in contact, with the impulses that held their points apart in the last step.
+struct TouchingPair {
+  static std::array<Eigen::Vector3d, 8> no_impulses() {
+    std::array<Eigen::Vector3d, 8> impulses;
+    impulses.fill(Eigen::Vector3d::Zero());
+    return impulses;
+  }
+
+  int a = 0, b = 0;
+  BodyId id_a, id_b;  ///< survive the removal of other bodies, which moves the indices
+  Manifold manifold;
+  std::array<Eigen::Vector3d, 8> impulses = no_impulses();  ///< of each point on A, world [N s]
+  std::array<ContactState, 8> contact_states{};  ///< of each point, as the last step left it
+
+  std::pair<int, int> ends() const { return {a, b}; }
+  /// Orders pairs by the indices of their bodies.
+  static bool in_order(const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); }
+  /// What held the same point before; zero for a new one.
+  Eigen::Vector3d impulse_of(std::uint32_t feature) const;
+};
+
+/// What of a joint's impulse balances itself, and the impulse that it was found for [N s].
+struct SelfStress {
+  RowVector share = RowVector::Zero();
+  RowVector impulse = RowVector::Zero();
+
+  bool is_none() const { return share.isZero(0.0) && impulse.isZero(0.0); }
+};
+
+/// What moves in a world, in the order of the lists of Model.
+struct State {
+  List<BodyState> states;
+  List<Twist> corrections;  ///< Baumgarte's share of the velocities, of the last step
+  bool any_corrections = false;
+  List<bool> asleep;  ///< all bodies of an island are, or none
+  List<JointState> joint_states;
+  List<SelfStress> self_stress;
+  std::vector<Wrench> wrenches;
+  List<TouchingPair> touching;  ///< sorted by bodies
+  List<TouchingPair> resting;   ///< contacts of sleepers, sorted by bodies
+
+  // time: that of the last change of the tick, and steps
+  double base_time = 0.0;
+  std::uint64_t base_step = 0;
+  std::uint64_t step_count = 0;
+};
+
+}  // namespace constraint_sim::engine

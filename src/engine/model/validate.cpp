@@ -1,0 +1,376 @@
+#include "engine/model/validate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <stdexcept>
+
+#include "constraint_sim/engine/body.h"
+#include "constraint_sim/engine/joint.h"
+#include "constraint_sim/engine/report.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/math/numbers.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+constexpr std::size_t kLongestName = 255;
+constexpr double kLeastMagnitude = 1e-20;  // of what is divided by
+// of the largest mass at the largest distance, and of the least [kg m²]
+constexpr double kMostInertia = 1e60, kLeastInertia = 1e-60;
+
+bool is_name_start(char c) {
+  return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || (c >= '0' && c <= '9') || c == '_';
+}
+
+void check_most(const std::string& field, double size, double most, const std::string& got) {
+  if (size > most) refuse(field, "must be at most " + shortest(most) + ", got " + got);
+}
+
+/// 0, or a number whose square is not.
+void check_zero_or_positive(const std::string& field, double value) {
+  check_not_negative(field, value);
+  if (value != 0.0) check_positive(field, value);
+}
+
+bool is_name_character(char c) { return is_name_start(c) || c == '.' || c == '/' || c == '-'; }
+
+}  // namespace
+
+void refuse(const std::string& field, const std::string& why) {
+  throw std::invalid_argument(field + ": " + why);
+}
+
+std::string shortest(double value) {
+  char text[32];
+  for (int digits = 15; digits <= 17; ++digits) {
+    std::snprintf(text, sizeof text, "%.*g", digits, value);
+    if (std::strtod(text, nullptr) == value) break;
+  }
+  return text;
+}
+
+std::string excerpt(const std::string& text) {
+  constexpr std::size_t kMost = 40;
+  std::size_t end = std::min(text.size(), kMost);
+  const auto is_within_character = [&](std::size_t i) {
+    return i < text.size() && (static_cast<unsigned char>(text[i]) & 0xc0U) == 0x80U;  // UTF-8
+  };
+  while (end > 0 && is_within_character(end)) --end;
+  std::string shown = text.substr(0, end);
+  for (char& c : shown) {
+    const auto code = static_cast<unsigned char>(c);
+    if (code < 0x20 || code == 0x7f) c = '?';
+  }
+  return end < text.size() ? shown + "..." : shown;
+}
+
+std::string in_quotes(const std::string& text) { return "'" + excerpt(text) + "'"; }
+
+std::string shown(const Eigen::Vector3d& v) {
+  return "(" + shortest(v.x()) + ", " + shortest(v.y()) + ", " + shortest(v.z()) + ")";
+}
+
+void check_finite(const std::string& field, double value) {
+  if (!std::isfinite(value)) refuse(field, "must be a finite number, got " + shortest(value));
+  check_most(field, std::abs(value), kMostMagnitude, shortest(value));
+}
+
+void check_finite(const std::string& field, const Eigen::Vector3d& value) {
+  if (!value.allFinite()) refuse(field, "must be finite numbers, got " + shown(value));
+  check_most(field, value.lpNorm<Eigen::Infinity>(), kMostMagnitude, shown(value));
+}
+
+void check_between(const std::string& field, double value, double least, double most) {
+  if (!(value >= least && value <= most))
+    refuse(field, "must be from " + shortest(least) + " to " + shortest(most) + ", got " +
+                      shortest(value));
+}
+
+void check_positive(const std::string& field, double value) {
+  if (!std::isfinite(value) || value <= 0.0)
+    refuse(field, "must be a finite number > 0, got " + shortest(value));
+  check_between(field, value, kLeastMagnitude, kMostMagnitude);
+}
+
+void check_not_negative(const std::string& field, double value) {
+  if (!std::isfinite(value) || value < 0.0)
+    refuse(field, "must be a finite number >= 0, got " + shortest(value));
+  check_most(field, value, kMostMagnitude, shortest(value));
+}
+
+void check_share(const std::string& field, double value) {
+  if (!(value >= 0.0 && value <= 1.0))
+    refuse(field, "must be between 0 and 1, got " + shortest(value));
+}
+
+void check_axis(const std::string& field, const Eigen::Vector3d& value) {
+  check_finite(field, value);
+  if (value.isZero(0.0)) refuse(field, "must not be (0, 0, 0)");
+}
+
+// a time that is no whole number of its own roundings could stand still in the tick after next
+bool is_rounding_within(double time, double time_step) {
+  const double size = std::abs(time);
+  return std::nextafter(size, kInfinity) - size <= time_step;
+}
+
+void check_next_tick(const std::string& field, double time, double time_step) {
+  if (!has_next_tick(time, time_step))
+    refuse(field, "a tick of " + shortest(time_step) + " s is lost beside a time of " +
+                      shortest(time) + " s");
+}
+
+void make_unit(Eigen::Quaterniond* q) {
+  if (std::abs(q->squaredNorm() - 1.0) > 1e-15) q->normalize();
+}
+
+void check_name(const std::string& field, const std::string& name) {
+  if (name.empty()) refuse(field, "must not be empty, got ''");
+  if (name == "world") refuse(field, "'world' is the world itself, choose another name");
+  if (name.size() > kLongestName)
+    refuse(field, "must be at most " + std::to_string(kLongestName) + " characters, got " +
+                      std::to_string(name.size()));
+  bool legal = is_name_start(name.front());
+  for (const char c : name) legal = legal && is_name_character(c);
+  if (!legal) refuse(field, "must match [A-Za-z0-9_][A-Za-z0-9_./-]*, got " + in_quotes(name));
+}
+
+namespace {
+
+void check_unit(const std::string& field, const Eigen::Quaterniond& q) {
+  if (!(std::abs(q.norm() - 1.0) <= 0.01))
+    refuse(field, "must be a unit quaternion (x, y, z, w), got (" + shortest(q.x()) + ", " +
+                      shortest(q.y()) + ", " + shortest(q.z()) + ", " + shortest(q.w()) + ")");
+}
+
+}  // namespace
+
+void validate(const BodyState& state) {
+  check_finite("position", state.position);
+  check_unit("orientation", state.orientation);
+  check_finite("linear_velocity", state.linear_velocity);
+  check_finite("angular_velocity", state.angular_velocity);
+}
+
+void validate(const ShapePose& pose) {
+  check_finite("position", pose.position);
+  check_unit("orientation", pose.orientation);
+}
+
+namespace {
+
+void check_shape_pose(const Body& body) {
+  if (!body.shape_pose) return;
+  validate(*body.shape_pose);
+  if (std::holds_alternative<Point>(body.shape) || std::holds_alternative<Plane>(body.shape))
+    refuse("shape_pose", "only a sphere, a box or a cylinder has one");
+  if (body.type == BodyType::kDynamic && body.inertia.isZero(0.0))
+    refuse("inertia", "must be given for a shape that is beside the centre of mass");
+}
+
+}  // namespace
+
+void validate(const Body& body) {
+  check_name("name", body.name);
+  if (body.color)
+    for (const double value : *body.color)
+      if (!(value >= 0.0 && value <= 1.0))
+        refuse("color", "must be four numbers from 0 to 1, got " + shortest(value));
+  validate(body.shape);
+  check_shape_pose(body);
+  validate(body.state);
+  if (body.type == BodyType::kDynamic) {
+    check_positive("mass", body.mass);
+    if (std::holds_alternative<Plane>(body.shape))
+      refuse("type", "a plane is unbounded and must be static or kinematic, got dynamic");
+  } else {
+    check_not_negative("mass", body.mass);
+  }
+  if (!body.inertia.allFinite())
+    refuse("inertia", "must be finite numbers, got " + shown(body.inertia));
+  if (!body.inertia.isZero(0.0) && !(body.inertia.minCoeff() > 0.0))
+    refuse("inertia", "must be three numbers > 0, or all 0 to follow from the shape, got " +
+                          shown(body.inertia));
+  if (!body.inertia.isZero(0.0) &&
+      (body.inertia.minCoeff() < kLeastInertia || body.inertia.maxCoeff() > kMostInertia))
+    refuse("inertia", "must be from " + shortest(kLeastInertia) + " to " + shortest(kMostInertia) +
+                          ", got " + shown(body.inertia));
+  const bool turns = body.type != BodyType::kDynamic || !body.inertia.isZero(0.0) ||
+                     !unit_inertia(body.shape).isZero(0.0);
+  if (!turns && !body.state.angular_velocity.isZero(0.0))
+    refuse("angular_velocity",
+           "a point mass without inertia cannot turn, got " + shown(body.state.angular_velocity));
+  if (body.type == BodyType::kStatic) {
+    if (!body.state.linear_velocity.isZero(0.0))
+      refuse("linear_velocity",
+             "a static body does not move, got " + shown(body.state.linear_velocity));
+    if (!body.state.angular_velocity.isZero(0.0))
+      refuse("angular_velocity",
+             "a static body does not turn, got " + shown(body.state.angular_velocity));
+  }
+  check_not_negative("friction", body.friction);
+  check_share("restitution", body.restitution);
+}
+
+void validate(const Motor& motor) {
+  check_finite("bias", motor.bias);
+  check_finite("amplitude", motor.amplitude);
+  check_not_negative("frequency", motor.frequency);
+  check_finite("phase", motor.phase);
+  check_not_negative("max_force", motor.max_force);
+  check_not_negative("timeout", motor.timeout);
+}
+
+void validate(const CoordinateMotor& motor) {
+  validate(static_cast<const Motor&>(motor));
+  if (motor.position) check_finite("position", *motor.position);
+  check_not_negative("servo_frequency", motor.servo_frequency);
+  check_not_negative("servo_damping_ratio", motor.servo_damping_ratio);
+  if (motor.force) check_finite("force", *motor.force);
+  const auto only_one = [](const char* field, double value, const char* other) {
+    refuse(field, "a motor goes by velocity, to a position or with a force, got " +
+                      shortest(value) + " beside " + other);
+  };
+  if (motor.position && motor.force) only_one("force", *motor.force, "position");
+  if (motor.position && motor.is_moving())
+    only_one("position", *motor.position, "bias or amplitude");
+  if (motor.force && motor.is_moving()) only_one("force", *motor.force, "bias or amplitude");
+  check_not_negative("servo_stiffness", motor.servo_stiffness);
+  check_not_negative("servo_damping", motor.servo_damping);
+  for (const auto& [field, value] : {std::pair("servo_frequency", motor.servo_frequency),
+                                     {"servo_stiffness", motor.servo_stiffness},
+                                     {"servo_damping", motor.servo_damping}})
+    if (value > 0.0 && !motor.position) refuse(field, "needs a position, got " + shortest(value));
+  if (motor.servo_frequency > 0.0 && (motor.servo_stiffness > 0.0 || motor.servo_damping > 0.0))
+    refuse("servo_frequency", "a servo has this, or servo_stiffness and servo_damping, got " +
+                                  shortest(motor.servo_frequency) + " beside these");
+  if (motor.servo_damping > 0.0 && motor.servo_stiffness == 0.0)
+    refuse("servo_damping", "needs servo_stiffness > 0, got " + shortest(motor.servo_damping));
+}
+
+void validate(const CoordinateLaw& law) {
+  if (law.motor) {
+    try {
+      validate(*law.motor);
+    } catch (const std::invalid_argument& error) {
+      throw std::invalid_argument(std::string("motor.") + error.what());
+    }
+  }
+  const auto check_limit = [](const char* field, double value, double none) {
+    if (value != none) check_finite(field, value);
+  };
+  check_limit("lower", law.lower, -kInfinity);
+  check_limit("upper", law.upper, kInfinity);
+  if (!(law.lower < law.upper))
+    refuse("upper", "must be above lower " + shortest(law.lower) + ", got " + shortest(law.upper));
+  check_share("limit_restitution", law.limit_restitution);
+  check_not_negative("friction", law.friction);
+  check_not_negative("damping", law.damping);
+  check_not_negative("stiffness", law.stiffness);
+  check_finite("rest", law.rest);
+  check_not_negative("frequency", law.frequency);
+  check_not_negative("damping_ratio", law.damping_ratio);
+  if (law.damping_ratio > 0.0 && law.frequency == 0.0)
+    refuse("damping_ratio", "needs a frequency > 0, got " + shortest(law.damping_ratio));
+  if (law.frequency > 0.0 && (law.stiffness > 0.0 || law.damping > 0.0))
+    refuse("frequency", "a spring has frequency and damping_ratio, or stiffness and damping, got " +
+                            shortest(law.frequency) + " beside these");
+  if (law.position) check_finite("position", *law.position);
+  check_finite("zero", law.zero);
+}
+
+namespace {
+
+void validate_distance(const DistanceJoint& joint) {
+  if (joint.length) check_zero_or_positive("length", *joint.length);
+  check_not_negative("min_length", joint.min_length);
+  if (!(joint.max_length > 0.0))
+    refuse("max_length", "must be a number > 0, got " + shortest(joint.max_length));
+  if (std::isfinite(joint.max_length)) check_positive("max_length", joint.max_length);
+  if (joint.max_length < joint.min_length)
+    refuse("max_length", "must not be below min_length " + shortest(joint.min_length) + ", got " +
+                             shortest(joint.max_length));
+  check_zero_or_positive("frequency", joint.frequency);
+  check_not_negative("damping_ratio", joint.damping_ratio);
+  check_not_negative("stiffness", joint.stiffness);
+  check_not_negative("damping", joint.damping);
+  if (joint.damping_ratio > 0.0 && !(joint.frequency > 0.0))
+    refuse("damping_ratio", "needs a frequency > 0, got " + shortest(joint.damping_ratio));
+  if (joint.frequency > 0.0 && (joint.stiffness > 0.0 || joint.damping > 0.0))
+    refuse("frequency", "a spring has frequency and damping_ratio, or stiffness and damping, got " +
+                            shortest(joint.frequency) + " beside these");
+  if (joint.is_limited() && !joint.is_soft() && joint.length)
+    refuse("length",
+           "a joint with min_length or max_length is free between them and has no "
+           "length of its own, got " +
+               shortest(*joint.length));
+}
+
+// of distance joints; others have theirs on their coordinates
+void validate_motor(const Joint& joint) {
+  const Motor& m = joint.motor;
+  validate(m);
+  if (has_length(joint.kind)) return;
+  if (m.is_moving() || m.max_force != 0.0)
+    refuse("motor", "a " + std::string(name(joint.kind)) + " joint has none, got bias " +
+                        shortest(m.bias) + ", amplitude " + shortest(m.amplitude) + ", max_force " +
+                        shortest(m.max_force));
+}
+
+void validate_coordinates(const Joint& joint) {
+  for (std::size_t i = 0; i < kMaxCoordinates; ++i) {
+    const CoordinateLaw& law = joint.coordinates[i];
+    if (static_cast<int>(i) < coordinates(joint.kind))
+      validate(law);
+    else if (!law.is_none())
+      refuse("coordinates", "a " + std::string(name(joint.kind)) + " joint has " +
+                                std::to_string(coordinates(joint.kind)) +
+                                " with laws, got one for number " + std::to_string(i));
+  }
+}
+
+void validate_coupling(const Joint& joint) {
+  if (joint.coupling.value) check_finite("value", *joint.coupling.value);
+  if (couples_joints(joint.kind)) {
+    check_finite("ratio", joint.coupling.ratio);
+    if (std::abs(joint.coupling.ratio) < kLeastMagnitude)
+      refuse("ratio", "must not be 0, got " + shortest(joint.coupling.ratio));
+  }
+  if (!has_pitch(joint.kind)) return;
+  check_finite("pitch", joint.pitch);
+  if (std::abs(joint.pitch) < kLeastMagnitude)
+    refuse("pitch", "must not be 0 [m a turn], got " + shortest(joint.pitch));
+}
+
+}  // namespace
+
+void validate(const Joint& joint) {
+  check_name("name", joint.name);
+  check_finite("anchor_a", joint.anchor_a);
+  check_finite("anchor_b", joint.anchor_b);
+  if (const DistanceJoint* distance = if_distance(joint)) validate_distance(*distance);
+  check_unit("frame_a", joint.frame_a);
+  if (joint.frame_b) check_unit("frame_b", *joint.frame_b);
+  if (joint.axis_b) {
+    check_axis("axis_b", *joint.axis_b);
+    if (joint.frame_b) refuse("axis_b", "give this or frame_b, not both");
+  }
+  if (has_two_axes(joint.kind) && !joint.axis_b && !joint.frame_b)
+    refuse("axis_b", "a " + std::string(name(joint.kind)) +
+                         " joint needs it: which axis of body B stands at a right angle to axis_a");
+  validate_motor(joint);
+  validate_coordinates(joint);
+  validate_coupling(joint);
+  if (joint.baumgarte) check_share("baumgarte", *joint.baumgarte);
+  check_not_negative("break_force", joint.break_force);
+  check_not_negative("break_torque", joint.break_torque);
+  if (is_custom_force(joint.kind) && joint.break_force + joint.break_torque > 0.0)
+    refuse("break_force", "a custom force does not break, got " + shortest(joint.break_force) +
+                              " and a break_torque of " + shortest(joint.break_torque));
+  if ((has_length(joint.kind) || joint.kind == free_length()) && joint.break_torque > 0.0)
+    refuse("break_torque", "a distance joint has no torque, got " + shortest(joint.break_torque));
+}
+
+}  // namespace constraint_sim::engine

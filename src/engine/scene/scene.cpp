@@ -1,0 +1,342 @@
+#include "constraint_sim/engine/scene.h"
+
+#include <limits>
+
+#include "engine/math/elementary.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+#include "engine/model/method_names.h"
+#include "engine/scene/scene_joints.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
+#include "engine/scene/yaml_element.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+// ---- options
+
+template <class Value, class Range>
+void read_option(const YamlElement& item, const char* key, Value* value, Range) {
+  item.read(key, value);
+}
+void read_option(const YamlElement& item, const char* key, double* value, PositiveOrInfinity) {
+  if (const auto element = item.find(key)) *value = element->number_or_infinity();
+}
+void read_option(const YamlElement& item, const char* key, Method* value, AnyValue) {
+  const auto element = item.find(key);
+  if (!element) return;
+  const std::string word = element->word();
+  *value = item.attempt([&] { return method_named(word); });
+}
+
+WorldOptions read_options(const YamlElement& item, const WorldOptions& defaults,
+                          YamlElement::Words keys = {}) {
+  WorldOptions options = defaults;
+  visit_options(options, [&](const OptionInfo& info, auto&, auto) { keys.push_back(info.name); });
+  item.expect_keys(keys);
+  visit_options(options, [&](const OptionInfo& info, auto& value, auto range) {
+    read_option(item, info.name, &value, range);
+  });
+  item.attempt([&] { validate(options); });
+  return options;
+}
+
+void read_clock(const YamlElement& item, World* world) {
+  item.expect_keys({"time", "since", "step"});
+  double time = 0.0;
+  item.read("time", &time);
+  std::uint64_t since = 0;
+  if (const auto value = item.find("since")) since = value->count();
+  std::uint64_t step = since;
+  if (const auto value = item.find("step")) step = value->count();
+  if (step < since) item.at("step").fail("must not be below since, got " + std::to_string(step));
+  item.attempt([&] { world->set_time(time, since); });
+  auto& impl = Insides::of(*world);
+  impl.step_count = step;
+  item.attempt([&] { check_next_tick("step", world->time(), world->options().time_step); });
+}
+
+// ---- bodies
+
+BodyType read_body_type(const YamlElement& item) {
+  const std::string word = item.word();
+  if (word == "dynamic") return BodyType::kDynamic;
+  if (word == "static") return BodyType::kStatic;
+  if (word == "kinematic") return BodyType::kKinematic;
+  fail_unknown(item, word, "dynamic, static, kinematic");
+}
+
+Shape read_shape(const YamlElement& item) {
+  const auto kinds = item.keys();
+  if (kinds.size() != 1)
+    item.fail("expected exactly one shape, got " + std::to_string(kinds.size()));
+  const YamlElement parameters = item.at(kinds[0]);
+  if (kinds[0] == "point") {
+    parameters.expect_keys({});
+    return Point{};
+  }
+  if (kinds[0] == "sphere") {
+    parameters.expect_keys({"radius"});
+    return Sphere{parameters.at("radius").number()};
+  }
+  if (kinds[0] == "box") {
+    parameters.expect_keys({"size"});
+    return Box{parameters.at("size").numbers(3)};
+  }
+  if (kinds[0] == "plane") {
+    parameters.expect_keys({"normal", "offset"});
+    return Plane{};
+  }
+  if (kinds[0] == "cylinder") {
+    parameters.expect_keys({"radius", "length"});
+    return Cylinder{parameters.at("radius").number(), parameters.at("length").number()};
+  }
+  fail_unknown(item, kinds[0], "point, sphere, box, plane, cylinder");
+}
+
+BodyState read_state(const YamlElement& item) {
+  BodyState state;
+  item.read("position", &state.position);
+  if (const auto orientation = item.find("orientation")) {
+    const Eigen::Vector4d xyzw = orientation->numbers(4);
+    state.orientation.coeffs() = xyzw;
+  }
+  item.read("linear_velocity", &state.linear_velocity);
+  item.read("angular_velocity", &state.angular_velocity);
+  return state;
+}
+
+ShapePose read_shape_pose(const YamlElement& item) {
+  item.expect_keys({"position", "orientation"});
+  ShapePose pose;
+  item.read("position", &pose.position);
+  if (const auto orientation = item.find("orientation"))
+    pose.orientation.coeffs() = Eigen::Vector4d(orientation->numbers(4));
+  item.attempt([&] { validate(pose); });
+  return pose;
+}
+
+/// Places a body whose plane is given as `normal` and `offset`.
+void read_plane_pose(const YamlElement& item, const YamlElement& plane, BodyState* state) {
+  if (!plane.find("normal") && !plane.find("offset")) return;
+  for (const char* key : {"position", "orientation"}) {
+    if (const auto value = item.find(key))
+      value->fail("the plane's normal and offset already say where it is; give one or the other");
+  }
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
+  double offset = 0.0;
+  plane.read("normal", &normal);
+  plane.read("offset", &offset);
+  const double norm = math::hypot(normal.x(), normal.y(), normal.z());
+  if (!(norm > 0.0)) plane.at("normal").fail("must not be zero, got [0, 0, 0]");
+  normal /= norm;
+  state->position = offset * normal;
+  state->orientation = frame_along(normal);
+}
+
+Body read_body(const YamlElement& item) {
+  item.expect_keys({"name", "type", "shape", "mass", "inertia", "position", "orientation",
+                    "linear_velocity", "angular_velocity", "friction", "restitution",
+                    "no_collision", "color", "asleep", "correction", "shape_pose"});
+  Body body;
+  body.name = item.at("name").word();
+  if (const auto type = item.find("type")) body.type = read_body_type(*type);
+  item.read("mass", &body.mass);
+  item.read("inertia", &body.inertia);
+  body.state = read_state(item);
+  if (const auto shape = item.find("shape")) {
+    body.shape = read_shape(*shape);
+    const YamlElement parameters = shape->at(shape->keys()[0]);
+    parameters.attempt([&] { validate(body.shape); }, "shape.");
+    if (std::holds_alternative<Plane>(body.shape)) read_plane_pose(item, parameters, &body.state);
+  }
+  if (const auto pose = item.find("shape_pose")) body.shape_pose = read_shape_pose(*pose);
+  item.read("friction", &body.friction);
+  item.read("restitution", &body.restitution);
+  item.read("no_collision", &body.no_collision);
+  if (const auto color = item.find("color")) {
+    const Eigen::VectorXd values = color->numbers(4);
+    body.color = {values[0], values[1], values[2], values[3]};
+  }
+  return body;
+}
+
+// ---- wrenches
+
+Wrench read_wrench(const YamlElement& item, const World& world) {
+  item.expect_keys({"body", "force", "torque", "start", "duration", "end"});
+  item.at("body");
+  Wrench wrench;
+  wrench.body = read_body_reference(item, "body", world);
+  item.read("force", &wrench.force);
+  item.read("torque", &wrench.torque);
+  item.read("start", &wrench.start);
+  item.attempt([&] {
+    if (world.time() >= 0.0) check_not_negative("start", wrench.start);
+  });
+  if (const auto end = item.find("end")) {
+    if (const auto duration = item.find("duration"))
+      duration->fail("the end already says it; give one or the other");
+    wrench.end = end->number();
+    return wrench;
+  }
+  double duration = kInfinity;
+  item.read("duration", &duration);
+  wrench.end = wrench.start + duration;
+  if (!(wrench.end > wrench.start))
+    item.at("duration")
+        .fail("must be > 0 and not lost beside the start, got " + shortest(duration));
+  return wrench;
+}
+
+// ---- what a saved scene continues from
+
+TouchingPair read_contact(const YamlElement& item, const World& world) {
+  item.expect_keys({"body_a", "body_b", "normal", "points"});
+  TouchingPair pair;
+  pair.id_a = read_body_reference(item, "body_a", world);
+  pair.id_b = read_body_reference(item, "body_b", world);
+  for (const char* key : {"body_a", "body_b"})
+    if (world.body(key[5] == 'a' ? pair.id_a : pair.id_b).no_collision)
+      item.fail(std::string(key) + " touches nothing");
+  item.read("normal", &pair.manifold.normal);
+  item.attempt([&] {
+    const Eigen::Vector3d& normal = pair.manifold.normal;
+    if (!(std::abs(normal.norm() - 1.0) <= 0.01))
+      refuse("normal", "must be a unit vector, got " + shown(normal));
+  });
+  const List<YamlElement> points = item.at("points").items();
+  if (points.empty() || points.size() > pair.manifold.points.size())
+    item.at("points").fail("must be 1 to 8, got " + std::to_string(points.size()));
+  for (const YamlElement& element : points) {
+    element.expect_keys({"feature", "position", "depth", "impulse"});
+    const auto k = static_cast<std::size_t>(pair.manifold.count++);
+    Manifold::Point& point = pair.manifold.points[k];
+    const std::uint64_t feature = element.at("feature").count();
+    if (feature > std::numeric_limits<std::uint32_t>::max())
+      element.at("feature").fail("is none, got " + std::to_string(feature));
+    point.feature = static_cast<std::uint32_t>(feature);
+    element.read("position", &point.position);
+    element.read("depth", &point.depth);
+    element.read("impulse", &pair.impulses[k]);
+    element.attempt([&] {
+      check_finite("position", point.position);
+      check_finite("depth", point.depth);
+      check_finite("impulse", pair.impulses[k]);
+    });
+  }
+  return pair;
+}
+
+IslandMemory read_island(const YamlElement& item) {
+  item.expect_keys({"first_body", "quiet_for", "is_stiff", "stiff_ticks", "stiff_until",
+                    "refused_until", "contacts_refused_until", "left_for", "touched_until",
+                    "inconsistent_until", "gradient_iterations", "substep_cost"});
+  const auto read = [&](const char* key, std::uint64_t* target) {
+    if (const auto value = item.find(key)) *target = value->count();
+  };
+  IslandMemory memory;
+  read("quiet_for", &memory.quiet_for);
+  item.read("is_stiff", &memory.is_stiff);
+  item.read("stiff_ticks", &memory.stiff_ticks);
+  item.attempt([&] { check_not_negative("stiff_ticks", memory.stiff_ticks); });
+  read("stiff_until", &memory.stiff_until);
+  read("refused_until", &memory.refused_until);
+  read("contacts_refused_until", &memory.contacts_refused_until);
+  std::uint64_t left_for = 0;
+  read("left_for", &left_for);
+  if (left_for > static_cast<std::uint64_t>(MethodReason::kOverlap))
+    item.at("left_for").fail("there is no such reason");
+  memory.left_for = static_cast<MethodReason>(left_for);
+  read("touched_until", &memory.touched_until);
+  read("inconsistent_until", &memory.inconsistent_until);
+  std::uint64_t iterations = 0;
+  read("gradient_iterations", &iterations);
+  memory.gradient_iterations =
+      static_cast<std::uint32_t>(std::min<std::uint64_t>(iterations, 1u << 30));
+  item.read("substep_cost", &memory.substep_cost);
+  item.attempt([&] { check_not_negative("substep_cost", memory.substep_cost); });
+  return memory;
+}
+
+List<YamlElement> items_of(const YamlElement& scene, const std::string& key) {
+  const auto list = scene.find(key);
+  return list ? list->items() : List<YamlElement>{};
+}
+
+/// Whether a body slept when the scene was saved.
+bool read_asleep(const YamlElement& item, const Body& body) {
+  bool asleep = false;
+  item.read("asleep", &asleep);
+  const bool can_sleep = body.type == BodyType::kDynamic &&
+                         body.state.linear_velocity.isZero(0.0) &&
+                         body.state.angular_velocity.isZero(0.0);
+  if (asleep && !can_sleep) item.at("asleep").fail("a body that moves or is fixed does not sleep");
+  return asleep;
+}
+
+void continue_from_saved(const YamlElement& scene, const std::vector<BodyId>& asleep,
+                         World* world) {
+  auto& impl = Insides::of(*world);
+  impl.continue_asleep(asleep);
+  for (const YamlElement& item : items_of(scene, "contacts")) {
+    const TouchingPair pair = read_contact(item, *world);
+    item.attempt([&] { impl.continue_contact(pair); });
+  }
+  for (const YamlElement& item : items_of(scene, "islands")) {
+    const IslandMemory memory = read_island(item);
+    item.at("first_body");
+    impl.loaded_memory.emplace_back(read_body_reference(item, "first_body", *world), memory);
+  }
+}
+
+}  // namespace
+
+World load_scene(const std::string& text, const std::string& source, const WorldOptions& defaults) {
+  const YamlElement scene = YamlElement::parse(text, source);
+  scene.expect_keys({"world", "bodies", "constraints", "wrenches", "contacts", "islands"});
+
+  const auto options = scene.find("world");
+  World world(options ? read_options(*options, defaults, {"clock"}) : defaults);
+
+  if (options)
+    if (const auto clock = options->find("clock")) read_clock(*clock, &world);
+
+  std::vector<BodyId> asleep;
+  for (const YamlElement& item : items_of(scene, "bodies")) {
+    const Body body = read_body(item);
+    const BodyId id = item.attempt([&] { return world.add_body(body); });
+    if (read_asleep(item, body)) asleep.push_back(id);
+  }
+  for (const YamlElement& item : items_of(scene, "constraints")) {
+    const Joint joint = read_joint(item, world);
+    bool broken = false;
+    item.read("broken", &broken);
+    const auto state = item.find("state");
+    auto& impl = Insides::of(world);
+    // those that were saved go on, also where they have come to contradict each other
+    const JointId id = item.attempt(
+        [&] { return state ? impl.add_joint(joint, broken) : world.add_joint(joint, broken); });
+    if (state) {
+      impl.continue_joint(impl.index(id), read_joint_state(*state, joint.kind));
+      impl.self_stress[impl.index(id)] = read_self_stress(*state, joint.kind);
+    }
+  }
+  for (const YamlElement& item : items_of(scene, "wrenches")) {
+    const Wrench wrench = read_wrench(item, world);
+    item.attempt([&] { world.add_wrench(wrench); });
+  }
+  continue_from_saved(scene, asleep, &world);
+  for (const YamlElement& item : items_of(scene, "bodies")) {
+    const auto correction = item.find("correction");
+    if (!correction) continue;
+    auto& impl = Insides::of(world);
+    const std::size_t i = impl.index(world.find_body(item.at("name").word()));
+    const Twist value = correction->numbers(6);
+    item.attempt([&] { impl.continue_correction(i, value); });
+  }
+  return world;
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,341 @@
+#include "engine/scene/scene_joints.h"
+
+#include "engine/constraints/joint_kinds.h"
+#include "engine/math/list.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+Eigen::Vector3d in_world(const World& world, BodyId body, const Eigen::Vector3d& anchor) {
+  const BodyState& state = world.state(body);
+  return state.position + state.orientation * anchor;
+}
+
+double present_distance(const World& world, const Joint& joint) {
+  return (in_world(world, joint.body_b, joint.anchor_b) -
+          in_world(world, joint.body_a, joint.anchor_a))
+      .norm();
+}
+
+const YamlElement::Words kLawKeys{"position",  "lower",         "upper",     "limit_restitution",
+                                  "friction",  "damping",       "stiffness", "rest",
+                                  "frequency", "damping_ratio", "zero"};
+
+/// The constraint's own keys beside those that all types have.
+YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type) {
+  if (type == "distance")
+    return {"length",        "min_length", "max_length", "frequency",
+            "damping_ratio", "stiffness",  "damping",    "free"};
+  if (type == "rope") return {"max_length"};
+  if (type == "strut") return {"min_length"};
+  if (type == "spring") return {"length", "frequency", "damping_ratio", "stiffness", "damping"};
+  const std::optional<JointKind> kind = joint_kind_named(type);
+  if (!kind)
+    fail_unknown(item.at("type"), type, "distance, rope, strut, spring" + names_of_further_kinds());
+  YamlElement::Words keys;
+  if (has_frames(*kind)) keys = {"axis_a", "axis_b", "frame_a", "frame_b"};
+  if (coordinates(*kind) > 0) {
+    keys.insert(keys.end(), kLawKeys.begin(), kLawKeys.end());
+    keys.push_back("coordinates");
+  }
+  if (has_frames(*kind) || info(*kind).form == RowsForm::kPoint) keys.push_back("break_torque");
+  if (couples_joints(*kind)) keys.insert(keys.end(), {"joints", "ratio"});
+  if (is_custom(*kind)) keys.insert(keys.end(), {"custom", "parameters"});
+  if (has_pitch(*kind)) keys.push_back("pitch");
+  if (couples(*kind)) keys.push_back("value");
+  return keys;
+}
+
+Eigen::Quaterniond read_frame(const YamlElement& item) {
+  Eigen::Quaterniond frame;
+  frame.coeffs() = Eigen::Vector4d(item.numbers(4));
+  return frame;
+}
+
+/// Frames, or the z axes of these.
+void read_frames(const YamlElement& item, Joint* joint) {
+  for (const char* side : {"a", "b"}) {
+    const auto axis = item.find(std::string("axis_") + side);
+    const auto frame = item.find(std::string("frame_") + side);
+    if (axis && frame) axis->fail("the frame already says it; give one or the other");
+    if (!axis && !frame) continue;
+    const bool is_a = side[0] == 'a';
+    if (frame) {
+      (is_a ? joint->frame_a : joint->frame_b.emplace()) = read_frame(*frame);
+      continue;
+    }
+    const Eigen::Vector3d direction = axis->numbers(3);
+    if (is_a)
+      item.attempt([&] { joint->frame_a = frame_along(direction); });
+    else
+      joint->axis_b = direction;
+  }
+}
+
+/// Reads distances and springs of every type but `ball`; anchors have been read.
+DistanceJoint read_distance(const YamlElement& item, const std::string& type, const World& world,
+                            const Joint& joint) {
+  DistanceJoint distance;
+  if (type == "rope") distance.max_length = present_distance(world, joint);
+  if (type == "strut") distance.min_length = present_distance(world, joint);
+  if (const auto length = item.find("length")) distance.length = length->number();
+  item.read("min_length", &distance.min_length);
+  item.read("max_length", &distance.max_length);
+  item.read("frequency", &distance.frequency);
+  item.read("damping_ratio", &distance.damping_ratio);
+  item.read("stiffness", &distance.stiffness);
+  item.read("damping", &distance.damping);
+  // a strut without a least length, or a spring without stiffness, would pass for a rigid rod
+  if (type == "strut") item.attempt([&] { check_positive("min_length", distance.min_length); });
+  if (type == "spring" && !distance.is_soft())
+    item.fail("a spring needs a frequency or stiffness > 0");
+  return distance;
+}
+
+const YamlElement::Words kMotorKeys{"bias",  "amplitude", "frequency",
+                                    "phase", "max_force", "timeout"};
+
+void read_bias(const YamlElement& item, Motor* motor) {
+  item.read("bias", &motor->bias);
+  item.read("amplitude", &motor->amplitude);
+  item.read("frequency", &motor->frequency);
+  item.read("phase", &motor->phase);
+  item.read("max_force", &motor->max_force);
+  item.read("timeout", &motor->timeout);
+}
+
+Motor read_motor(const YamlElement& item) {
+  item.expect_keys(kMotorKeys);
+  Motor motor;
+  read_bias(item, &motor);
+  item.attempt([&] { validate(motor); });
+  return motor;
+}
+
+}  // namespace
+
+CoordinateMotor read_coordinate_motor(const YamlElement& item) {
+  YamlElement::Words keys = kMotorKeys;
+  keys.insert(keys.end(), {"position", "servo_frequency", "servo_damping_ratio", "servo_stiffness",
+                           "servo_damping", "force"});
+  item.expect_keys(keys);
+  CoordinateMotor motor;
+  read_bias(item, &motor);
+  if (const auto position = item.find("position")) motor.position = position->number();
+  item.read("servo_frequency", &motor.servo_frequency);
+  item.read("servo_damping_ratio", &motor.servo_damping_ratio);
+  item.read("servo_stiffness", &motor.servo_stiffness);
+  item.read("servo_damping", &motor.servo_damping);
+  if (const auto force = item.find("force")) motor.force = force->number();
+  item.attempt([&] { validate(motor); });
+  return motor;
+}
+
+namespace {
+
+CoordinateLaw read_law(const YamlElement& item) {
+  CoordinateLaw law;
+  if (const auto motor = item.find("motor")) law.motor = read_coordinate_motor(*motor);
+  if (const auto lower = item.find("lower")) law.lower = lower->number();
+  if (const auto upper = item.find("upper")) law.upper = upper->number();
+  item.read("limit_restitution", &law.limit_restitution);
+  item.read("friction", &law.friction);
+  item.read("damping", &law.damping);
+  item.read("stiffness", &law.stiffness);
+  item.read("rest", &law.rest);
+  item.read("frequency", &law.frequency);
+  item.read("damping_ratio", &law.damping_ratio);
+  if (const auto position = item.find("position")) law.position = position->number();
+  item.read("zero", &law.zero);
+  if (law.position && item.find("zero"))
+    item.at("zero").fail("the position already says it; give one or the other");
+  item.attempt([&] { validate(law); });
+  return law;
+}
+
+/// Laws of the first coordinate, or of all in a list.
+void read_laws(const YamlElement& item, Joint* joint) {
+  const auto list = item.find("coordinates");
+  if (!list) {
+    joint->coordinates[0] = read_law(item);
+    return;
+  }
+  YamlElement::Words keys = kLawKeys;
+  keys.push_back("motor");
+  for (const std::string& key : keys)
+    if (const auto flat = item.find(key))
+      flat->fail("belongs into the list of coordinates beside it");
+  std::size_t i = 0;
+  for (const YamlElement& law : list->items()) {
+    if (i >= static_cast<std::size_t>(coordinates(joint->kind)))
+      law.fail("a " + std::string(name(joint->kind)) + " joint has only " +
+               std::to_string(coordinates(joint->kind)));
+    law.expect_keys(keys);
+    joint->coordinates[i++] = read_law(law);
+  }
+}
+
+/// `distance` with `free: true` is a kind of its own.
+std::string type_of_joint(const YamlElement& item) {
+  const auto type = item.find("type");
+  std::string given = type ? type->word() : "distance";
+  const auto free = item.find("free");
+  if (given != "distance" || !free || !free->flag()) return given;
+  return name(free_length());
+}
+
+/// What a gear, a pulley or a screw has beside the keys of all. Joints have to be there already.
+void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
+  if (has_pitch(joint->kind)) joint->pitch = item.at("pitch").number();
+  if (const auto value = item.find("value")) joint->coupling.value = value->number();
+  if (!couples_joints(joint->kind)) return;
+  const List<YamlElement> names = item.at("joints").items();
+  if (names.size() != 2)
+    item.at("joints").fail("must be the names of two constraints, got " +
+                           std::to_string(names.size()));
+  const auto find = [&](const YamlElement& element) {
+    const std::string name = element.word();
+    if (!world.has_joint(name))
+      element.fail("there is no constraint " + in_quotes(name) + " before this one");
+    return world.find_joint(name);
+  };
+  joint->coupling.first = find(names[0]);
+  joint->coupling.second = find(names[1]);
+  item.read("ratio", &joint->coupling.ratio);
+}
+
+/// The type of another package and its parameters.
+CustomElement read_custom(const YamlElement& item) {
+  CustomElement custom;
+  custom.type = item.at("custom").word();
+  if (const auto parameters = item.find("parameters"))
+    for (const std::string& key : parameters->keys())
+      custom.parameters.push_back({key, parameters->at(key).number()});
+  return custom;
+}
+
+/// The numbers of a joint's rows, at least three.
+void read_rows(const YamlElement& item, const char* key, JointKind kind, RowVector* rows) {
+  const int size = std::max(info(kind).rows + info(kind).coordinates, 3);
+  if (const auto numbers = item.find(key)) rows->head(size) = numbers->numbers(size);
+  item.attempt([&] {
+    for (int k = 0; k < size; ++k) check_finite(key, (*rows)[k]);
+  });
+}
+
+/// When biases end: of each coordinate in a list; of the first, or of the length, one time.
+void read_expiry(const YamlElement& item, int count, JointState* state) {
+  if (!item.is_list()) {
+    (count > 0 ? state->coordinates[0].expires_at : state->expires_at) = item.number_or_infinity();
+    return;
+  }
+  const List<YamlElement> ends = item.items();
+  if (static_cast<int>(ends.size()) != count)
+    item.fail("must be one for each coordinate, got " + std::to_string(ends.size()));
+  for (std::size_t i = 0; i < ends.size(); ++i)
+    state->coordinates[i].expires_at = ends[i].number_or_infinity();
+}
+
+}  // namespace
+
+BodyId read_body_reference(const YamlElement& item, const std::string& key, const World& world) {
+  const auto reference = item.find(key);
+  if (!reference) return kWorldBody;
+  const std::string name = reference->word();
+  if (name == "world") return kWorldBody;
+  if (!world.has_body(name)) reference->fail("there is no body " + in_quotes(name));
+  return world.find_body(name);
+}
+
+Joint read_joint(const YamlElement& item, const World& world) {
+  const std::string type = type_of_joint(item);
+  YamlElement::Words keys = keys_of_type(item, type);
+  keys.insert(keys.end(), {"name", "type", "baumgarte", "break_force", "collide_connected",
+                           "enabled", "broken", "state"});
+  const JointKind kind = joint_kind_named(type).value_or(Joint{}.kind);  // or a shorthand
+  if (is_free_length(kind)) keys.push_back("free");
+  if (!couples_joints(kind))
+    keys.insert(keys.end(), {"body_a", "anchor_a", "body_b", "anchor_b", "motor"});
+  item.expect_keys(keys);
+
+  Joint joint;
+  joint.kind = kind;
+  joint.name = item.at("name").word();
+  joint.body_a = read_body_reference(item, "body_a", world);
+  item.read("anchor_a", &joint.anchor_a);
+  joint.body_b = read_body_reference(item, "body_b", world);
+  item.read("anchor_b", &joint.anchor_b);
+  if (couples(kind)) read_coupling(item, world, &joint);
+  if (has_length(joint.kind)) joint.distance = read_distance(item, type, world, joint);
+  if (has_frames(joint.kind)) read_frames(item, &joint);
+  if (is_custom(joint.kind)) joint.custom = read_custom(item);
+  if (coordinates(joint.kind) > 0)
+    read_laws(item, &joint);
+  else if (const auto motor = item.find("motor"))
+    joint.motor = read_motor(*motor);
+  if (const auto baumgarte = item.find("baumgarte")) joint.baumgarte = baumgarte->number();
+  item.read("break_force", &joint.break_force);
+  item.read("break_torque", &joint.break_torque);
+  item.read("collide_connected", &joint.collide_connected);
+  item.read("enabled", &joint.enabled);
+  return joint;
+}
+
+SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
+  SelfStress self_stress;
+  read_rows(item, "self_stress", kind, &self_stress.share);
+  read_rows(item, "self_stress_of", kind, &self_stress.impulse);
+  return self_stress;
+}
+
+/// State that a saved joint continues from.
+JointState read_joint_state(const YamlElement& item, JointKind kind) {
+  item.expect_keys({"coupling_constant", "coupling_impulse", "closing_coupling", "travel",
+                    "saturated", "expires_at", "impulse", "self_stress", "self_stress_of",
+                    "positions", "held", "braking", "closing_since", "closing_offset",
+                    "closing_shift", "closing_turn", "closing_share", "initial_error"});
+  JointState state;
+  item.read("travel", &state.travel);
+  item.read("saturated", &state.saturated);
+  read_rows(item, "impulse", kind, &state.impulse);
+  item.read("coupling_constant", &state.coupling.constant);
+  item.read("coupling_impulse", &state.coupling.impulse);
+  item.read("closing_coupling", &state.coupling.offset);
+  const int size = coordinates(kind);
+  const auto read_coordinates = [&](const char* key, double CoordinateState::*field) {
+    if (size == 0) return;
+    const Eigen::VectorXd numbers = item.at(key).numbers(size);
+    for (int i = 0; i < size; ++i) {
+      item.attempt([&] { check_finite(key, numbers[i]); });
+      state.coordinates[static_cast<std::size_t>(i)].*field = numbers[i];
+    }
+  };
+  read_coordinates("positions", &CoordinateState::position);
+  read_coordinates("held", &CoordinateState::held);
+  if (item.find("braking")) read_coordinates("braking", &CoordinateState::braking);
+  if (const auto value = item.find("expires_at")) read_expiry(*value, size, &state);
+  if (const auto since = item.find("closing_since")) {
+    state.closing = true;
+    state.closing_since = since->number();
+    item.at("closing_offset");
+    read_rows(item, "closing_offset", kind, &state.closing_offset);
+    item.read("closing_shift", &state.closing_shift);
+    item.read("closing_turn", &state.closing_turn);
+    item.read("closing_share", &state.closing_share);
+    state.initial_error = item.at("initial_error").number();
+  }
+  item.attempt([&] {
+    check_finite("travel", state.travel);
+    check_finite("coupling_constant", state.coupling.constant);
+    check_finite("coupling_impulse", state.coupling.impulse);
+    check_finite("closing_coupling", state.coupling.offset);
+    if (std::isfinite(state.expires_at)) check_finite("expires_at", state.expires_at);
+    check_finite("closing_since", state.closing_since);
+    check_finite("initial_error", state.initial_error);
+  });
+  return state;
+}
+
+}  // namespace constraint_sim::engine

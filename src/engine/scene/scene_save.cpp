@@ -1,0 +1,436 @@
+#include <yaml-cpp/yaml.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "constraint_sim/engine/scene.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/constraints/law.h"
+#include "engine/math/list.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+void write(YAML::Emitter* out, const char* key, const std::string& value) {
+  *out << YAML::Key << key << YAML::Value << value;
+}
+
+void write(YAML::Emitter* out, const char* key, const char* value) {
+  write(out, key, std::string(value));
+}
+
+void write(YAML::Emitter* out, const char* key, Method value) { write(out, key, name(value)); }
+
+std::string number(double value) { return std::isinf(value) ? ".inf" : shortest(value); }
+
+void write(YAML::Emitter* out, const char* key, double value) { write(out, key, number(value)); }
+
+void write(YAML::Emitter* out, const char* key, bool value) {
+  *out << YAML::Key << key << YAML::Value << value;
+}
+
+void write(YAML::Emitter* out, const char* key, int value) {
+  *out << YAML::Key << key << YAML::Value << value;
+}
+
+void write(YAML::Emitter* out, const char* key, std::uint64_t value) {
+  *out << YAML::Key << key << YAML::Value << value;
+}
+
+void write(YAML::Emitter* out, const char* key, const Eigen::Ref<const Eigen::VectorXd>& values) {
+  *out << YAML::Key << key << YAML::Value << YAML::Flow << YAML::BeginSeq;
+  for (Eigen::Index i = 0; i < values.size(); ++i) *out << shortest(values[i]);
+  *out << YAML::EndSeq;
+}
+
+/// Nothing at the start.
+void write_clock(YAML::Emitter* out, const World& world) {
+  const auto& impl = Insides::of(world);
+  if (impl.step_count == 0 && impl.base_time == 0.0) return;
+  *out << YAML::Key << "clock" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  write(out, "time", impl.base_time);
+  write(out, "since", impl.base_step);
+  write(out, "step", impl.step_count);
+  *out << YAML::EndMap;
+}
+
+void write_options(YAML::Emitter* out, const World& world) {
+  const WorldOptions& options = world.options();
+  *out << YAML::Key << "world" << YAML::Value << YAML::BeginMap;
+  visit_options(options, [out](const OptionInfo& info, const auto& value, auto) {
+    write(out, info.name, value);
+  });
+  write_clock(out, world);
+  *out << YAML::EndMap;
+}
+
+// ---- bodies
+
+const char* type_name(BodyType type) {
+  switch (type) {
+    case BodyType::kDynamic:
+      return "dynamic";
+    case BodyType::kStatic:
+      return "static";
+    case BodyType::kKinematic:
+      break;
+  }
+  return "kinematic";
+}
+
+struct ShapeWriter {
+  YAML::Emitter* out;
+
+  void operator()(const Point&) const { begin("point"); }
+  void operator()(const Sphere& sphere) const {
+    begin("sphere");
+    write(out, "radius", sphere.radius);
+  }
+  void operator()(const Box& box) const {
+    begin("box");
+    write(out, "size", box.size);
+  }
+  void operator()(const Plane&) const { begin("plane"); }
+  void operator()(const Cylinder& cylinder) const {
+    begin("cylinder");
+    write(out, "radius", cylinder.radius);
+    write(out, "length", cylinder.length);
+  }
+
+ private:
+  void begin(const char* kind) const {
+    *out << YAML::Key << kind << YAML::Value << YAML::Flow << YAML::BeginMap;
+  }
+};
+
+void write_body(YAML::Emitter* out, const World& world, BodyId id) {
+  const Body& body = world.body(id);
+  const BodyState& state = world.state(id);
+  const auto& impl = Insides::of(world);
+  *out << YAML::BeginMap;
+  write(out, "name", body.name);
+  write(out, "type", type_name(body.type));
+  *out << YAML::Key << "shape" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  std::visit(ShapeWriter{out}, body.shape);
+  *out << YAML::EndMap << YAML::EndMap;
+  if (body.shape_pose) {
+    *out << YAML::Key << "shape_pose" << YAML::Value << YAML::Flow << YAML::BeginMap;
+    write(out, "position", body.shape_pose->position);
+    write(out, "orientation", body.shape_pose->orientation.coeffs());
+    *out << YAML::EndMap;
+  }
+  write(out, "mass", body.mass);
+  write(out, "inertia", body.inertia);
+  write(out, "position", state.position);
+  write(out, "orientation", state.orientation.coeffs());
+  write(out, "linear_velocity", state.linear_velocity);
+  write(out, "angular_velocity", state.angular_velocity);
+  write(out, "friction", body.friction);
+  write(out, "restitution", body.restitution);
+  write(out, "no_collision", body.no_collision);
+  if (body.color) write(out, "color", Eigen::Map<const Eigen::VectorXd>(body.color->data(), 4));
+  const std::size_t i = impl.index(id);
+  if (impl.asleep[i]) write(out, "asleep", true);
+  if (impl.any_corrections && !impl.corrections[i].isZero(0.0))
+    write(out, "correction", impl.corrections[i]);
+  *out << YAML::EndMap;
+}
+
+// ---- constraints
+
+void write_distance(YAML::Emitter* out, const DistanceJoint& distance) {
+  const bool has_length = !distance.is_limited() || distance.is_soft();
+  if (has_length && distance.length) write(out, "length", *distance.length);
+  if (distance.min_length > 0.0) write(out, "min_length", distance.min_length);
+  if (std::isfinite(distance.max_length)) write(out, "max_length", distance.max_length);
+  if (!distance.is_soft()) return;
+  write(out, "stiffness", distance.stiffness);
+  write(out, "damping", distance.damping);
+}
+
+/// What a motor by velocity goes at.
+void write_rate(YAML::Emitter* out, const Motor& motor) {
+  write(out, "bias", motor.bias);
+  write(out, "amplitude", motor.amplitude);
+  write(out, "frequency", motor.frequency);
+  write(out, "phase", motor.phase);
+}
+
+void write_motor(YAML::Emitter* out, const Motor& motor) {
+  const bool is_default = motor.bias == 0.0 && motor.amplitude == 0.0 && motor.frequency == 0.0 &&
+                          motor.phase == 0.0 && motor.max_force == 0.0 && motor.timeout == 0.0;
+  if (is_default) return;
+  *out << YAML::Key << "motor" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  write_rate(out, motor);
+  write(out, "max_force", motor.max_force);
+  write(out, "timeout", motor.timeout);
+  *out << YAML::EndMap;
+}
+
+/// Of a coordinate: by velocity, to a position or with a force.
+void write_motor_of_coordinate(YAML::Emitter* out, const CoordinateMotor& motor) {
+  *out << YAML::Key << "motor" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  if (motor.position) {
+    write(out, "position", *motor.position);
+    if (motor.is_servo()) {
+      write(out, "servo_stiffness", motor.servo_stiffness);
+      write(out, "servo_damping", motor.servo_damping);
+    }
+  } else if (motor.force) {
+    write(out, "force", *motor.force);
+  } else {
+    write_rate(out, motor);
+  }
+  write(out, "max_force", motor.max_force);
+  write(out, "timeout", motor.timeout);
+  *out << YAML::EndMap;
+}
+
+/// What is not as it is left out.
+void write_law(YAML::Emitter* out, const CoordinateLaw& law) {
+  const CoordinateLaw none;
+  if (law.motor) write_motor_of_coordinate(out, *law.motor);
+  if (std::isfinite(law.lower)) write(out, "lower", law.lower);
+  if (std::isfinite(law.upper)) write(out, "upper", law.upper);
+  for (const auto& [key, field] :
+       {std::pair("limit_restitution", &CoordinateLaw::limit_restitution),
+        {"friction", &CoordinateLaw::friction},
+        {"damping", &CoordinateLaw::damping},
+        {"stiffness", &CoordinateLaw::stiffness},
+        {"rest", &CoordinateLaw::rest},
+        {"zero", &CoordinateLaw::zero}})
+    if (law.*field != none.*field) write(out, key, law.*field);
+}
+
+void write_laws(YAML::Emitter* out, const Joint& joint) {
+  const auto count = static_cast<std::size_t>(coordinates(joint.kind));
+  const auto is_none = [](const CoordinateLaw& law) { return law.is_none() && law.rest == 0.0; };
+  if (std::all_of(joint.coordinates.begin() + 1, joint.coordinates.end(), is_none)) {
+    if (count > 0) write_law(out, joint.coordinates[0]);
+    return;
+  }
+  *out << YAML::Key << "coordinates" << YAML::Value << YAML::BeginSeq;
+  for (std::size_t i = 0; i < count; ++i) {
+    *out << YAML::Flow << YAML::BeginMap;
+    write_law(out, joint.coordinates[i]);
+    *out << YAML::EndMap;
+  }
+  *out << YAML::EndSeq;
+}
+
+/// The numbers of a joint's rows, at least three.
+void write_rows(YAML::Emitter* out, const char* key, const Joint& joint, const RowVector& rows) {
+  write(out, key,
+        Eigen::VectorXd(
+            rows.head(std::max(info(joint.kind).rows + info(joint.kind).coordinates, 3))));
+}
+
+/// Of the length or the only motor with a timeout on the first coordinate one time; else a list.
+void write_expiry(YAML::Emitter* out, const Joint& joint, const JointState& state) {
+  List<double> ends;
+  visit_motors(joint, state, [&](const Motor& motor, double end) {
+    if (motor.timeout > 0.0) ends.push_back(end);
+  });
+  if (ends.empty()) return;
+  const int count = coordinates(joint.kind);
+  const auto& first = joint.coordinates[0].motor;
+  if (count == 0 || (ends.size() == 1 && first && first->timeout > 0.0))
+    return write(out, "expires_at", ends.front());
+  *out << YAML::Key << "expires_at" << YAML::Value << YAML::Flow << YAML::BeginSeq;
+  for (int i = 0; i < count; ++i)
+    *out << number(state.coordinates[static_cast<std::size_t>(i)].expires_at);
+  *out << YAML::EndSeq;
+}
+
+/// State that a joint continues from; nothing where adding the joint would give the same state.
+void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
+                 const JointState& state) {
+  const auto& impl = Insides::of(world);
+  const JointId id = world.find_joint(joint.name);
+  if (impl.is_as_added(id)) return;
+  *out << YAML::Key << "state" << YAML::Value << YAML::Flow << YAML::BeginMap;
+  write(out, "travel", state.travel);
+  if (state.saturated) write(out, "saturated", true);
+  write_expiry(out, joint, state);
+  if (const int count = coordinates(joint.kind)) {
+    Eigen::VectorXd positions(count), held(count), braking(count);
+    for (int i = 0; i < count; ++i) {
+      positions[i] = state.coordinates[static_cast<std::size_t>(i)].position;
+      held[i] = state.coordinates[static_cast<std::size_t>(i)].held;
+      braking[i] = state.coordinates[static_cast<std::size_t>(i)].braking;
+    }
+    write(out, "positions", positions);
+    write(out, "held", held);
+    if (!braking.isZero(0.0)) write(out, "braking", braking);
+  }
+  write_rows(out, "impulse", joint, state.impulse);
+  if (couples(joint.kind)) {
+    write(out, "coupling_constant", state.coupling.constant);
+    write(out, "coupling_impulse", state.coupling.impulse);
+  }
+  const SelfStress& self_stress = impl.self_stress[impl.index(id)];
+  if (!self_stress.is_none()) {
+    write_rows(out, "self_stress", joint, self_stress.share);
+    write_rows(out, "self_stress_of", joint, self_stress.impulse);
+  }
+  if (state.closing) {
+    write(out, "closing_since", state.closing_since);
+    write_rows(out, "closing_offset", joint, state.closing_offset);
+    if (closes_by_frame(info(joint.kind))) {
+      write(out, "closing_shift", state.closing_shift);
+      write(out, "closing_turn", state.closing_turn);
+      write(out, "closing_share", state.closing_share);
+    }
+    if (couples(joint.kind)) write(out, "closing_coupling", state.coupling.offset);
+    write(out, "initial_error", state.initial_error);
+  }
+  *out << YAML::EndMap;
+}
+
+void write_joint(YAML::Emitter* out, const World& world, const Joint& joint,
+                 const JointState& state) {
+  const auto body_name = [&](BodyId id) {
+    return id == kWorldBody ? std::string("world") : world.body(id).name;
+  };
+  *out << YAML::BeginMap;
+  write(out, "name", joint.name);
+  const bool is_free = is_free_length(joint.kind);
+  write(out, "type", name(is_free ? Joint{}.kind : joint.kind));
+  if (is_free) write(out, "free", true);
+  if (couples_joints(joint.kind)) {
+    *out << YAML::Key << "joints" << YAML::Value << YAML::Flow << YAML::BeginSeq;
+    for (const JointId id : {joint.coupling.first, joint.coupling.second})
+      *out << world.joint(id).name;
+    *out << YAML::EndSeq;
+    write(out, "ratio", joint.coupling.ratio);
+  } else {
+    write(out, "body_a", body_name(joint.body_a));
+    write(out, "anchor_a", joint.anchor_a);
+    write(out, "body_b", body_name(joint.body_b));
+    write(out, "anchor_b", joint.anchor_b);
+  }
+  if (is_custom(joint.kind)) {
+    write(out, "custom", joint.custom.type);
+    *out << YAML::Key << "parameters" << YAML::Value << YAML::Flow << YAML::BeginMap;
+    for (const CustomParameter& parameter : joint.custom.parameters)
+      write(out, parameter.name.c_str(), parameter.value);
+    *out << YAML::EndMap;
+  }
+  if (has_pitch(joint.kind)) write(out, "pitch", joint.pitch);
+  if (couples(joint.kind)) write(out, "value", state.coupling.constant);
+  if (has_frames(joint.kind)) {
+    write(out, "frame_a", joint.frame_a.coeffs());
+    write(out, "frame_b", joint.frame_b->coeffs());
+  }
+  if (const auto* distance = if_distance(joint)) write_distance(out, *distance);
+  if (!couples_joints(joint.kind)) write_motor(out, joint.motor);
+  write_laws(out, joint);
+  if (joint.baumgarte) write(out, "baumgarte", *joint.baumgarte);
+  write(out, "break_force", joint.break_force);
+  if (joint.break_torque > 0.0) write(out, "break_torque", joint.break_torque);
+  write(out, "collide_connected", joint.collide_connected);
+  if (!joint.enabled) write(out, "enabled", false);
+  if (state.broken) write(out, "broken", true);
+  write_state(out, world, joint, state);
+  *out << YAML::EndMap;
+}
+
+void write_wrench(YAML::Emitter* out, const World& world, const Wrench& wrench) {
+  *out << YAML::BeginMap;
+  write(out, "body", world.body(wrench.body).name);
+  write(out, "force", wrench.force);
+  write(out, "torque", wrench.torque);
+  write(out, "start", std::max(wrench.start, world.time()));  // before now it makes no difference
+  if (std::isfinite(wrench.end)) write(out, "end", wrench.end);
+  *out << YAML::EndMap;
+}
+
+// ---- what is kept from step to step
+
+void write_contact(YAML::Emitter* out, const World& world, const TouchingPair& pair) {
+  *out << YAML::BeginMap;
+  write(out, "body_a", world.body(pair.id_a).name);
+  write(out, "body_b", world.body(pair.id_b).name);
+  write(out, "normal", pair.manifold.normal);
+  *out << YAML::Key << "points" << YAML::Value << YAML::BeginSeq;
+  for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
+    const Manifold::Point& point = pair.manifold.points[k];
+    *out << YAML::Flow << YAML::BeginMap;
+    write(out, "feature", std::uint64_t{point.feature});
+    write(out, "position", point.position);
+    write(out, "depth", point.depth);
+    write(out, "impulse", pair.impulses[k]);
+    *out << YAML::EndMap;
+  }
+  *out << YAML::EndSeq << YAML::EndMap;
+}
+
+void write_contacts(YAML::Emitter* out, const World& world) {
+  const auto& impl = Insides::of(world);
+  const auto is_gone = [&](const TouchingPair& pair) { return !impl.is_known(pair); };
+  List<TouchingPair> pairs = impl.touching;
+  pairs.insert(pairs.end(), impl.resting.begin(), impl.resting.end());
+  pairs.erase(std::remove_if(pairs.begin(), pairs.end(), is_gone), pairs.end());
+  if (pairs.empty()) return;
+  const auto in_order = [&](const TouchingPair& l, const TouchingPair& r) {
+    return std::make_pair(impl.index(l.id_a), impl.index(l.id_b)) <
+           std::make_pair(impl.index(r.id_a), impl.index(r.id_b));
+  };
+  std::sort(pairs.begin(), pairs.end(), in_order);
+  *out << YAML::Key << "contacts" << YAML::Value << YAML::BeginSeq;
+  for (const TouchingPair& pair : pairs) write_contact(out, world, pair);
+  *out << YAML::EndSeq;
+}
+
+void write_islands(YAML::Emitter* out, const World& world) {
+  const auto memories = Insides::of(world).next_memories();
+  if (memories.empty()) return;
+  *out << YAML::Key << "islands" << YAML::Value << YAML::BeginSeq;
+  for (const auto& [first_body, memory] : memories) {
+    *out << YAML::Flow << YAML::BeginMap;
+    write(out, "first_body", world.body(first_body).name);
+    write(out, "quiet_for", memory.quiet_for);
+    write(out, "is_stiff", memory.is_stiff);
+    write(out, "stiff_ticks", static_cast<std::uint64_t>(memory.stiff_ticks));
+    write(out, "stiff_until", memory.stiff_until);
+    write(out, "refused_until", memory.refused_until);
+    if (memory.contacts_refused_until > 0)
+      write(out, "contacts_refused_until", memory.contacts_refused_until);
+    if (memory.left_for != MethodReason::kSmooth)
+      write(out, "left_for", static_cast<std::uint64_t>(memory.left_for));
+    write(out, "touched_until", memory.touched_until);
+    write(out, "inconsistent_until", memory.inconsistent_until);
+    write(out, "gradient_iterations", std::uint64_t{memory.gradient_iterations});
+    write(out, "substep_cost", memory.substep_cost);
+    *out << YAML::EndMap;
+  }
+  *out << YAML::EndSeq;
+}
+
+}  // namespace
+
+std::string save_scene(const World& world) {
+  YAML::Emitter out;
+  out << YAML::BeginMap;
+  write_options(&out, world);
+  out << YAML::Key << "bodies" << YAML::Value << YAML::BeginSeq;
+  for (const BodyId id : world.body_ids()) write_body(&out, world, id);
+  out << YAML::EndSeq;
+  out << YAML::Key << "constraints" << YAML::Value << YAML::BeginSeq;
+  for (const JointId id : world.joint_ids())
+    write_joint(&out, world, world.joint(id), world.joint_state(id));
+  out << YAML::EndSeq;
+  if (!world.wrenches().empty()) {
+    out << YAML::Key << "wrenches" << YAML::Value << YAML::BeginSeq;
+    for (const Wrench& wrench : world.wrenches()) write_wrench(&out, world, wrench);
+    out << YAML::EndSeq;
+  }
+  write_contacts(&out, world);
+  write_islands(&out, world);
+  out << YAML::EndMap;
+  return std::string(out.c_str()) + "\n";
+}
+
+}  // namespace constraint_sim::engine

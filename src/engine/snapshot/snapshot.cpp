@@ -1,0 +1,496 @@
+#include "constraint_sim/engine/snapshot.h"
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <string>
+
+#include "engine/constraints/custom.h"
+#include "engine/math/list.h"
+#include "engine/support/memory.h"
+#include "engine/snapshot/snapshot_checks.h"
+#include "engine/snapshot/snapshot_fields.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+// What a snapshot begins with: another format, compiler or Eigen makes other bits.
+const std::string& build() {
+  static const std::string kBuild =
+      "constraint_sim snapshot 4, compiled by " __VERSION__ " with Eigen " +
+      std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
+      std::to_string(EIGEN_MINOR_VERSION) + "\n";
+  return kBuild;
+}
+
+template <class T, class = void>
+struct HasFields : std::false_type {};
+template <class T>
+struct HasFields<T, std::void_t<decltype(fields(std::declval<T&>(), Of<std::remove_const_t<T>>{}))>>
+    : std::true_type {};
+
+/// How many values there are of a type that snapshots have.
+template <class Enum>
+constexpr long kCount = 0;
+template <>
+constexpr long kCount<Method> = kMethodCount;
+template <>
+constexpr long kCount<JointKind> = kJointKindCount;
+template <>
+constexpr long kCount<BodyType> = static_cast<long>(BodyType::kKinematic) + 1;
+template <>
+constexpr long kCount<Failure> = static_cast<long>(Failure::kCustom) + 1;
+template <>
+constexpr long kCount<MethodReason> = static_cast<long>(MethodReason::kOverlap) + 1;
+template <>
+constexpr long kCount<Hold> = static_cast<long>(Hold::kBrake) + 1;
+template <>
+constexpr long kCount<Servo> = static_cast<long>(Servo::kLeast) + 1;
+template <>
+constexpr long kCount<ContactState> = static_cast<long>(ContactState::kSlipping) + 1;
+template <>
+constexpr long kCount<ImplicitMode> = static_cast<long>(ImplicitMode::kDissipate) + 1;
+
+/// Visits values of all types that snapshots have, down to numbers, which `Bytes` then has in
+/// bytes(&number, size). Bytes::kReads: sizes of lists are read as well.
+template <class Bytes>
+class Visitor {
+ public:
+  static constexpr bool kReads = Bytes::kReads;
+
+  explicit Visitor(Bytes bytes) : bytes_(std::move(bytes)) {}
+  Bytes& bytes() { return bytes_; }
+
+  template <class T>
+  void beside(T& value) {
+    (*this)(value);
+  }
+
+  /// Lists that are read from now on have the sizes that they have here already, if they are not
+  /// empty: then who reads them asks for their size.
+  void keep_sizes(bool keep) { keeps_sizes_ = keep; }
+  const MostIds& most_ids() const { return most_ids_; }
+
+  template <class T>
+  void operator()(T& value) {
+    if constexpr (std::is_same_v<std::remove_const_t<T>, bool>)
+      visit_flag(value);
+    else if constexpr (std::is_enum_v<T>)
+      visit_enum(value);
+    else if constexpr (std::is_arithmetic_v<T>)
+      visit_number(value);
+    else if constexpr (HasFields<T>::value)
+      std::apply([this](auto&... field) { ((*this)(field), ...); },
+                 fields(value, Of<std::remove_const_t<T>>{}));
+    else
+      visit(value);
+  }
+
+ private:
+  /// `T`, const where it is not read.
+  template <class T>
+  using Value = std::conditional_t<kReads, T, const T>;
+
+  // what is read is checked before it is a value of its type
+  template <class T>
+  void visit_flag(T& flag) {
+    auto byte = static_cast<unsigned char>(flag);
+    bytes_(&byte, sizeof byte);
+    if constexpr (!kReads) return;
+    if (byte > 1) fail_damaged("a flag");
+    if constexpr (!std::is_const_v<T>) flag = byte == 1;
+  }
+  template <class T>
+  void visit_enum(T& value) {
+    using Enum = std::remove_const_t<T>;
+    static_assert(kCount<Enum> > 0, "list the new type above");
+    auto number = static_cast<std::underlying_type_t<Enum>>(value);
+    bytes_(&number, sizeof number);
+    if constexpr (!kReads) return;
+    if (static_cast<long>(number) < 0 || static_cast<long>(number) >= kCount<Enum>)
+      fail_damaged("a choice");
+    if constexpr (!std::is_const_v<T>) value = static_cast<Enum>(number);
+  }
+  template <class T>
+  void visit_number(T& number) {
+    bytes_(&number, sizeof number);
+    if constexpr (kReads && std::is_floating_point_v<T>)
+      if (std::isnan(number)) fail_damaged("a number");
+  }
+  template <class Tag>
+  void visit(Id<Tag>& id) {
+    (*this)(id.value);
+    std::uint32_t& most = std::is_same_v<Id<Tag>, BodyId> ? most_ids_.body : most_ids_.joint;
+    // a coupling of a joint that couples none has the id 0, which need not be there
+    if (id.value > 0) most = std::max(most, id.value + 1);
+    if (id.value == std::numeric_limits<std::uint32_t>::max()) fail_damaged("an id");
+  }
+  template <class Tag>
+  void visit(const Id<Tag>& id) {
+    (*this)(id.value);
+  }
+  void visit(Value<std::string>& text) {
+    std::size_t size = text.size();
+    (*this)(size);
+    if constexpr (kReads) text.resize(bytes_.checked(size));
+    if (size > 0) bytes_(&text[0], size);
+  }
+  void visit(Value<CoordinateMotor>& motor) {
+    static_assert(sizeof(CoordinateMotor) ==
+                      sizeof(Motor) + 4 * sizeof(double) + 2 * sizeof(std::optional<double>),
+                  "list the new field");
+    (*this)(static_cast<Value<Motor>&>(motor));
+    (*this)(motor.position);
+    (*this)(motor.servo_frequency);
+    (*this)(motor.servo_damping_ratio);
+    (*this)(motor.servo_stiffness);
+    (*this)(motor.servo_damping);
+    (*this)(motor.force);
+  }
+  void visit(Value<WorldOptions>& options) {
+    visit_options(options, [this](const OptionInfo&, auto& value, auto) { (*this)(value); });
+  }
+  void visit(Value<Shape>& shape) {
+    std::size_t index = shape.index();
+    (*this)(index);
+    if constexpr (kReads) {
+      if (index >= std::variant_size_v<Shape>) fail_damaged("a shape");
+      static const Shape kShapes[] = {Point{}, Sphere{}, Box{}, Plane{}, Cylinder{}};
+      shape = kShapes[index];
+    }
+    std::visit([this](auto& of_kind) { (*this)(of_kind); }, shape);
+  }
+  template <class Scalar, int kRows, int kColumns, int kOptions>
+  void visit(Eigen::Matrix<Scalar, kRows, kColumns, kOptions>& matrix) {
+    bytes_(matrix.data(), sizeof(Scalar) * kRows * kColumns);
+    if constexpr (kReads)
+      if (matrix.hasNaN()) fail_damaged("a number");
+  }
+  template <class Scalar, int kRows, int kColumns, int kOptions>
+  void visit(const Eigen::Matrix<Scalar, kRows, kColumns, kOptions>& matrix) {
+    bytes_(matrix.data(), sizeof(Scalar) * kRows * kColumns);
+  }
+  void visit(Value<Eigen::Quaterniond>& q) { visit(q.coeffs()); }
+  // with a field more this does not compile; beyond the points that there are is nothing
+  void visit(Value<TouchingPair>& pair) {
+    auto& [a, b, id_a, id_b, manifold, impulses, contact_states] = pair;
+    auto& [normal, count, points] = manifold;
+    (*this)(a);
+    (*this)(b);
+    (*this)(id_a);
+    (*this)(id_b);
+    (*this)(normal);
+    (*this)(count);
+    if (count < 0 || static_cast<std::size_t>(count) > points.size()) fail_damaged("its contacts");
+    for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+      (*this)(points[i]);
+      (*this)(impulses[i]);
+      (*this)(contact_states[i]);
+    }
+  }
+  void visit(Value<PrescribedMotion>& course) {
+    CourseVisitor visitor{this, 0};
+    PrescribedMotion::visit_memory(course, visitor);
+  }
+  void visit(Value<FreeRotation>& rotation) { FreeRotation::visit_memory(rotation, *this); }
+  template <class T, std::size_t kSize>
+  void visit(std::array<T, kSize>& list) {
+    for (T& element : list) (*this)(element);
+  }
+  template <class T, std::size_t kSize>
+  void visit(const std::array<T, kSize>& list) {
+    for (const T& element : list) (*this)(element);
+  }
+  template <class T>
+  void visit(std::vector<T>& list) {
+    visit_list(list);
+  }
+  template <class T>
+  void visit(const std::vector<T>& list) {
+    visit_list(list);
+  }
+  template <class Container>
+  void visit_list(Container& list) {
+    std::size_t size = list.size();
+    (*this)(size);
+    if constexpr (kReads) {
+      if (keeps_sizes_ && !list.empty() && size != list.size()) fail_damaged("the size of a list");
+      list.resize(bytes_.checked(size));
+    }
+    for (std::size_t i = 0; i < size; ++i) {
+      if constexpr (std::is_same_v<std::remove_const_t<Container>, std::vector<bool>>) {
+        bool flag = list[i];
+        (*this)(flag);
+        if constexpr (kReads) list[i] = flag;
+      } else {
+        (*this)(list[i]);
+      }
+    }
+  }
+  template <class T>
+  void visit(std::optional<T>& value) {
+    visit_optional(value);
+  }
+  template <class T>
+  void visit(const std::optional<T>& value) {
+    visit_optional(value);
+  }
+  template <class Optional>
+  void visit_optional(Optional& value) {
+    bool is_there = value.has_value();
+    (*this)(is_there);
+    if constexpr (kReads) {
+      value.reset();
+      if (is_there) value.emplace();
+    }
+    if (is_there) (*this)(*value);
+  }
+
+  /// What a course has of a joint: it is a size of lists that are no longer than these.
+  struct CourseVisitor {
+    static constexpr bool kReads = Bytes::kReads;
+    Visitor* all;
+    std::size_t coordinates;  ///< read first
+
+    void beside(std::size_t& count) {
+      (*all)(count);
+      coordinates = count;
+      if (count > kMaxCoordinates) fail_damaged("a course");
+    }
+    void beside(int& rows) {
+      (*all)(rows);
+      if (rows < 0 || rows > kMaxJointRows - static_cast<int>(coordinates))
+        fail_damaged("a course");
+    }
+    template <class T>
+    void beside(T& value) {
+      (*all)(value);
+    }
+  };
+
+  Bytes bytes_;
+  bool keeps_sizes_ = false;
+  MostIds most_ids_;
+};
+
+struct WrittenBytes {
+  static constexpr bool kReads = false;
+  std::string text;
+
+  void operator()(const void* data, std::size_t size) {
+    text.append(static_cast<const char*>(data), size);
+  }
+};
+
+struct ReadBytes {
+  static constexpr bool kReads = true;
+  const std::string& text;
+  std::size_t at;
+
+  void operator()(void* data, std::size_t size) {
+    checked(size);
+    std::memcpy(data, text.data() + at, size);
+    at += size;
+  }
+  /// The size of something that needs a byte an element at least.
+  std::size_t checked(std::size_t size) const {
+    if (size > text.size() - at) throw SnapshotError("snapshot: is damaged, or cut off");
+    return size;
+  }
+};
+
+template <class Map, class Container, class Ids>
+void name_all(const Container& list, const Ids& ids, Map* by_name) {
+  by_name->clear();
+  for (std::size_t i = 0; i < list.size(); ++i) by_name->emplace(list[i].name, ids[i]);
+}
+
+// of plugins, which have to be there
+void make_custom_codes(List<Joint>* joints) {
+  for (Joint& joint : *joints) {
+    if (!is_custom(joint.kind)) continue;
+    try {
+      make_custom_code(&joint);
+    } catch (const std::invalid_argument& refused) {
+      throw SnapshotError(std::string("snapshot: ") + refused.what());
+    }
+  }
+}
+
+// what acted in the last step, by body and joint
+template <class Impl>
+void check_rest(const Impl& impl) {
+  if (impl.rotations.size() != impl.bodies.size()) fail_damaged("its lists");
+  // of joints that were added since the last step there are none yet; their islands are fresh
+  for (std::size_t i = 0; i < impl.islands.size(); ++i) {
+    const auto& parts = impl.island_parts[i];
+    const bool is_smooth = impl.islands[i].method != Method::kSequentialImpulses;
+    if (!parts.is_fresh && is_smooth) check_indices(parts.members.joints, impl.courses.size());
+  }
+  List<int> loaded;
+  for (const AppliedWrench& load : impl.loads) loaded.push_back(load.body);
+  check_indices(loaded, impl.bodies.size());
+}
+
+template <class Impl, class Visit>
+void visit_world(Impl& impl, Visit& visit) {
+  std::remove_const_t<Impl>::visit_memory(impl, visit);
+}
+
+std::uint64_t checksum(const char* bytes, std::size_t size) {
+  std::uint64_t sum = 0xcbf29ce484222325ULL;  // 64-bit FNV-1a
+  for (std::size_t i = 0; i < size; ++i)
+    sum = (sum ^ static_cast<unsigned char>(bytes[i])) * 0x100000001b3ULL;
+  return sum;
+}
+
+}  // namespace
+
+// All that outlives a step, of a world whose edits are compiled: first what was added and what
+// moves, then, once islands are compiled from that, what goes on from step to step.
+template <class Self, class Visit>
+void World::Impl::visit_memory(Self& self, Visit& visit) {
+  using ModelOf = std::conditional_t<Visit::kReads, Model, const Model>;
+  using StateOf = std::conditional_t<Visit::kReads, State, const State>;
+  using MemoryOf = std::conditional_t<Visit::kReads, IslandMemory, const IslandMemory>;
+  visit(self.options);
+  if constexpr (Visit::kReads) validate(self.options);
+  visit(static_cast<ModelOf&>(self));
+  visit(static_cast<StateOf&>(self));
+  if constexpr (Visit::kReads) {
+    check_model(self, self);
+    check_ids(self, visit.most_ids());
+    self.list_grouped_bodies();
+    make_custom_codes(&self.joints);
+    name_all(self.bodies, self.body_ids, &self.body_by_name);
+    name_all(self.joints, self.joint_ids, &self.joint_by_name);
+    const State state = self;
+    self.rebuild_topology();
+    static_cast<State&>(self) = state;
+  }
+  std::size_t count = self.islands.size();
+  visit(count);
+  if (count != self.islands.size()) throw SnapshotError("snapshot: has other islands");
+  for (std::size_t i = 0; i < count; ++i) {
+    auto& parts = self.island_parts[i];
+    const BodyId first_body = self.islands[i].first_body;
+    visit(self.islands[i]);
+    if (self.islands[i].first_body != first_body) fail_damaged("an island");
+    visit(static_cast<MemoryOf&>(parts));
+    visit(parts.is_fresh);
+    visit(parts.energy);
+    visit(parts.gives_way);
+    bool has_motion = parts.motion >= 0;
+    visit(has_motion);
+    List<int> open_points = parts.open_points;  // maybe not those that are open by now
+    visit(open_points);
+    if constexpr (Visit::kReads) check_indices(open_points, self.joints.size());
+    if constexpr (Visit::kReads)
+      if (has_motion && (parts.motion < 0 || open_points != parts.open_points))
+        self.compile_island(&parts, open_points);
+    visit.keep_sizes(true);  // as it is compiled
+    if (has_motion)
+      IslandMotion::visit_memory(self.motions[static_cast<std::size_t>(parts.motion)], visit,
+                                 self.masses);
+    visit.keep_sizes(false);
+  }
+  visit(self.rotations);
+  visit(self.courses);
+  visit(self.loads);
+  visit(self.had_wrenches);
+  visit(self.touching_before);
+  visit(self.reference_energy);
+  visit(self.largest_kinetic_energy);
+  visit(self.any_waking);
+  if constexpr (Visit::kReads) {
+    check_rest(self);
+    self.continue_from_snapshot();
+  }
+  visit(self.awake_changed);
+  visit(self.any_refused);
+  visit(self.any_stiff);
+  visit(self.had_groups);
+  visit(self.smooth_changed);
+  visit(self.time_varying_joints);
+  visit(self.contacts);
+  visit(self.resting_contacts);
+  visit(self.watch);
+  visit(self.report);
+  if constexpr (Visit::kReads) {
+    check_indices(self.time_varying_joints, std::min(self.joints.size(), self.courses.size()));
+    if (self.resting_contacts > self.contacts.size()) fail_damaged("its contacts");
+    check_ids(self, visit.most_ids());
+  }
+}
+
+// what follows from islands and what they remember; of those that impulses carry nothing does,
+// which have no courses where they have always done so
+void World::Impl::continue_from_snapshot() {
+  fresh_islands.clear();
+  for (std::size_t i = 0; i < islands.size(); ++i)
+    if (island_parts[i].is_fresh) fresh_islands.push_back(static_cast<int>(i));
+  in_contact.assign(islands.size(), false);
+  list_by_method();
+  for (std::size_t i = 0; i < islands.size(); ++i)
+    if (!island_parts[i].is_fresh && island_parts[i].motion >= 0 &&
+        islands[i].method != Method::kSequentialImpulses)
+      motions[static_cast<std::size_t>(island_parts[i].motion)].continue_from(
+          time(), states, options.gravity, loads, courses);
+}
+
+std::string write_snapshot(const World& world) {
+  using Impl = std::decay_t<decltype(Insides::of(world))>;
+  std::optional<Impl> copy;
+  const Impl& impl = Insides::of(world).compiled(&copy);
+  Visitor<WrittenBytes> writer(WrittenBytes{build()});
+  visit_world(impl, writer);
+  const std::uint64_t hash = impl.hash();
+  writer(hash);
+  std::string& text = writer.bytes().text;
+  const std::uint64_t sum = checksum(text.data(), text.size());
+  writer(sum);
+  return std::move(text);
+}
+
+bool is_snapshot(const std::string& bytes) { return bytes.compare(0, 24, build(), 0, 24) == 0; }
+
+World read_world(const std::string& bytes, bool checks_sums) {
+  const std::size_t start = build().size();
+  std::uint64_t sum = 0;
+  if (bytes.size() < start + sizeof sum) throw SnapshotError("snapshot: is cut off");
+  const std::size_t end = bytes.size() - sizeof sum;
+  std::memcpy(&sum, bytes.data() + end, sizeof sum);
+  if (checks_sums && sum != checksum(bytes.data(), end))
+    throw SnapshotError("snapshot: is damaged, or cut off");
+  World world;
+  Visitor<ReadBytes> reader(ReadBytes{bytes, start});
+  std::uint64_t hash = 0;
+  try {
+    visit_world(Insides::of(world), reader);
+    reader(hash);
+  } catch (const SnapshotError&) {
+    throw;
+  } catch (const std::invalid_argument& refused) {
+    throw SnapshotError(std::string("snapshot: is damaged: ") + refused.what());
+  }
+  if (reader.bytes().at != end || (checks_sums && hash != world.state_hash()))
+    throw SnapshotError("snapshot: its world cannot be made again by this build");
+  return world;
+}
+
+World read_snapshot(const std::string& bytes) {
+  const std::string& expected = build();
+  if (bytes.compare(0, expected.size(), expected) != 0) {
+    const std::size_t end = is_snapshot(bytes) ? bytes.find('\n') : 0;
+    throw SnapshotError(end == 0 || end == std::string::npos
+                            ? "snapshot: is none"
+                            : "snapshot: is of another build: '" +
+                                  bytes.substr(0, std::min<std::size_t>(end, 200)) +
+                                  "', this is '" + expected.substr(0, expected.size() - 1) + "'");
+  }
+  return read_world(bytes, true);
+}
+
+}  // namespace constraint_sim::engine

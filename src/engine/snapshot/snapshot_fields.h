@@ -1,0 +1,85 @@
+#pragma once
+
+#include <array>
+#include <optional>
+#include <tuple>
+#include <type_traits>
+#include <utility>
+#include <variant>
+
+#include "engine/constraints/one_sided_law.h"
+#include "engine/world/world_impl.h"
+
+namespace constraint_sim::engine {
+
+// The fields of all structs in snapshots. Each is taken apart into as many names as it has fields:
+// with a field more or less this does not compile.
+
+template <class T>
+struct Of {};
+
+/// Ties the fields of a struct, by names that mean nothing but how many there are.
+#define CONSTRAINT_SIM_FIELDS(Struct, ...) \
+  template <class T>                       \
+  auto fields(T& value, Of<Struct>) {      \
+    auto& [__VA_ARGS__] = value;           \
+    return std::tie(__VA_ARGS__);          \
+  }
+
+CONSTRAINT_SIM_FIELDS(BodyState, a, b, c, d)
+template <class T>
+auto fields(T&, Of<Point>) {
+  return std::tie();
+}
+CONSTRAINT_SIM_FIELDS(Sphere, a)
+CONSTRAINT_SIM_FIELDS(Box, a)
+CONSTRAINT_SIM_FIELDS(Cylinder, a, b)
+template <class T>
+auto fields(T&, Of<Plane>) {
+  return std::tie();
+}
+CONSTRAINT_SIM_FIELDS(ShapePose, a, b)
+CONSTRAINT_SIM_FIELDS(Body, a, b, c, d, e, f, g, h, i, j, k)
+CONSTRAINT_SIM_FIELDS(MassProperties, a, b, c)
+CONSTRAINT_SIM_FIELDS(Motor, a, b, c, d, e, f)
+CONSTRAINT_SIM_FIELDS(CoordinateLaw, a, b, c, d, e, f, g, h, i, j, k, l)
+CONSTRAINT_SIM_FIELDS(DistanceJoint, a, b, c, d, e, f, g)
+CONSTRAINT_SIM_FIELDS(Coupling, a, b, c, d)
+CONSTRAINT_SIM_FIELDS(Joint, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t)
+CONSTRAINT_SIM_FIELDS(CustomParameter, a, b)
+template <class T>
+auto fields(T& value, Of<CustomElement>) {
+  auto& [a, b, c] = value;  // the third is made from the first two
+  static_cast<void>(c);
+  return std::tie(a, b);
+}
+CONSTRAINT_SIM_FIELDS(CoordinateState, a, b, c, d, e, f, g)
+CONSTRAINT_SIM_FIELDS(CouplingState, a, b, c, d, e, f)
+CONSTRAINT_SIM_FIELDS(JointState, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u)
+CONSTRAINT_SIM_FIELDS(JointStart, a, b, c, d, e, f)
+CONSTRAINT_SIM_FIELDS(Wrench, a, b, c, d, e)
+CONSTRAINT_SIM_FIELDS(Manifold::Point, a, b, c)
+CONSTRAINT_SIM_FIELDS(Contact, a, b, c, d, e, f, g, h)
+CONSTRAINT_SIM_FIELDS(SelfStress, a, b)
+CONSTRAINT_SIM_FIELDS(AppliedWrench, a, b, c)
+CONSTRAINT_SIM_FIELDS(OneSidedState, a, b, c, d, e)
+CONSTRAINT_SIM_FIELDS(IslandMemory, a, b, c, d, e, f, g, h, i, j, k)
+CONSTRAINT_SIM_FIELDS(Island, a, b, c, d, e, f, g, h, i, j, k, l)
+CONSTRAINT_SIM_FIELDS(WatchedEnergy, a, b, c, d, e, f, g)
+CONSTRAINT_SIM_FIELDS(Watch::Open, a, b, c, d)
+CONSTRAINT_SIM_FIELDS(Watch, a, b, c, d, e, f, g, h, i, j, k)
+CONSTRAINT_SIM_FIELDS(StepReport, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v,
+                      w, x, y, z, A, B, C, D, E, F, G, H, I, J, K, L, M, N, O)
+CONSTRAINT_SIM_FIELDS(State, a, b, c, d, e, f, g, h, i, j, k, l)
+// what follows from these, maps by name and indices by id, are made again
+template <class T>
+auto fields(T& value, Of<Model>) {
+  auto& [options, bodies, masses, body_ids, joints, joint_starts, joint_ids, body_index,
+         joint_index, body_by_name, joint_by_name] = value;
+  return std::tie(bodies, masses, body_ids, joints, joint_starts, joint_ids, body_index,
+                  joint_index);
+}
+
+#undef CONSTRAINT_SIM_FIELDS
+
+}  // namespace constraint_sim::engine

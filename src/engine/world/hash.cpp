@@ -1,0 +1,316 @@
+#include <algorithm>
+#include <cstring>
+#include <type_traits>
+
+#include "engine/constraints/joint_kinds.h"
+#include "engine/math/list.h"
+#include "engine/world/world_impl.h"
+
+namespace constraint_sim::engine {
+namespace {
+
+/// 64-bit FNV-1a (Fowler, Noll & Vo) over the bytes of what it is fed.
+class Fnv1a {
+ public:
+  void add(const void* data, std::size_t size) {
+    const auto* bytes = static_cast<const unsigned char*>(data);
+    for (std::size_t i = 0; i < size; ++i) hash_ = (hash_ ^ bytes[i]) * 0x100000001b3ULL;
+  }
+  void add(double value) { add(&value, sizeof value); }
+  void add(std::uint64_t value) { add(&value, sizeof value); }
+  void add(int value) { add(static_cast<std::uint64_t>(value)); }
+  void add(bool value) { add(std::uint64_t{value}); }
+  void add(Method value) { add(std::string(name(value))); }
+  void add(const std::string& text) {
+    add(std::uint64_t{text.size()});
+    add(text.data(), text.size());
+  }
+  void add(const Eigen::Vector3d& v) { add(v.data(), 3 * sizeof(double)); }
+
+  std::uint64_t value() const { return hash_; }
+
+ private:
+  std::uint64_t hash_ = 0xcbf29ce484222325ULL;
+};
+
+/// Adds what methods remember to a hash, as engine/memory.h says.
+class MemoryHash {
+ public:
+  static constexpr bool kReads = false;
+
+  explicit MemoryHash(Fnv1a* hash) : hash_(hash) {}
+
+  template <class Value>
+  void beside(const Value&) const {}
+
+  void operator()(double value) const { hash_->add(value); }
+  void operator()(bool value) const { hash_->add(std::uint64_t{value}); }
+  void operator()(char value) const { hash_->add(static_cast<std::uint64_t>(value)); }
+  void operator()(signed char value) const { (*this)(int{value}); }
+  void operator()(int value) const { hash_->add(static_cast<std::uint64_t>(value)); }
+  template <class Enum, class = std::enable_if_t<std::is_enum_v<Enum>>>
+  void operator()(Enum value) const {
+    (*this)(static_cast<int>(value));
+  }
+  void operator()(const Eigen::Vector3d& v) const { hash_->add(v); }
+  void operator()(const Eigen::Vector4d& v) const { hash_->add(v.data(), 4 * sizeof(double)); }
+  template <class Element>
+  void operator()(const List<Element>& list) const {
+    hash_->add(std::uint64_t{list.size()});
+    for (std::size_t i = 0; i < list.size(); ++i) (*this)(static_cast<const Element&>(list[i]));
+  }
+
+ private:
+  Fnv1a* hash_;
+};
+
+// indices of a list in the order of its names
+template <class Container>
+List<std::size_t> by_name(const Container& list, std::size_t first) {
+  List<std::size_t> order;
+  for (std::size_t i = first; i < list.size(); ++i) order.push_back(i);
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t l, std::size_t r) { return list[l].name < list[r].name; });
+  return order;
+}
+
+void add(Fnv1a& hash, const WorldOptions& options) {
+  WorldOptions deciding = options;
+  deciding.threads = 1;  // whose number makes no difference
+  visit_options(deciding, [&](const OptionInfo&, const auto& value, auto) { hash.add(value); });
+}
+
+void add(Fnv1a&, const Point&) {}
+void add(Fnv1a& hash, const Sphere& sphere) { hash.add(sphere.radius); }
+void add(Fnv1a& hash, const Box& box) { hash.add(box.size); }
+void add(Fnv1a&, const Plane&) {}
+void add(Fnv1a& hash, const Cylinder& cylinder) {
+  hash.add(cylinder.radius);
+  hash.add(cylinder.length);
+}
+
+void add(Fnv1a& hash, const Body& body, const MassProperties& mass, const BodyState& state) {
+  hash.add(body.name);
+  hash.add(static_cast<std::uint64_t>(body.type));
+  hash.add(std::uint64_t{body.shape.index()});
+  std::visit([&](const auto& shape) { add(hash, shape); }, body.shape);
+  if (body.shape_pose) {
+    hash.add(body.shape_pose->position);
+    hash.add(Eigen::Vector3d(body.shape_pose->orientation.vec()));
+    hash.add(body.shape_pose->orientation.w());
+  }
+  hash.add(body.mass);
+  hash.add(mass.inertia);
+  hash.add(body.friction);
+  hash.add(body.restitution);
+  hash.add(std::uint64_t{body.no_collision});
+  hash.add(state.position);
+  hash.add(Eigen::Vector3d(state.orientation.vec()));
+  hash.add(state.orientation.w());
+  hash.add(state.linear_velocity);
+  hash.add(state.angular_velocity);
+}
+
+// a ball joint's three numbers, and what other kinds have beside these
+void add(Fnv1a& hash, const RowVector& rows) {
+  hash.add(Eigen::Vector3d(rows.head<3>()));
+  if (!rows.tail<3>().isZero(0.0)) hash.add(Eigen::Vector3d(rows.tail<3>()));
+}
+
+void add_settings(Fnv1a& hash, const Joint& joint) {
+  if (const DistanceJoint* distance = if_distance(joint)) {
+    hash.add(distance->length.value_or(-1.0));
+    for (const double number :
+         {distance->min_length, distance->max_length, distance->stiffness, distance->damping})
+      hash.add(number);
+  }
+  if (is_custom(joint.kind)) {
+    hash.add(joint.custom.type);
+    for (const CustomParameter& parameter : joint.custom.parameters) {
+      hash.add(parameter.name);
+      hash.add(parameter.value);
+    }
+  }
+  if (!info(joint.kind).has_frames) return;
+  for (const Eigen::Quaterniond& frame : {joint.frame_a, *joint.frame_b}) {
+    hash.add(Eigen::Vector3d(frame.vec()));
+    hash.add(frame.w());
+  }
+}
+
+// nothing of a coordinate that is free, in its first turn
+void add(Fnv1a& hash, const CoordinateLaw& law, const CoordinateState& state) {
+  if (law.is_none() && std::abs(state.position) <= 3.2) return;
+  for (const double number :
+       {law.lower, law.upper, law.limit_restitution, law.friction, law.damping, law.stiffness,
+        law.rest, law.zero, state.position, state.held})
+    hash.add(number);
+  if (state.braking != 0.0) hash.add(state.braking);
+  hash.add(std::uint64_t{law.motor.has_value()});
+  if (!law.motor) return;
+  const CoordinateMotor& motor = *law.motor;
+  for (const double number :
+       {motor.bias, motor.amplitude, motor.frequency, motor.phase, motor.max_force, motor.timeout,
+        motor.position.value_or(0.0), motor.servo_stiffness, motor.servo_damping,
+        motor.force.value_or(0.0)})
+    hash.add(number);
+  hash.add(std::uint64_t{motor.position.has_value()});
+  hash.add(std::uint64_t{motor.force.has_value()});
+}
+
+double first_end(const Joint& joint, const JointState& state) {
+  return coordinates(joint.kind) > 0 ? state.coordinates[0].expires_at : state.expires_at;
+}
+
+void add(Fnv1a& hash, const Joint& joint, const std::string& body_a, const std::string& body_b,
+         const JointState& state) {
+  hash.add(joint.name);
+  hash.add(std::string(name(joint.kind)));
+  hash.add(body_a);
+  hash.add(joint.anchor_a);
+  hash.add(body_b);
+  hash.add(joint.anchor_b);
+  add_settings(hash, joint);
+  const Motor& motor = joint.motor;
+  for (const double value : {motor.bias, motor.amplitude, motor.frequency, motor.phase,
+                             motor.max_force, motor.timeout, first_end(joint, state), state.travel})
+    hash.add(value);
+  add(hash, state.impulse);
+  for (std::size_t i = 0; i < static_cast<std::size_t>(coordinates(joint.kind)); ++i)
+    add(hash, joint.coordinates[i], state.coordinates[i]);
+  for (std::size_t i = 1; i < kMaxCoordinates; ++i)
+    if (std::isfinite(state.coordinates[i].expires_at)) hash.add(state.coordinates[i].expires_at);
+  if (joint.break_torque > 0.0) hash.add(joint.break_torque);
+  if (couples(joint.kind))
+    for (const double number :
+         {joint.coupling.ratio, joint.pitch, state.coupling.constant, state.coupling.impulse})
+      hash.add(number);
+  hash.add(joint.baumgarte.value_or(-1.0));
+  hash.add(joint.break_force);
+  hash.add(std::uint64_t{joint.collide_connected});
+  hash.add(std::uint64_t{state.broken});
+  if (!joint.enabled) hash.add(std::string("disabled"));
+  if (state.saturated) hash.add(std::string("saturated"));
+  if (!state.closing) return;
+  hash.add(state.closing_since);
+  if (couples(joint.kind)) hash.add(state.coupling.offset);
+  add(hash, state.closing_offset);
+  if (closes_by_frame(info(joint.kind))) {
+    hash.add(state.closing_shift);
+    hash.add(state.closing_turn);
+    hash.add(state.closing_share);
+  }
+  hash.add(state.initial_error);
+}
+
+void add(Fnv1a& hash, const TouchingPair& pair, const std::string& body_a,
+         const std::string& body_b) {
+  hash.add(body_a);
+  hash.add(body_b);
+  for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k) {
+    hash.add(std::uint64_t{pair.manifold.points[k].feature});
+    hash.add(pair.impulses[k]);
+  }
+}
+
+void add(Fnv1a& hash, const IslandMemory& memory, const std::string& first_body) {
+  hash.add(first_body);
+  for (const std::uint64_t value :
+       {memory.quiet_for, std::uint64_t{memory.is_stiff},
+        static_cast<std::uint64_t>(memory.stiff_ticks), memory.stiff_until, memory.refused_until,
+        memory.touched_until, memory.inconsistent_until, std::uint64_t{memory.gradient_iterations}})
+    hash.add(value);
+  if (memory.contacts_refused_until > 0) hash.add(memory.contacts_refused_until);
+  if (memory.left_for != MethodReason::kSmooth)
+    hash.add(static_cast<std::uint64_t>(memory.left_for));
+  hash.add(memory.substep_cost);
+}
+
+// What methods go on from beside the state, or that they begin anew. Islands at rest do so once
+// they wake.
+template <class Impl>
+void add_methods(Fnv1a& hash, const Impl& world) {
+  const MemoryHash add(&hash);
+  for (std::size_t i = 0; i < world.islands.size(); ++i) {
+    const Island& island = world.islands[i];
+    const IslandParts& parts = world.island_parts[i];
+    if (island.why == MethodReason::kAtRest) continue;
+    if (parts.is_fresh) {
+      if (world.restarts_methods(i)) hash.add(std::uint64_t{i});
+      continue;
+    }
+    for (const int body : parts.turning_freely) {
+      const FreeRotation& rotation = world.rotations[static_cast<std::size_t>(body)];
+      if (!rotation.has_memory()) continue;
+      add(body);
+      FreeRotation::visit_memory(rotation, add);
+    }
+    // impulses go on from nothing of it, and others forget it when they follow these
+    if (parts.motion < 0 || island.method == Method::kSequentialImpulses) continue;
+    hash.add(std::uint64_t{i});
+    for (const int word : {static_cast<int>(island.method), static_cast<int>(island.why)})
+      add(word);
+    add(world.had_wrenches);
+    IslandMotion::visit_memory(world.motions[static_cast<std::size_t>(parts.motion)], add,
+                               world.masses);
+  }
+}
+
+void add(Fnv1a& hash, const Wrench& wrench, const std::string& body, double now) {
+  hash.add(body);
+  hash.add(wrench.force);
+  hash.add(wrench.torque);
+  hash.add(std::max(wrench.start, now));  // before now it makes no difference
+  hash.add(wrench.end);
+}
+
+}  // namespace
+
+std::uint64_t World::state_hash() const {
+  std::optional<Impl> copy;
+  return impl_->compiled(&copy).hash();
+}
+
+std::uint64_t World::Impl::hash() const {
+  const Impl& world = *this;
+  Fnv1a hash;
+  add(hash, world.options);
+  hash.add(world.step_count);
+  hash.add(world.base_step);
+  hash.add(world.base_time);
+  const auto name_of = [&](BodyId id) -> const std::string& {
+    return world.bodies[world.index(id)].name;
+  };
+  // rows are solved in the order of adding, which therefore decides the last bits
+  const List<std::size_t> body_order = by_name(world.bodies, 1);
+  for (const std::size_t i : body_order) {
+    hash.add(std::uint64_t{i});
+    add(hash, world.bodies[i], world.masses[i], world.states[i]);
+    hash.add(std::uint64_t{world.asleep[i]});
+    if (world.any_corrections && !world.corrections[i].isZero(0.0))
+      hash.add(world.corrections[i].data(), sizeof(Twist));
+  }
+  for (const std::size_t j : by_name(world.joints, 0)) {
+    hash.add(std::uint64_t{j});
+    add(hash, world.joints[j], name_of(world.joints[j].body_a), name_of(world.joints[j].body_b),
+        world.joint_states[j]);
+    if (couples_joints(world.joints[j].kind))
+      for (const JointId id : {world.joints[j].coupling.first, world.joints[j].coupling.second})
+        hash.add(world.joints[world.index(id)].name);
+    if (world.self_stress[j].is_none()) continue;
+    add(hash, world.self_stress[j].share);
+    add(hash, world.self_stress[j].impulse);
+  }
+  for (const std::size_t i : body_order)
+    for (const Wrench& wrench : world.wrenches)
+      if (wrench.body == world.body_ids[i]) add(hash, wrench, world.bodies[i].name, world.time());
+  for (const auto* pairs : {&world.touching, &world.resting})
+    for (const TouchingPair& pair : *pairs)
+      if (world.is_known(pair)) add(hash, pair, name_of(pair.id_a), name_of(pair.id_b));
+  for (const auto& [first_body, memory] : world.memories())
+    if (world.body_index[first_body.value] >= 0) add(hash, memory, name_of(first_body));
+  add_methods(hash, world);
+  return hash.value();
+}
+
+}  // namespace constraint_sim::engine

@@ -1,0 +1,385 @@
+#include "constraint_sim/engine/world.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "engine/constraints/contact.h"
+#include "engine/constraints/custom.h"
+#include "engine/constraints/joint.h"
+#include "engine/constraints/joint_kinds.h"
+#include "engine/collision/narrowphase.h"
+#include "engine/model/validate.h"
+#include "engine/world/world_impl.h"
+
+namespace constraint_sim::engine {
+
+using Eigen::Vector3d;
+
+namespace {
+
+/// Ends a step within.
+struct StepFailed {
+  Failure why;
+};
+
+}  // namespace
+
+// a whole physics engine in six steps, as the tutorial has it
+const StepReport& World::step() {
+  Impl& world = *impl_;
+  try {
+    const Tick tick = world.begin_step();
+    const auto& near = world.find_pairs();                    // 1. broadphase: fast and approximate
+    const auto& touching = world.find_contacts(near);         // 2. narrowphase: accurate but slow
+    if (world.any_corrections) world.take_out_corrections();  // what closed errors a step ago
+    Carried& carried = world.choose_methods(touching);
+    world.integrate(tick, &carried);           //    smooth islands part here from the tutorial
+    world.advance_by_impulses(tick, carried);  // 3. to 6. of the others: SequentialImpulses
+    world.advance_kinematic_bodies();
+    world.finish_step(tick, carried);
+  } catch (const StepFailed& failed) {
+    world.keep_state_before(failed.why);
+  } catch (const CustomFailure& failed) {
+    world.fail_by(failed);
+  } catch (...) {
+    world.abandon_step();
+    throw;
+  }
+  world.measure();
+  return world.report;
+}
+
+void World::Impl::fail(Failure why) { throw StepFailed{why}; }
+
+// of whatever thread it was thrown in
+void World::Impl::fail_by(const CustomFailure& failed) {
+  if (is_state_saved)
+    keep_state_before(Failure::kCustom);
+  else
+    abandon_step();
+  report.failure = Failure::kCustom;
+  failed_why = failed.what();
+  failed_joint.reset();
+  const auto found = joint_by_name.find(failed.joint_name);
+  if (found != joint_by_name.end()) failed_joint = found->second;
+}
+
+// where what the system threw may have left anything half done: as after an edit
+void World::Impl::abandon_step() {
+  if (is_state_saved) restore_state();
+  forget_contacts();
+  topology_edited = true;
+  edit_all();
+  report = StepReport{};
+  report.failed = true;
+  report.step = step_count;
+  report.time = time();
+}
+
+Tick World::Impl::begin_step() {
+  is_state_saved = false;
+  if (edited)
+    rebuild_topology();
+  else if (any_waking)
+    spread_waking();
+  save_state();
+  const Tick tick{time(), time_of(step_count + 1)};
+  report = StepReport{};
+  events.clear();
+  contacts_are_new = false;
+  if (!has_next_tick(tick.start, options.time_step)) fail(Failure::kNoNextTick);
+  return tick;
+}
+
+// for a step that fails
+void World::Impl::save_state() {
+  for (const int i : awake_bodies)
+    states_before[static_cast<std::size_t>(i)] = states[static_cast<std::size_t>(i)];
+  for (const int j : awake_joints)
+    joint_states_before[static_cast<std::size_t>(j)] = joint_states[static_cast<std::size_t>(j)];
+  for (const int i : awake_islands)
+    memory_before[static_cast<std::size_t>(i)] = island_parts[static_cast<std::size_t>(i)];
+  is_state_saved = true;
+  had_corrections = any_corrections;
+  if (had_corrections) corrections_before = corrections;
+}
+
+void World::Impl::restore_state() {
+  for (const int i : awake_bodies)
+    states[static_cast<std::size_t>(i)] = states_before[static_cast<std::size_t>(i)];
+  for (const int j : awake_joints)
+    joint_states[static_cast<std::size_t>(j)] = joint_states_before[static_cast<std::size_t>(j)];
+  for (const int i : awake_islands)
+    static_cast<IslandMemory&>(island_parts[static_cast<std::size_t>(i)]) =
+        memory_before[static_cast<std::size_t>(i)];
+  if (contacts_are_new) std::swap(touching, touching_before);
+  if (had_corrections)
+    corrections = corrections_before;
+  else if (any_corrections)
+    for (Twist& correction : corrections) correction.setZero();
+  any_corrections = had_corrections;
+}
+
+void World::Impl::take_out_corrections() {
+  for (const int index : awake_bodies) {
+    const auto i = static_cast<std::size_t>(index);
+    states[i].linear_velocity -= corrections[i].head<3>();
+    states[i].angular_velocity -= corrections[i].tail<3>();
+    corrections[i].setZero();
+  }
+  any_corrections = false;
+}
+
+// those that act in this step on bodies that impulses carry: how long
+void World::Impl::find_acting_wrenches(const Tick& tick) {
+  for (const Wrench& wrench : wrenches) {
+    const bool acts_throughout = wrench.start <= tick.start && wrench.end >= tick.end;
+    const double duration =
+        acts_throughout ? options.time_step
+                        : std::min(wrench.end, tick.end) - std::max(wrench.start, tick.start);
+    if (duration <= 0.0) continue;  // not yet
+    const std::size_t i = index(wrench.body);
+    if (islands[static_cast<std::size_t>(island_of[i])].method == Method::kSequentialImpulses)
+      acting_wrenches.push_back({i, duration, wrench.force, wrench.torque});
+  }
+}
+
+// as they are at the start of the step
+void World::Impl::find_custom_forces(const Tick& tick, const Carried& by_method) {
+  for (const int index : by_method.impulse_joints) {
+    const auto j = static_cast<std::size_t>(index);
+    if (!is_custom_force(joints[j].kind) || !acts(joints[j], joint_states[j])) continue;
+    const Jacobian wrench = custom_wrench(joints[j], state_a(j), state_b(j), tick.start);
+    const auto [a, b] = joint_ends[j];
+    if (is_movable(a)) acting_wrenches.push_back({a, options.time_step, wrench.j1, wrench.j2});
+    if (is_movable(b)) acting_wrenches.push_back({b, options.time_step, wrench.j3, wrench.j4});
+  }
+}
+
+void World::Impl::book(const ImpulseReport& impulses) {
+  report.rows += impulses.rows;
+  report.contacts += impulses.contacts;
+  report.max_penetration = std::max(report.max_penetration, impulses.max_penetration);
+  report.iterations += impulses.iterations;
+  report.solver_residual = std::max(report.solver_residual, impulses.solver_residual);
+  report.driven_work += impulses.driven_work;
+  report.correction_work += impulses.correction_work;
+  for (std::size_t i = 0; i < kStageCount; ++i) report.stage_times[i] += impulses.stage_times[i];
+}
+
+void World::Impl::advance_by_impulses(const Tick& tick, const Carried& by_method) {
+  fast_group.bodies.clear();
+  if (by_method.impulse_bodies.empty()) return;
+  acting_wrenches.clear();
+  if (!wrenches.empty()) find_acting_wrenches(tick);
+  if (any_custom_forces) find_custom_forces(tick, by_method);
+  if (!jointed_pairs.empty()) add_jointed_pairs();
+  if (!fast_bodies.empty() && is_any_about_to_hit()) {
+    find_fast_group(by_method);
+    advance_fast_group(tick);
+    if (slow_group.is_empty()) return;
+  }
+  book(sequential_impulses.advance(*this, impulse_step(tick, by_method), this));
+}
+
+void World::Impl::finish_impulses(const Tick& tick, const Carried& by_method) {
+  if (by_method.impulse_bodies.empty()) return;
+  if (fast_group.is_empty() || !slow_group.is_empty())
+    report.correction_work +=
+        sequential_impulses.finish(*this, impulse_step(tick, by_method), this);
+  if (!fast_group.is_empty()) take_hits();
+  for (const int j : by_method.impulse_joints) note_if_broken(static_cast<std::size_t>(j));
+}
+
+ImpulseStep World::Impl::impulse_step(const Tick& tick, const Carried& by_method) const {
+  const bool is_divided = !fast_group.is_empty();
+  return {joint_step(tick),
+          is_divided ? slow_group.bodies : by_method.impulse_bodies,
+          is_divided ? slow_group.joints : by_method.impulse_joints,
+          joint_ends,
+          is_in_loop,
+          acting_wrenches,
+          stop,
+          clock};
+}
+
+void World::Impl::advance_kinematic_bodies() {
+  if (kinematic.empty()) return;
+  const StageTimer timer(clock, Stage::kPositions, &report.stage_times);
+  advance_kinematic(kinematic, options.time_step, states);
+}
+
+void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
+  if (is_set(stop)) {
+    keep_state_before(Failure::kNone);
+    report.failed = false;
+    report.stopped = true;
+    return;
+  }
+  const Failure failure = failure_of_motion();
+  if (failure != Failure::kNone) fail(failure);
+  finish_impulses(tick, by_method);
+  if (!motions.empty() && !by_method.smooth.empty())
+    read_smooth_joints(joint_step(tick), by_method);
+  if (!contact_groups.empty()) tell_contact_groups(joint_step(tick));
+  if (!touching.empty() || !contacts.empty()) tell_contacts();
+  if (!tells_finite_numbers()) fail(Failure::kNotFinite);
+  if (events.size() > 1) sort_events();
+  ++step_count;
+  drop_spent_wrenches(tick.end);
+  fall_asleep();
+  for (const int i : fresh_islands) island_parts[static_cast<std::size_t>(i)].is_fresh = false;
+  fresh_islands.clear();
+  if (!time_varying_joints.empty()) compile_where_closed(joint_step(tick));
+  if (!by_method.impulse_bodies.empty() && fast_group.is_empty())
+    sequential_impulses.keep_self_stress(&self_stress);
+  report.step = step_count;
+  report.time = tick.end;
+}
+
+void World::Impl::keep_state_before(Failure why) {
+  restore_state();
+  for (IslandMotion& motion : motions) motion.forget();
+  restart_all();
+  contacts.resize(resting_contacts);
+  events.clear();
+  report.failed = true;
+  report.failure = why;
+  report.step = step_count;
+  report.time = time();
+}
+
+// One sum tells that all is well, two numbers at a time; only where it does not are bodies looked
+// at one by one.
+Failure World::Impl::failure_of_motion() {
+  Eigen::Array2d squares(0.0, 0.0);
+  double others = 0.0;
+  for (const int i : awake_bodies) {
+    const BodyState& state = states[static_cast<std::size_t>(i)];
+    const Eigen::Vector3d& x = state.position;
+    const Eigen::Vector3d& v = state.linear_velocity;
+    const Eigen::Vector3d& w = state.angular_velocity;
+    const Eigen::Vector4d& q = state.orientation.coeffs();
+    squares += x.head<2>().array().square() + v.head<2>().array().square() +
+               w.head<2>().array().square() + q.head<2>().array().square() +
+               q.tail<2>().array().square();
+    others += x[2] * x[2] + v[2] * v[2] + w[2] * w[2];
+  }
+  if (squares.sum() + others <= kMostMagnitude * kMostMagnitude) return Failure::kNone;
+  for (const int i : awake_bodies) {
+    const BodyState& state = states[static_cast<std::size_t>(i)];
+    Eigen::Matrix<double, 13, 1> numbers;
+    numbers << state.position, state.linear_velocity, state.angular_velocity,
+        state.orientation.coeffs();
+    const bool is_finite = numbers.allFinite();
+    if (is_finite && numbers.lpNorm<Eigen::Infinity>() <= kMostMagnitude) continue;
+    report.failed_body = body_ids[static_cast<std::size_t>(i)];
+    return is_finite ? Failure::kOutOfRange : Failure::kNotFinite;
+  }
+  return Failure::kNone;
+}
+
+// Whether all numbers of this step that are reported or saved are finite, beside the states of the
+// bodies. A single NaN or infinity makes the sum none. Energies follow from these numbers, which
+// kMostMagnitude bounds as it bounds positions and velocities.
+bool World::Impl::tells_finite_numbers() const {
+  if (awake_bodies.empty() && awake_joints.empty()) return true;  // nothing is new in this step
+  double sum = report.local_error + report.projected_energy + report.correction_work +
+               report.driven_work + report.solver_residual + report.max_penetration;
+  for (const int j : awake_joints) {
+    const auto i = static_cast<std::size_t>(j);
+    const JointState& state = joint_states[i];
+    sum += state.error + state.error_rate + state.angle_error + state.force + state.bias +
+           state.reached_rate + state.travel + state.initial_error + state.impulse.sum();
+    for (int k = 0; k < info(joints[i].kind).coordinates; ++k) {
+      const CoordinateState& coordinate = state.coordinates[static_cast<std::size_t>(k)];
+      sum += coordinate.position + coordinate.velocity + coordinate.effort + coordinate.bias +
+             coordinate.held + coordinate.braking;
+    }
+    if (state.closing)
+      sum += state.closing_offset.sum() + state.closing_shift.sum() + state.closing_turn.sum() +
+             state.closing_share + state.coupling.offset;
+    if (couples(joints[i].kind))
+      sum += state.coupling.value + state.coupling.rate + state.coupling.effort +
+             state.coupling.impulse;
+  }
+  for (std::size_t i = resting_contacts; i < contacts.size(); ++i)
+    sum += contacts[i].position.sum() + contacts[i].normal.sum() + contacts[i].depth +
+           contacts[i].normal_force + contacts[i].force.sum();
+  if (!std::isfinite(sum)) return false;
+  if (!any_corrections) return true;
+  double squares = 0.0;
+  for (const int i : awake_bodies)
+    squares += corrections[static_cast<std::size_t>(i)].squaredNorm();
+  return squares <= kMostMagnitude * kMostMagnitude;
+}
+
+void World::Impl::note_if_broken(std::size_t j) {
+  if (joint_states[j].broken) give_up(j);
+}
+
+// A joint that broke in this step, and what couples it, which is read after it. Neither closes
+// anything from now on.
+void World::Impl::give_up(std::size_t j) {
+  forget_impulses(&joint_states[j]);
+  joint_states[j].closing = false;
+  tell_broken(j);
+  for (const std::size_t coupling : couplings_of(j)) {
+    joint_states[coupling].broken = true;
+    joint_states[coupling].closing = false;
+    tell_broken(coupling);
+  }
+  topology_edited = true;
+  edit_island_of(joints[j].body_a);
+  edit_island_of(joints[j].body_b);
+  ++report.torn_joints;
+}
+
+// at the end of the step, unless it broke at a moment within
+void World::Impl::tell_broken(std::size_t j) {
+  const bool is_told = std::any_of(events.begin(), events.end(), [&](const Event& event) {
+    return event.kind == EventKind::kBroken && event.joint == joint_ids[j];
+  });
+  if (is_told) return;
+  events.push_back({EventKind::kBroken, time_of(step_count + 1), joints[j].body_a, joints[j].body_b,
+                    joint_ids[j]});
+}
+
+void World::Impl::sort_events() {
+  const auto is_earlier = [](const Event& l, const Event& r) { return l.time < r.time; };
+  if (!std::is_sorted(events.begin(), events.end(), is_earlier))
+    std::stable_sort(events.begin(), events.end(), is_earlier);
+}
+
+void World::Impl::drop_spent_wrenches(double now) {
+  if (wrenches.empty()) return;
+  const auto is_spent = [now](const Wrench& wrench) {
+    return wrench.end <= std::max(now, wrench.start);
+  };
+  const auto spent = std::remove_if(wrenches.begin(), wrenches.end(), is_spent);
+  if (spent == wrenches.end()) return;
+  wrenches.erase(spent, wrenches.end());
+  watch.any_wrench_ended = true;
+}
+
+JointStep World::Impl::joint_step(const Tick& tick) const {
+  return span_from(tick.start, options.time_step);
+}
+
+JointStep World::Impl::span_from(double t, double h) const {
+  const bool by_baumgarte = options.method == Method::kSequentialImpulses;
+  const double closing_time = by_baumgarte ? 0.0 : options.closing_time;
+  return {t, h, options.baumgarte, closing_time};
+}
+
+double World::Impl::time() const { return time_of(step_count); }
+
+double World::Impl::time_of(std::uint64_t step) const {
+  return base_time + static_cast<double>(step - base_step) * options.time_step;
+}
+
+const BodyState& World::Impl::state_a(std::size_t j) const { return states[joint_ends[j].first]; }
+const BodyState& World::Impl::state_b(std::size_t j) const { return states[joint_ends[j].second]; }
+
+}  // namespace constraint_sim::engine

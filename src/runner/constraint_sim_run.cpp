@@ -1,4 +1,4 @@
-// Runs a scene without ROS: docs/scenes.md is its manual.
+// Runs a scene without ROS: docs/runner.md is its manual.
 
 #include <unistd.h>
 

@@ -21,9 +21,21 @@ PACKAGE = rospkg.RosPack().get_path("constraint_sim")
 RUN_NODE = "rosrun constraint_sim constraint_sim_node "
 
 
-def read(document):
+def read_page(document):
     with open(os.path.join(PACKAGE, document)) as file:
         return file.read()
+
+
+def pages(document):
+    """A document, and the pages in the folder of its name in the order of its links to them."""
+    name = os.path.splitext(document)[0]
+    links = re.findall(r"\(%s/(\w+\.md)" % os.path.basename(name), read_page(document))
+    return [document] + [os.path.join(name, link) for link in dict.fromkeys(links)]
+
+
+def read(document):
+    """The text of all pages of a document, one after the other."""
+    return "\n".join(map(read_page, pages(document)))
 
 
 def examples(document, *beginnings):
@@ -176,8 +188,8 @@ class Docs(unittest.TestCase):
             self.assertEqual(done.returncode, 0, text + done.stdout)
 
     def test_each_key_of_scenes_has_an_example(self):
-        sections = re.split(r"^### ", re.split(r"^## ", read("docs/scenes.md"), flags=re.M)[1],
-                            flags=re.M)[1:]
+        scenes, *others = map(read_page, pages("docs/scenes.md"))
+        sections = re.split(r"^### ", scenes, flags=re.M)[1:] + others
         self.assertGreaterEqual(len(sections), 5)  # they are found at all
         for section in sections:
             shown = set()

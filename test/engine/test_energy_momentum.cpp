@@ -956,7 +956,7 @@ TEST(EnergyMomentum, WhereASceneLiesDoesNotDecideWhenNewtonsStepsEnd) {
     world.add_joint(rod);
     double worst = 0.0;
     for (int i = 0; i < 60; ++i) worst = std::max(worst, world.step().max_constraint_error);
-    // rounding of coordinates, as for every mechanism (docs/joints.md)
+    // rounding of coordinates, as for every mechanism (docs/mechanisms.md)
     EXPECT_LE(worst, 1e-12 + 4.0 * 2.3e-16 * off) << off;
   }
 }

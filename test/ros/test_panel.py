@@ -242,7 +242,7 @@ class Panel(WithPanel):
         self.assertEqual(len(scenes.messages), 1)
 
     def test_all_at_a_glance(self):
-        """For README.md and docs/rviz.md."""
+        """For README.md and docs/hands_and_panel.md."""
         self.enter("Scene name", "bridge")
         self.click("Load")
         wait_until(lambda: "ball_1" in properties().bodies, "the bridge", START)

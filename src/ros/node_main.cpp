@@ -10,6 +10,7 @@
 #include <set>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "ros/simulator_node.h"
@@ -73,6 +74,7 @@ CommandLine read_command_line(int argc, char** argv) {
   CommandLine line;
   const std::vector<std::string> known = constraint_sim::parameter_names();
   std::string unscored;  // a parameter without its underscore
+  std::string why;
   for (int i = 1; i < argc; ++i) {
     const std::string word = argv[i];
     const std::size_t end = word.find(":=");
@@ -83,9 +85,13 @@ CommandLine read_command_line(int argc, char** argv) {
       line.mistake = "'" + shortened(word) + "' is not of the form _PARAMETER:=VALUE";
     else if (name == "__log")
       line.is_from_roslaunch = true;
-    else if (name[0] == '_' && name.size() > 1 && name[1] != '_')
-      line.parameters.insert(name.substr(1));
-    else if (std::find(known.begin(), known.end(), name) != known.end())
+    else if (name[0] == '_' && name.size() > 1 && name[1] != '_') {
+      // roscpp throws at a bad name, and leaves on the parameter server what it has set until then
+      const std::string parameter = name.substr(1);
+      if (parameter[0] == '/' || !ros::names::validate(parameter, why))
+        line.mistake = "no parameter can have the name '" + shortened(parameter) + "'";
+      line.parameters.insert(parameter);
+    } else if (std::find(known.begin(), known.end(), name) != known.end())
       unscored = name;
   }
   // roslaunch hands a <remap> of a group to each node in it
@@ -113,9 +119,7 @@ void explain(const std::string& why) {
 class GivenParameters {
  public:
   explicit GivenParameters(const std::set<std::string>& names) {
-    std::string why;
-    for (const std::string& name : names)
-      if (ros::names::validate(name, why)) handle_.getParam(name, values_[name]);
+    for (const std::string& name : names) handle_.getParam(name, values_[name]);
   }
 
   /// Notes their values again: the node writes back a number where an integer was given.
@@ -123,9 +127,9 @@ class GivenParameters {
     for (auto& [name, value] : values_) handle_.getParam(name, value);
   }
 
-  /// Takes them off the parameter server, except where somebody else has set another value.
-  void forget() const {
-    for (const auto& [name, value] : values_) {
+  /// Takes them off the parameter server, once, except where somebody else has set another value.
+  void forget() {
+    for (const auto& [name, value] : std::exchange(values_, {})) {
       XmlRpc::XmlRpcValue now;
       if (handle_.getParam(name, now) && now == value) handle_.deleteParam(name);
     }
@@ -149,6 +153,7 @@ int run(const CommandLine& line, EndSignals* signals, GivenParameters* given, bo
           "delete %s` forgets them",
           others.c_str(), ros::this_node::getName().c_str());
     *is_replaced = !signals->wait();
+    if (!*is_replaced) given->forget();  // before the node ends, which may take all its time
     return 0;
   } catch (const ParameterError& error) {
     explain(error.what());

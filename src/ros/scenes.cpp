@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
+#include <cstdlib>
 #include <sstream>
 #include <stdexcept>
 
@@ -38,12 +39,18 @@ std::string file_in_package(const std::string& name, const std::string& rest) {
   const std::string package = rest.substr(0, rest.find('/'));
   const std::string folder = ros::package::getPath(package);
   if (folder.empty())
-    throw std::invalid_argument("scene: there is no package '" + shortened(package) + "' in '" +
+    throw std::invalid_argument("there is no package '" + shortened(package) + "' in '" +
                                 shortened(name, 200) + "'");
   const std::string inside = rest.substr(package.size());
   if (leaves_its_start(inside))
-    throw std::invalid_argument("scene: '" + shortened(name, 200) + "' leaves its package");
+    throw std::invalid_argument("'" + shortened(name, 200) + "' leaves its package");
   return folder + inside;
+}
+
+// A shell leaves `~/` as it is in the middle of a word, as in `_robot:=~/arm.urdf`.
+std::string in_home(const std::string& path) {
+  const char* const home = std::getenv("HOME");
+  return home != nullptr && path.compare(0, 2, "~/") == 0 ? home + path.substr(1) : path;
 }
 
 std::string file_of_scene(const std::string& name, const Parameters& parameters, Caller caller) {
@@ -81,18 +88,19 @@ engine::World load_file(const std::string& name, const Parameters& parameters, C
 
 }  // namespace
 
-std::vector<std::string> shipped_scenes() {
+std::vector<std::string> shipped_scenes() { return names_in_folder(shipped_folder(), ".yaml"); }
+
+std::vector<std::string> names_in_folder(const std::string& folder, const std::string& ending) {
   std::vector<std::string> names;
-  const std::string ending = ".yaml";
-  DIR* const folder = ::opendir(shipped_folder().c_str());
-  if (folder == nullptr) return names;
-  while (const dirent* entry = ::readdir(folder)) {
+  DIR* const files = ::opendir(folder.c_str());
+  if (files == nullptr) return names;
+  while (const dirent* entry = ::readdir(files)) {
     const std::string file = entry->d_name;
     if (file.size() > ending.size() &&
         file.compare(file.size() - ending.size(), ending.size(), ending) == 0)
       names.push_back(file.substr(0, file.size() - ending.size()));
   }
-  ::closedir(folder);
+  ::closedir(files);
   std::sort(names.begin(), names.end());
   return names;
 }
@@ -109,9 +117,8 @@ std::string file_named(const std::string& name, const Parameters& parameters, Ca
   const std::string scheme = "package://";
   if (name.compare(0, scheme.size(), scheme) == 0)
     return file_in_package(name, name.substr(scheme.size()));
-  return caller == Caller::kService && !parameters.scene_folder.empty()
-             ? path_below(parameters.scene_folder, name)
-             : name;
+  if (caller == Caller::kParameter) return in_home(name);
+  return parameters.scene_folder.empty() ? name : path_below(parameters.scene_folder, name);
 }
 
 engine::World load_world(const std::string& name, const std::string& text,

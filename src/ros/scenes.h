@@ -15,9 +15,12 @@ enum class Caller { kParameter, kService };
 /// Names of the scenes that come with the package, sorted.
 std::vector<std::string> shipped_scenes();
 
+/// Names of the files of a folder that have this ending, without it, sorted.
+std::vector<std::string> names_in_folder(const std::string& folder, const std::string& ending);
 /// The first comment of a shipped scene, as one line.
 std::string description(const std::string& scene);
-/// The file that a path or package://PACKAGE/PATH stands for. Throws std::invalid_argument.
+/// The file that a path or package://PACKAGE/PATH stands for; in parameters `~/` is the home
+/// folder. Throws std::invalid_argument.
 std::string file_named(const std::string& name, const Parameters& parameters, Caller caller);
 
 /// The world that a scene describes. `text` unless empty, else the file that `name` stands for: a

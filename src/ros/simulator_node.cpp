@@ -83,7 +83,7 @@ SimulatorNode::~SimulatorNode() {
 World SimulatorNode::first_world() {
   try {
     World world = load_world(parameters_.scene, "", parameters_, Caller::kParameter);
-    add_first_robot(handle_, parameters_, &robots_, &world);
+    add_first_robot(handle_, private_handle_, parameters_, &robots_, &world);
     log_.edited(world);
     first_summary_ = summary(world);
     first_options_ = world.options();

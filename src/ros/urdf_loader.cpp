@@ -4,8 +4,13 @@
 #include <ros/names.h>
 #include <ros/package.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <array>
+#include <climits>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
@@ -50,18 +55,55 @@ struct Description {
   std::string urdf, extra;
 };
 
+/// What a user may have meant by a name that no file has, as the end of a sentence.
+std::string what_was_meant(const std::string& name, const std::vector<std::string>& shipped,
+                           Caller caller) {
+  const bool is_parameter = caller == Caller::kParameter;
+  if (name.find('/') == std::string::npos) {
+    std::string hint = is_parameter ? ", there is no text in a parameter of that name" : "";
+    hint += ", and no robot of that name comes with the package, which has";
+    for (const std::string& robot : shipped) hint += " " + robot;
+    return hint + did_you_mean(name, shipped);
+  }
+  std::array<char, PATH_MAX> folder{};
+  const bool is_relative =
+      name[0] != '/' && name[0] != '~' && name.find("://") == std::string::npos;
+  if (!is_parameter || !is_relative || ::getcwd(folder.data(), folder.size()) == nullptr) return "";
+  return std::string("; relative paths start at ") + folder.data();
+}
+
 // the file, and the YAML beside it
 Description read_description(const std::string& name, const Parameters& parameters, Caller caller) {
-  const std::string shipped = ros::package::getPath("constraint_sim") + "/config/robots/" + name;
-  const bool is_shipped = name.find('/') == std::string::npos && is_file(shipped + ".urdf");
-  const std::string path = is_shipped ? shipped + ".urdf" : file_named(name, parameters, caller);
+  const std::string folder = ros::package::getPath("constraint_sim") + "/config/robots/";
+  const std::vector<std::string> shipped = names_in_folder(folder, ".urdf");
+  const bool is_shipped = std::find(shipped.begin(), shipped.end(), name) != shipped.end();
+  const std::string path =
+      is_shipped ? folder + name + ".urdf" : file_named(name, parameters, caller);
   Description description;
-  description.urdf = read_file(path);
+  try {
+    description.urdf = read_file(path);
+  } catch (const std::invalid_argument& error) {
+    throw std::invalid_argument(error.what() + what_was_meant(name, shipped, caller));
+  }
   const std::size_t dot = path.rfind('.');
   if (dot == std::string::npos || path.find('/', dot) != std::string::npos) return description;
   const std::string beside = path.substr(0, dot) + ".yaml";
   if (is_file(beside)) description.extra = read_file(beside);
   return description;
+}
+
+/// The text that the parameter of this name holds; a private one where the name begins with `~`.
+/// None where there is no such parameter, where the parameter holds no text, and where no parameter
+/// can have the name, as a path with a dot.
+std::optional<std::string> text_in_parameter(const std::string& name, const ros::NodeHandle& handle,
+                                             const ros::NodeHandle& private_handle) {
+  const bool is_private = name[0] == '~';
+  const std::string key = is_private ? name.substr(1) : name;
+  std::string why, text;
+  if (!ros::names::validate(key, why) || key.empty() || key[0] == '~') return std::nullopt;
+  if (is_private && key[0] == '/') return std::nullopt;  // a path in the home folder
+  if (!(is_private ? private_handle : handle).getParam(key, text)) return std::nullopt;
+  return text;
 }
 
 BuiltRobot build_described(const Description& description, RobotOptions options) {
@@ -89,14 +131,14 @@ void log(const Robot& robot) {
 
 }  // namespace
 
-void add_first_robot(const ros::NodeHandle& handle, const Parameters& parameters, Robots* robots,
-                     World* world) {
+void add_first_robot(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle,
+                     const Parameters& parameters, Robots* robots, World* world) {
   if (parameters.robot.empty()) return;
   try {
     Description description;
-    std::string why;  // a path is no name of a parameter
-    if (!ros::names::validate(parameters.robot, why) ||
-        !handle.getParam(parameters.robot, description.urdf))
+    if (const auto text = text_in_parameter(parameters.robot, handle, private_handle))
+      description.urdf = *text;
+    else
       description = read_description(parameters.robot, parameters, Caller::kParameter);
     if (!parameters.robot_extra.empty())
       description.extra =

@@ -11,8 +11,8 @@ namespace constraint_sim {
 
 /// Adds the robot that the parameters name, if any, to the world that the node starts with. Throws
 /// ParameterError.
-void add_first_robot(const ros::NodeHandle& handle, const Parameters& parameters, Robots* robots,
-                     World* world);
+void add_first_robot(const ros::NodeHandle& handle, const ros::NodeHandle& private_handle,
+                     const Parameters& parameters, Robots* robots, World* world);
 
 /// The service load_urdf.
 class UrdfLoader {

@@ -56,26 +56,25 @@ double Diagnostics::passed(const World& world, const Stepper& stepper,
   const bool listens = topic_.getNumSubscribers() > 0;
   if (listens != listening_) {
     listening_ = listens;
-    start_interval(world, stepper, now);
+    start_interval(stepper, now);
   }
   // a pause within the interval would look like a clock that is not kept up with
-  if (stepper.is_paused() != was_paused_) start_interval(world, stepper, now);
+  if (stepper.is_paused() != was_paused_) start_interval(stepper, now);
   if (!listening_) return kPeriod;
   const double passed = now - started_;
   if (passed < kPeriod) return kPeriod - passed;
   diagnostic_msgs::DiagnosticArray message;
   message.header.stamp = ros::Time::now();
-  message.status = {clock(world, stepper, passed), constraints(world), physics(world, stepper)};
+  message.status = {clock(stepper, passed), constraints(world), physics(world, stepper)};
   if (follower.follows_any()) message.status.push_back(frames(follower));
   topic_.publish(message);
-  start_interval(world, stepper, now);
+  start_interval(stepper, now);
   return kPeriod;
 }
 
-void Diagnostics::start_interval(const World& world, const Stepper& stepper, double now) {
+void Diagnostics::start_interval(const Stepper& stepper, double now) {
   ticks_.clear();
   started_ = now;
-  started_time_ = world.time();
   dropped_before_ = stepper.dropped_ticks();
   was_paused_ = stepper.is_paused();
 }
@@ -88,11 +87,10 @@ Diagnostics::Status Diagnostics::begin(const char* what) const {
   return status;
 }
 
-Diagnostics::Status Diagnostics::clock(const World& world, const Stepper& stepper,
-                                       double passed) const {
+Diagnostics::Status Diagnostics::clock(const Stepper& stepper, double passed) const {
   Status status = begin("clock");
   const double asked = stepper.real_time_factor();
-  const double factor = std::max(world.time() - started_time_, 0.0) / passed;
+  const double factor = ticks_.simulated / passed;
   const std::uint64_t dropped = stepper.dropped_ticks() - dropped_before_;
   const bool stands = stepper.is_paused() || stepper.has_failed();
   status.message = stands ? "stands" : asked > 0.0 ? "keeps up" : "as fast as it can";

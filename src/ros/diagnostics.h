@@ -29,19 +29,18 @@ class Diagnostics {
   using Status = diagnostic_msgs::DiagnosticStatus;
 
   Status begin(const char* what) const;
-  Status clock(const World& world, const Stepper& stepper, double passed) const;
+  Status clock(const Stepper& stepper, double passed) const;
   Status constraints(const World& world) const;
   Status physics(const World& world, const Stepper& stepper) const;
   Status frames(const FrameFollower& follower) const;
-  void start_interval(const World& world, const Stepper& stepper, double now);
+  void start_interval(const Stepper& stepper, double now);
 
   Parameters parameters_;
   std::string node_;
   ros::Publisher topic_;
   bool listening_ = false;
   TickStatistics ticks_;
-  double started_ = 0.0;       // of the steady clock [s]
-  double started_time_ = 0.0;  // simulated [s]
+  double started_ = 0.0;  // of the steady clock [s]
   std::uint64_t dropped_before_ = 0;
   bool was_paused_ = false;
 };

@@ -4,6 +4,7 @@
 #include <ros/time.h>
 
 #include <cmath>
+#include <utility>
 
 #include "constraint_sim/engine/plan.h"
 
@@ -11,8 +12,10 @@ namespace constraint_sim {
 namespace {
 
 constexpr double kClockIsMissing = 2.0;  // [s] of the wall
-constexpr double kDroppedAgain = 10.0;   // [s] of the wall between lines while ticks are dropped
-constexpr std::size_t kMostNames = 5;    // in one line
+// [s] of the wall between lines while ticks are dropped, or while the clock jumps
+constexpr double kDroppedAgain = 10.0;
+constexpr double kJumpShows = 1.0;     // [s] of the wall until ticks of a jump are dropped
+constexpr std::size_t kMostNames = 5;  // in one line
 // Simulated time for which bodies move faster than a tick shows before the log says so: a motor
 // that is switched on does that for some ticks [s].
 constexpr double kUnresolvedFor = 0.1;
@@ -163,8 +166,11 @@ void EventLog::report_broken(const World& world) {
 void EventLog::passed(const World& world, const Stepper& stepper) {
   const double now = steady_now();
   tell_of_failure(world, stepper);
+  if (parameters_.follows_clock()) {
+    tell_of_clock(now);
+    tell_of_jumps(now);
+  }
   tell_of_dropped_ticks(world, stepper, now);
-  if (parameters_.follows_clock()) tell_of_clock(now);
 }
 
 void EventLog::tell_of_failure(const World& world, const Stepper& stepper) {
@@ -181,7 +187,9 @@ void EventLog::tell_of_failure(const World& world, const Stepper& stepper) {
 
 void EventLog::tell_of_dropped_ticks(const World& world, const Stepper& stepper, double now) {
   const std::uint64_t all = stepper.dropped_ticks();
-  const bool more = all != dropped_ticks_;
+  const bool any = all != dropped_ticks_;
+  const bool more = any && now > excused_until_;
+  if (any) excused_until_ = 0.0;
   dropped_ticks_ = all;
   if (!more && !dropping_.has_begun()) return;
   const Condition::Change change = dropping_.update(more, now);
@@ -195,7 +203,38 @@ void EventLog::tell_of_dropped_ticks(const World& world, const Stepper& stepper,
       all, stepper.real_time_factor(), world.options().time_step);
 }
 
-void EventLog::heard_clock() { last_clock_ = steady_now(); }
+void EventLog::heard_clock(double before, double now) {
+  last_clock_ = steady_now();
+  if (before == 0.0 || (now >= before && now <= before + kClockJump)) return;
+  const std::lock_guard<std::mutex> lock(jumps_mutex_);
+  Jumps& jumps = now < before ? back_ : forward_;
+  ++jumps.count;
+  jumps.before = before;
+  jumps.after = now;
+}
+
+// A clock that comes in large steps jumps all the time.
+void EventLog::tell_of_jumps(double now) {
+  const std::lock_guard<std::mutex> lock(jumps_mutex_);
+  if (std::exchange(forward_.noticed, forward_.count) != forward_.count)
+    excused_until_ = now + kJumpShows;
+  for (Jumps* jumps : {&forward_, &back_}) {
+    if (jumps->count == jumps->told || now < jumps->told_at + kDroppedAgain) continue;
+    const std::uint64_t more = jumps->count - jumps->told - 1;
+    const std::string others =
+        more == 0 ? "" : "; " + std::to_string(more) + " others since the last line";
+    jumps->told = jumps->count;
+    jumps->told_at = now;
+    if (jumps == &forward_)
+      ROS_WARN(
+          "/clock jumped forward by %g s, from %.3f to %.3f: simulated time goes there, and ticks "
+          "are taken for the last %g s alone%s",
+          jumps->after - jumps->before, jumps->before, jumps->after, kClockJump, others.c_str());
+    else
+      ROS_INFO("/clock went back by %g s, from %.3f to %.3f: simulated time goes there%s",
+               jumps->before - jumps->after, jumps->before, jumps->after, others.c_str());
+  }
+}
 
 void EventLog::tell_of_clock(double now) {
   switch (without_clock_.update(now > last_clock_ + kClockIsMissing, now)) {

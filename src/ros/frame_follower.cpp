@@ -2,7 +2,6 @@
 
 #include <ros/console.h>
 #include <ros/time.h>
-#include <tf2/exceptions.h>
 
 #include <algorithm>
 #include <cmath>
@@ -19,7 +18,6 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kKept = 10.0;    // [s] of transforms
 constexpr double kStale = 0.5;    // [s] without a transform that is new enough
 constexpr double kJitter = 0.02;  // [s] that ticks may begin early or late
 constexpr double kSlew = 0.5;     // of a tick, by which time is made up for in each
@@ -39,41 +37,13 @@ double steady_now() { return ros::SteadyTime::now().toSec(); }
 }  // namespace
 
 FrameFollower::FrameFollower(const Parameters& parameters, const ros::NodeHandle& handle)
-    : parameters_(parameters), buffer_(ros::Duration(kKept)), handle_(queue_.serving(handle)) {
+    : parameters_(parameters), frames_(handle) {
   for (const auto& [body, frame] : followed_in(parameters.follow)) {
     Followed& followed = followed_.emplace_back();
     followed.body = body;
     followed.frame = frame;
   }
-  if (followed_.empty()) return;
-  transforms_ = listen("/tf", false);
-  static_transforms_ = listen("/tf_static", true);
-  queue_.start();
-}
-
-ros::Subscriber FrameFollower::listen(const std::string& topic, bool is_static) {
-  const SharedGuard guard = make_guard(topic);
-  return guarded_subscribe<tf2_msgs::TFMessage>(
-      handle_, guard, 100, [this, guard, is_static](const tf2_msgs::TFMessage& message) {
-        take(message, is_static, guard.get());
-      });
-}
-
-// Transforms with stamps at the end of ros::Time do not reach the buffer: it adds what it keeps to
-// stamps, which throws for the last seconds and for each transform of that frame from then on.
-void FrameFollower::take(const tf2_msgs::TFMessage& message, bool is_static, Guard* guard) {
-  if (!is_static) {
-    const ros::Time now = ros::Time::now();
-    if (now < last_taken_) buffer_.clear();
-    last_taken_ = now;
-  }
-  for (const geometry_msgs::TransformStamped& transform : message.transforms) {
-    if (is_static || transform.header.stamp.toSec() < ros::TIME_MAX.toSec() - 2.0 * kKept)
-      buffer_.setTransform(transform, "tf", is_static);
-    else
-      guard->warn("the stamp of '" + shortened(transform.child_frame_id) +
-                  "' is too late: " + std::to_string(transform.header.stamp.sec) + " s");
-  }
+  if (!followed_.empty()) frames_.start();
 }
 
 std::vector<std::string> FrameFollower::stale() const {
@@ -102,13 +72,19 @@ void FrameFollower::before_step(Driver* driver, double real_time_factor) {
 // ticks begin when the machine gets to them.
 double FrameFollower::stamp_after_tick(const engine::World& world, double real_time_factor) {
   const double end = world.time() + world.options().time_step;
-  if (parameters_.stamps_simulated_time()) return end;
+  if (parameters_.stamps_simulated_time()) {
+    const double jump = world.time() - std::exchange(last_end_, end);
+    if (std::abs(jump) <= kLost) return end;
+    begin_anew();
+    for (Followed& followed : followed_) followed.last_heard = -1.0;  // stamps have another origin
+    return end;
+  }
   const double now = ros::WallTime::now().toSec();
   if (!(real_time_factor > 0.0)) return now;
   const double late = now - (anchor_ + end / real_time_factor);
   if (std::abs(late) > kLost) {
     anchor_ += late;
-    for (Followed& followed : followed_) followed.is_following = false;
+    begin_anew();
   } else if (std::abs(late) > kJitter) {
     const double most = kSlew * world.options().time_step / real_time_factor;
     anchor_ += std::clamp(late, -most, most);
@@ -116,15 +92,9 @@ double FrameFollower::stamp_after_tick(const engine::World& world, double real_t
   return anchor_ + end / real_time_factor;
 }
 
-// None where the frames are not connected at that time: not yet, no longer, or by a loop.
-std::optional<geometry_msgs::Transform> FrameFollower::look_up(const Followed& followed,
-                                                               const ros::Time& stamp) const {
-  if (!buffer_.canTransform(parameters_.world_frame, followed.frame, stamp)) return std::nullopt;
-  try {
-    return buffer_.lookupTransform(parameters_.world_frame, followed.frame, stamp).transform;
-  } catch (const tf2::TransformException&) {
-    return std::nullopt;
-  }
+// Bodies are placed where their frames are, and do not rush there within a tick.
+void FrameFollower::begin_anew() {
+  for (Followed& followed : followed_) followed.is_following = false;
 }
 
 void FrameFollower::follow(Driver* driver, double stamp, Followed* followed) {
@@ -133,11 +103,13 @@ void FrameFollower::follow(Driver* driver, double stamp, Followed* followed) {
   if (world.body(id).type != engine::BodyType::kKinematic)
     throw std::invalid_argument("the body is not kinematic");
   std::optional<geometry_msgs::Transform> found;
-  if (stamp > 0.0) found = look_up(*followed, ros::Time(stamp));
+  if (stamp > 0.0)
+    found = frames_.look_up(parameters_.world_frame, followed->frame, ros::Time(stamp));
   const bool known = found.has_value();
   notice(known, stamp, followed);
   // to the last one there is, where it stops
-  if (!known && followed->is_following) found = look_up(*followed, ros::Time(0));
+  if (!known && followed->is_following)
+    found = frames_.look_up(parameters_.world_frame, followed->frame, ros::Time(0));
   engine::BodyState state = world.state(id);
   const engine::BodyState before = state;
   Vector3d position = state.position;

@@ -1,19 +1,13 @@
 #pragma once
 
-#include <ros/subscriber.h>
-#include <tf2/buffer_core.h>
-#include <tf2_msgs/TFMessage.h>
-
-#include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "constraint_sim/engine/world.h"
-#include "ros/guarded.h"
+#include "ros/frames.h"
 #include "ros/parameters.h"
-#include "ros/service_queue.h"
 #include "sim/condition.h"
 #include "sim/drive_changes.h"
 
@@ -43,22 +37,16 @@ class FrameFollower {
     Condition without_frame;
   };
 
-  ros::Subscriber listen(const std::string& topic, bool is_static);
-  void take(const tf2_msgs::TFMessage& message, bool is_static, Guard* guard);
   double stamp_after_tick(const engine::World& world, double real_time_factor);
-  std::optional<geometry_msgs::Transform> look_up(const Followed& followed,
-                                                  const ros::Time& stamp) const;
+  void begin_anew();
   void follow(Driver* driver, double stamp, Followed* followed);
   void notice(bool is_known, double stamp, Followed* followed);
 
   Parameters parameters_;
   std::vector<Followed> followed_;
-  tf2::BufferCore buffer_;
-  ros::Time last_taken_;  // when /tf came last, to notice that time has gone back
-  ServiceQueue queue_{1};
-  ros::NodeHandle handle_;
-  ros::Subscriber transforms_, static_transforms_;
-  double anchor_ = 0.0;  // wall time less that of the world over the real-time factor [s]
+  Frames frames_;
+  double anchor_ = 0.0;    // wall time less that of the world over the real-time factor [s]
+  double last_end_ = 0.0;  // simulated, of the last tick [s]
   mutable std::mutex mutex_;
   std::vector<std::string> stale_;
 };

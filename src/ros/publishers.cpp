@@ -188,7 +188,7 @@ void Publishers::take_statistics(const World& world, const Stepper& stepper, dou
   message.wall_mean = ticks_.wall_sum / ticks;
   message.wall_max = ticks_.wall_max;
   const double passed = std::max(now - last_statistics_, 1e-9);
-  message.real_time_factor = finite(std::max(world.time() - last_statistics_time_, 0.0) / passed);
+  message.real_time_factor = finite(ticks_.simulated / passed);
   message.dropped_ticks = stepper.dropped_ticks();
   message.iterations = report.iterations + report.substeps;
   message.failed = stepper.has_failed();
@@ -204,7 +204,6 @@ void Publishers::take_statistics(const World& world, const Stepper& stepper, dou
       message.methods.emplace_back(engine::name(static_cast<engine::Method>(i)));
   ticks_.clear();
   last_statistics_ = now;
-  last_statistics_time_ = world.time();
 }
 
 // ---- on the publishing thread

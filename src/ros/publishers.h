@@ -118,7 +118,6 @@ class Publishers {
   double next_publication_ = 0.0;
   double last_publication_ = 0.0;
   double last_statistics_;
-  double last_statistics_time_ = 0.0;  // simulated [s]
   double last_clock_ = 0.0;
   double clock_time_ = 0.0;  // what /clock says [s]
 

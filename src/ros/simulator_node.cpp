@@ -17,15 +17,13 @@ constexpr unsigned kQueryThreads = 2;
 constexpr unsigned kVerifyThreads = 2;  // one to cancel, or to refuse the next caller
 constexpr unsigned kStepThreads = Stepper::kMostWaiting + 1;  // one to refuse the next caller
 
-// [s] of a followed clock that may be made up for: it may come in large steps
-constexpr double kMaxCatchUpWithClock = 1.0;
-
 StepperOptions stepper_options(const Parameters& parameters) {
   StepperOptions options;
   options.real_time_factor = parameters.real_time_factor;
   options.paused = parameters.paused;
   options.keeps_world_before_ticks = !parameters.plugins.empty();
-  if (parameters.follows_clock()) options.max_catch_up = kMaxCatchUpWithClock;
+  options.follows_clock = parameters.follows_clock();
+  if (options.follows_clock) options.max_catch_up = EventLog::kClockJump;  // it may come in steps
   return options;
 }
 
@@ -37,6 +35,7 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
       steps_(kStepThreads),
       pauses_(1),
       verifications_(kVerifyThreads),
+      clocks_(1),
       handle_(queries_.serving(handle)),
       private_handle_(queries_.serving(private_handle)),
       parameters_(read_parameters(private_handle_)),
@@ -61,10 +60,13 @@ SimulatorNode::SimulatorNode(const ros::NodeHandle& handle, const ros::NodeHandl
       stepping_thread_(&Stepper::run, &stepper_) {
   hands_.start(&stepper_);
   tell_of_start(first_summary_);
-  if (parameters_.follows_clock())
+  if (parameters_.follows_clock()) {
+    ros::NodeHandle clock_handle = clocks_.serving(handle_);
     clock_topic_ = guarded_subscribe<rosgraph_msgs::Clock>(
-        handle_, clock_guard_, 10,
+        clock_handle, clock_guard_, 100,
         [this](const rosgraph_msgs::Clock& message) { on_clock(message); });
+    clocks_.start();
+  }
   for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_, &verifications_})
     queue->start();
 }
@@ -76,7 +78,7 @@ SimulatorNode::~SimulatorNode() {
   hands_.stop();
   // at the same time: the threads of each look up every 0.1 s
   std::vector<std::future<void>> stopping;
-  for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_, &verifications_})
+  for (ServiceQueue* queue : {&edits_, &queries_, &steps_, &pauses_, &verifications_, &clocks_})
     stopping.push_back(std::async(std::launch::async, [queue] { queue->stop(); }));
 }
 
@@ -114,7 +116,7 @@ ServiceHandles SimulatorNode::service_handles() {
 }
 
 Stepper::Clock SimulatorNode::clock() const {
-  if (parameters_.follows_clock()) return [] { return ros::Time::now().toSec(); };
+  if (parameters_.follows_clock()) return [this] { return clock_.load(); };
   return [] { return ros::SteadyTime::now().toSec(); };
 }
 
@@ -122,20 +124,17 @@ Pacing SimulatorNode::pacing() const {
   return {stepper_.real_time_factor(), publishers_.publish_rate()};
 }
 
-// Simulated time begins with the clock that is followed, and goes back with it.
+// The log knows of a jump before the stepper does, which may drop ticks because of it.
 void SimulatorNode::on_clock(const rosgraph_msgs::Clock& message) {
   const double clock = message.clock.toSec();
-  log_.heard_clock();
-  const auto set_time = [guard = clock_guard_, clock](World& world) {
-    (*guard)([&] { world.set_time(clock, world.step_count()); });
-  };
-  try {
-    if (clock_ == 0.0 || clock < clock_) stepper_.post(set_time);
-  } catch (const NotNow&) {
-    return;  // in a long tick: with the next message
-  }
+  log_.heard_clock(clock_, clock);
   clock_ = clock;
   stepper_.wake();
+}
+
+// A time that has no next tick is refused, and the world keeps its own.
+void SimulatorNode::move_time(World* world, double time) {
+  (*clock_guard_)([&] { world->set_time(time, world->step_count()); });
 }
 
 StepperEvents SimulatorNode::events() {
@@ -146,6 +145,7 @@ StepperEvents SimulatorNode::events() {
       follow_guard_([&] { follower_.before_step(driver, stepper_.real_time_factor()); });
     });
   };
+  events.time_moved = [this](World& world, double time) { move_time(&world, time); };
   events.interrupted = [this](const World& world, const std::string& by) {
     commands_.end(by);
     robots_.tell_of_gone(world, by);

@@ -52,9 +52,12 @@ class SimulatorNode {
   Stepper::Clock clock() const;
   Pacing pacing() const;
   void on_clock(const rosgraph_msgs::Clock& message);
+  void move_time(World* world, double time);
   void tell_of_start(const std::string& world);
 
   ServiceQueue edits_, queries_, steps_, pauses_, verifications_;
+  ServiceQueue clocks_;  // of the /clock that is followed, no message of which may be late
+  std::atomic<double> clock_{0.0};  // that /clock said last [s]
   ros::NodeHandle handle_;
   ros::NodeHandle private_handle_;
   Parameters parameters_;
@@ -80,7 +83,6 @@ class SimulatorNode {
   ros::Subscriber clock_topic_;
   SharedGuard clock_guard_ = make_guard("/clock");
   Guard follow_guard_{"follow"};
-  double clock_ = 0.0;  // [s] that /clock said last
   std::thread stepping_thread_;
 };
 

@@ -7,6 +7,7 @@ namespace constraint_sim {
 void TickStatistics::add(const engine::World& world, double seconds) {
   const engine::StepReport& report = world.report();
   ++ticks;
+  simulated += world.options().time_step;
   if (report.worst_joint &&
       (worst_constraint.empty() || report.max_constraint_error > max_constraint_error)) {
     max_constraint_error = report.max_constraint_error;

@@ -17,6 +17,7 @@ class TickStatistics {
   void clear();
 
   std::uint32_t ticks = 0;
+  double simulated = 0.0;             ///< their time [s]
   double max_constraint_error = 0.0;  ///< [m]
   std::string worst_constraint;
   double wall_sum = 0.0;                                 ///< [s]

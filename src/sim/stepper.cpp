@@ -34,7 +34,7 @@ Stepper::Stepper(World world, const StepperOptions& options, Clock clock, Steppe
       options_(options),
       clock_(std::move(clock)),
       events_(std::move(events)),
-      last_clock_(clock_()),
+      last_clock_(options.follows_clock ? 0.0 : clock_()),
       paused_(options.paused) {}
 
 Stepper::~Stepper() {
@@ -86,6 +86,7 @@ void Stepper::fail(const std::string& why) {
 void Stepper::set_real_time_factor(double factor) {
   options_.real_time_factor = factor;
   owed_ = 0.0;
+  followed_since_ = last_clock_;
 }
 
 std::string Stepper::failure() const {
@@ -176,7 +177,14 @@ void Stepper::end_requests(const std::string& why) {
 void Stepper::take_due_steps() {
   const double clock = clock_();
   const double passed = last_clock_ == 0.0 ? 0.0 : std::max(clock - last_clock_, 0.0);
+  const bool begins =
+      options_.follows_clock && clock > 0.0 && (last_clock_ == 0.0 || clock < last_clock_);
   last_clock_ = clock;
+  if (begins) {
+    owed_ = 0.0;
+    followed_since_ = clock;
+    follow_clock(true);
+  }
   if (paused_) return;
 
   if (options_.real_time_factor == 0.0) {
@@ -186,7 +194,27 @@ void Stepper::take_due_steps() {
   const double tick = world_.options().time_step;
   owed_ += passed * options_.real_time_factor;
   drop_beyond(std::max(options_.max_catch_up * options_.real_time_factor, 2.0 * tick));
+  if (options_.follows_clock && last_clock_ > 0.0) follow_clock(false);
   step_while([&] { return owed_ >= tick; }, [&] { owed_ -= tick; });
+}
+
+// A machine that drops ticks all the time would move simulated time with each pass, and every move
+// is an edit. A world that is a little ahead, as after step(), waits for the clock.
+void Stepper::follow_clock(bool begins) {
+  const double factor = options_.real_time_factor, before = world_.time();
+  const double due = followed_since_ + (last_clock_ - followed_since_) * factor;
+  const double time = due - owed_, now = run_time();
+  if (std::abs(time - before) < 0.5 * world_.options().time_step) return;  // rounding
+  if (!begins && time < before && before - time < options_.max_catch_up * factor) {
+    owed_ = due - before;
+    return;
+  }
+  if (!begins && now < moved_time_ + kMovesTimeAgain) return;
+  moved_time_ = now;
+  if (events_.time_moved) events_.time_moved(world_, time);
+  if (world_.time() == before) return;
+  ++edits_;
+  tell_of_edits();
 }
 
 // at least one step, or edits that never cease would stop time

@@ -46,6 +46,10 @@ struct StepperOptions {
   /// The world before each tick is kept, and not only before those that are expected to take long:
   /// for worlds with code of others in them, which may take long in any tick.
   bool keeps_world_before_ticks = false;
+  /// Simulated time is that of the clock: it begins with the clock, goes back with it, and is moved
+  /// on to it where ticks were dropped, as after a jump, and after a pause. At another
+  /// real_time_factor than 1 it passes faster or slower than the clock from then on.
+  bool follows_clock = false;
 };
 
 /// When an edit took effect.
@@ -63,6 +67,9 @@ struct StepperEvents {
   std::function<double(const World&)> passed;
   /// Before a step: drives what moves.
   std::function<void(World&)> stepping = nullptr;
+  /// Moves simulated time to this one, which is the clock's [s]; with `follows_clock`. Must not
+  /// throw: a time that cannot be is not set.
+  std::function<void(World&, double time)> time_moved = nullptr;
   /// An interrupt() took effect, as another scene: what drives bodies and joints has to end.
   std::function<void(const World&, const std::string& by)> interrupted = nullptr;
 };
@@ -82,6 +89,8 @@ class Stepper {
 
   static constexpr double kPatience = 0.25;       ///< [s] of run time
   static constexpr std::size_t kMostWaiting = 7;  ///< calls of step() at the same time
+  /// [s] of run time between moves of simulated time on to the clock
+  static constexpr double kMovesTimeAgain = 0.25;
 
   /// How long an edit is expected to take. Before one that may be long the world is kept for those
   /// who ask meanwhile.
@@ -178,6 +187,7 @@ class Stepper {
   void take_steps();
   void take_requested_steps();
   void take_due_steps();
+  void follow_clock(bool begins);
   template <class Due, class Done>
   void step_while(Due is_due, Done done);
   void drop_beyond(double most_owed);
@@ -195,7 +205,11 @@ class Stepper {
   StepperEvents events_;
   std::deque<StepRequest> step_requests_;
   double last_clock_ = 0.0;
-  double owed_ = 0.0;  // simulated seconds that the clock has passed and the world has not
+  // simulated seconds that the clock has passed and the world has not; below 0: the world is ahead
+  double owed_ = 0.0;
+  // with follows_clock: reading of the clock [s] at which simulated time was the same
+  double followed_since_ = 0.0;
+  double moved_time_ = -kMovesTimeAgain;  // when simulated time was moved last [s run time]
   bool edited_ = false;
   std::uint64_t edits_ = 0;
   bool may_be_long_ = true;  // the next tick, by the last one or because of an edit

@@ -181,6 +181,21 @@ class Follow(unittest.TestCase):
             hook = call("get_body_state", name="hook").state.pose.position
             self.assertAlmostEqual(hook.x, between(now - DELAY), delta=1e-8)
 
+    def test_a_body_does_not_rush_to_the_frame_when_time_jumps(self):
+        with self.start():
+            self.load()
+            self.step_until(0.2)
+            self.send(0.0, 2.0)
+            self.arrive(0.5)
+            self.step_until(1.5)
+            call("reset_simulation")
+            # it is at its start, 5 m from where the frame was last, until the frame is known
+            hook = self.step_until(TICK)["hook"]
+            self.assertEqual((hook.pose.position.x, hook.twist.linear.x), (5.0, 0.0))
+            hook = self.step_until(DELAY + 2 * TICK)["hook"]
+            self.assertLess(abs(hook.pose.position.x), 1e-3)
+            self.assertLess(abs(hook.twist.linear.x), 1.0)
+
     def test_frames_in_a_loop_and_stamps_at_the_end_of_time_do_not_fail_the_physics(self):
         def transform(parent, child, stamp):
             each = TransformStamped(child_frame_id=child)

@@ -27,6 +27,7 @@ TEST(TickStatistics, KeepTheWorstAndTheSlowestOfAnInterval) {
     ticks.add(world, seconds);
   }
   EXPECT_EQ(ticks.ticks, 3u);
+  EXPECT_DOUBLE_EQ(ticks.simulated, 3.0 * options.time_step);
   EXPECT_EQ(ticks.worst_constraint, "rod");
   EXPECT_EQ(ticks.max_constraint_error, worst);
   EXPECT_GT(worst, 0.0);

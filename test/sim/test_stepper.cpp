@@ -109,6 +109,117 @@ TEST_F(StepperTest, AClockSetBackPassesNoTime) {
   EXPECT_EQ(stepper_->dropped_ticks(), 0u);
 }
 
+/// Follows a clock that the test turns by hand, and makes up for a second of it.
+class FollowingStepper : public StepperTest {
+ protected:
+  void follow(double real_time_factor) {
+    StepperOptions options;
+    options.real_time_factor = real_time_factor;
+    options.max_catch_up = 1.0;
+    options.follows_clock = true;
+    StepperEvents events{[this](const World&, double) { ++stepped_; },
+                         [this](const World&) { ++edited_; }, nullptr};
+    events.time_moved = [](World& world, double time) { world.set_time(time, world.step_count()); };
+    stepper_ = std::make_unique<Stepper>(
+        ball_in_flight(), options, [this] { return now_; }, std::move(events));
+  }
+  double time() {
+    double time = 0.0;
+    with_stepper([&] { time = stepper_->inspect([](const World&) {}).time; });
+    return time;
+  }
+  /// Lets the stepper go on until simulated time is the clock's, but for a tick that is not due;
+  /// the stepper moves time on only once in kMovesTimeAgain of run time.
+  void expect_clock(double clock) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    const auto is_there = [&] { return time() > clock - kTick && time() < clock + 1e-6; };
+    while (!is_there() && std::chrono::steady_clock::now() < end) pass(0.0);
+    EXPECT_TRUE(is_there()) << time() << " is not " << clock;
+  }
+};
+
+TEST_F(FollowingStepper, TimeBeginsWithTheClock) {
+  now_ = 0.0;
+  follow(1.0);
+  pass(0.0);
+  EXPECT_EQ(time(), 0.0);
+  pass(1000.0);
+  EXPECT_EQ(time(), 1000.0);
+  pass(0.0551);
+  EXPECT_EQ(stepped_, 5);
+  expect_clock(1000.0551);
+  EXPECT_EQ(edited_, 1);
+}
+
+TEST_F(FollowingStepper, TimeGoesForwardAndBackWithAClockThatJumps) {
+  follow(1.0);
+  pass(0.0551);
+  pass(4000.0);
+  expect_clock(now_);
+  EXPECT_LE(stepped_, 105);  // five, and a second that is made up for
+  const int stepped = stepped_;
+  now_ = 100.0;
+  pass(0.0);
+  EXPECT_EQ(time(), 100.0);
+  EXPECT_EQ(stepped_, stepped);  // what was owed to the other time is forgotten
+  pass(1.5);                     // longer than what is made up for, and no longer than twice that
+  expect_clock(101.5);
+}
+
+TEST_F(FollowingStepper, TimeGoesOnWithTheClockAfterAPause) {
+  follow(1.0);
+  pass(0.0);
+  with_stepper([&] { stepper_->pause(); });
+  pass(20.0);
+  EXPECT_EQ(time(), 1000.0);
+  with_stepper([&] { stepper_->unpause(); });
+  expect_clock(1020.0);
+  EXPECT_LE(stepped_, 1);
+}
+
+TEST_F(FollowingStepper, AWorldThatIsAheadWaitsForTheClock) {
+  follow(1.0);
+  pass(0.0);
+  with_stepper([&] { stepper_->pause(); });
+  with_stepper([&] { stepper_->step(20, nullptr); });
+  with_stepper([&] { stepper_->unpause(); });
+  EXPECT_NEAR(time(), 1000.2, 1e-9);
+  pass(0.15);
+  EXPECT_NEAR(time(), 1000.2, 1e-9);
+  pass(0.1051);
+  expect_clock(1000.2551);
+  EXPECT_EQ(edited_, 1);
+}
+
+TEST_F(FollowingStepper, TimeThatPassesSlowlyJumpsBySoMuchLess) {
+  follow(0.5);
+  pass(0.0);
+  pass(100.0);
+  expect_clock(1050.0);
+}
+
+TEST_F(FollowingStepper, WhatEndsAfterATimeEndsAfterItInSpiteOfAJump) {
+  follow(1.0);
+  pass(0.0);
+  with_stepper([&] {
+    stepper_->edit([](World& world) {
+      engine::Wrench wrench;
+      wrench.body = world.find_body("ball");
+      wrench.force = {0.0, 2.0, 0.0};
+      wrench.start = world.time();
+      wrench.end = world.time() + 10.0;
+      world.add_wrench(wrench);
+    });
+  });
+  for (const double seconds : {5.0, 0.5}) pass(seconds);
+  expect_clock(1005.5);
+  double end = 0.0;
+  with_stepper([&] {
+    stepper_->inspect([&](const World& world) { end = world.wrenches().at(0).end - world.time(); });
+  });
+  EXPECT_NEAR(end, 10.0 - 0.01 * stepped_, 1e-9);  // 1e-13 of rounding at times of 1000 s
+}
+
 TEST_F(StepperTest, PausedItStandsAndTimePausedIsNotMadeUpFor) {
   make({1.0, true, 0.1});
   pass(1.0);

@@ -14,6 +14,7 @@
 #include "ros/marker_style.h"
 #include "sim/grip.h"
 #include "sim/hand_edits.h"
+#include "sim/words.h"
 
 namespace constraint_sim {
 namespace {
@@ -33,10 +34,16 @@ constexpr double kLargerThanBody = 1.02;
 
 double steady_now() { return ros::SteadyTime::now().toSec(); }
 
+// tf2 knows no leading slashes, and old viewers send them. None: the world's frame.
+std::string named_frame(const std::string& name, const std::string& world_frame) {
+  if (name.empty() || name == "/") return world_frame;
+  return name[0] == '/' ? name.substr(1) : name;
+}
+
 }  // namespace
 
 Hands::Hands(const Parameters& parameters, const ros::NodeHandle& private_handle)
-    : parameters_(parameters), private_handle_(private_handle) {
+    : parameters_(parameters), private_handle_(private_handle), frames_(private_handle) {
   if (!parameters_.hands) return;
   update_topic_ =
       private_handle_.advertise<visualization_msgs::InteractiveMarkerUpdate>("hands/update", 100);
@@ -138,6 +145,8 @@ void Hands::post(const std::string& what, std::function<void(World&)> change) {
 void Hands::on_feedback(const Feedback& feedback, engine::BodyId id) {
   const Eigen::Vector3d target = from_msg(feedback->pose.position);
   const std::string& body = feedback->marker_name;
+  const std::string frame = named_frame(feedback->header.frame_id, parameters_.world_frame);
+  if (frame != parameters_.world_frame) frames_.start();
   const std::lock_guard<std::mutex> lock(mutex_);
   const auto drag = drags_.find(body);
   const double now = steady_now();
@@ -156,7 +165,11 @@ void Hands::on_feedback(const Feedback& feedback, engine::BodyId id) {
       break;
     case InteractiveMarkerFeedback::POSE_UPDATE:
       if (is_of_another) break;
-      drags_[body] = {id, target, now};
+      if (drag == drags_.end() || drag->second.frame != frame)
+        drags_[body] = {id, frame, target, now, now};
+      drags_[body].body = id;
+      drags_[body].target = target;
+      drags_[body].last_feedback = now;
       if (stepper_ != nullptr) stepper_->wake();
       break;
     case InteractiveMarkerFeedback::KEEP_ALIVE:
@@ -172,10 +185,28 @@ void Hands::on_feedback(const Feedback& feedback, engine::BodyId id) {
   }
 }
 
+// None where tf does not connect the frame to the world's, or not yet.
+std::optional<Eigen::Vector3d> Hands::in_world(const Drag& drag) const {
+  if (drag.frame == parameters_.world_frame) return drag.target;
+  const auto pose = frames_.look_up(parameters_.world_frame, drag.frame, ros::Time(0));
+  if (!pose) return std::nullopt;
+  return from_msg(pose->translation) + from_msg(pose->rotation).normalized() * drag.target;
+}
+
+void Hands::warn_of_frame(const std::string& body, const Drag& drag) {
+  feedback_guard_.warn("the drag of '" + shortened(body) +
+                       "' is refused: tf has no transform from '" + shortened(drag.frame) +
+                       "' to '" + parameters_.world_frame + "'");
+}
+
 double Hands::passed() {
   if (!parameters_.hands) return kIdle;
   const double now = steady_now();
-  std::map<std::string, Drag> held;
+  struct Held {
+    engine::BodyId body;
+    Eigen::Vector3d target;  // in the world's frame
+  };
+  std::map<std::string, Held> held;
   std::vector<std::string> released;
   {
     const std::lock_guard<std::mutex> lock(mutex_);
@@ -184,10 +215,14 @@ double Hands::passed() {
     last_drag_ = now;
     for (auto drag = drags_.begin(); drag != drags_.end();) {
       const bool is_over = now > drag->second.last_feedback + kPatience;
+      const std::optional<Eigen::Vector3d> target = in_world(drag->second);
+      drag->second.was_placed = drag->second.was_placed || target;
+      if (!target && (is_over ? !drag->second.was_placed : now > drag->second.begin + kPatience))
+        warn_of_frame(drag->first, drag->second);
       if (is_over)
         released.push_back(drag->first);
-      else
-        held[drag->first] = drag->second;
+      else if (target)
+        held[drag->first] = {drag->second.body, *target};
       drag = is_over ? drags_.erase(drag) : std::next(drag);
     }
   }
@@ -281,7 +316,7 @@ void Hands::show_body(const World& world, engine::BodyId id) {
   marker.scale = static_cast<float>(std::max({veil.scale.x, veil.scale.y, veil.scale.z}));
   marker.controls.push_back(control);
   server_->insert(marker, [this, id](const Feedback& feedback) {
-    guarded("hands/feedback", [&] { on_feedback(feedback, id); });
+    feedback_guard_([&] { on_feedback(feedback, id); });
   });
   menu_.apply(*server_, body.name);
 }

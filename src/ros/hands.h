@@ -10,8 +10,11 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 
+#include "ros/frames.h"
+#include "ros/guarded.h"
 #include "ros/parameters.h"
 #include "sim/stepper.h"
 
@@ -20,7 +23,8 @@ namespace constraint_sim {
 /// Bodies that are dragged with the mouse in rviz, and have a menu: interactive markers below
 /// `hands`. A drag is a force (sim/grip.h) that ends with the mouse button, and where feedback
 /// stops for kPatience. Edits are queued as those of services are. Without a viewer there is no
-/// server and no marker.
+/// server and no marker. A pointer in another frame than the world's is where tf has that frame;
+/// one in a frame that tf does not connect to the world's moves nothing, and is a warning.
 class Hands {
  public:
   static constexpr double kPatience = 0.5;  ///< [s] without feedback
@@ -56,13 +60,17 @@ class Hands {
   };
   struct Drag {
     engine::BodyId body;  ///< another body may come under the same name
+    std::string frame;    ///< of the target
     Eigen::Vector3d target;
-    double last_feedback;  ///< of the steady clock [s]
+    double begin, last_feedback;  ///< of the steady clock [s]
+    bool was_placed = false;      ///< the target has been found in the world's frame
   };
 
   void build_menu();
   void add_entry(const char* title, const std::function<void(World&, const std::string&)>& change);
   void on_feedback(const Feedback& feedback, engine::BodyId id);
+  std::optional<Eigen::Vector3d> in_world(const Drag& drag) const;
+  void warn_of_frame(const std::string& body, const Drag& drag);
   void insert(const std::string& title, const std::function<void(const std::string&)>& act);
   void mark_for_joining(const std::string& body);
   void join(const std::string& body);
@@ -72,6 +80,8 @@ class Hands {
   Parameters parameters_;
   ros::NodeHandle private_handle_;
   ros::Publisher update_topic_;  // of the server, here to count who looks
+  Frames frames_;                // from the first pointer in another frame on
+  Guard feedback_guard_{"hands/feedback"};
 
   mutable std::mutex mutex_;  // of all below
   Stepper* stepper_ = nullptr;

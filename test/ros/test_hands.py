@@ -8,7 +8,9 @@ import unittest
 import rospy
 import rostest
 from constraint_sim.msg import Statistics
-from geometry_msgs.msg import Point, Pose, Quaternion
+from geometry_msgs.msg import Point, Pose, Quaternion, TransformStamped
+from rosgraph_msgs.msg import Log
+from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
 from visualization_msgs.msg import (InteractiveMarkerFeedback, InteractiveMarkerInit,
                                     InteractiveMarkerUpdate)
@@ -48,9 +50,9 @@ class Hands(unittest.TestCase):
         message = inits.find(lambda m: any(k.name == body for k in m.markers), body)
         return next(m for m in message.markers if m.name == body)
 
-    def send(self, kind, body, x=0.0, y=0.0, z=0.0, entry=0):
+    def send(self, kind, body, x=0.0, y=0.0, z=0.0, entry=0, frame=""):
         self.feedback.publish(InteractiveMarkerFeedback(
-            client_id="/viewer", marker_name=body, control_name="drag", event_type=kind,
+            header=Header(frame_id=frame), client_id="/viewer", marker_name=body, control_name="drag", event_type=kind,
             pose=Pose(Point(x, y, z), Quaternion(0, 0, 0, 1)), menu_entry_id=entry))
 
     def drag(self, body, start, way, seconds):
@@ -136,6 +138,63 @@ class Hands(unittest.TestCase):
         # and where much speed was left the load comes to rest on the other side of the hand, at 2.8 m
         self.check_drag("b4", self.weightless(bodies, rods), "b0", rest=0.02)
         self.assertAlmostEqual(self.x("b0"), 2.8, delta=0.85)
+
+    # ---- pointers in other frames
+
+    def drag_in(self, frame, place, condition, what):
+        """Keeps the pointer at a place of a frame until the condition holds."""
+        def check():
+            self.send(InteractiveMarkerFeedback.POSE_UPDATE, "a", *place, frame=frame)
+            time.sleep(0.1)  # the period of feedback while a pointer stands
+            return condition()
+        self.send(InteractiveMarkerFeedback.MOUSE_DOWN, "a", frame=frame)
+        support.wait_until(check, what)
+        self.send(InteractiveMarkerFeedback.MOUSE_UP, "a", frame=frame)
+        support.wait_until(lambda: not self.is_held(), "the release")
+
+    def is_at(self, x, y, z):
+        place = self.state("a").pose.position
+        return max(abs(place.x - x), abs(place.y - y), abs(place.z - z)) < 0.02
+
+    def test_a_pointer_in_another_frame_is_where_tf_has_it(self):
+        # (1, 2, 0) of the world is 7 m farther along x of the map, and a quarter of a turn to its left
+        root = TransformStamped(child_frame_id="world")
+        root.header.frame_id = "map"
+        root.transform.translation.x = 7.0
+        root.transform.rotation.z = root.transform.rotation.w = 0.5 ** 0.5
+        topic = rospy.Publisher("/tf_static", TFMessage, queue_size=1, latch=True)
+        topic.publish(TFMessage([root]))
+        self.load(self.weightless(self.ball("a", 1, 0)), "a")
+        call("unpause_physics")
+        self.drag_in("map", (5, 1, 0), lambda: self.is_at(1, 2, 0), "(1, 2, 0) of the world")
+        self.drag_in("/map", (7, 1, 0), lambda: self.is_at(1, 0, 0), "(1, 0, 0) of the world")
+        self.drag_in("/world", (2, 1, 0), lambda: self.is_at(2, 1, 0), "(2, 1, 0) of the world")
+
+    def test_a_pointer_in_a_frame_that_tf_does_not_have_moves_nothing_and_is_named(self):
+        log = Listener("/rosout", Log)
+        support.wait_until(lambda: "/rosout" in support.topics_between(NODE, rospy.get_name()),
+                           "the node's /rosout")
+        self.load(self.weightless(self.ball("a", 1, 0)), "a")
+        call("unpause_physics")
+        named = lambda: [m for m in log.messages if m.level == Log.WARN and "'nowhere'" in m.msg and
+                         "'a'" in m.msg and "'world'" in m.msg]
+        held = []
+
+        def watched():
+            held.append(self.is_held())
+            return named()
+        self.drag_in("nowhere", (8, 1, 1), watched, "a warning")
+        self.assertNotIn(True, held)
+        self.assertEqual(self.x("a"), 0.0)
+        told = len(named())
+
+        def clicked():
+            """One message, whose button is up at once; warnings come once a second."""
+            self.send(InteractiveMarkerFeedback.POSE_UPDATE, "a", 8, frame="nowhere")
+            self.send(InteractiveMarkerFeedback.MOUSE_UP, "a", frame="nowhere")
+            return len(named()) > told
+        support.wait_until(clicked, "another warning")
+        self.assertEqual(self.x("a"), 0.0)
 
     def test_a_drag_whose_feedback_stops_lets_go_within_half_a_second(self):
         call("unpause_physics")

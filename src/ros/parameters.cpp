@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <iterator>
+#include <map>
 #include <sstream>
 
 #include "ros/topic_names.h"
@@ -101,11 +102,17 @@ bool has_empty_part(const std::string& name) {
 }
 
 void check_names(const std::string& parameter, const std::string& names) {
+  std::map<std::string, std::string> name_of_topic;
   for (const std::string& name : names_in(names)) {
     std::string why;
     if (has_empty_part(name)) why = "a part between slashes is empty";
     if (!why.empty() || !ros::names::validate(topic_of(parameter, name), why))
       refuse(parameter, "no topic can have the name " + shown(name) + ": " + why);
+    const auto [other, is_first] = name_of_topic.emplace(topic_of(parameter, name), name);
+    if (!is_first)
+      refuse(parameter, other->second == name ? "has " + shown(name) + " twice"
+                                              : shown(other->second) + " and " + shown(name) +
+                                                    " would have the same topic " + other->first);
   }
 }
 

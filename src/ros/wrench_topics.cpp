@@ -51,10 +51,11 @@ void WrenchTopics::update(const engine::World& world) {
                  world.joint_ids().size() - kMost);
       break;
     }
+    const bool is_first = taken.insert(topic_of(kForceTorque, name)).second;
     const auto known = topics_.find(name);
-    ros::Publisher topic = known != topics_.end() ? known->second : advertise(name, taken);
+    ros::Publisher topic =
+        is_first && known != topics_.end() ? known->second : advertise(name, is_first);
     if (!topic) continue;
-    taken.insert(topic_of(kForceTorque, name));
     next.emplace(name, std::move(topic));
   }
   const std::lock_guard<std::mutex> lock(mutex_);
@@ -62,11 +63,10 @@ void WrenchTopics::update(const engine::World& world) {
 }
 
 // none where the name cannot be that of a topic, or is that of another one
-ros::Publisher WrenchTopics::advertise(const std::string& constraint,
-                                       const std::set<std::string>& taken) {
+ros::Publisher WrenchTopics::advertise(const std::string& constraint, bool is_free) {
   const std::string topic = topic_of(kForceTorque, constraint);
   std::string why;
-  if (ros::names::validate(topic, why) && taken.count(topic) == 0)
+  if (ros::names::validate(topic, why) && is_free)
     return private_handle_.advertise<geometry_msgs::WrenchStamped>(topic, 100, welcome_);
   if (without_.insert(constraint).second)
     ROS_WARN("constraint '%s' has no topic %s: %s", constraint.c_str(), topic.c_str(),

@@ -36,7 +36,7 @@ class WrenchTopics {
  private:
   using Topics = std::map<std::string, ros::Publisher>;  // by constraint
 
-  ros::Publisher advertise(const std::string& constraint, const std::set<std::string>& taken);
+  ros::Publisher advertise(const std::string& constraint, bool is_free);
 
   Parameters parameters_;
   ros::NodeHandle private_handle_;

@@ -6,6 +6,7 @@ import rospy
 import rostest
 from constraint_sim.msg import Body, Constraint, ConstraintStates, Shape
 from geometry_msgs.msg import Point, Vector3, WrenchStamped
+from rosgraph_msgs.msg import Log
 from sensor_msgs.msg import JointState
 from tf2_msgs.msg import TFMessage
 
@@ -225,6 +226,23 @@ class Joints(support.ServiceCase):
                                     (["damping", "friction"], [1.0, math.nan], ["friction"])):
             self.bad(words, "set_constraint_properties", name="j", keys=keys, values=values)
         self.bad(["name", "none"], "set_constraint_properties", name="none", keys=[], values=[])
+
+    def test_force_torque_of_names_that_have_one_topic_is_of_the_first(self):
+        def scene(*names):
+            return HANGING + "".join("  - {name: %s, type: ball, body_b: bar, anchor_a: [1, 0, 0], "
+                                     "anchor_b: [0.5, 0, 0]}\n" % name for name in names)
+        log = Listener("/rosout", Log)
+        # who knows a topic already has it no more than who comes first
+        self.good("load_scene", text=scene("wrist_1"))
+        messages = Listener(support.NODE + "/force_torque/wrist_1", WrenchStamped)
+        messages.find(lambda m: m.header.frame_id == "force_torque/wrist_1")
+        self.good("load_scene", text=scene("wrist-1", "wrist_1"))
+        stamp = messages.wait(lambda m: m.header.frame_id == "force_torque/wrist-1").header.stamp
+        self.good("step", steps=1)
+        messages.wait(lambda m: m.header.stamp > stamp)
+        later = {m.header.frame_id for m in messages.messages if m.header.stamp >= stamp}
+        self.assertEqual(later, {"force_torque/wrist-1"})
+        log.find(lambda m: "'wrist_1' has no topic" in m.msg and "another constraint" in m.msg)
 
     def test_force_torque_is_in_the_frame_of_the_joint_on_b(self):
         self.good("load_scene", text=HANGING)

@@ -89,6 +89,21 @@ class Parameters(unittest.TestCase):
             self.assertEqual(status, 2, said)
             self.assertIn("parameter ~" + given[1:given.index(":=")], said)
 
+    def test_names_of_one_topic_are_refused(self):
+        for given in ("_command:=wrist-1 wrist_1", "_cmd_vel:=wrist_1 a wrist.1", "_wrench:=a.b-c a-b.c",
+                      "_odometry:=a/b-c a/b_c", "_command:=a b a"):
+            kind, names = given[1:].split(":=")
+            status, said = self.end_of(given)
+            self.assertEqual(status, 2, said)
+            self.assertIn("parameter ~" + kind, said)
+            first, last = names.split()[0], names.split()[-1]
+            if first == last:
+                self.assertIn("'%s' twice" % first, said)
+            else:
+                topic = first.replace("-", "_").replace(".", "_")
+                for part in ("'%s' and '%s'" % (first, last), "%s/%s" % (kind, topic)):
+                    self.assertIn(part, said)
+
     def test_values_of_another_type_are_shown_as_they_are(self):
         for value, shown in (([1, 2], "a list"), ({"a": 1}, "a map"), ("fast", "'fast'"), (True, "true")):
             rospy.set_param(support.NODE + "/time_step", value)

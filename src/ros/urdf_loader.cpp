@@ -9,8 +9,10 @@
 #include <algorithm>
 #include <array>
 #include <climits>
+#include <cstdlib>
 #include <map>
 #include <optional>
+#include <sstream>
 #include <stdexcept>
 #include <utility>
 
@@ -53,7 +55,25 @@ class Meshes {
 
 struct Description {
   std::string urdf, extra;
+  std::string path;  ///< of the URDF; empty: of none
 };
+
+bool is_on_path(const std::string& program) {
+  const char* const folders = std::getenv("PATH");
+  std::istringstream list(folders == nullptr ? "" : folders);
+  for (std::string folder; std::getline(list, folder, ':');) {
+    const std::string file = folder + "/" + program;
+    if (is_file(file) && ::access(file.c_str(), X_OK) == 0) return true;
+  }
+  return false;
+}
+
+/// What expands xacro, as a user types it where the program is installed.
+std::string how_to_expand(const std::string& path) {
+  if (!is_on_path("xacro")) return "the program xacro, which is not installed here, expands it";
+  if (path.empty()) return "`xacro FILE > expanded.urdf` expands it";
+  return "`xacro '" + path + "' > expanded.urdf` expands it";
+}
 
 /// What a user may have meant by a name that no file has, as the end of a sentence.
 std::string what_was_meant(const std::string& name, const std::vector<std::string>& shipped,
@@ -80,6 +100,7 @@ Description read_description(const std::string& name, const Parameters& paramete
   const std::string path =
       is_shipped ? folder + name + ".urdf" : file_named(name, parameters, caller);
   Description description;
+  description.path = path;
   try {
     description.urdf = read_file(path);
   } catch (const std::invalid_argument& error) {
@@ -111,6 +132,7 @@ BuiltRobot build_described(const Description& description, RobotOptions options)
     throw std::invalid_argument("text: must be at most " + std::to_string(kMostUrdfBytes >> 20) +
                                 " MiB, got " + std::to_string(description.urdf.size()) + " bytes");
   options.extra = description.extra;
+  options.how_to_expand = how_to_expand(description.path);
   Meshes meshes;
   options.mesh_exists = [&](const std::string& name) { return meshes.exists(name); };
   return build_robot(description.urdf, options);
@@ -163,7 +185,7 @@ bool UrdfLoader::load(LoadUrdfRequest& request, LoadUrdfResponse& response) {
   return answer(response, [&] {
     if (request.path.empty() == request.text.empty())
       throw std::invalid_argument("path, text: exactly one of the two is needed");
-    Description description{request.text, ""};
+    Description description{request.text, "", ""};
     if (!request.path.empty())
       description = read_description(request.path, parameters_, Caller::kService);
     if (!request.extra.empty()) description.extra = request.extra;

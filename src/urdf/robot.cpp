@@ -14,6 +14,7 @@
 #include "urdf/extra.h"
 #include "urdf/lumps.h"
 #include "urdf/positions.h"
+#include "urdf/xacro.h"
 
 namespace constraint_sim {
 namespace {
@@ -496,9 +497,17 @@ void check_names(const BuiltRobot& built, const World& world) {
 
 BuiltRobot build_robot(const std::string& urdf, const RobotOptions& options) {
   engine::validate(options.pose);
+  const XacroLeft xacro = find_xacro(urdf);
+  if (!xacro.content.empty())
+    refuse("xacro has not been run on this text, which has " + xacro.content.text() +
+           (options.how_to_expand.empty() ? "" : ": " + options.how_to_expand));
   const urdf::ModelInterfaceSharedPtr model = parse_urdf(urdf, options.mesh_exists);
   check_world_link(*model, options);
-  return Builder(*model, options).build();
+  BuiltRobot built = Builder(*model, options).build();
+  if (!xacro.definitions.empty())
+    built.robot.warnings.push_back("definitions of xacro are left in the URDF and are not read: " +
+                                   xacro.definitions.text());
+  return built;
 }
 
 Robot add_robot(const BuiltRobot& built, World* world) {

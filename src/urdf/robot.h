@@ -49,6 +49,8 @@ struct RobotOptions {
   bool fixed = false;      ///< the root does not move
   std::string extra;       ///< YAML beside the URDF, docs/robots.md
   MeshExists mesh_exists;
+  std::string
+      how_to_expand;  ///< says where xacro is left in the URDF what expands it; may be empty
 };
 
 /// A robot that is built and not yet in a world: adding it costs little.

@@ -18,6 +18,10 @@ class XmlTags {
   bool next();
 
   Kind kind() const { return kind_; }
+  /// Where the name of this tag begins in the text.
+  std::size_t place() const { return name_start_; }
+  /// This tag without its angle brackets.
+  std::string text() const { return text_.substr(name_start_, tag_end_ - name_start_); }
   std::string name() const { return text_.substr(name_start_, name_end_ - name_start_); }
   /// The value of an attribute of this tag, entities as they are written; empty where it has none.
   std::string attribute(const std::string& wanted) const;

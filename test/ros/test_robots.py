@@ -177,6 +177,45 @@ class Robots(support.ServiceCase):
             self.assertIn("left/base_link/com", answer.status_message)
             self.assertEqual(properties().state_hash, before)
 
+    def test_xacro_that_was_not_run_is_named_and_its_command_is_told(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "arm.urdf.xacro")
+            for part, text in (
+                    ("<xacro:gripper> (line ", urdf("arm").replace(
+                        "</robot>", "<xacro:gripper parent='tool0'/></robot>")),
+                    ("<xacro:include> (line ", urdf("arm").replace(
+                        "</robot>", "<xacro:include filename='hand.xacro'/></robot>")),
+                    ("${radius} (line ", urdf("arm").replace('radius="0.05"', 'radius="${radius}"')),
+                    ("$(find arm) (line ", urdf("arm").replace(
+                        '<sphere radius="0.05"/>', '<mesh filename="$(find arm)/a.stl"/>'))):
+                self.assertNotEqual(text, urdf("arm"), part)
+                with open(path, "w") as file:
+                    file.write(text)
+                with simulator():
+                    before = properties().state_hash
+                    answer = call("load_urdf", text=text)
+                    self.assertFalse(answer.success, part)
+                    for word in ("xacro has not been run", part, "program xacro"):
+                        self.assertIn(word, answer.status_message)
+                    self.assertEqual(properties().state_hash, before)
+            program = os.path.join(folder, "xacro")
+            with open(program, "w") as file:
+                file.write("#!/bin/sh\n")
+            os.chmod(program, 0o755)
+            environment = dict(os.environ, PATH=folder + ":" + os.environ["PATH"])
+            with running(node_command(paused=True), env=environment):
+                answer = call("load_urdf", path=path)
+                self.assertFalse(answer.success)
+                self.assertIn("`xacro '%s' > expanded.urdf` expands it" % path, answer.status_message)
+
+    def test_definitions_that_are_left_of_xacro_are_named(self):
+        text = urdf("arm").replace("</robot>", "<xacro:property name='width' value='0.1'/>"
+                                   "<xacro:macro name='leg'><link name='${n}'/></xacro:macro></robot>")
+        with simulator():
+            answer = self.good("load_urdf", text=text)
+            for word in ("definitions of xacro", "<xacro:property> (line ", "<xacro:macro> (line "):
+                self.assertIn(word, answer.status_message)
+
     def test_a_bad_robot_in_a_parameter_ends_the_node(self):
         with running(node_command(robot="nobody")) as process:
             self.assertEqual(process.wait(support.TIMEOUT), 2)

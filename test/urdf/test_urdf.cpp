@@ -361,6 +361,62 @@ std::string text_times(int count, const std::string& text) {
 }
 
 // A parser that recurses from element to element would overflow the stack.
+// ---- what is left of xacro
+
+TEST(Xacro, WhatWouldHaveBeenReplacedIsNamed) {
+  const std::string base = link("base");
+  const std::pair<std::string, const char*> texts[] = {
+      {base + "\n<xacro:leg side='left'/>", "has <xacro:leg> (line 2)"},
+      {"\n\n<xacro:include filename='a.xacro'/>" + base, "has <xacro:include> (line 3)"},
+      {base + "<xacro:if value='1'>" + link("1") + "</xacro:if>", "has <xacro:if> (line 1)"},
+      {link("${prefix}base"), "has ${prefix} (line 1)"},
+      {link("base", std::string(kInertial) +
+                        "<visual><geometry>\n<sphere radius='${2*r}'/></geometry>"
+                        "</visual>"),
+       "has ${2*r} (line 2)"},
+      {link("base", std::string(kInertial) + "<visual><geometry><mesh filename='file://$(find "
+                                             "r)/a.stl'/></geometry></visual>"),
+       "has $(find r) (line 1)"},
+      {"<xacro:a/><xacro:b/><xacro:c/><xacro:d/><xacro:e/><xacro:f/><xacro:g/>" + base,
+       "<xacro:e> (line 1) and 2 more: run it"},
+  };
+  for (const auto& [inside, part] : texts) {
+    World world;
+    RobotOptions options;
+    options.how_to_expand = "run it";
+    const std::string message = refusal([&] { add_robot(robot(inside), options, &world); });
+    EXPECT_NE(message.find("urdf: xacro has not been run"), std::string::npos) << message;
+    EXPECT_NE(message.find(part), std::string::npos) << message;
+    EXPECT_EQ(world.body_ids().size(), 0u);
+  }
+  // another prefix that stands for xacro
+  World world;
+  const std::string other =
+      "<?xml version='1.0'?><robot name='r' xmlns:x='http://www.ros.org/wiki/xacro'>" + base +
+      "<x:leg/></robot>";
+  EXPECT_NE(refusal([&] { add_robot(other, {}, &world); }).find("<x:leg>"), std::string::npos);
+}
+
+TEST(Xacro, DefinitionsAreNamedAndWhatIsNotReadIsNot) {
+  World world;
+  const Robot with =
+      add("\n<xacro:property name='r' value='1'/><xacro:arg name='a' default='1'/>"
+          "<xacro:macro name='leg'><link name='${side}'/><xacro:foot/></xacro:macro>" +
+              link("base") + "<!-- <xacro:leg/> ${a} -->",
+          &world);
+  EXPECT_EQ(with.warnings, (std::vector<std::string>{
+                               "definitions of xacro are left in the URDF and are not read: "
+                               "<xacro:property> (line 2), <xacro:arg> (line 2), <xacro:macro> "
+                               "(line 2)"}));
+  World other;
+  const Robot without =
+      add("<gazebo><plugin name='${p}' file='$(find p)/p'/><xacro:p/></gazebo>"
+          "<transmission name='${t}'/>" +
+              link("cost_$5") + "<material name='$(x)'><color rgba='1 0 0 1'/></material>",
+          &other);
+  EXPECT_EQ(without.warnings, std::vector<std::string>{});
+}
+
 TEST(HostileUrdf, OfElementsTooDeepIsRejected) {
   World world;
   const auto answer_to = [&](const std::string& text) {

@@ -412,7 +412,7 @@ TEST(Xacro, DefinitionsAreNamedAndWhatIsNotReadIsNot) {
   const Robot without =
       add("<gazebo><plugin name='${p}' file='$(find p)/p'/><xacro:p/></gazebo>"
           "<transmission name='${t}'/>" +
-              link("cost_$5") + "<material name='$(x)'><color rgba='1 0 0 1'/></material>",
+              link("base") + "<material name='cost_$5 $(x)'><color rgba='1 0 0 1'/></material>",
           &other);
   EXPECT_EQ(without.warnings, std::vector<std::string>{});
 }

@@ -53,6 +53,17 @@ INSTANTIATE_TEST_SUITE_P(
                     Place{"parallel_keeps_momentum", 1.0, "tray", {1.0, 2.0, 3.0}}),
     [](const auto& place) { return std::string(place.param.scene); });
 
+// x and z as runge_kutta has them at tolerances of 1e-8 and 1e-13.
+TEST(Case, SlenderArmsFollowTheirServo) {
+  for (const double h : kCaseTimeSteps) {
+    World world = load_case("slender_arm_servo", h);
+    run_case_until(world, 2.0);
+    const Eigen::Vector3d& p = world.state(world.find_body("b")).position;
+    EXPECT_NEAR(p.x(), 1.03191236, 1e-6) << "at 1/" << 1.0 / h;
+    EXPECT_NEAR(p.z(), -0.95677395, 1e-6) << "at 1/" << 1.0 / h;
+  }
+}
+
 // A target that is sent again in each step, as a topic does, is reached.
 TEST(Case, RepeatedTargetsAreReached) {
   for (const double h : kCaseTimeSteps) {

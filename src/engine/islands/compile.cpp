@@ -5,6 +5,7 @@
 #include <cmath>
 #include <memory>
 #include <numeric>
+#include <tuple>
 
 #include "engine/math/list.h"
 #include "engine/world/world_impl.h"
@@ -13,6 +14,18 @@ namespace constraint_sim::engine {
 namespace {
 
 using Eigen::Vector3d;
+
+// The most that a force of 1 N at r moves that point by turning the body: the largest eigenvalue of
+// [r]ᵀ I⁻¹ [r], whose smallest one is 0.
+double largest_response(const MassProperties& mass, const Vector3d& r) {
+  Eigen::Matrix3d cross;
+  cross << 0.0, -r.z(), r.y(), r.z(), 0.0, -r.x(), -r.y(), r.x(), 0.0;
+  const Eigen::Matrix3d K = cross.transpose() * mass.inverse_inertia.asDiagonal() * cross;
+  const double half = 0.5 * K.trace();
+  const auto minor = [&](int i, int k) { return K(i, i) * K(k, k) - K(i, k) * K(k, i); };
+  const double product = minor(0, 1) + minor(1, 2) + minor(2, 0);
+  return half + std::sqrt(std::max(half * half - product, 0.0));
+}
 
 // what a joint that does not act no longer does
 void release(JointState* state) {
@@ -198,32 +211,53 @@ void World::Impl::classify_islands() {
   }
 }
 
-// of each body, what its springs and dampers move it with: ω² ≤ 2 Σk (1/m + r²/I_min), and the same
-// of c [1/s]; `with_limit`: of those that have a force limit, else of those that have none
+// Of each body, the largest frequency at which its springs and dampers move it:
+// ω² ≤ 2 Σ k (1/m + λ) along a line, with λ the largest eigenvalue of [r]ᵀ I⁻¹ [r], and
+// ω² ≤ 2 Σ k n·I⁻¹n about an axis n; the same with c [1/s]. `with_limit`: of springs and dampers
+// that have a force limit, else of those that have none.
 List<double> World::Impl::fastest_springs(const List<JointEnds>& ends, bool with_limit) const {
   List<double> fastest_spring(bodies.size(), 0.0);
   List<double> damping;
   for (std::size_t j = 0; j < joints.size(); ++j) {
     if (!acts(joints[j], joint_states[j])) continue;
     const Joint& joint = joints[j];
-    const auto add = [&](bool is_turn, double stiffness, double of_damper) {
+    const auto add_to = [&](std::size_t body, double inverse_mass, double stiffness,
+                            double of_damper) {
       if (damping.empty()) damping.assign(bodies.size(), 0.0);
+      fastest_spring[body] += 2.0 * inverse_mass * stiffness;
+      damping[body] += 2.0 * inverse_mass * of_damper;
+    };
+    const auto add_along = [&](double stiffness, double of_damper) {
       for (const auto& [body, anchor] :
-           {std::pair(ends[j].first, joint.anchor_a), {ends[j].second, joint.anchor_b}}) {
-        const double turning = masses[body].inverse_inertia.maxCoeff();
-        const double inverse_mass =
-            is_turn ? turning : masses[body].inverse_mass + anchor.squaredNorm() * turning;
-        fastest_spring[body] += 2.0 * inverse_mass * stiffness;
-        damping[body] += 2.0 * inverse_mass * of_damper;
+           {std::pair(ends[j].first, joint.anchor_a), {ends[j].second, joint.anchor_b}})
+        add_to(body, masses[body].inverse_mass + largest_response(masses[body], anchor), stiffness,
+               of_damper);
+    };
+    const auto add_about = [&](bool is_second, double stiffness, double of_damper) {
+      const bool is_fixed_in_both = info(joint.kind).alignment == Alignment::kParallelZ;
+      const Eigen::Quaterniond frame_b = joint.frame_b.value_or(Eigen::Quaterniond::Identity());
+      for (const auto& [body, frame, is_fixed] :
+           {std::tuple(ends[j].first, joint.frame_a, is_fixed_in_both || !is_second),
+            {ends[j].second, frame_b, is_fixed_in_both || is_second}}) {
+        const Vector3d& inverse = masses[body].inverse_inertia;
+        const Vector3d n = frame * Vector3d::UnitZ();
+        add_to(body, is_fixed ? n.cwiseAbs2().dot(inverse) : inverse.maxCoeff(), stiffness,
+               of_damper);
       }
     };
     const SoftLaw spring = length_spring(joint);
     if (!spring.is_none() && (joint.motor.max_force > 0.0) == with_limit)
-      add(false, spring.K, spring.C);
+      add_along(spring.K, spring.C);
+    bool has_angle = false;
     for (int i = 0; i < coordinates(joint.kind); ++i) {
       const CoordinateLaw& of = joint.coordinates[i];
       const SoftLaw law = with_limit ? limited_servo(of) : soft_law(of);
-      if (law.K > 0.0 || law.C > 0.0) add(is_angle(joint.kind, i), law.K, law.C);
+      if (!is_angle(joint.kind, i)) {
+        if (law.K > 0.0 || law.C > 0.0) add_along(law.K, law.C);
+        continue;
+      }
+      if (law.K > 0.0 || law.C > 0.0) add_about(has_angle, law.K, law.C);
+      has_angle = true;
     }
   }
   for (std::size_t i = 0; i < damping.size(); ++i)

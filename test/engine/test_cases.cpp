@@ -64,6 +64,59 @@ TEST(Case, SlenderArmsFollowTheirServo) {
   }
 }
 
+// Sent exactly to its joint's limit, a finger rests there: it reaches its stop once or not at all.
+TEST(Case, MotorsRestOnTheirStops) {
+  World world = load_scene_file(CONSTRAINT_SIM_SOURCE_DIR "/test/engine/cases/arm_slow.yaml");
+  const JointId finger = world.find_joint("finger_joint");
+  int events = 0, reached = 0;
+  for (int i = 0; i < 400; ++i) {
+    ASSERT_FALSE(world.step().failed);
+    for (const Event& event : world.events()) {
+      ++events;
+      if (event.joint == finger && event.kind == EventKind::kLimitReached) ++reached;
+    }
+  }
+  EXPECT_LE(events, 40);
+  EXPECT_LE(reached, 1);
+  EXPECT_NEAR(world.joint_state(finger).coordinates[0].position, 0.045, 1e-9);
+  EXPECT_LE(std::abs(world.joint_state(finger).coordinates[0].velocity), 1e-9);
+}
+
+// The same of motors of any strength, from stop to stop, with what presses them against these.
+TEST(Case, MotorsGoFromStopToStop) {
+  for (const double max_force : {0.0, 1.0, 9.0, 11.0, 100.0}) {
+    for (const double h : kCaseTimeSteps) {
+      WorldOptions options;
+      options.time_step = h;
+      World world(options);
+      Body load = make_body("load", Box{{0.1, 0.1, 0.1}}, 1.0, Eigen::Vector3d::Zero());
+      load.no_collision = true;
+      Joint rail;
+      rail.name = "rail";
+      rail.kind = JointKind::kSlider;
+      rail.body_b = world.add_body(load);
+      rail.coordinates[0].lower = 0.0;
+      rail.coordinates[0].upper = 0.2;
+      const JointId id = world.add_joint(rail);
+      CoordinateMotor motor;
+      motor.max_force = max_force;
+      int events = 0;
+      for (const double goal : {0.2, 0.0, 0.2}) {
+        motor.position = goal;
+        world.set_motor(id, 0, motor);
+        for (int i = 0; i < static_cast<int>(std::lround(2.0 / h)); ++i) {
+          ASSERT_FALSE(world.step().failed);
+          events += static_cast<int>(world.events().size());
+        }
+        const bool is_weak = max_force > 0.0 && max_force < 9.81;  // for its weight
+        EXPECT_NEAR(world.joint_state(id).coordinates[0].position, is_weak ? 0.0 : goal, 1e-9)
+            << max_force << " N at 1/" << 1.0 / h;
+      }
+      EXPECT_LE(events, 30) << max_force << " N at 1/" << 1.0 / h;
+    }
+  }
+}
+
 // A target that is sent again in each step, as a topic does, is reached.
 TEST(Case, RepeatedTargetsAreReached) {
   for (const double h : kCaseTimeSteps) {

@@ -274,7 +274,7 @@ bool ContactEvents::find_candidates(List<Candidate>* candidates) {
     OneSidedState state;
     const bool is_lost = of.law.goal && of.braking > 0.0;
     const std::optional<Hold> hold =
-        find_hold(of.law, states_before_[c], now, limit, zeta, is_lost, &state);
+        find_hold(of.law, states_before_[c], now, limit, zeta, is_lost, false, &state);
     if (hold) {
       const Prescribed at = rate_held_at(*hold, limit, zeta);
       candidates->push_back(

@@ -212,6 +212,8 @@ class EventDriven {
   void find_lost(const Span& span, const Rows& rows);
   void note_lost(const Rows& rows, const List<OneSidedState>& next);
   double braking_of(const Rows& rows, std::size_t law) const;
+  bool decide_once(const Span& span, Rows* rows, const Release& release,
+                   List<OneSidedState>* next) const;
   bool decide_holds(const Span& span, Rows* rows, const Release& release,
                     List<OneSidedState>* next) const;
   bool decide(const Span& span, Rows* rows, const Release& release,
@@ -250,6 +252,7 @@ class EventDriven {
   List<RowVector> impulses_;
   List<double> coupled_impulses_;
   std::uint32_t events_ = 0;
+  mutable List<char> pressed_;  // laws whose motor is too weak to take them off a limit
   List<Told> told_;
   int unchanged_ = 0;  // events that changed nothing
   WatchedSubstep<Watched> watched_;

@@ -255,8 +255,8 @@ std::optional<EventDriven::Candidate> EventDriven::candidate(const Span& span, s
   const auto limit_of = [&](bool upper_one) { return limit(c, upper_one, t); };
   const auto zeta_of = [&] { return zeta(span, c, t, reading.q); };
   const bool is_lost = law.goal && braking_[c] > 0.0;
-  const std::optional<Hold> hold =
-      find_hold(law, states_[c], reading, limit_of, zeta_of, is_lost, state);
+  const std::optional<Hold> hold = find_hold(law, states_[c], reading, limit_of, zeta_of, is_lost,
+                                             pressed_.empty() || pressed_[c] == 0, state);
   if (!hold) return std::nullopt;
   const Prescribed at = rate_held_at(*hold, limit_of, zeta_of);
   const double zeta_rate = zeta_of().rate;
@@ -282,8 +282,33 @@ bool EventDriven::decide(const Span& span, Rows* rows, const Release& release,
   return true;
 }
 
-bool EventDriven::decide_holds(const Span& span, Rows* problem_at, const Release& release,
+// A motor on its course carries its coordinate off a limit, unless it is too weak for what presses
+// the coordinate against that limit: then the limit holds.
+bool EventDriven::decide_holds(const Span& span, Rows* rows, const Release& release,
                                List<OneSidedState>* next) const {
+  pressed_.assign(laws_.size(), 0);
+  for (std::size_t pass = 0; pass <= laws_.size(); ++pass) {
+    if (!decide_once(span, rows, release, next)) return false;
+    bool any_pressed = false;
+    for (std::size_t c = 0; c < laws_.size(); ++c) {
+      if (pressed_[c] || !laws_[c].goal || (*next)[c].drive == 0 || braking_[c] > 0.0) continue;
+      for (const bool upper_one : {false, true}) {
+        if (!std::isfinite(laws_[c].limit(upper_one))) continue;
+        const double direction = upper_one ? -1.0 : 1.0;
+        const double gap =
+            direction * (rows->reading[c].q - limit(c, upper_one, span.left.t).value);
+        if (gap > kTouching || direction * rows->acceleration[index(c)] >= 0.0) continue;
+        pressed_[c] = 1;
+        any_pressed = true;
+      }
+    }
+    if (!any_pressed) return true;
+  }
+  return true;
+}
+
+bool EventDriven::decide_once(const Span& span, Rows* problem_at, const Release& release,
+                              List<OneSidedState>* next) const {
   Rows& rows = *problem_at;
   next->assign(laws_.size(), {});
   List<Candidate> candidates;

@@ -49,13 +49,23 @@ inline SubstepSpan gone_on(const SubstepSpan& start, double done) {
   return now;
 }
 
+/// Whether the course of a motor that goes to a position leads off a limit, or comes to rest there.
+inline bool leads_off(const OneSidedLaw& law, bool upper_one, const Prescribed& course) {
+  if (!law.goal) return false;
+  const double direction = upper_one ? -1.0 : 1.0;
+  return direction * (*law.goal - law.limit(upper_one)) > kTouching ||
+         (direction * (*law.goal - law.limit(upper_one)) >= -kTouching &&
+          direction * course.acceleration > 0.0);
+}
+
 /// What may hold a coordinate, by where it is and how it moves. None where nothing does: then sets
 /// what acts in `state`, which begins with nothing. `before`: what acted until now; `is_lost`: a
-/// motor that goes to a position is not on its course.
+/// motor that goes to a position is not on its course. `is_carried`: a motor on its course is
+/// strong enough to take the coordinate off a limit that it touches, or to bring it to rest there.
 template <class Reading, class Limit, class Zeta>
 std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& before,
                               const Reading& reading, Limit limit, Zeta zeta, bool is_lost,
-                              OneSidedState* state) {
+                              bool is_carried, OneSidedState* state) {
   for (const bool upper_one : {false, true}) {
     if (!std::isfinite(law.limit(upper_one))) continue;
     const Prescribed at_limit = limit(upper_one);
@@ -63,6 +73,9 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
     const bool gave_way = before.yield == -direction;  // and is where the length is
     const double gap = direction * (reading.q - at_limit.value);
     const double rate = direction * (reading.rate - at_limit.rate);
+    if (is_carried && !is_lost && gap >= -kTouching && gap <= kTouching &&
+        leads_off(law, upper_one, zeta()))
+      continue;
     const bool has_yet_to_hit = gap > 0.0 && rate < -kResting && !std::isfinite(law.limit_force);
     if (!gave_way && (gap > kTouching || has_yet_to_hit)) continue;
     if (std::abs(rate) <= kResting) return upper_one ? Hold::kUpper : Hold::kLower;

@@ -249,7 +249,7 @@ class Judge {
           return found("conflict", "joints that the reference meets are taken for contradictory");
     const auto [error, joint] = mechanics_.worst_joint(poses, t, so_far->readings);
     so_far->has_said = so_far->has_said || says_so(world, setting.method, size * error);
-    so_far->estimate += report.local_error / size;
+    if (!std::isnan(report.local_error)) so_far->estimate += report.local_error / size;
     for (const Island& island : world.islands())
       so_far->uses_impulses = so_far->uses_impulses || island.method == Method::kSequentialImpulses;
     if (error > joints_allowed(*so_far, t) / std::min(size, 1.0) && !so_far->has_said)

@@ -91,7 +91,7 @@ class Island(TypedDict):
     joints: int
     method: str
     why: str
-    local_error: float  # [m]
+    local_error: Optional[float]  # [m]; None of impulses
     substeps: int
     rejected: int
     events: int
@@ -146,7 +146,7 @@ class StepReport:
     @property
     def energy_rise(self) -> float: ...  # without a cause [J]
     @property
-    def local_error(self) -> float: ...  # [m]
+    def local_error(self) -> Optional[float]: ...  # [m]; None with impulses
     @property
     def dependent_rows(self) -> int: ...
     @property
@@ -216,7 +216,7 @@ class RunReport:
     @property
     def max_penetration(self) -> float: ...  # [m]
     @property
-    def accumulated_local_error(self) -> float: ...  # [m]
+    def accumulated_local_error(self) -> Optional[float]: ...  # [m]; None with impulses
     @property
     def energy_initial(self) -> float: ...  # [J]
     @property

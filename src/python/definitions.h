@@ -2,7 +2,9 @@
 
 #include <pybind11/pybind11.h>
 
+#include <cmath>
 #include <memory>
+#include <optional>
 
 #include "python/shared_world.h"
 
@@ -22,5 +24,10 @@ void make_by_call_alone(py::handle type);
 using WorldClass = py::class_<SharedWorld>;
 void define_joints(WorldClass* world);
 void define_verify(WorldClass* world);
+
+/// An estimate; None where there is none, which the engine has as NaN.
+inline std::optional<double> known(double estimate) {
+  return std::isnan(estimate) ? std::nullopt : std::optional(estimate);
+}
 
 }  // namespace constraint_sim::python

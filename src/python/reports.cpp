@@ -38,8 +38,10 @@ void define_step_report(py::module* module) {
                     "change of energy since the last edit over the largest kinetic energy [1]")
       .def_readonly("energy_rise", &Report::energy_rise,
                     "rise of an island's energy without a cause [J]; 0: none")
-      .def_readonly("local_error", &Report::local_error,
-                    "largest error estimate of an island for this step [m]")
+      .def_property_readonly(
+          "local_error", [](const Report& report) { return known(report.local_error); },
+          "largest error estimate of an island for this step [m]; None where impulses advanced "
+          "one, which have no estimate")
       .def_readonly("dependent_rows", &Report::dependent_rows,
                     "redundant equations, at most at once")
       .def_readonly("unresolved_bodies", &Report::unresolved_bodies,
@@ -98,8 +100,10 @@ void define_run_report(py::module* module) {
       .def_readonly("max_closing_error", &RunReport::max_closing_error,
                     "the same of StepReport.closing_error [m]")
       .def_readonly("max_penetration", &RunReport::max_penetration, "over all steps [m]")
-      .def_readonly("accumulated_local_error", &RunReport::accumulated_local_error,
-                    "sum of the steps' estimates [m]")
+      .def_property_readonly(
+          "accumulated_local_error",
+          [](const RunReport& report) { return known(report.accumulated_local_error); },
+          "sum of the steps' estimates [m]; None where a step had none")
       .def_readonly("energy_initial", &RunReport::energy_initial, "before the first step [J]")
       .def_readonly("energy_final", &RunReport::energy_final, "after the last step [J]")
       .def_readonly("energy_drift", &RunReport::energy_drift, "of the last step [1]")

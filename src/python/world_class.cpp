@@ -29,7 +29,7 @@ py::dict island_dict(const engine::World& world, const engine::Island& island) {
   dict["joints"] = island.joints;
   dict["method"] = engine::name(island.method);
   dict["why"] = engine::to_string(island.why);
-  dict["local_error"] = island.local_error;
+  dict["local_error"] = known(island.local_error);
   dict["substeps"] = island.substeps;
   dict["rejected"] = island.rejected;
   dict["iterations"] = island.iterations;

@@ -3,6 +3,7 @@
 #include <diagnostic_msgs/DiagnosticArray.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <limits>
 #include <vector>
@@ -145,7 +146,8 @@ Diagnostics::Status Diagnostics::physics(const World& world, const Stepper& step
   add(&status, "failed", stepper.has_failed() ? "true" : "false");
   add(&status, "step", std::to_string(world.step_count()));
   add(&status, "simulated time [s]", shown(world.time()));
-  add(&status, "local error in this second [m]", shown(ticks_.local_error));
+  add(&status, "local error in this second [m]",
+      std::isnan(ticks_.local_error) ? "no estimate" : shown(ticks_.local_error));
   add(&status, "events in this second", std::to_string(ticks_.events));
   add(&status, "substeps in this second", std::to_string(ticks_.substeps));
   return status;

@@ -79,7 +79,8 @@ std::optional<engine::BodyId> taken_back(const World& world) {
 
 bool is_beyond_range(const engine::StepReport& report) {
   return !std::isfinite(report.energy + report.energy_drift + report.max_constraint_error +
-                        report.max_penetration + report.local_error);
+                        report.max_penetration) ||
+         std::isinf(report.local_error);  // NaN says that there is no estimate
 }
 
 /// Something that a step reports and that a user should know of.

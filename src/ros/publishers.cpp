@@ -183,8 +183,8 @@ void Publishers::take_statistics(const World& world, const Stepper& stepper, dou
   message.worst_constraint = ticks_.worst_constraint;
   message.energy = finite(world.energy());
   message.energy_drift = finite(report.energy_drift);
-  message.local_error = finite(ticks_.local_error);
-  message.accumulated_local_error = finite(ticks_.accumulated_local_error);
+  message.local_error = ticks_.local_error;  // NaN where there is no estimate
+  message.accumulated_local_error = ticks_.accumulated_local_error;
   message.wall_mean = ticks_.wall_sum / ticks;
   message.wall_max = ticks_.wall_max;
   const double passed = std::max(now - last_statistics_, 1e-9);

@@ -208,7 +208,8 @@ struct Outcome {
   double max_closing_error = 0.0;                   ///< the same of StepReport::closing_error
   double energy_initial = 0.0, energy_final = 0.0;  ///< [J]
   double energy_drift = 0.0;                        ///< after the last step [1]
-  double accumulated_local_error = 0.0;             ///< sum of the steps' estimates [m]
+  double accumulated_local_error = 0.0;             ///< sum of the steps' estimates [m]; NaN: some
+                                                    ///< step had none
   double correction_work = 0.0, driven_work = 0.0;  ///< sums over all steps [J]
   double solver_residual = 0.0;                     ///< largest of all steps [m/s]
   std::uint64_t events = 0, substeps = 0;           ///< sums over all steps
@@ -365,7 +366,10 @@ void print_summary(const World& world, const Outcome& outcome) {
   std::printf("worst constraint error %.3g m\n", outcome.max_constraint_error);
   if (outcome.max_closing_error > 0.0)
     std::printf("largest error closing  %.3g m\n", outcome.max_closing_error);
-  std::printf("sum of local errors    %.3g m\n", outcome.accumulated_local_error);
+  if (std::isnan(outcome.accumulated_local_error))
+    std::printf("sum of local errors    none: impulses have no estimate\n");
+  else
+    std::printf("sum of local errors    %.3g m\n", outcome.accumulated_local_error);
   std::printf("energy drift           %.3g of the largest kinetic energy\n", outcome.energy_drift);
   std::printf("method                 %s\n", methods.empty() ? "none" : methods.c_str());
   if (outcome.handed_over > 0)

@@ -1,6 +1,7 @@
 #include "sim/statistics.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace constraint_sim {
 
@@ -16,7 +17,8 @@ void TickStatistics::add(const engine::World& world, double seconds) {
   wall_sum += seconds;
   wall_max = std::max(wall_max, seconds);
   for (std::size_t i = 0; i < stage_sums.size(); ++i) stage_sums[i] += report.stage_times[i];
-  local_error = std::max(local_error, report.local_error);
+  if (!std::isnan(local_error) && !(report.local_error <= local_error))
+    local_error = report.local_error;  // a NaN stays until clear()
   accumulated_local_error += report.local_error;
   events += report.events;
   substeps += report.substeps;

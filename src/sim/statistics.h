@@ -23,9 +23,9 @@ class TickStatistics {
   double wall_sum = 0.0;                                 ///< [s]
   double wall_max = 0.0;                                 ///< [s]
   std::array<double, engine::kStageCount> stage_sums{};  ///< [s]
-  double accumulated_local_error = 0.0;                  ///< since the start [m]
-  double local_error = 0.0;                              ///< largest of a tick [m]
-  std::uint64_t events = 0, substeps = 0;                ///< sums over the ticks
+  double accumulated_local_error = 0.0;    ///< since the start [m]; NaN where a tick had none
+  double local_error = 0.0;                ///< largest of a tick [m]; NaN where a tick had none
+  std::uint64_t events = 0, substeps = 0;  ///< sums over the ticks
 };
 
 }  // namespace constraint_sim

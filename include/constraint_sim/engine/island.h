@@ -40,7 +40,7 @@ struct Island {
   std::uint32_t joints = 0;  ///< that are enabled and not broken
   Method method = Method::kSequentialImpulses;
   MethodReason why = MethodReason::kAskedFor;
-  double local_error = 0.0;  ///< estimate for the step [m]; 0 where the method has none
+  double local_error = 0.0;  ///< estimate for the step [m]; NaN where the method has none
   std::uint32_t substeps = 0;
   std::uint32_t rejected = 0;           ///< substeps tried in vain
   std::uint32_t iterations = 0;         ///< Newton's; 0 where the method has none

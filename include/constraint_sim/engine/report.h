@@ -92,8 +92,8 @@ struct StepReport {
   double energy_rise = 0.0;   ///< without a cause, since it was least [J]; 0 where rounding and the
                               ///< tolerance explain it
   std::optional<BodyId> energy_rise_body;  ///< the first one of the island whose it is most
-  double local_error = 0.0;  ///< largest estimate of an island for this step [m]; 0 where no
-                             ///< method has one
+  double local_error = 0.0;          ///< largest estimate of an island for this step [m]; NaN where
+                                     ///< impulses advanced an island, which have no estimate
   std::uint32_t dependent_rows = 0;  ///< equations that followed from others, at most at once
   std::uint32_t unresolved_bodies =
       0;                          ///< that move faster than a step can show: of stiff islands,
@@ -102,8 +102,8 @@ struct StepReport {
   std::optional<BodyId> hits_left_body;  ///< the first of fast bodies with more than kMostHits, or
                                          ///< a thousand parts of a step, or that hit what had its
                                          ///< step: later hits come late, or are missed
-  double projected_energy = 0.0;  ///< kinetic energy lost where velocities were made to fit the
-                                  ///< joints, when a method took over or an edit came [J]
+  double projected_energy = 0.0;     ///< kinetic energy lost where velocities were made to fit the
+                                     ///< joints, when a method took over or an edit came [J]
   double correction_work = 0.0;  ///< of closing errors where impulses advance islands: weight times
                                  ///< the distance moved for that; and where joints cannot all be
                                  ///< met, energy that corrections of positions added [J]

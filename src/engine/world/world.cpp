@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "engine/constraints/contact.h"
@@ -192,6 +193,13 @@ void World::Impl::finish_impulses(const Tick& tick, const Carried& by_method) {
   for (const int j : by_method.impulse_joints) note_if_broken(static_cast<std::size_t>(j));
 }
 
+// Impulses have no estimate of their error, and so has a step with them.
+void World::Impl::leave_out_estimates(const Carried& by_method) {
+  for (const int body : by_method.impulse_bodies)
+    islands[static_cast<std::size_t>(island_of[static_cast<std::size_t>(body)])].local_error =
+        report.local_error = std::numeric_limits<double>::quiet_NaN();
+}
+
 ImpulseStep World::Impl::impulse_step(const Tick& tick, const Carried& by_method) const {
   const bool is_divided = !fast_group.is_empty();
   return {joint_step(tick),
@@ -225,6 +233,7 @@ void World::Impl::finish_step(const Tick& tick, const Carried& by_method) {
   if (!contact_groups.empty()) tell_contact_groups(joint_step(tick));
   if (!touching.empty() || !contacts.empty()) tell_contacts();
   if (!tells_finite_numbers()) fail(Failure::kNotFinite);
+  leave_out_estimates(by_method);
   if (events.size() > 1) sort_events();
   ++step_count;
   drop_spent_wrenches(tick.end);

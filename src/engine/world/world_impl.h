@@ -390,6 +390,7 @@ struct World::Impl : Model, State, IslandLists {
   std::uint32_t find_unresolved(std::size_t i, List<std::size_t>* bodies) const;
   void advance_by_impulses(const Tick& tick, const Carried& by_method);
   void finish_impulses(const Tick& tick, const Carried& by_method);
+  void leave_out_estimates(const Carried& by_method);
   ImpulseStep impulse_step(const Tick& tick, const Carried& by_method) const;
   void find_acting_wrenches(const Tick& tick);
   void find_custom_forces(const Tick& tick, const Carried& by_method);

@@ -18,12 +18,14 @@ std::vector<std::string> left_out(const World& world);
 std::vector<std::string> warnings(const World& world);
 
 /// A warning of the last step: an error that is not being closed, energy that rose without a cause,
-/// or fast bodies that hit more often than a step looks for.
+/// fast bodies that hit more often than a step looks for, or contacts by impulses that overlap or
+/// creep.
 struct StepWarning {
-  enum class Kind { kUnclosed, kEnergyRise, kHitsLeft };
+  enum class Kind { kUnclosed, kEnergyRise, kHitsLeft, kOverlap, kCreep };
   Kind kind;
   std::string whose;    ///< a joint, or the first body of an island or group
-  double amount = 0.0;  ///< |error| [m], the rise [J], or how many hits there were
+  double amount = 0.0;  ///< |error| [m], the rise [J], how many hits there were, or an overlap or
+                        ///< a distance [m]
 };
 
 /// Warnings of the last step: joints in the order of adding, then the island and

@@ -68,6 +68,10 @@ inline constexpr double kUnclosedError = 1e-3;
 /// are not meant from 90 degrees on [rad].
 inline constexpr double kUnclosedAngle = 0.5;
 
+/// Overlap and creep of contacts that impulses hold are reported beyond these shares of the thinner
+/// shape. Overlaps have 0.1 s or ten ticks to be pushed out, whichever is longer.
+inline constexpr double kMostOverlapShare = 0.01, kMostCreepShare = 1e-4;
+
 /// What a step did, how wrong it is, and what it cost.
 struct StepReport {
   std::uint64_t step = 0;  ///< steps since the start, this one included
@@ -102,6 +106,12 @@ struct StepReport {
   std::optional<BodyId> hits_left_body;  ///< the first of fast bodies with more than kMostHits, or
                                          ///< a thousand parts of a step, or that hit what had its
                                          ///< step: later hits come late, or are missed
+  double overlap = 0.0;  ///< deepest contact by impulses that stays deeper than kMostOverlapShare
+                         ///< of the thinner shape and than what contacts at rest sink in by [m]
+  std::optional<BodyId> overlap_body;  ///< the first one of the two
+  double creep = 0.0;  ///< farthest that a contact by impulses has slid while its friction holds
+                       ///< it, where that is more than kMostCreepShare of the thinner shape [m]
+  std::optional<BodyId> creep_body;  ///< the first one of the two
   double projected_energy = 0.0;     ///< kinetic energy lost where velocities were made to fit the
                                      ///< joints, when a method took over or an edit came [J]
   double correction_work = 0.0;  ///< of closing errors where impulses advance islands: weight times

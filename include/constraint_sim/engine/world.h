@@ -199,6 +199,9 @@ class World {
   std::optional<BodyId> gaining_body() const;
   /// StepReport::hits_left_body of the last step; none between an edit and the next step.
   std::optional<BodyId> hits_left_body() const;
+  /// Whether StepReport::overlap_body and creep_body of the last step are bodies of this world: not
+  /// between an edit and the next step.
+  bool has_reported_contacts() const;
   /// Kinetic energy plus the potential energy of gravity (0 at the origin) and of springs [J], now.
   double energy() const;
   /// Returns every body and joint to the state it was added or loaded with: pose, twist, motor,

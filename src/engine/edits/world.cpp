@@ -337,6 +337,8 @@ std::optional<BodyId> World::hits_left_body() const {
   return impl_->report.hits_left_body;
 }
 
+bool World::has_reported_contacts() const { return !impl_->is_edited(); }
+
 const char* name(Method method) {
   constexpr std::array<const char*, kMethodCount> kNames = {
       "auto", "runge_kutta", "energy_momentum", "sequential_impulses", "event_driven"};

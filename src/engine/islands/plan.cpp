@@ -217,6 +217,13 @@ std::vector<StepWarning> step_warnings(const World& world) {
   if (const std::optional<BodyId> body = world.hits_left_body())
     list.push_back({StepWarning::Kind::kHitsLeft, world.body(*body).name,
                     static_cast<double>(world.report().hits)});
+  const StepReport& report = world.report();
+  if (!world.has_reported_contacts()) return list;
+  if (report.overlap_body)
+    list.push_back(
+        {StepWarning::Kind::kOverlap, world.body(*report.overlap_body).name, report.overlap});
+  if (report.creep_body)
+    list.push_back({StepWarning::Kind::kCreep, world.body(*report.creep_body).name, report.creep});
   return list;
 }
 
@@ -233,6 +240,12 @@ std::string to_string(const StepWarning& warning) {
   if (warning.kind == StepWarning::Kind::kHitsLeft)
     return "body " + in_quotes(warning.whose) + ": it and what it hits met " + amount +
            " times in a step, and may pass through each other: take a shorter time_step";
+  if (warning.kind == StepWarning::Kind::kOverlap)
+    return "body " + in_quotes(warning.whose) + ": it and what it touches overlap by " + amount +
+           " m, which impulses do not push out";
+  if (warning.kind == StepWarning::Kind::kCreep)
+    return "body " + in_quotes(warning.whose) + ": it has crept by " + amount +
+           " m where friction holds it, since impulses are not solved to the end";
   return "body " + in_quotes(warning.whose) + ": energy of its island rose by " + amount +
          " J without a cause";
 }

@@ -6,16 +6,24 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/islands/fast_bodies.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
+
+using Eigen::Vector3d;
+
 namespace {
 
 constexpr double kPatience = 0.5;     // [s] an error has to fall within, at least
 constexpr int kPatienceTicks = 20;    // the same; Baumgarte's 0.1 leaves an eighth after these
 constexpr double kFallenShare = 0.9;  // what an error that falls is below then
+// Contacts at rest sink in by g h² for each of those that bear each other; overlaps have so long to
+// be pushed out.
+constexpr double kMostSunk = 4.0, kOverlapPatience = 0.1;  // [1], [s]
+constexpr int kOverlapTicks = 10;
 // A rise beyond what rounding and tolerance explain: of the largest kinetic energy. Smooth methods
 // keep 1e-9 of it, and no plot shows less.
 constexpr double kRise = 1e-6;
@@ -60,13 +68,80 @@ void World::Impl::watch_joints() {
     const auto [a, b] = joint_ends[j];
     const MethodReason why = islands[island_of[is_movable(a) ? a : b]].why;
     const bool stays = why == MethodReason::kInconsistent || why == MethodReason::kAtRest;
-    if (now.age < patience && (!stays || state.closing)) continue;
+    // what impulses open is wrong from the first step on, however soon they close it
+    const bool is_opened = why == MethodReason::kManyContacts || why == MethodReason::kContact ||
+                           why == MethodReason::kContactsGivenUp || why == MethodReason::kOverlap;
+    if (now.age < patience && ((!stays && !is_opened) || state.closing)) continue;
     watch.unclosed.push_back(now.id);
     if (error <= worst) continue;
     worst = error;
     report.unclosed_joint = now.id;
   }
   report.unclosed_joints = static_cast<std::uint32_t>(watch.unclosed.size());
+}
+
+// ---- contacts that impulses hold, which have no estimate
+
+void World::Impl::watch_contacts() {
+  std::swap(watch.held, watch.held_before);
+  watch.held.clear();
+  const double h = options.time_step;
+  const double sunk = kMostSunk * h * h * options.gravity.norm();
+  const double patience = std::max(kOverlapPatience, kOverlapTicks * h);
+  auto before = watch.held_before.begin();  // both lists are in the order of places
+  for (const TouchingPair& pair : touching) {
+    const int island = std::max(island_of[pair.a], island_of[pair.b]);
+    if (pair.manifold.count == 0 || island < 0 || is_in_group(to_index(island))) continue;
+    double deepest = 0.0;
+    bool sticks = false;
+    for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k) {
+      deepest = std::max(deepest, pair.manifold.points[k].depth);
+      sticks = sticks || pair.contact_states[k] == ContactState::kSticking;
+    }
+    if (deepest <= sunk && !sticks) continue;
+    Watch::HeldPair now{pair.id_a, pair.id_b};
+    const auto is_before = [&](const Watch::HeldPair& l) {
+      return body_index[l.a.value] >= 0 && body_index[l.b.value] >= 0 &&
+             std::pair(body_index[l.a.value], body_index[l.b.value]) < pair.ends();
+    };
+    while (
+        before != watch.held_before.end() && !(before->a == now.a && before->b == now.b) &&
+        (is_before(*before) || body_index[before->a.value] < 0 || body_index[before->b.value] < 0))
+      ++before;
+    const bool is_known =
+        before != watch.held_before.end() && before->a == now.a && before->b == now.b;
+    const double thinner =
+        std::min(thickness(bodies[pair.a].shape), thickness(bodies[pair.b].shape));
+    if (deepest > std::max(sunk, kMostOverlapShare * thinner)) {
+      now.overlapping = h + (is_known ? before->overlapping : 0.0);
+      if (now.overlapping >= patience && deepest > report.overlap) {
+        report.overlap = deepest;
+        report.overlap_body = pair.id_a == kWorldBody ? pair.id_b : pair.id_a;
+      }
+    }
+    if (sticks) {
+      if (is_known) now.slid = before->slid;
+      now.slid += h * slip_of(pair);
+      const double slid = now.slid.norm();
+      if (slid > kMostCreepShare * thinner && slid > report.creep) {
+        report.creep = slid;
+        report.creep_body = pair.id_a == kWorldBody ? pair.id_b : pair.id_a;
+      }
+    }
+    watch.held.push_back(now);
+  }
+}
+
+// How fast A slides on B where they touch, in the middle of their points.
+Vector3d World::Impl::slip_of(const TouchingPair& pair) const {
+  Vector3d middle = Vector3d::Zero();
+  for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k)
+    middle += pair.manifold.points[k].position;
+  middle /= pair.manifold.count;
+  const BodyState &a = states[pair.a], &b = states[pair.b];
+  const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - a.position) -
+                     b.linear_velocity - b.angular_velocity.cross(middle - b.position);
+  return v - v.dot(pair.manifold.normal) * pair.manifold.normal;
 }
 
 // ---- bodies that turn too fast for impulses

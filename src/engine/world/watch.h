@@ -36,6 +36,14 @@ class Watch {
   };
   List<Open> open, open_before;  ///< in the order of adding
 
+  /// A pair of bodies whose contact impulses hold, in the order of their places.
+  struct HeldPair {
+    BodyId a, b;
+    double overlapping = 0.0;                        ///< for how long too deep [s]
+    Eigen::Vector3d slid = Eigen::Vector3d::Zero();  ///< of A on B since friction holds it [m]
+  };
+  List<HeldPair> held, held_before;
+
   // of the window
   int steps = 0;
   double booked = 0.0;  ///< work on islands that impulses advance [J]

@@ -19,7 +19,7 @@ namespace {
 // What a snapshot begins with: another format, compiler or Eigen makes other bits.
 const std::string& build() {
   static const std::string kBuild =
-      "constraint_sim snapshot 4, compiled by " __VERSION__ " with Eigen " +
+      "constraint_sim snapshot 5, compiled by " __VERSION__ " with Eigen " +
       std::to_string(EIGEN_WORLD_VERSION) + "." + std::to_string(EIGEN_MAJOR_VERSION) + "." +
       std::to_string(EIGEN_MINOR_VERSION) + "\n";
   return kBuild;

@@ -140,6 +140,14 @@ class StepReport:
     @property
     def max_penetration(self) -> float: ...  # [m]
     @property
+    def overlap(self) -> float: ...  # of a contact that impulses do not push out [m]
+    @property
+    def overlap_body(self) -> Optional[str]: ...
+    @property
+    def creep(self) -> float: ...  # of a contact by impulses that friction holds [m]
+    @property
+    def creep_body(self) -> Optional[str]: ...
+    @property
     def energy(self) -> float: ...  # [J]
     @property
     def energy_drift(self) -> float: ...  # over the largest kinetic energy [1]
@@ -237,6 +245,10 @@ class RunReport:
     def unclosed_joints(self) -> Set[str]: ...  # off by more than 1e-3 m, not being closed at some step
     @property
     def energy_rise(self) -> float: ...  # without a cause, largest of all steps [J]
+    @property
+    def overlap(self) -> float: ...  # largest of all steps [m]
+    @property
+    def creep(self) -> float: ...  # largest of all steps [m]
     @property
     def substeps(self) -> int: ...
     @property

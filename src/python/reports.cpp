@@ -32,6 +32,13 @@ void define_step_report(py::module* module) {
       .def_readonly("unclosed_joints", &Report::unclosed_joints,
                     "joints off by more than 1e-3 m that are not being closed")
       .def_readonly("max_penetration", &Report::max_penetration, "deepest contact [m]")
+      .def_readonly("overlap", &Report::overlap,
+                    "deepest contact that impulses do not push out [m]; 0: none")
+      .def_readonly("overlap_body", &Report::overlap_body_name, "a body of that contact, or None")
+      .def_readonly("creep", &Report::creep,
+                    "farthest that a contact by impulses has slid while friction holds it [m]; 0: "
+                    "none")
+      .def_readonly("creep_body", &Report::creep_body_name, "a body of that contact, or None")
       .def_readonly("energy", &Report::energy,
                     "kinetic energy + potential energy of gravity and springs [J]")
       .def_readonly("energy_drift", &Report::energy_drift,
@@ -122,6 +129,8 @@ void define_run_report(py::module* module) {
                     "closed at some step")
       .def_readonly("energy_rise", &RunReport::energy_rise,
                     "largest rise of an island's energy without a cause [J]; 0: none")
+      .def_readonly("overlap", &RunReport::overlap, "largest StepReport.overlap [m]; 0: none")
+      .def_readonly("creep", &RunReport::creep, "largest StepReport.creep [m]; 0: none")
       .def_readonly("substeps", &RunReport::substeps, "sum over all steps")
       .def_readonly("rejected", &RunReport::rejected, "rejected substeps, sum over all steps")
       .def_readonly("iterations", &RunReport::iterations, "sum over all steps")

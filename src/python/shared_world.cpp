@@ -43,6 +43,8 @@ void add(const engine::StepReport& step, const engine::World& world, RunReport* 
   for (std::size_t i = 0; i < engine::kMethodCount; ++i)
     if (step.islands[i] > 0) report->methods.insert(engine::name(static_cast<engine::Method>(i)));
   report->energy_rise = std::max(report->energy_rise, step.energy_rise);
+  report->overlap = std::max(report->overlap, step.overlap);
+  report->creep = std::max(report->creep, step.creep);
   if (step.unresolved_bodies > 0)
     for (const engine::BodyId id : world.unresolved_bodies())
       report->unresolved_bodies.insert(world.body(id).name);
@@ -78,11 +80,12 @@ std::uint64_t steps_in(double duration, double time_step) {
 
 NamedReport::NamedReport(const engine::World& world) : engine::StepReport(world.report()) {
   const auto name_of = [&](engine::JointId id) { return world.joint(id).name; };
+  const auto name_of_body = [&](engine::BodyId id) { return world.body(id).name; };
   if (worst_joint) worst_joint_name = name_among(world.joint_ids(), *worst_joint, name_of);
   if (closing_joint) closing_joint_name = name_among(world.joint_ids(), *closing_joint, name_of);
-  if (failed_body)
-    failed_body_name = name_among(world.body_ids(), *failed_body,
-                                  [&](engine::BodyId id) { return world.body(id).name; });
+  if (failed_body) failed_body_name = name_among(world.body_ids(), *failed_body, name_of_body);
+  if (overlap_body) overlap_body_name = name_among(world.body_ids(), *overlap_body, name_of_body);
+  if (creep_body) creep_body_name = name_among(world.body_ids(), *creep_body, name_of_body);
 }
 
 class SharedWorld::Stepping {

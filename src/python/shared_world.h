@@ -27,7 +27,8 @@ std::uint64_t steps_in(double duration, double time_step);
 /// Report of a step with the names of what it points at, as long as the world has it.
 struct NamedReport : engine::StepReport {
   explicit NamedReport(const engine::World& world);
-  std::optional<std::string> worst_joint_name, closing_joint_name, failed_body_name;
+  std::optional<std::string> worst_joint_name, closing_joint_name, failed_body_name,
+      overlap_body_name, creep_body_name;
 };
 
 /// Outcome of World.run: worst values over all its steps, and sums.
@@ -45,6 +46,7 @@ struct RunReport {
   double correction_work = 0.0, driven_work = 0.0;                    ///< sums [J]
   double solver_residual = 0.0;                                       ///< over all steps [m/s]
   double energy_rise = 0.0;                                           ///< largest of all steps [J]
+  double overlap = 0.0, creep = 0.0;                                  ///< largest of all steps [m]
   std::set<std::string> methods, unresolved_bodies, unclosed_joints;  ///< by name
   std::uint64_t substeps = 0, rejected = 0, iterations = 0, rows = 0, contacts = 0;
   std::uint64_t torn_joints = 0, changes = 0;

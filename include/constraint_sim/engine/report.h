@@ -69,8 +69,9 @@ inline constexpr double kUnclosedError = 1e-3;
 inline constexpr double kUnclosedAngle = 0.5;
 
 /// Overlap and creep of contacts that impulses hold are reported beyond these shares of the thinner
-/// shape. Overlaps have 0.1 s or ten ticks to be pushed out, whichever is longer.
-inline constexpr double kMostOverlapShare = 0.01, kMostCreepShare = 1e-4;
+/// shape; creep of bodies that have moved since the last edit beyond the third one. Overlaps have
+/// 0.1 s or ten ticks to be pushed out, whichever is longer.
+inline constexpr double kMostOverlapShare = 0.01, kMostCreepShare = 1e-4, kMostSlipShare = 0.05;
 
 /// What a step did, how wrong it is, and what it cost.
 struct StepReport {

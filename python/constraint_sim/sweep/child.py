@@ -154,6 +154,10 @@ def run_case(case, job, reference, wants_all):
         warnings.append('errors of joints are not being closed')
     if run.energy_rise > 0.0:
         warnings.append('energy rose without a cause')
+    if run.overlap > 0.0:
+        warnings.append('contacts by impulses overlap')
+    if run.creep > 0.0:
+        warnings.append('contacts by impulses creep')
     if run.torn_joints:
         warnings.append(f'{run.torn_joints} joints broke')
     if reference.own_error > 0.1 * max(position, orientation):

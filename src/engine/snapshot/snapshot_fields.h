@@ -68,7 +68,7 @@ CONSTRAINT_SIM_FIELDS(Island, a, b, c, d, e, f, g, h, i, j, k, l)
 CONSTRAINT_SIM_FIELDS(WatchedEnergy, a, b, c, d, e, f, g)
 CONSTRAINT_SIM_FIELDS(Watch::Open, a, b, c, d)
 CONSTRAINT_SIM_FIELDS(Watch::HeldPair, a, b, c, d)
-CONSTRAINT_SIM_FIELDS(Watch, a, b, c, d, e, f, g, h, i, j, k, l, m)
+CONSTRAINT_SIM_FIELDS(Watch, a, b, c, d, e, f, g, h, i, j, k, l, m, n)
 CONSTRAINT_SIM_FIELDS(StepReport, a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p, q, r, s, t, u, v,
                       w, x, y, z, A, B, C, D, E, F, G, H, I, J, K, L, M, N, O, P, Q, R, S)
 CONSTRAINT_SIM_FIELDS(State, a, b, c, d, e, f, g, h, i, j, k, l)

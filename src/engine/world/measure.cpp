@@ -35,7 +35,7 @@ void World::Impl::measure() {
       !watch.open.empty())
     watch_joints();
   if (!carried.impulse_joints.empty()) watch_spin();
-  if (!carried.impulse_bodies.empty() || !watch.held.empty()) watch_contacts();
+  if (!touching.empty() || !watch.held.empty()) watch_contacts();
   watch_energy();
 }
 

@@ -24,6 +24,11 @@ constexpr double kFallenShare = 0.9;  // what an error that falls is below then
 // be pushed out.
 constexpr double kMostSunk = 4.0, kOverlapPatience = 0.1;  // [1], [s]
 constexpr int kOverlapTicks = 10;
+// Speed in g h, below which a body rests. Faster bodies slide and roll by what steps leave of their
+// impacts, which is no creep up to kMostSlipShare.
+constexpr double kMostResting = 4.0;  // [1]
+// Slip while a contact sinks in, as a share of the depth that it sinks in by.
+constexpr double kMostCrept = 0.0125;
 // A rise beyond what rounding and tolerance explain: of the largest kinetic energy. Smooth methods
 // keep 1e-9 of it, and no plot shows less.
 constexpr double kRise = 1e-6;
@@ -35,6 +40,17 @@ constexpr double kRounding = 16.0 * kEpsilon, kRoundingOfSweeps = 1e-11;
 // what there was, plus what came, never below zero, from where the next rise counts
 double gain_of(double before, double gain, double allowed) {
   return std::isfinite(gain) ? std::max(0.0, before + gain - allowed) : before;
+}
+
+/// How fast A slides on B where they touch, in the middle of their points [m/s].
+Vector3d slip_of(const TouchingPair& pair, const BodyState& a, const BodyState& b) {
+  Vector3d middle = Vector3d::Zero();
+  for (std::size_t k = 0; k < static_cast<std::size_t>(pair.manifold.count); ++k)
+    middle += pair.manifold.points[k].position;
+  middle /= pair.manifold.count;
+  const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - a.position) -
+                     b.linear_velocity - b.angular_velocity.cross(middle - b.position);
+  return v - v.dot(pair.manifold.normal) * pair.manifold.normal;
 }
 
 }  // namespace
@@ -87,9 +103,20 @@ void World::Impl::watch_contacts() {
   watch.held.clear();
   const double h = options.time_step;
   const double sunk = kMostSunk * h * h * options.gravity.norm();
+  const double resting = kMostResting * h * options.gravity.norm();
   const double patience = std::max(kOverlapPatience, kOverlapTicks * h);
+  watch.has_moved.resize(bodies.size(), 0);
   auto before = watch.held_before.begin();  // both lists are in the order of places
   for (const TouchingPair& pair : touching) {
+    for (const int body : {pair.a, pair.b}) {
+      if (watch.has_moved[body] != 0) continue;
+      const double thick = thickness(bodies[body].shape);
+      const double radius = std::isfinite(thick) ? 0.5 * thick : 0.0;
+      for (const List<BodyState>* all : {&states_before, &states})
+        if ((*all)[body].linear_velocity.norm() > resting ||
+            radius * (*all)[body].angular_velocity.norm() > resting)
+          watch.has_moved[body] = 1;
+    }
     const int island = std::max(island_of[pair.a], island_of[pair.b]);
     if (pair.manifold.count == 0 || island < 0 || is_in_group(to_index(island))) continue;
     double deepest = 0.0;
@@ -100,6 +127,7 @@ void World::Impl::watch_contacts() {
     }
     if (deepest <= sunk && !sticks) continue;
     Watch::HeldPair now{pair.id_a, pair.id_b};
+    const BodyId movable = is_movable(pair.a) ? pair.id_a : pair.id_b;
     const auto is_before = [&](const Watch::HeldPair& l) {
       return body_index[l.a.value] >= 0 && body_index[l.b.value] >= 0 &&
              std::pair(body_index[l.a.value], body_index[l.b.value]) < pair.ends();
@@ -116,32 +144,23 @@ void World::Impl::watch_contacts() {
       now.overlapping = h + (is_known ? before->overlapping : 0.0);
       if (now.overlapping >= patience && deepest > report.overlap) {
         report.overlap = deepest;
-        report.overlap_body = pair.id_a == kWorldBody ? pair.id_b : pair.id_a;
+        report.overlap_body = movable;
       }
     }
     if (sticks) {
       if (is_known) now.slid = before->slid;
-      now.slid += h * slip_of(pair);
+      now.slid += h * slip_of(pair, states[pair.a], states[pair.b]);
       const double slid = now.slid.norm();
-      if (slid > kMostCreepShare * thinner && slid > report.creep) {
+      const bool has_moved = watch.has_moved[pair.a] != 0 || watch.has_moved[pair.b] != 0;
+      const double most =
+          std::max(thinner * (has_moved ? kMostSlipShare : kMostCreepShare), kMostCrept * sunk);
+      if (slid > most && slid > report.creep) {
         report.creep = slid;
-        report.creep_body = pair.id_a == kWorldBody ? pair.id_b : pair.id_a;
+        report.creep_body = movable;
       }
     }
     watch.held.push_back(now);
   }
-}
-
-// How fast A slides on B where they touch, in the middle of their points.
-Vector3d World::Impl::slip_of(const TouchingPair& pair) const {
-  Vector3d middle = Vector3d::Zero();
-  for (std::size_t k = 0; k < to_index(pair.manifold.count); ++k)
-    middle += pair.manifold.points[k].position;
-  middle /= pair.manifold.count;
-  const BodyState &a = states[pair.a], &b = states[pair.b];
-  const Vector3d v = a.linear_velocity + a.angular_velocity.cross(middle - a.position) -
-                     b.linear_velocity - b.angular_velocity.cross(middle - b.position);
-  return v - v.dot(pair.manifold.normal) * pair.manifold.normal;
 }
 
 // ---- bodies that turn too fast for impulses
@@ -176,6 +195,7 @@ void World::Impl::begin_watch() {
   watch.steps = 0;
   watch.booked = watch.gain = watch.energy_rise = 0.0;
   watch.any_wrench_ended = watch.awake_changed = false;
+  watch.has_moved.assign(bodies.size(), 0);
   for (std::size_t i = 0; i < islands.size(); ++i) {
     IslandParts& parts = island_parts[i];
     parts.energy = WatchedEnergy{};

@@ -43,6 +43,8 @@ class Watch {
     Eigen::Vector3d slid = Eigen::Vector3d::Zero();  ///< of A on B since friction holds it [m]
   };
   List<HeldPair> held, held_before;
+  /// Bodies that have moved faster than bodies at rest since the last edit; by index, or empty.
+  List<char> has_moved;
 
   // of the window
   int steps = 0;

@@ -487,7 +487,6 @@ struct World::Impl : Model, State, IslandLists {
   void begin_watch();
   void watch_joints();
   void watch_contacts();
-  Eigen::Vector3d slip_of(const TouchingPair& pair) const;
   void watch_spin();
   std::uint32_t find_spinning(std::size_t i, List<std::size_t>* bodies) const;
   void watch_energy();

@@ -140,7 +140,8 @@ void World::Impl::sweep(double duration, Proxy* proxy) const {
 // ---- what they hit
 
 // The first time at which a pair that is apart touches, as far as its velocities say. The plane
-// between two shapes keeps them apart as long as they do not close the gap along its normal.
+// between two shapes keeps them apart as long as they do not close the gap along its normal. None
+// in a step that is to stop.
 std::optional<double> World::Impl::time_of_hit(const Broadphase::Pair& pair,
                                                double duration) const {
   const std::size_t i = to_index(pair.first);
@@ -156,6 +157,7 @@ std::optional<double> World::Impl::time_of_hit(const Broadphase::Pair& pair,
   const double near = kNear * std::min(thickness(bodies[i].shape), thickness(bodies[j].shape));
   double t = 0.0;
   for (int k = 0; k < kMostAdvances; ++k) {
+    if (is_set(stop)) return std::nullopt;
     const BodyState later_i = moved(states[i], masses[i], g_i, t);
     const BodyState later_j = moved(states[j], masses[j], g_j, t);
     const PlacedShape shape_i(bodies[i], later_i), shape_j(bodies[j], later_j);

@@ -74,7 +74,7 @@ void World::Impl::list_jointed_pairs(const List<Broadphase::Pair>& near) {
   }
 }
 
-// Whether two that have had their step have met within.
+// Whether two that have had their step have met within; not looked at in a step that is to stop.
 bool World::Impl::passes(const Broadphase::Pair& pair) const {
   const double h = options.time_step;
   const std::size_t i = to_index(pair.first), j = to_index(pair.second);
@@ -93,6 +93,7 @@ bool World::Impl::passes(const Broadphase::Pair& pair) const {
       kFastShare * std::min(thickness(bodies[i].shape), thickness(bodies[j].shape));
   double s = 0.0;
   for (int k = 0; k < kMostPlaces && s < 1.0; ++k) {
+    if (is_set(stop)) return false;
     const BodyState at_i = of_i.at(s), at_j = of_j.at(s);
     const PlacedShape shape_i(bodies[i], at_i), shape_j(bodies[j], at_j);
     const double gap =

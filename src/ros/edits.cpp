@@ -16,6 +16,7 @@
 #include "ros/conversions.h"
 #include "ros/laws.h"
 #include "ros/parameters.h"
+#include "ros/received.h"
 #include "sim/stepper.h"
 #include "sim/words.h"
 
@@ -118,6 +119,15 @@ double number(const std::string& key, const std::string& value) {
 }
 
 }  // namespace
+
+SetMotorBiasRequest request_of(const MotorBias& message) {
+  SetMotorBiasRequest request;
+  request.constraint = message.constraint;
+  request.bias = message.bias;
+  request.max_force = message.max_force;
+  request.timeout = message.timeout;
+  return request;
+}
 
 std::size_t size(const ApplyEditsRequest& request) {
   return request.bodies.size() + request.constraints.size() + request.remove_bodies.size() +
@@ -335,7 +345,7 @@ void visit_drive(Stream& stream, DriveChanges& changes) {
 
 template <class Read>
 void read_request(const std::string& service, std::vector<std::uint8_t> bytes, Read read) {
-  ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  BoundedStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
   try {
     read(stream);
   } catch (const ros::serialization::StreamOverrunException&) {
@@ -371,8 +381,7 @@ void apply_recorded(World& world, const std::string& service,
     using Service = std::remove_pointer_t<decltype(type)>;
     typename Service::Request read;
     typename Service::Response response;
-    read_request(service, request,
-                 [&](auto& stream) { ros::serialization::deserialize(stream, read); });
+    read_request(service, request, [&](auto& stream) { stream.next(read); });
     change(world, read, &response);
   });
   if (!is_known) throw std::invalid_argument("there is no edit '" + shortened(service) + "'");

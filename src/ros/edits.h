@@ -6,6 +6,7 @@
 #include <constraint_sim/ApplyBodyWrench.h>
 #include <constraint_sim/ApplyEdits.h>
 #include <constraint_sim/ClearBodyWrenches.h>
+#include <constraint_sim/MotorBias.h>
 #include <constraint_sim/RemoveBody.h>
 #include <constraint_sim/RemoveConstraint.h>
 #include <constraint_sim/SetBodyProperties.h>
@@ -69,6 +70,9 @@ void change(World& world, const ApplyEditsRequest& request, ApplyEditsResponse* 
 void change(World& world, const SetBodyPropertiesRequest& request,
             SetBodyPropertiesResponse* response);
 void change(World& world, const SetOptionsRequest& request, SetOptionsResponse* response);
+
+/// The request of set_motor_bias that a message of the topic motor_bias stands for.
+SetMotorBiasRequest request_of(const MotorBias& message);
 
 /// The number of edits in one request.
 std::size_t size(const ApplyEditsRequest& request);

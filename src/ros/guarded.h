@@ -14,6 +14,7 @@
 #include <string>
 #include <utility>
 
+#include "ros/received.h"
 #include "sim/errors.h"
 #include "sim/stepper.h"
 
@@ -78,27 +79,29 @@ inline void guarded_post(Stepper& stepper, const SharedGuard& guard,
 }
 
 /// Subscribes to the topic that the guard is named after. Nothing else in src/ros subscribes.
-/// `handle_message` is called with a const Message&.
+/// `handle_message` is called with a const Message&, which a BoundedStream has read.
 template <class Message, class HandleMessage>
 ros::Subscriber guarded_subscribe(ros::NodeHandle& handle, const SharedGuard& guard,
                                   std::uint32_t queue, HandleMessage handle_message) {
-  using Pointer = boost::shared_ptr<const Message>;
-  return handle.subscribe<Message>(
+  using Pointer = boost::shared_ptr<const Received<Message>>;
+  return handle.subscribe<Received<Message>>(
       guard->input(), queue,
-      boost::function<void(const Pointer&)>([guard, handle_message](const Pointer& message) {
-        (*guard)([&] { handle_message(*message); });
+      boost::function<void(const Pointer&)>([guard, handle_message](const Pointer& received) {
+        (*guard)([&] { handle_message(received->message); });
       }));
 }
 
 /// Advertises a service; nothing else in src/ros does. `serve` is called with the request and the
-/// response, and returns whether the call succeeded. Where `serve` throws, the call fails.
+/// response, and returns whether the call succeeded. Where `serve` throws, the call fails. A
+/// BoundedStream reads the request.
 template <class Request, class Response, class Serve>
 ros::ServiceServer guarded_service(ros::NodeHandle& handle, const std::string& name, Serve serve) {
   return handle.advertiseService(
-      name, boost::function<bool(Request&, Response&)>(
-                [guard = make_guard(name), serve](Request& request, Response& response) {
+      name, boost::function<bool(Received<Request>&, Response&)>(
+                [guard = make_guard(name), serve](Received<Request>& received, Response& response) {
                   bool is_served = false;
-                  return (*guard)([&] { is_served = serve(request, response); }) && is_served;
+                  return (*guard)([&] { is_served = serve(received.message, response); }) &&
+                         is_served;
                 }));
 }
 

@@ -97,12 +97,7 @@ bool Services::list_scenes(ListScenesRequest&, ListScenesResponse& response) {
 }
 
 void Services::set_motor_bias(const MotorBias& message, const SharedGuard& guard) {
-  SetMotorBiasRequest request;
-  request.constraint = message.constraint;
-  request.bias = message.bias;
-  request.max_force = message.max_force;
-  request.timeout = message.timeout;
-  guarded_post(stepper_, guard, [this, request](World& world) {
+  guarded_post(stepper_, guard, [this, request = request_of(message)](World& world) {
     SetMotorBiasResponse response;
     change(world, request, &response);
     edit_log_.record(stepper_, "set_motor_bias", request, world);

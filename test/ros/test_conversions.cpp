@@ -8,6 +8,8 @@
 
 #include "engine/math/numbers.h"
 #include "ros/conversions.h"
+#include "ros/edits.h"
+#include "ros/received.h"
 
 namespace constraint_sim {
 namespace {
@@ -459,6 +461,61 @@ TEST(Conversions, EachFieldOfAConstraintStateArrives) {
   EXPECT_FALSE(msg.saturated);
   EXPECT_TRUE(msg.broken);
   EXPECT_FALSE(msg.closing);
+}
+
+// ---- bytes of messages
+
+template <class Message>
+std::vector<std::uint8_t> bytes_of_message(const Message& message) {
+  std::vector<std::uint8_t> bytes(ros::serialization::serializationLength(message));
+  ros::serialization::OStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  ros::serialization::serialize(stream, message);
+  return bytes;
+}
+
+// As roscpp does for topics and services of the node.
+template <class Message>
+Message received(std::vector<std::uint8_t> bytes) {
+  Received<Message> received;
+  ros::serialization::IStream stream(bytes.data(), static_cast<std::uint32_t>(bytes.size()));
+  ros::serialization::deserialize(stream, received);
+  return received.message;
+}
+
+TEST(Received, MessagesAreReadAsTheyWereWritten) {
+  ApplyEditsRequest request;
+  for (int i = 0; i < 3; ++i) {
+    Body& body = request.bodies.emplace_back();
+    body.name = "b" + std::to_string(i);
+    body.shape.dimensions.assign(static_cast<std::size_t>(i), 0.5 * i);
+    body.no_collision = i == 1;
+    Constraint& constraint = request.constraints.emplace_back();
+    constraint.keys = {"lower", "upper"};
+    constraint.values = {-1.0, 2.0};
+    request.remove_bodies.push_back(std::string(static_cast<std::size_t>(i), 'x'));
+  }
+  const std::vector<std::uint8_t> bytes = bytes_of_message(request);
+  EXPECT_EQ(bytes_of_message(received<ApplyEditsRequest>(bytes)), bytes);
+  for (std::size_t size = 0; size < bytes.size(); ++size)
+    EXPECT_THROW(
+        received<ApplyEditsRequest>({bytes.begin(), bytes.begin() + static_cast<long>(size)}),
+        ros::serialization::StreamOverrunException);
+  EXPECT_STREQ(ros::message_traits::md5sum<Received<MotorBias>>(),
+               ros::message_traits::md5sum<MotorBias>());
+  EXPECT_STREQ(ros::service_traits::md5sum<Received<ApplyEditsRequest>>(),
+               ros::service_traits::md5sum<ApplyEditsRequest>());
+}
+
+// Lengths that bytes announce: roscpp would allocate 2 TB, and 4 GiB of numbers, whose bytes are 8
+// by a length of 32 bits.
+TEST(Received, ListsAreAsLongAsTheBytesThatAreThere) {
+  EXPECT_THROW(received<ApplyEditsRequest>({0xff, 0xff, 0xff, 0xff}),
+               ros::serialization::StreamOverrunException);
+  std::vector<std::uint8_t> numbers(20, 0);  // no name, no keys, the number of values, and one
+  numbers[8] = 1;
+  numbers[11] = 0x20;
+  EXPECT_THROW(received<SetBodyPropertiesRequest>(numbers),
+               ros::serialization::StreamOverrunException);
 }
 
 }  // namespace

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <geometry_msgs/Twist.h>
+#include <geometry_msgs/WrenchStamped.h>
+#include <trajectory_msgs/JointTrajectory.h>
+
+#include <functional>
+#include <map>
+#include <string>
+
+#include "ros/guarded.h"
+#include "ros/parameters.h"
+#include "ros/robots.h"
+#include "sim/drive_changes.h"
+#include "sim/trajectories.h"
+
+namespace constraint_sim {
+
+/// What the messages of the topics that drive do to a world: class Commands without its topics.
+class CommandChanges {
+ public:
+  using Change = std::function<void(Driver*)>;
+
+  CommandChanges(const Parameters& parameters, const Robots& robots);
+
+  // ---- any thread. Each returns the change for the stepping thread to make. Message and change
+  // throw std::invalid_argument for what cannot be.
+  Change by_trajectory(const trajectory_msgs::JointTrajectory& message);
+  Change by_command(const std::string& constraint, double value);
+  Change by_twist(const std::string& body, const geometry_msgs::Twist& message);
+  Change by_wrench(const std::string& body, const geometry_msgs::WrenchStamped& message);
+
+  // ---- the stepping thread
+  /// Before each tick.
+  void before_step(Driver* driver);
+  /// Ends all that drives, in the name of `by`, and logs the names of what did.
+  void end(const std::string& by);
+
+ private:
+  /// What a body is driven by until the next message, in its own axes or the world's.
+  struct Drive {
+    Eigen::Vector3d linear = Eigen::Vector3d::Zero(), angular = Eigen::Vector3d::Zero();
+    bool in_body_axes = true;
+  };
+  using Drives = std::map<std::string, Drive>;  // by names of bodies
+
+  void drive(Driver* driver, Guard* guard, Drives* drives,
+             void (*act)(engine::BodyId, const Eigen::Vector3d&, const Eigen::Vector3d&, Driver*));
+  void command(Driver* driver, const std::string& constraint, double value);
+
+  Parameters parameters_;
+  const Robots& robots_;
+  // of the stepping thread
+  Trajectories trajectories_;
+  Drives twists_, wrenches_;
+  Guard joint_trajectory_, cmd_vel_, wrench_;
+};
+
+}  // namespace constraint_sim

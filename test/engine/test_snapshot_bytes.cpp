@@ -212,6 +212,24 @@ TEST(SnapshotBytes, TakeTheSameEditsAfterwards) {
   }
 }
 
+// The wrench that acted in the last step was on the body with the last index.
+TEST(SnapshotBytes, AreReadAfterABodyWithAWrenchIsRemoved) {
+  World world{WorldOptions{}};
+  world.add_body(make_body("kept", Sphere{0.1}, 1.0, {0.0, 0.0, 0.0}));
+  const BodyId gone = world.add_body(make_body("gone", Sphere{0.1}, 1.0, {5.0, 0.0, 0.0}));
+  Wrench wrench;
+  wrench.body = gone;
+  wrench.force = {1.0, 0.0, 0.0};
+  world.add_wrench(wrench);
+  world.step();
+  world.remove_body(gone);
+  World again = read_snapshot(write_snapshot(world));
+  EXPECT_EQ(again.state_hash(), world.state_hash());
+  world.step();
+  again.step();
+  EXPECT_EQ(again.state_hash(), world.state_hash());
+}
+
 TEST(SnapshotBytes, RefuseWhatIsNoSnapshot) {
   World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/double_pendulum.yaml");
   run(world, 10);

@@ -109,6 +109,7 @@ void World::Impl::watch_contacts() {
   auto before = watch.held_before.begin();  // both lists are in the order of places
   for (const TouchingPair& pair : touching) {
     for (const int body : {pair.a, pair.b}) {
+      if (watch.has_moved[body] != 0) continue;
       const double thick = thickness(bodies[body].shape);
       const double radius = std::isfinite(thick) ? 0.5 * thick : 0.0;
       for (const List<BodyState>* all : {&states_before, &states})
@@ -194,7 +195,7 @@ void World::Impl::begin_watch() {
   watch.steps = 0;
   watch.booked = watch.gain = watch.energy_rise = 0.0;
   watch.any_wrench_ended = watch.awake_changed = false;
-  watch.has_moved.clear();
+  watch.has_moved.assign(bodies.size(), 0);
   for (std::size_t i = 0; i < islands.size(); ++i) {
     IslandParts& parts = island_parts[i];
     parts.energy = WatchedEnergy{};

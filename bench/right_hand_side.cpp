@@ -6,9 +6,9 @@
 
 #include <limits>
 
-#include "engine/math/list.h"
 #include "engine/dynamics/kernels/chain_of_bodies.h"
 #include "engine/dynamics/kernels/chain_of_rods.h"
+#include "engine/math/list.h"
 #include "problems.h"
 
 namespace constraint_sim::engine {

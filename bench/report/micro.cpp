@@ -4,8 +4,8 @@
 #include <benchmark/benchmark.h>
 
 #include "contestant.h"
-#include "engine/math/sparse_ldlt.h"
 #include "engine/math/list.h"
+#include "engine/math/sparse_ldlt.h"
 
 namespace constraint_sim::report {
 namespace {

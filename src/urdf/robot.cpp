@@ -7,9 +7,9 @@
 #include <utility>
 
 #include "engine/collision/broadphase.h"
-#include "engine/model/mass_properties.h"
-#include "engine/math/dense.h"
 #include "engine/collision/narrowphase.h"
+#include "engine/math/dense.h"
+#include "engine/model/mass_properties.h"
 #include "engine/scene/scene_joints.h"
 #include "urdf/extra.h"
 #include "urdf/lumps.h"

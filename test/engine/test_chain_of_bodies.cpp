@@ -7,9 +7,9 @@
 #include <array>
 #include <numeric>
 
+#include "engine/dynamics/kernels/chain_of_bodies.h"
 #include "engine/math/block_pivot.h"
 #include "engine/math/list.h"
-#include "engine/dynamics/kernels/chain_of_bodies.h"
 #include "problems.h"
 #include "support.h"
 

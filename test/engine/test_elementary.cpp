@@ -7,9 +7,9 @@
 #include <functional>
 #include <random>
 
-#include "engine/model/mass_properties.h"
 #include "engine/math/dense.h"
 #include "engine/math/elementary.h"
+#include "engine/model/mass_properties.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -7,9 +7,9 @@
 #include <optional>
 
 #include "counted_allocations.h"
-#include "engine/math/list.h"
 #include "engine/dynamics/implicit_step.h"
 #include "engine/islands/island_motion.h"
+#include "engine/math/list.h"
 #include "problems.h"
 #include "random_joints.h"
 #include "redundant_scenes.h"

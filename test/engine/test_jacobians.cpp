@@ -2,9 +2,9 @@
 
 #include <functional>
 
+#include "engine/collision/narrowphase.h"
 #include "engine/constraints/contact.h"
 #include "engine/constraints/distance.h"
-#include "engine/collision/narrowphase.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

@@ -6,8 +6,8 @@
 #include <numeric>
 
 #include "engine/constraints/joint.h"
-#include "engine/math/list.h"
 #include "engine/dynamics/least_norm_forces.h"
+#include "engine/math/list.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
 #include "redundant_scenes.h"
 #include "support.h"

@@ -4,8 +4,8 @@
 #include <Eigen/LU>
 
 #include "counted_allocations.h"
-#include "engine/math/saddle_lu.h"
 #include "engine/math/list.h"
+#include "engine/math/saddle_lu.h"
 #include "problems.h"
 #include "support.h"
 

@@ -3,8 +3,8 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 
-#include "engine/math/sparse_ldlt.h"
 #include "engine/math/list.h"
+#include "engine/math/sparse_ldlt.h"
 #include "support.h"
 
 namespace constraint_sim::engine {

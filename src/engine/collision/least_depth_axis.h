@@ -2,9 +2,9 @@
 
 #include <cmath>
 
+#include "engine/collision/narrowphase.h"
 #include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
-#include "engine/collision/narrowphase.h"
 
 namespace constraint_sim::engine {
 

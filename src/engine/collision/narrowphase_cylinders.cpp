@@ -8,9 +8,9 @@
 
 #include "engine/collision/least_depth_axis.h"
 #include "engine/collision/manifold_points.h"
+#include "engine/collision/narrowphase.h"
 #include "engine/math/elementary.h"
 #include "engine/math/numbers.h"
-#include "engine/collision/narrowphase.h"
 
 namespace constraint_sim::engine {
 namespace {

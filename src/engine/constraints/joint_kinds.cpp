@@ -3,8 +3,8 @@
 #include <cmath>
 #include <initializer_list>
 
-#include "engine/model/mass_properties.h"
 #include "engine/math/elementary.h"
+#include "engine/model/mass_properties.h"
 #include "engine/model/validate.h"
 
 namespace constraint_sim::engine {

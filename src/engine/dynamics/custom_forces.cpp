@@ -4,8 +4,8 @@
 #include <tuple>
 
 #include "engine/constraints/custom.h"
-#include "engine/math/list.h"
 #include "engine/dynamics/equations_of_motion.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

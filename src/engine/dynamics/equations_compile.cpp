@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <iterator>
 
-#include "engine/math/list.h"
-#include "engine/math/embedded_pairs.h"
 #include "engine/dynamics/equations_of_motion.h"
+#include "engine/math/embedded_pairs.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {

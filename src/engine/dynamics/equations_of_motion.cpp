@@ -4,10 +4,10 @@
 #include <cassert>
 #include <cmath>
 
+#include "engine/math/embedded_pairs.h"
 #include "engine/math/larger.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/math/embedded_pairs.h"
 #include "engine/math/quaternion_state.h"
 
 namespace constraint_sim::engine {

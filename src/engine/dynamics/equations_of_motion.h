@@ -12,15 +12,15 @@
 #include "engine/constraints/coupling.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
-#include "engine/math/sparse_ldlt.h"
-#include "engine/math/tridiagonal_ldlt.h"
-#include "engine/model/mass_properties.h"
-#include "engine/math/list.h"
-#include "engine/math/numbers.h"
+#include "engine/dynamics/island_model.h"
 #include "engine/dynamics/kernels/body_tree.h"
 #include "engine/dynamics/kernels/chain_pair.h"
 #include "engine/math/integrate.h"
-#include "engine/dynamics/island_model.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
+#include "engine/math/sparse_ldlt.h"
+#include "engine/math/tridiagonal_ldlt.h"
+#include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/larger.h"
 #include "engine/math/numbers.h"
-#include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/quaternion_state.h"
 
 namespace constraint_sim::engine {

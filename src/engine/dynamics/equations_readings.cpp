@@ -4,9 +4,9 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/elementary.h"
 #include "engine/math/list.h"
-#include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/quaternion_state.h"
 
 namespace constraint_sim::engine {

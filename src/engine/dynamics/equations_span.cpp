@@ -6,9 +6,9 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/dynamics/equations_of_motion.h"
 
 namespace constraint_sim::engine {
 namespace {

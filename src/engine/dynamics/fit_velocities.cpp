@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/math/list.h"
 #include "engine/dynamics/rigid_motion.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -1,9 +1,9 @@
 #pragma once
 
 #include "constraint_sim/engine/body.h"
-#include "engine/math/list.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/dynamics/method.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "engine/math/list.h"
 #include "engine/dynamics/equations_of_motion.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {

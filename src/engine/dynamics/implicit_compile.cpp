@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "engine/math/list.h"
 #include "engine/dynamics/implicit_step.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {

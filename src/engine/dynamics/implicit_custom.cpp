@@ -2,8 +2,8 @@
 // not known: Newton's method has central differences for them.
 
 #include "engine/constraints/custom.h"
-#include "engine/math/cross_matrix.h"
 #include "engine/dynamics/implicit_step.h"
+#include "engine/math/cross_matrix.h"
 
 namespace constraint_sim::engine {
 namespace {

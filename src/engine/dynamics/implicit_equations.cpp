@@ -5,9 +5,9 @@
 #include <array>
 #include <cmath>
 
-#include "engine/math/list.h"
-#include "engine/math/cross_matrix.h"
 #include "engine/dynamics/implicit_step.h"
+#include "engine/math/cross_matrix.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -2,10 +2,10 @@
 
 #include <cmath>
 
+#include "engine/dynamics/implicit_step.h"
+#include "engine/math/cross_matrix.h"
 #include "engine/math/larger.h"
 #include "engine/math/list.h"
-#include "engine/math/cross_matrix.h"
-#include "engine/dynamics/implicit_step.h"
 
 namespace constraint_sim::engine {
 namespace {

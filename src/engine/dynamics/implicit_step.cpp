@@ -5,9 +5,9 @@
 #include <queue>
 #include <utility>
 
+#include "engine/math/cross_matrix.h"
 #include "engine/math/larger.h"
 #include "engine/math/list.h"
-#include "engine/math/cross_matrix.h"
 
 namespace constraint_sim::engine {
 namespace {

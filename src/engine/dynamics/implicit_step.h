@@ -7,11 +7,11 @@
 #include <utility>
 
 #include "constraint_sim/engine/body.h"
-#include "engine/math/larger.h"
-#include "engine/math/saddle_lu.h"
-#include "engine/math/list.h"
 #include "engine/dynamics/endpoint_estimate.h"
 #include "engine/dynamics/equations_of_motion.h"
+#include "engine/math/larger.h"
+#include "engine/math/list.h"
+#include "engine/math/saddle_lu.h"
 
 namespace constraint_sim::engine {
 

@@ -13,9 +13,9 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
+#include "engine/math/list.h"
 #include "engine/math/sparse_ldlt.h"
 #include "engine/model/mass_properties.h"
-#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

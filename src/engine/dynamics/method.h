@@ -3,9 +3,9 @@
 #include <Eigen/Core>
 
 #include "constraint_sim/engine/stop_flag.h"
+#include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/dynamics/equations_of_motion.h"
 
 namespace constraint_sim::engine {
 

@@ -14,12 +14,12 @@
 #include <cmath>
 #include <stdexcept>
 
-#include "engine/math/independent_rows.h"
+#include "engine/dynamics/equations_of_motion.h"
 #include "engine/math/elementary.h"
+#include "engine/math/embedded_pairs.h"
+#include "engine/math/independent_rows.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/math/embedded_pairs.h"
-#include "engine/dynamics/equations_of_motion.h"
 
 namespace constraint_sim::engine {
 namespace {

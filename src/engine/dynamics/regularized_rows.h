@@ -5,9 +5,9 @@
 #include <array>
 #include <cstddef>
 
-#include "engine/math/sparse_ldlt.h"
-#include "engine/math/list.h"
 #include "engine/dynamics/equations_of_motion.h"
+#include "engine/math/list.h"
+#include "engine/math/sparse_ldlt.h"
 
 namespace constraint_sim::engine {
 

@@ -2,9 +2,9 @@
 
 #include <Eigen/Eigenvalues>
 
+#include "engine/math/cross_matrix.h"
 #include "engine/math/dense.h"
 #include "engine/math/list.h"
-#include "engine/math/cross_matrix.h"
 
 namespace constraint_sim::engine {
 

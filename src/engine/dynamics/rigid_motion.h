@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "engine/math/list.h"
 #include "engine/dynamics/regularized_rows.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

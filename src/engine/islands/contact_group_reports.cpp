@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <map>
 
+#include "engine/collision/narrowphase.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/methods/runge_kutta/elastic_spheres.h"
-#include "engine/collision/narrowphase.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {

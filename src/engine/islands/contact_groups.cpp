@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/collision/narrowphase.h"
 #include "engine/constraints/contact.h"
 #include "engine/constraints/one_sided_law.h"
 #include "engine/islands/fast_bodies.h"
@@ -13,7 +14,6 @@
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/methods/runge_kutta/elastic_spheres.h"
-#include "engine/collision/narrowphase.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {

@@ -6,10 +6,10 @@
 #include <algorithm>
 #include <numeric>
 
+#include "engine/collision/narrowphase.h"
 #include "engine/islands/fast_bodies.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
-#include "engine/collision/narrowphase.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "engine/math/list.h"
 #include "engine/collision/narrowphase.h"
+#include "engine/math/list.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {

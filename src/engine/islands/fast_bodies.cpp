@@ -9,10 +9,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/collision/narrowphase.h"
 #include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/collision/narrowphase.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {

@@ -6,9 +6,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/collision/narrowphase.h"
 #include "engine/islands/fast_bodies.h"
 #include "engine/math/list.h"
-#include "engine/collision/narrowphase.h"
 #include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {

@@ -1,7 +1,7 @@
 #include "engine/islands/island_motion.h"
 
-#include "engine/math/list.h"
 #include "engine/dynamics/fit_velocities.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

@@ -4,12 +4,12 @@
 #include <utility>
 
 #include "constraint_sim/engine/body.h"
+#include "engine/dynamics/least_norm_forces.h"
+#include "engine/dynamics/method.h"
 #include "engine/math/list.h"
 #include "engine/methods/energy_momentum/energy_momentum.h"
 #include "engine/methods/event_driven/joints/event_driven.h"
 #include "engine/methods/least_squares/inconsistent_motion.h"
-#include "engine/dynamics/least_norm_forces.h"
-#include "engine/dynamics/method.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
 
 namespace constraint_sim::engine {

@@ -10,8 +10,8 @@
 
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/law.h"
-#include "engine/math/numbers.h"
 #include "engine/islands/method_choice.h"
+#include "engine/math/numbers.h"
 #include "engine/model/validate.h"
 
 namespace constraint_sim::engine {

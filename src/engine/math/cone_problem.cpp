@@ -4,10 +4,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/elementary.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
-
-#include "engine/math/elementary.h"
 
 namespace constraint_sim::engine {
 namespace {

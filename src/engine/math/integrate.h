@@ -10,8 +10,8 @@
 
 #include "constraint_sim/engine/stop_flag.h"
 #include "engine/math/elementary.h"
-#include "engine/math/numbers.h"
 #include "engine/math/embedded_pairs.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 

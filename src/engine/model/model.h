@@ -13,8 +13,8 @@
 #include "constraint_sim/engine/joint.h"
 #include "constraint_sim/engine/world.h"
 #include "engine/constraints/coupling.h"
-#include "engine/model/mass_properties.h"
 #include "engine/math/list.h"
+#include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
 

@@ -6,10 +6,10 @@
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/model/method_names.h"
-#include "engine/scene/scene_joints.h"
 #include "engine/model/validate.h"
-#include "engine/world/world_impl.h"
+#include "engine/scene/scene_joints.h"
 #include "engine/scene/yaml_element.h"
+#include "engine/world/world_impl.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -11,8 +11,8 @@
 #include <system_error>
 
 #include "constraint_sim/engine/scene.h"
-#include "engine/support/edit_distance.h"
 #include "engine/model/validate.h"
+#include "engine/support/edit_distance.h"
 
 namespace constraint_sim::engine {
 namespace {

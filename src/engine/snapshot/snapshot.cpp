@@ -9,9 +9,9 @@
 
 #include "engine/constraints/custom.h"
 #include "engine/math/list.h"
-#include "engine/support/memory.h"
 #include "engine/snapshot/snapshot_checks.h"
 #include "engine/snapshot/snapshot_fields.h"
+#include "engine/support/memory.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -5,11 +5,11 @@
 #include <limits>
 #include <numeric>
 
+#include "engine/collision/narrowphase.h"
 #include "engine/constraints/contact.h"
 #include "engine/constraints/custom.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
-#include "engine/collision/narrowphase.h"
 #include "engine/model/validate.h"
 #include "engine/world/world_impl.h"
 

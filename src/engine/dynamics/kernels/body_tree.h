@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/math/list.h"
 #include "engine/dynamics/island_model.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

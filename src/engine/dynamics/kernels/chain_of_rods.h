@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstddef>
 
-#include "engine/math/larger.h"
 #include "engine/dynamics/kernel_view.h"
+#include "engine/math/larger.h"
 
 namespace constraint_sim::engine {
 

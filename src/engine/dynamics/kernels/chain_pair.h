@@ -3,9 +3,9 @@
 #include <array>
 #include <cstddef>
 
+#include "engine/dynamics/island_model.h"
 #include "engine/math/block_pivot.h"
 #include "engine/math/list.h"
-#include "engine/dynamics/island_model.h"
 
 namespace constraint_sim::engine {
 

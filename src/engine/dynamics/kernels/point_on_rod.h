@@ -4,8 +4,8 @@
 #include <cmath>
 #include <cstddef>
 
-#include "engine/math/numbers.h"
 #include "engine/dynamics/kernel_view.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 

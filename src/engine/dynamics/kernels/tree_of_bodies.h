@@ -3,8 +3,8 @@
 #include <Eigen/Geometry>
 #include <cstddef>
 
-#include "engine/math/list.h"
 #include "engine/dynamics/kernel_view.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/dynamics/fit_velocities.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/dynamics/fit_velocities.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -3,12 +3,12 @@
 #include <array>
 
 #include "constraint_sim/engine/body.h"
-#include "engine/math/list.h"
 #include "engine/dynamics/endpoint_estimate.h"
 #include "engine/dynamics/equations_of_motion.h"
 #include "engine/dynamics/implicit_step.h"
-#include "engine/math/integrate.h"
 #include "engine/dynamics/method.h"
+#include "engine/math/integrate.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

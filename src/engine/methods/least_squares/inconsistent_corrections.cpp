@@ -5,9 +5,9 @@
 #include <cmath>
 
 #include "engine/math/larger.h"
-#include "engine/model/mass_properties.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/least_squares/inconsistent_motion.h"
+#include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -6,11 +6,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/math/cross_matrix.h"
 #include "engine/math/larger.h"
-#include "engine/model/mass_properties.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
-#include "engine/math/cross_matrix.h"
+#include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -4,12 +4,12 @@
 #include <cstddef>
 
 #include "constraint_sim/engine/body.h"
-#include "engine/math/list.h"
 #include "engine/dynamics/equations_of_motion.h"
-#include "engine/math/integrate.h"
 #include "engine/dynamics/method.h"
 #include "engine/dynamics/regularized_rows.h"
 #include "engine/dynamics/rigid_motion.h"
+#include "engine/math/integrate.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

@@ -2,9 +2,9 @@
 
 #include <cmath>
 
-#include "engine/model/mass_properties.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
+#include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -4,9 +4,9 @@
 #include <queue>
 
 #include "constraint_sim/engine/event.h"
-#include "engine/math/list.h"
-#include "engine/math/integrate.h"
 #include "engine/dynamics/method.h"
+#include "engine/math/integrate.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

@@ -4,12 +4,12 @@
 #include <cmath>
 #include <utility>
 
-#include "engine/math/list.h"
-#include "engine/math/numbers.h"
 #include "engine/dynamics/kernels/chain_of_bodies.h"
 #include "engine/dynamics/kernels/chain_of_rods.h"
 #include "engine/dynamics/kernels/point_on_rod.h"
 #include "engine/dynamics/kernels/tree_of_bodies.h"
+#include "engine/math/list.h"
+#include "engine/math/numbers.h"
 
 namespace constraint_sim::engine {
 namespace {

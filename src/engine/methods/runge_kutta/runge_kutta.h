@@ -3,11 +3,11 @@
 #include <Eigen/Core>
 
 #include "constraint_sim/engine/body.h"
-#include "engine/model/mass_properties.h"
-#include "engine/math/list.h"
 #include "engine/dynamics/equations_of_motion.h"
-#include "engine/math/integrate.h"
 #include "engine/dynamics/method.h"
+#include "engine/math/integrate.h"
+#include "engine/math/list.h"
+#include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
 

@@ -5,8 +5,8 @@
 #include "constraint_sim/engine/body.h"
 #include "constraint_sim/engine/row.h"
 #include "constraint_sim/engine/stop_flag.h"
-#include "engine/model/mass_properties.h"
 #include "engine/math/list.h"
+#include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
 

@@ -11,8 +11,8 @@
 #include "engine/math/list.h"
 #include "engine/methods/sequential_impulses/row_solver.h"
 #include "engine/model/model.h"
-#include "engine/support/stage_timer.h"
 #include "engine/model/state.h"
+#include "engine/support/stage_timer.h"
 
 namespace constraint_sim::engine {
 

@@ -5,12 +5,12 @@
 
 #include <algorithm>
 
+#include "engine/collision/narrowphase.h"
 #include "engine/math/cone_problem.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/methods/event_driven/joints/law_events.h"
-#include "engine/collision/narrowphase.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -3,11 +3,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/collision/narrowphase.h"
 #include "engine/math/larger.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
 #include "engine/math/quaternion_state.h"
-#include "engine/collision/narrowphase.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -11,11 +11,11 @@
 #include "engine/collision/contact_feature.h"
 #include "engine/constraints/joint.h"
 #include "engine/constraints/one_sided_law.h"
-#include "engine/math/least_norm_solver.h"
-#include "engine/model/mass_properties.h"
-#include "engine/math/list.h"
-#include "engine/math/embedded_pairs.h"
 #include "engine/dynamics/equations_of_motion.h"
+#include "engine/math/embedded_pairs.h"
+#include "engine/math/least_norm_solver.h"
+#include "engine/math/list.h"
+#include "engine/model/mass_properties.h"
 
 namespace constraint_sim::engine {
 

@@ -6,9 +6,9 @@
 #include <limits>
 
 #include "engine/collision/box_features.h"
+#include "engine/collision/narrowphase.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/joints/law_events.h"
-#include "engine/collision/narrowphase.h"
 
 namespace constraint_sim::engine {
 namespace {

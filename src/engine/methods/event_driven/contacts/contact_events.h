@@ -6,13 +6,13 @@
 
 #include "constraint_sim/engine/event.h"
 #include "engine/constraints/joint.h"
+#include "engine/dynamics/method.h"
 #include "engine/math/cone_problem.h"
+#include "engine/math/integrate.h"
 #include "engine/math/least_norm_solver.h"
 #include "engine/math/list.h"
 #include "engine/methods/event_driven/contacts/contact_equations.h"
 #include "engine/methods/event_driven/joints/event_watch.h"
-#include "engine/math/integrate.h"
-#include "engine/dynamics/method.h"
 
 namespace constraint_sim::engine {
 

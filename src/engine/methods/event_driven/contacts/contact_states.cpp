@@ -14,9 +14,9 @@
 #include "engine/math/cone_problem.h"
 #include "engine/math/list.h"
 #include "engine/math/numbers.h"
+#include "engine/math/same_bits.h"
 #include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/methods/event_driven/joints/law_events.h"
-#include "engine/math/same_bits.h"
 
 namespace constraint_sim::engine {
 namespace {

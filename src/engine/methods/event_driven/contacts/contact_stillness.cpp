@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "engine/math/list.h"
-#include "engine/methods/event_driven/contacts/contact_events.h"
 #include "engine/math/same_bits.h"
+#include "engine/methods/event_driven/contacts/contact_events.h"
 
 namespace constraint_sim::engine {
 namespace {

@@ -12,11 +12,11 @@
 #include "engine/constraints/joint.h"
 #include "engine/constraints/joint_kinds.h"
 #include "engine/constraints/one_sided_law.h"
-#include "engine/math/list.h"
 #include "engine/dynamics/equations_of_motion.h"
-#include "engine/methods/event_driven/joints/event_watch.h"
 #include "engine/dynamics/least_norm_forces.h"
 #include "engine/dynamics/method.h"
+#include "engine/math/list.h"
+#include "engine/methods/event_driven/joints/event_watch.h"
 #include "engine/methods/runge_kutta/runge_kutta.h"
 
 namespace constraint_sim::engine {

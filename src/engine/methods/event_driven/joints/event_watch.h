@@ -5,8 +5,8 @@
 #include <cstddef>
 #include <optional>
 
-#include "engine/math/list.h"
 #include "engine/math/first_root.h"
+#include "engine/math/list.h"
 
 namespace constraint_sim::engine {
 

@@ -7,9 +7,9 @@
 #include "constraint_sim/engine/event.h"
 #include "engine/constraints/course.h"
 #include "engine/constraints/one_sided_law.h"
+#include "engine/math/integrate.h"
 #include "engine/math/numbers.h"
 #include "engine/methods/event_driven/joints/event_watch.h"
-#include "engine/math/integrate.h"
 
 namespace constraint_sim::engine {
 

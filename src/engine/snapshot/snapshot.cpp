@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 #include <string>
+#include <utility>
 
 #include "engine/constraints/custom.h"
 #include "engine/math/list.h"
@@ -82,8 +83,7 @@ class Visitor {
     else if constexpr (std::is_arithmetic_v<T>)
       visit_number(value);
     else if constexpr (HasFields<T>::value)
-      std::apply([this](auto&... field) { ((*this)(field), ...); },
-                 fields(value, Of<std::remove_const_t<T>>{}));
+      visit_fields(value);
     else
       visit(value);
   }
@@ -92,6 +92,16 @@ class Visitor {
   /// `T`, const where it is not read.
   template <class T>
   using Value = std::conditional_t<kReads, T, const T>;
+
+  template <class T>
+  void visit_fields(T& value) {
+    using Struct = std::remove_const_t<T>;
+    // A report has NaN for an estimate that does not exist.
+    constexpr bool kIsReport = std::is_same_v<Struct, StepReport> || std::is_same_v<Struct, Island>;
+    const bool was_report = std::exchange(is_report_, is_report_ || kIsReport);
+    std::apply([this](auto&... field) { ((*this)(field), ...); }, fields(value, Of<Struct>{}));
+    is_report_ = was_report;
+  }
 
   // what is read is checked before it is a value of its type
   template <class T>
@@ -117,7 +127,7 @@ class Visitor {
   void visit_number(T& number) {
     bytes_(&number, sizeof number);
     if constexpr (kReads && std::is_floating_point_v<T>)
-      if (std::isnan(number)) fail_damaged("a number");
+      if (std::isnan(number) && !is_report_) fail_damaged("a number");
   }
   template <class Tag>
   void visit(Id<Tag>& id) {
@@ -272,6 +282,7 @@ class Visitor {
 
   Bytes bytes_;
   bool keeps_sizes_ = false;
+  bool is_report_ = false;  // within a StepReport or an Island
   MostIds most_ids_;
 };
 

@@ -104,7 +104,7 @@ class Measurement {
     }
   }
   double draw_coordinate(long i) { return i % 2 == 0 ? uniform(-1.0, 1.0) : any(); }
-  // of like size, or not
+  // Draws a number of the size of a, or of any size.
   double beside(double a, long i) {
     if (i % 5 == 0) return any();
     const double b = i % 3 == 0 ? uniform(-1.0, 1.0) : a * std::exp2(uniform(-30.0, 30.0));

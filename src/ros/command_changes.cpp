@@ -107,7 +107,7 @@ void CommandChanges::end(const std::string& by) {
   tell_of("wrench", names_of(&wrenches_));
 }
 
-// Of bodies that are no longer what they were for, as after load_scene, it ends.
+// Ends a drive whose body has another kind than at the command, as after load_scene.
 void CommandChanges::drive(Driver* driver, Guard* guard, Drives* drives,
                            void (*act)(engine::BodyId, const Eigen::Vector3d&,
                                        const Eigen::Vector3d&, Driver*)) {

@@ -16,7 +16,8 @@
 
 namespace constraint_sim {
 
-/// What the messages of the topics that drive do to a world: class Commands without its topics.
+/// Changes of a world by the messages that class Commands receives: trajectories, twists, wrenches
+/// and commands of motors.
 class CommandChanges {
  public:
   using Change = std::function<void(Driver*)>;
@@ -37,7 +38,8 @@ class CommandChanges {
   void end(const std::string& by);
 
  private:
-  /// What a body is driven by until the next message, in its own axes or the world's.
+  /// A twist or wrench that acts on a body until the next message, in the body's axes or the
+  /// world's.
   struct Drive {
     Eigen::Vector3d linear = Eigen::Vector3d::Zero(), angular = Eigen::Vector3d::Zero();
     bool in_body_axes = true;
@@ -50,7 +52,7 @@ class CommandChanges {
 
   Parameters parameters_;
   const Robots& robots_;
-  // of the stepping thread
+  // used on the stepping thread alone
   Trajectories trajectories_;
   Drives twists_, wrenches_;
   Guard joint_trajectory_, cmd_vel_, wrench_;

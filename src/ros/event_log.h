@@ -34,7 +34,7 @@ class EventLog {
   /// Jumps of /clock in one direction.
   struct Jumps {
     std::uint64_t count = 0, noticed = 0, told = 0;
-    double before = 0.0, after = 0.0;  ///< what the clock said at the last jump [s]
+    double before = 0.0, after = 0.0;  ///< times of the clock at the last jump [s]
     double told_at = -1e9;             ///< [s]
   };
 
@@ -56,7 +56,7 @@ class EventLog {
   double told_of_dropped_ = 0.0;  // [s]
   Condition without_clock_;
   std::atomic<double> last_clock_;  // [s]
-  std::mutex jumps_mutex_;          // of the two below
+  std::mutex jumps_mutex_;          // protects forward_ and back_
   Jumps forward_, back_;
   // ticks that are dropped until then, once, are those of a jump of /clock [s]
   double excused_until_ = 0.0;

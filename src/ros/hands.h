@@ -60,7 +60,7 @@ class Hands {
   };
   struct Drag {
     engine::BodyId body;  ///< another body may come under the same name
-    std::string frame;    ///< of the target
+    std::string frame;    ///< frame in which the target is given
     Eigen::Vector3d target;
     double begin, last_feedback;  ///< of the steady clock [s]
     bool was_placed = false;      ///< the target has been found in the world's frame

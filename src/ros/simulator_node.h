@@ -56,8 +56,8 @@ class SimulatorNode {
   void tell_of_start(const std::string& world);
 
   ServiceQueue edits_, queries_, steps_, pauses_, verifications_;
-  ServiceQueue clocks_;  // of the /clock that is followed, no message of which may be late
-  std::atomic<double> clock_{0.0};  // that /clock said last [s]
+  ServiceQueue clocks_;             // has a thread of its own, so that no message of /clock waits
+  std::atomic<double> clock_{0.0};  // time of the last message of /clock [s]
   ros::NodeHandle handle_;
   ros::NodeHandle private_handle_;
   Parameters parameters_;

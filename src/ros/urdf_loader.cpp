@@ -55,7 +55,7 @@ class Meshes {
 
 struct Description {
   std::string urdf, extra;
-  std::string path;  ///< of the URDF; empty: of none
+  std::string path;  ///< file of the URDF; empty: not from a file
 };
 
 bool is_on_path(const std::string& program) {
@@ -68,14 +68,14 @@ bool is_on_path(const std::string& program) {
   return false;
 }
 
-/// What expands xacro, as a user types it where the program is installed.
+/// The command that expands xacro, or the advice to install the program xacro.
 std::string how_to_expand(const std::string& path) {
   if (!is_on_path("xacro")) return "the program xacro, which is not installed here, expands it";
   if (path.empty()) return "`xacro FILE > expanded.urdf` expands it";
   return "`xacro '" + path + "' > expanded.urdf` expands it";
 }
 
-/// What a user may have meant by a name that no file has, as the end of a sentence.
+/// Suggestions for a name that no file has, as the end of a sentence.
 std::string what_was_meant(const std::string& name, const std::vector<std::string>& shipped,
                            Caller caller) {
   const bool is_parameter = caller == Caller::kParameter;

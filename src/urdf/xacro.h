@@ -5,7 +5,7 @@
 
 namespace constraint_sim {
 
-/// What is left of xacro in a text, as `<xacro:leg> (line 3)`: the first ones, and how many others.
+/// Left-over elements of xacro, as `<xacro:leg> (line 3)`: the first five, and how many more.
 class XacroList {
  public:
   void add(const std::string& what, std::size_t line);
@@ -19,10 +19,10 @@ class XacroList {
   std::size_t count_ = 0;
 };
 
-/// What xacro would have replaced in a URDF that it has not, or not quite, been run on.
+/// Elements of xacro in a URDF that xacro was not run on, or not completely.
 struct XacroLeft {
   XacroList content;      ///< includes, calls of macros, conditions, `${…}` and `$(…)`
-  XacroList definitions;  ///< of macros, properties and arguments: nothing is missing for them
+  XacroList definitions;  ///< macros, properties and arguments; the URDF is complete without them
 };
 
 /// Looks for xacro in all of a text that is read: not in comments, definitions and elements beside

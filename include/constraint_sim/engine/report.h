@@ -107,12 +107,12 @@ struct StepReport {
   std::optional<BodyId> hits_left_body;  ///< the first of fast bodies with more than kMostHits, or
                                          ///< a thousand parts of a step, or that hit what had its
                                          ///< step: later hits come late, or are missed
-  double overlap = 0.0;  ///< deepest contact by impulses that stays deeper than kMostOverlapShare
-                         ///< of the thinner shape and than what contacts at rest sink in by [m]
-  std::optional<BodyId> overlap_body;  ///< the first one of the two
+  double overlap = 0.0;  ///< deepest contact by impulses [m] that stays deeper than 4 g h² and
+                         ///< kMostOverlapShare of the thinner shape
+  std::optional<BodyId> overlap_body;  ///< body of that contact, movable where one is
   double creep = 0.0;  ///< farthest that a contact by impulses has slid while its friction holds
                        ///< it, where that is more than kMostCreepShare of the thinner shape [m]
-  std::optional<BodyId> creep_body;  ///< the first one of the two
+  std::optional<BodyId> creep_body;  ///< body of that contact, movable where one is
   double projected_energy = 0.0;     ///< kinetic energy lost where velocities were made to fit the
                                      ///< joints, when a method took over or an edit came [J]
   double correction_work = 0.0;  ///< of closing errors where impulses advance islands: weight times

@@ -191,7 +191,7 @@ class PrescribedMotion {
     double value = 0.0;  // at the start, or where it comes to rest
     Motor motor;
     double until = 0.0, braking = 0.0;  // of one that does
-    math::SineCosine phase;             // of the motor at start_, which both determine
+    math::SineCosine phase;             // phase of the motor at start_
   };
 
   void hold(std::size_t i, double value, const Motor& motor);

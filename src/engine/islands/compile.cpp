@@ -211,10 +211,10 @@ void World::Impl::classify_islands() {
   }
 }
 
-// Of each body, the largest frequency at which its springs and dampers move it:
-// ω² ≤ 2 Σ k (1/m + λ) along a line, with λ the largest eigenvalue of [r]ᵀ I⁻¹ [r], and
-// ω² ≤ 2 Σ k n·I⁻¹n about an axis n; the same with c [1/s]. `with_limit`: of springs and dampers
-// that have a force limit, else of those that have none.
+// Bounds the frequency ω [rad/s] at which springs move each body, and with c for k the rate [1/s]
+// of its dampers. Along a line ω² ≤ 2 Σ k (1/m + λ), with λ the largest eigenvalue of [r]ᵀ I⁻¹ [r];
+// about an axis n ω² ≤ 2 Σ k n·I⁻¹n. `with_limit` selects springs and dampers with a force limit,
+// its absence springs and dampers without.
 List<double> World::Impl::fastest_springs(const List<JointEnds>& ends, bool with_limit) const {
   List<double> fastest_spring(bodies.size(), 0.0);
   List<double> damping;

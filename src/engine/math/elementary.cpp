@@ -1,5 +1,5 @@
-// The polynomials of sine, cosine and arc tangent are those of fdlibm (k_sin.c, k_cos.c, s_atan.c),
-// whose notice is:
+// The polynomials of sine, cosine and arc tangent come from fdlibm (k_sin.c, k_cos.c, s_atan.c).
+// The notice of fdlibm:
 //
 //   Copyright (C) 1993 by Sun Microsystems, Inc. All rights reserved.
 //   Developed at SunPro, a Sun Microsystems, Inc. business.
@@ -180,7 +180,7 @@ double cosine_near_zero(double high, double low) {
 
 bool is_own_sine(double x) { return std::abs(x) < 0x1p-27; }
 
-// What an angle is reckoned from: a sum of two doubles [rad].
+// The angle that a small angle is added to, as a sum of two doubles [rad].
 struct Origin {
   double high, low;
 };

@@ -206,7 +206,7 @@ double FrontalLu::residual(const double* values, const double* b, const double* 
   return most > 0.0 ? largest / most : 0.0;
 }
 
-// What is left of a residual after further steps, each of which leaves that share of it.
+// Predicts the residual after more steps of refinement, each of which multiplies it by `share`.
 double FrontalLu::at_last(double residual, double share, int steps) {
   for (; steps > 0; --steps) residual *= share;
   return residual;

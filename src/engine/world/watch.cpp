@@ -84,7 +84,7 @@ void World::Impl::watch_joints() {
     const auto [a, b] = joint_ends[j];
     const MethodReason why = islands[island_of[is_movable(a) ? a : b]].why;
     const bool stays = why == MethodReason::kInconsistent || why == MethodReason::kAtRest;
-    // what impulses open is wrong from the first step on, however soon they close it
+    // joints that impulses open beside contacts are reported in the first step already
     const bool is_opened = why == MethodReason::kManyContacts || why == MethodReason::kContact ||
                            why == MethodReason::kContactsGivenUp || why == MethodReason::kOverlap;
     if (now.age < patience && ((!stays && !is_opened) || state.closing)) continue;

@@ -40,7 +40,7 @@ class Watch {
   struct HeldPair {
     BodyId a, b;
     double overlapping = 0.0;                        ///< for how long too deep [s]
-    Eigen::Vector3d slid = Eigen::Vector3d::Zero();  ///< of A on B since friction holds it [m]
+    Eigen::Vector3d slid = Eigen::Vector3d::Zero();  ///< slip of A on B while friction holds [m]
   };
   List<HeldPair> held, held_before;
   /// Bodies that have moved faster than bodies at rest since the last edit; by index, or empty.

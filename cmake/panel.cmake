@@ -10,7 +10,7 @@ endif()
 # no class has signals of its own, so that there is nothing for moc
 file(GLOB panel_sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS src/panel/*.cpp)
 add_library(constraint_sim_panel SHARED ${panel_sources})
-constraint_sim_fast_build(constraint_sim_panel 1 <QtWidgets> <ros/ros.h> <map> <string> <vector>)
+constraint_sim_units(constraint_sim_panel 1000 ${panel_sources})
 constraint_sim_own_code(constraint_sim_panel)
 add_dependencies(constraint_sim_panel ${PROJECT_NAME}_generate_messages_cpp)
 # boost has functions named as Qt's keywords

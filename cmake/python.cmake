@@ -10,8 +10,7 @@ endif()
 find_package(pybind11 2.4 REQUIRED)
 file(GLOB python_sources RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS src/python/*.cpp)
 pybind11_add_module(constraint_sim_python MODULE NO_EXTRAS ${python_sources})
-constraint_sim_fast_build(constraint_sim_python 3 <pybind11/pybind11.h> <pybind11/numpy.h> <pybind11/stl.h>
-  ${common_headers})
+constraint_sim_units(constraint_sim_python 8 ${python_sources})
 constraint_sim_own_code(constraint_sim_python)
 # includes of others are not ours to warn about
 target_include_directories(constraint_sim_python SYSTEM PRIVATE

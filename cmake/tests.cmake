@@ -99,7 +99,7 @@ endif()
 constraint_sim_add_gtest_program(engine_tests ${engine_sources})
 target_include_directories(engine_tests PRIVATE bench)  # problems.h
 target_link_libraries(engine_tests PRIVATE constraint_sim_engine nlohmann_json::nlohmann_json)
-constraint_sim_fast_build(engine_tests 1 <gtest/gtest.h> <Eigen/Dense> <functional> <map> <sstream>
+constraint_sim_precompile(engine_tests <gtest/gtest.h> <Eigen/Dense> <functional> <map> <sstream>
   <constraint_sim/engine/scene.h> <constraint_sim/engine/plan.h> <constraint_sim/engine/world.h>)
 add_dependencies(engine_tests constraint_sim_run)
 constraint_sim_add_gtests(engine_tests engine ${engine_sources})

@@ -26,7 +26,7 @@ double seconds_until(const ros::Time& stamp) {
   }
 }
 
-JointTrajectory from_msg(const trajectory_msgs::JointTrajectory& message) {
+JointTrajectory trajectory_from_msg(const trajectory_msgs::JointTrajectory& message) {
   JointTrajectory trajectory;
   trajectory.joints = message.joint_names;
   for (const trajectory_msgs::JointTrajectoryPoint& point : message.points)
@@ -36,8 +36,8 @@ JointTrajectory from_msg(const trajectory_msgs::JointTrajectory& message) {
   return trajectory;
 }
 
-Vector3d finite(const char* field, const geometry_msgs::Vector3& message) {
-  const Vector3d vector = constraint_sim::from_msg(message);
+Vector3d finite_vector(const char* field, const geometry_msgs::Vector3& message) {
+  const Vector3d vector = from_msg(message);
   engine::check_finite(field, vector);
   return vector;
 }
@@ -159,7 +159,7 @@ void CommandChanges::command(Driver* driver, const std::string& constraint, doub
 
 CommandChanges::Change CommandChanges::by_trajectory(
     const trajectory_msgs::JointTrajectory& message) {
-  return [this, trajectory = from_msg(message)](Driver* driver) {
+  return [this, trajectory = trajectory_from_msg(message)](Driver* driver) {
     trajectories_.begin(driver->world(), trajectory);
   };
 }
@@ -170,14 +170,15 @@ CommandChanges::Change CommandChanges::by_command(const std::string& constraint,
 
 CommandChanges::Change CommandChanges::by_twist(const std::string& body,
                                                 const geometry_msgs::Twist& message) {
-  const Drive drive{finite("linear", message.linear), finite("angular", message.angular), true};
+  const Drive drive{finite_vector("linear", message.linear),
+                    finite_vector("angular", message.angular), true};
   return [this, body, drive](Driver*) { twists_[body] = drive; };
 }
 
 CommandChanges::Change CommandChanges::by_wrench(const std::string& body,
                                                  const geometry_msgs::WrenchStamped& message) {
-  Drive drive{finite("force", message.wrench.force), finite("torque", message.wrench.torque),
-              false};
+  Drive drive{finite_vector("force", message.wrench.force),
+              finite_vector("torque", message.wrench.torque), false};
   const std::string& frame = message.header.frame_id;
   drive.in_body_axes = frame == parameters_.frame_prefix + body;
   const bool is_known = drive.in_body_axes || frame.empty() || frame == parameters_.world_frame;

@@ -9,15 +9,12 @@
 #include <utility>
 
 #include "ros/laws.h"
+#include "sim/errors.h"
 
 namespace constraint_sim {
 namespace {
 
-[[noreturn]] void refuse(const std::string& field, const std::string& why) {
-  throw std::invalid_argument(field + ": " + why);
-}
-
-Eigen::Vector3d finite(const char* field, const Eigen::Vector3d& v) {
+Eigen::Vector3d finite_vector(const char* field, const Eigen::Vector3d& v) {
   if (!v.allFinite())
     refuse(field, "must be finite numbers, got (" + std::to_string(v.x()) + ", " +
                       std::to_string(v.y()) + ", " + std::to_string(v.z()) + ")");
@@ -127,8 +124,8 @@ void read_axes(const Constraint& msg, engine::Joint* joint) {
     check_left_out(msg, {"axis_a", "axis_b", "frequency", "damping_ratio"});
   else
     check_left_out(msg, {"axis_a", "axis_b"});
-  const Eigen::Vector3d axis_a = finite("axis_a", from_msg(msg.axis_a));
-  const Eigen::Vector3d axis_b = finite("axis_b", from_msg(msg.axis_b));
+  const Eigen::Vector3d axis_a = finite_vector("axis_a", from_msg(msg.axis_a));
+  const Eigen::Vector3d axis_b = finite_vector("axis_b", from_msg(msg.axis_b));
   if (!axis_a.isZero(0.0)) joint->frame_a = engine::frame_along(axis_a);
   if (!axis_b.isZero(0.0)) joint->axis_b = axis_b;
 }
@@ -329,9 +326,9 @@ engine::Wrench from_msg(const ApplyBodyWrenchRequest& request, const engine::Wor
   const engine::BodyState& frame =
       world.state(find_body(world, "reference_frame", request.reference_frame));
   // before they are turned, which would hide the value
-  const Eigen::Vector3d point = finite("reference_point", from_msg(request.reference_point));
-  wrench.force = frame.orientation * finite("force", from_msg(request.wrench.force));
-  wrench.torque = frame.orientation * finite("torque", from_msg(request.wrench.torque));
+  const Eigen::Vector3d point = finite_vector("reference_point", from_msg(request.reference_point));
+  wrench.force = frame.orientation * finite_vector("force", from_msg(request.wrench.force));
+  wrench.torque = frame.orientation * finite_vector("torque", from_msg(request.wrench.torque));
   if (!point.isZero(0.0)) {
     const Eigen::Vector3d p_W = frame.position + frame.orientation * point;
     wrench.torque += (p_W - world.state(wrench.body).position).cross(wrench.force);

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "constraint_sim/engine/plan.h"
+#include "ros/time_conversions.h"
 
 namespace constraint_sim {
 namespace {
@@ -17,8 +18,6 @@ using diagnostic_msgs::DiagnosticStatus;
 
 constexpr double kPeriod = 1.0;  // [s]
 constexpr std::size_t kMostNames = 20;
-
-double steady_now() { return ros::SteadyTime::now().toSec(); }
 
 std::string shown(double value) {
   char text[32];

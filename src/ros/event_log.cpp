@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "constraint_sim/engine/plan.h"
+#include "ros/time_conversions.h"
 
 namespace constraint_sim {
 namespace {
@@ -14,21 +15,19 @@ namespace {
 constexpr double kClockIsMissing = 2.0;  // [s] of the wall
 // [s] of the wall between lines while ticks are dropped, or while the clock jumps
 constexpr double kDroppedAgain = 10.0;
-constexpr double kJumpShows = 1.0;     // [s] of the wall until ticks of a jump are dropped
-constexpr std::size_t kMostNames = 5;  // in one line
+constexpr double kJumpShows = 1.0;           // [s] of the wall until ticks of a jump are dropped
+constexpr std::size_t kMostNamesInLine = 5;  // in one line
 // Simulated time for which bodies move faster than a tick shows before the log says so: a motor
 // that is switched on does that for some ticks [s].
 constexpr double kUnresolvedFor = 0.1;
 
-double steady_now() { return ros::SteadyTime::now().toSec(); }
-
 /// The first names of a list, and how many more there are.
 std::string listed(const std::vector<std::string>& names) {
   std::string text;
-  for (std::size_t i = 0; i < names.size() && i < kMostNames; ++i)
+  for (std::size_t i = 0; i < names.size() && i < kMostNamesInLine; ++i)
     text += (i == 0 ? "'" : ", '") + names[i] + "'";
-  if (names.size() > kMostNames)
-    text += " and " + std::to_string(names.size() - kMostNames) + " more";
+  if (names.size() > kMostNamesInLine)
+    text += " and " + std::to_string(names.size() - kMostNamesInLine) + " more";
   return text;
 }
 

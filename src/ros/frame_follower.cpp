@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "ros/conversions.h"
+#include "ros/time_conversions.h"
 #include "sim/errors.h"
 #include "sim/words.h"
 
@@ -31,8 +32,6 @@ Vector3d rotation_to(const Quaterniond& from, const Quaterniond& to) {
   if (sine < 1e-12) return 2.0 * turn.vec();
   return 2.0 * std::atan2(sine, turn.w()) / sine * turn.vec();
 }
-
-double steady_now() { return ros::SteadyTime::now().toSec(); }
 
 }  // namespace
 

@@ -12,6 +12,7 @@
 #include "ros/conversions.h"
 #include "ros/guarded.h"
 #include "ros/marker_style.h"
+#include "ros/time_conversions.h"
 #include "sim/grip.h"
 #include "sim/hand_edits.h"
 #include "sim/words.h"
@@ -31,8 +32,6 @@ constexpr double kIdle = 1.0;         // [s]
 constexpr double kPush = 1.0;         // [m/s]
 constexpr float kVeil = 0.02F;        // opacity of what is clicked at, over the body itself
 constexpr double kLargerThanBody = 1.02;
-
-double steady_now() { return ros::SteadyTime::now().toSec(); }
 
 // tf2 knows no leading slashes, and old viewers send them. None: the world's frame.
 std::string named_frame(const std::string& name, const std::string& world_frame) {

@@ -7,15 +7,13 @@
 #include <string>
 #include <utility>
 
+#include "sim/errors.h"
+
 namespace constraint_sim {
 namespace {
 
 using engine::CoordinateLaw;
 using engine::CoordinateMotor;
-
-[[noreturn]] void refuse(const std::string& field, const std::string& why) {
-  throw std::invalid_argument(field + ": " + why);
-}
 
 struct LawKey {
   const char* name;

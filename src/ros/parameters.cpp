@@ -20,7 +20,7 @@ namespace {
 constexpr double kMostRealTimeFactor = 1e6;
 constexpr double kMostPublishRate = 1e4;  // [Hz]
 
-[[noreturn]] void refuse(const std::string& name, const std::string& why) {
+[[noreturn]] void refuse_parameter(const std::string& name, const std::string& why) {
   throw ParameterError(name, "parameter ~" + name + ": " + why);
 }
 
@@ -92,7 +92,7 @@ void for_each(Do do_with) {
 
 void check_positive(const std::string& name, double value) {
   if (!std::isfinite(value) || value <= 0.0)
-    refuse(name, "must be a number > 0, got " + shown(value));
+    refuse_parameter(name, "must be a number > 0, got " + shown(value));
 }
 
 // As in `/a`, `a//b` and `a/`.
@@ -107,12 +107,13 @@ void check_names(const std::string& parameter, const std::string& names) {
     std::string why;
     if (has_empty_part(name)) why = "a part between slashes is empty";
     if (!why.empty() || !ros::names::validate(topic_of(parameter, name), why))
-      refuse(parameter, "no topic can have the name " + shown(name) + ": " + why);
+      refuse_parameter(parameter, "no topic can have the name " + shown(name) + ": " + why);
     const auto [other, is_first] = name_of_topic.emplace(topic_of(parameter, name), name);
     if (!is_first)
-      refuse(parameter, other->second == name ? "has " + shown(name) + " twice"
-                                              : shown(other->second) + " and " + shown(name) +
-                                                    " would have the same topic " + other->first);
+      refuse_parameter(parameter, other->second == name
+                                      ? "has " + shown(name) + " twice"
+                                      : shown(other->second) + " and " + shown(name) +
+                                            " would have the same topic " + other->first);
   }
 }
 
@@ -123,42 +124,45 @@ void check(const Parameters& p) {
   check_real_time_factor(p.real_time_factor);
   check_positive("diagnostics_constraint_error", p.diagnostics_constraint_error);
   if (!(p.diagnostics_real_time_factor >= 0.0 && p.diagnostics_real_time_factor <= 1.0))
-    refuse("diagnostics_real_time_factor",
-           "must be from 0 to 1, got " + shown(p.diagnostics_real_time_factor));
+    refuse_parameter("diagnostics_real_time_factor",
+                     "must be from 0 to 1, got " + shown(p.diagnostics_real_time_factor));
   if (has_empty_part(p.world_frame))
-    refuse("world_frame",
-           "must be a frame without empty parts between slashes, got " + shown(p.world_frame));
+    refuse_parameter("world_frame", "must be a frame without empty parts between slashes, got " +
+                                        shown(p.world_frame));
   for (const auto& [name, prefix] :
        {std::pair("frame_prefix", p.frame_prefix), std::pair("robot_prefix", p.robot_prefix)})
     if (!prefix.empty() && has_empty_part(prefix + "x"))
-      refuse(name, "must not begin with a slash or have two in a row, got " + shown(prefix));
+      refuse_parameter(name,
+                       "must not begin with a slash or have two in a row, got " + shown(prefix));
   if (p.publish_links != "all" && p.publish_links != "root" && p.publish_links != "none")
-    refuse("publish_links", "must be all, root or none, got " + shown(p.publish_links));
+    refuse_parameter("publish_links", "must be all, root or none, got " + shown(p.publish_links));
   check_names("command", p.command);
   check_names("cmd_vel", p.cmd_vel);
   check_names("wrench", p.wrench);
   check_names("odometry", p.odometry);
   followed_in(p.follow);
   if (!(p.follow_delay >= 0.0 && p.follow_delay <= 5.0))  // tf keeps 10 s
-    refuse("follow_delay", "must be from 0 to 5, got " + shown(p.follow_delay));
+    refuse_parameter("follow_delay", "must be from 0 to 5, got " + shown(p.follow_delay));
   struct stat status {};
   if (!p.scene_folder.empty() &&
       (::stat(p.scene_folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)))
-    refuse("scene_folder", "must be a folder that is there, got " + shown(p.scene_folder));
+    refuse_parameter("scene_folder",
+                     "must be a folder that is there, got " + shown(p.scene_folder));
 }
 
 }  // namespace
 
 void check_real_time_factor(double value) {
   if (!(value >= 0.0 && value <= kMostRealTimeFactor))
-    refuse("real_time_factor",
-           "must be from 0 to " + shown(kMostRealTimeFactor) + ", got " + shown(value));
+    refuse_parameter("real_time_factor",
+                     "must be from 0 to " + shown(kMostRealTimeFactor) + ", got " + shown(value));
 }
 
 void check_publish_rate(double value) {
   check_positive("publish_rate", value);
   if (value > kMostPublishRate)
-    refuse("publish_rate", "must be at most " + shown(kMostPublishRate) + ", got " + shown(value));
+    refuse_parameter("publish_rate",
+                     "must be at most " + shown(kMostPublishRate) + ", got " + shown(value));
 }
 
 std::vector<std::string> names_in(const std::string& parameter) {
@@ -173,10 +177,12 @@ std::vector<std::pair<std::string, std::string>> followed_in(const std::string& 
     const std::string body = pair.substr(0, middle);
     const std::string frame = middle == std::string::npos ? "" : pair.substr(middle + 1);
     if (body.empty() || has_empty_part(frame))
-      refuse("follow",
-             "must be BODY=FRAME, frames without empty parts between slashes, got " + shown(pair));
+      refuse_parameter(
+          "follow",
+          "must be BODY=FRAME, frames without empty parts between slashes, got " + shown(pair));
     for (const auto& before : followed)
-      if (before.first == body) refuse("follow", "has the body " + shown(body) + " twice");
+      if (before.first == body)
+        refuse_parameter("follow", "has the body " + shown(body) + " twice");
     followed.emplace_back(body, frame);
   }
   return followed;
@@ -194,7 +200,8 @@ Parameters read_parameters(const ros::NodeHandle& private_handle) {
   for_each([&](const char* name, auto member) {
     XmlRpc::XmlRpcValue found;
     if (private_handle.getParam(name, found) && !private_handle.getParam(name, p.*member))
-      refuse(name, std::string("must be a ") + type_name(p.*member) + ", got " + shown(found));
+      refuse_parameter(name,
+                       std::string("must be a ") + type_name(p.*member) + ", got " + shown(found));
   });
   check(p);
   for_each([&](const char* name, auto member) { private_handle.setParam(name, p.*member); });

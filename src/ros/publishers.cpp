@@ -28,8 +28,6 @@ constexpr double kClockPeriod = 0.005;  // [s] between two messages on /clock, a
 // [s] that listeners get to see /clock go back, before transforms follow
 constexpr double kSettlingTime = 0.1;
 
-double steady_now() { return ros::SteadyTime::now().toSec(); }
-
 std::int64_t wall_now() { return static_cast<std::int64_t>(ros::WallTime::now().toNSec()); }
 
 }  // namespace

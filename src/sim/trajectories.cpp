@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "engine/model/validate.h"
+#include "sim/errors.h"
 
 namespace constraint_sim {
 namespace {
@@ -14,10 +15,6 @@ namespace {
 // [m or rad] that a point at the start may be off by: it is where the joint is, told with few
 // digits
 constexpr double kSamePlace = 1e-3;
-
-[[noreturn]] void refuse(const std::string& field, const std::string& why) {
-  throw std::invalid_argument(field + ": " + why);
-}
 
 std::string of_joint(const std::string& joint) { return "joint '" + joint + "' "; }
 

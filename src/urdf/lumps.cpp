@@ -12,7 +12,7 @@ using Eigen::Isometry3d;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-[[noreturn]] void refuse(const std::string& link, const std::string& why) {
+[[noreturn]] void refuse_link(const std::string& link, const std::string& why) {
   throw std::invalid_argument("urdf: link '" + link + "' " + why);
 }
 
@@ -27,14 +27,14 @@ void add_inertial(const urdf::Link& link, const Isometry3d& in_lump, Lump* lump)
   if (!link.inertial) return;
   const urdf::Inertial& inertial = *link.inertial;
   if (!(inertial.mass >= 0.0))
-    refuse(link.name, "must have a mass >= 0, got " + std::to_string(inertial.mass));
+    refuse_link(link.name, "must have a mass >= 0, got " + std::to_string(inertial.mass));
   Matrix3d inertia;
   inertia << inertial.ixx, inertial.ixy, inertial.ixz,  //
       inertial.ixy, inertial.iyy, inertial.iyz,         //
       inertial.ixz, inertial.iyz, inertial.izz;
   const Isometry3d at = in_lump * to_isometry(inertial.origin);
   if (!inertia.allFinite() || !at.matrix().allFinite())
-    refuse(link.name, "has an inertia that is not finite");
+    refuse_link(link.name, "has an inertia that is not finite");
   const Matrix3d R = at.linear();
   lump->mass += inertial.mass;
   lump->first_moment += inertial.mass * at.translation();
@@ -70,7 +70,7 @@ std::optional<LumpShape> shape_of(const urdf::Link& link, std::vector<std::strin
     try {
       engine::validate(*shape);
     } catch (const std::invalid_argument& error) {
-      refuse(link.name, std::string("has a collision with ") + error.what());
+      refuse_link(link.name, std::string("has a collision with ") + error.what());
     }
     if (first)
       ++left_out;

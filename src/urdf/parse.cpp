@@ -18,8 +18,6 @@
 namespace constraint_sim {
 namespace {
 
-[[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument("urdf: " + why); }
-
 // Bounds of what urdfdom takes: TinyXML parses elements within each other by recursion, and urdfdom
 // takes links apart by recursion from parent to child.
 constexpr int kMostElementDepth = 64;
@@ -230,6 +228,8 @@ void replace_rotations(const std::string& text, const urdf::ModelInterface& mode
 }
 
 }  // namespace
+
+void refuse(const std::string& why) { throw std::invalid_argument("urdf: " + why); }
 
 urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text, const MeshExists& mesh_exists) {
   if (text.empty()) refuse("the text is empty");

@@ -17,6 +17,9 @@ using MeshExists = std::function<bool(const std::string& name)>;
 /// elements nested more than 64 deep, and for more than 10 000 links.
 urdf::ModelInterfaceSharedPtr parse_urdf(const std::string& text, const MeshExists& mesh_exists);
 
+/// Throws std::invalid_argument that says the URDF is refused, and why.
+[[noreturn]] void refuse(const std::string& why);
+
 /// As Eigen has it.
 Eigen::Isometry3d to_isometry(const urdf::Pose& pose);
 Eigen::Vector3d to_eigen(const urdf::Vector3& vector);

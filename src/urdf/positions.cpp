@@ -7,7 +7,7 @@
 namespace constraint_sim {
 namespace {
 
-[[noreturn]] void refuse(const std::string& joint, const std::string& why) {
+[[noreturn]] void refuse_position(const std::string& joint, const std::string& why) {
   throw std::invalid_argument("urdf: joint '" + joint + "' " + why);
 }
 
@@ -30,7 +30,8 @@ class Positions {
   double of(const urdf::Joint& joint, std::size_t depth) {
     const auto known = found_.find(joint.name);
     if (known != found_.end()) return known->second;
-    if (depth > model_.joints_.size()) refuse(joint.name, "mimics itself by way of others");
+    if (depth > model_.joints_.size())
+      refuse_position(joint.name, "mimics itself by way of others");
     double q = 0.0;
     const auto given = given_.find(joint.name);
     const bool is_given = given != given_.end();
@@ -47,13 +48,13 @@ class Positions {
     if (!joint.limits || joint.type == urdf::Joint::CONTINUOUS) return q;
     const urdf::JointLimits& limits = *joint.limits;
     if (!(limits.lower <= limits.upper))
-      refuse(joint.name, "has a lower limit above the upper one");
+      refuse_position(joint.name, "has a lower limit above the upper one");
     if (q >= limits.lower && q <= limits.upper) return q;
     if (is_given)
       refuse_given(joint.name, "must be from " + std::to_string(limits.lower) + " to " +
                                    std::to_string(limits.upper) + ", got " + std::to_string(q));
     if (joint.mimic)
-      refuse(joint.name, "mimics a position beyond its own limits, " + std::to_string(q));
+      refuse_position(joint.name, "mimics a position beyond its own limits, " + std::to_string(q));
     const double nearest = std::clamp(q, limits.lower, limits.upper);
     warnings_->push_back("joint '" + joint.name + "' begins at " + std::to_string(nearest) +
                          ", since 0 is beyond its limits");
@@ -76,8 +77,8 @@ bool has_position(const urdf::Joint& joint) {
 const urdf::Joint& leader_of(const urdf::ModelInterface& model, const urdf::Joint& joint) {
   const auto leader = model.getJoint(joint.mimic->joint_name);
   if (!leader || !has_position(*leader))
-    refuse(joint.name, "mimics '" + joint.mimic->joint_name +
-                           "', which is no revolute, continuous or prismatic joint");
+    refuse_position(joint.name, "mimics '" + joint.mimic->joint_name +
+                                    "', which is no revolute, continuous or prismatic joint");
   return *leader;
 }
 

@@ -26,8 +26,6 @@ using Eigen::Vector3d;
 using engine::BodyId;
 using engine::World;
 
-[[noreturn]] void refuse(const std::string& why) { throw std::invalid_argument("urdf: " + why); }
-
 std::string in_quotes(const std::string& name) { return "'" + name + "'"; }
 
 Isometry3d to_isometry(const engine::BodyState& state) {

@@ -29,6 +29,12 @@ void copy(const double* from, std::size_t n, double* to) {
 
 // ---- one evaluation
 
+EquationsOfMotion::EquationsOfMotion(const EquationsOfMotion& other) = default;
+EquationsOfMotion::EquationsOfMotion(EquationsOfMotion&& other) noexcept = default;
+EquationsOfMotion& EquationsOfMotion::operator=(const EquationsOfMotion& other) = default;
+EquationsOfMotion& EquationsOfMotion::operator=(EquationsOfMotion&& other) noexcept = default;
+EquationsOfMotion::~EquationsOfMotion() = default;
+
 // lengths and offsets at t, of the links where they change
 void EquationsOfMotion::update_prescribed(double t) {
   if (t == asked_at_) return;  // as of the last stage and the projection after it

@@ -43,6 +43,13 @@ struct AppliedWrench {
 /// z, w) and L of those that turn.
 class EquationsOfMotion : public IslandModel {
  public:
+  // Defined in the .cpp file: copies of so many fields are compiled once.
+  EquationsOfMotion(const EquationsOfMotion& other);
+  EquationsOfMotion(EquationsOfMotion&& other) noexcept;
+  EquationsOfMotion& operator=(const EquationsOfMotion& other);
+  EquationsOfMotion& operator=(EquationsOfMotion&& other) noexcept;
+  ~EquationsOfMotion();
+
   /// Of these joints, given by index. `couplings`: the terms of joints that couple, by index; empty
   /// where none does. `idle`: joints that do nothing here; their bodies move with the others.
   /// `open`: ball joints that are being closed, which are general ones until they are compiled

@@ -25,6 +25,12 @@ constexpr double kDependentPivot = 1e-10;
 
 // ---- the state that is carried
 
+ImplicitStep::ImplicitStep(const ImplicitStep& other) = default;
+ImplicitStep::ImplicitStep(ImplicitStep&& other) noexcept = default;
+ImplicitStep& ImplicitStep::operator=(const ImplicitStep& other) = default;
+ImplicitStep& ImplicitStep::operator=(ImplicitStep&& other) noexcept = default;
+ImplicitStep::~ImplicitStep() = default;
+
 void ImplicitStep::gather_state(const List<BodyState>& states, const EquationsOfMotion& equations) {
   lu_.forget();
   for (std::size_t i = 0; i < bodies_; ++i) {

@@ -42,6 +42,13 @@ enum class ImplicitRule {
 /// are scaled: bodies by √m, rows to unit norm.
 class ImplicitStep {
  public:
+  // Defined in the .cpp file: copies of so many fields are compiled once.
+  ImplicitStep(const ImplicitStep& other);
+  ImplicitStep(ImplicitStep&& other) noexcept;
+  ImplicitStep& operator=(const ImplicitStep& other);
+  ImplicitStep& operator=(ImplicitStep&& other) noexcept;
+  ~ImplicitStep();
+
   explicit ImplicitStep(const EquationsOfMotion& equations);
 
   std::size_t size() const { return left_.size(); }

@@ -17,9 +17,10 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kFits = 1e-6;       // what a coupling may be off by [unit of q₁]
-constexpr double kParallel = 1e-9;   // share of its terms up to which a sum of ratios is zero
-constexpr double kRounding = 1.001;  // of the present errors, which are summed up in another order
+constexpr double kLoopFits = 1e-6;  // what a coupling may be off by [unit of q₁]
+constexpr double kParallel = 1e-9;  // share of its terms up to which a sum of ratios is zero
+constexpr double kSumRounding =
+    1.001;  // of the present errors, which are summed up in another order
 
 /// A coordinate by that of the root: q = share · q_root + constant. `off`: by how much it reads
 /// otherwise now, where the couplings on the way are not met yet.
@@ -162,7 +163,7 @@ void check_coupling_loop(const Model& model, const State& state, const Joint& jo
   if (!implied) return;
   const auto reads = [&](std::size_t j) { return state.joint_states[j].coordinates[0].position; };
   const double value = joint.coupling.value.value_or(reads(first) + ratio * reads(second));
-  if (std::abs(value - implied->constant) <= kFits + kRounding * implied->off) return;
+  if (std::abs(value - implied->constant) <= kLoopFits + kSumRounding * implied->off) return;
   std::string names;
   for (const std::size_t j : coordinates.reasons(first, ratio, second))
     names += (names.empty() ? "" : ", ") + in_quotes(model.joints[j].name);

@@ -5,6 +5,12 @@
 
 namespace constraint_sim::engine {
 
+IslandMotion::IslandMotion(const IslandMotion& other) = default;
+IslandMotion::IslandMotion(IslandMotion&& other) noexcept = default;
+IslandMotion& IslandMotion::operator=(const IslandMotion& other) = default;
+IslandMotion& IslandMotion::operator=(IslandMotion&& other) noexcept = default;
+IslandMotion::~IslandMotion() = default;
+
 IntegrationResult IslandMotion::advance(Integration way, const SmoothSpan& span,
                                         const IntegratorOptions& accuracy,
                                         List<BodyState>* states) {

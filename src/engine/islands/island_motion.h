@@ -25,6 +25,13 @@ enum class Integration {
 /// and what each way to carry it goes on from. What the island never needed is not there.
 class IslandMotion {
  public:
+  // Defined in the .cpp file: copies of so many fields are compiled once.
+  IslandMotion(const IslandMotion& other);
+  IslandMotion(IslandMotion&& other) noexcept;
+  IslandMotion& operator=(const IslandMotion& other);
+  IslandMotion& operator=(IslandMotion&& other) noexcept;
+  ~IslandMotion();
+
   explicit IslandMotion(EquationsOfMotion equations) : substeps_(std::move(equations)) {}
   /// One with one-sided rows.
   explicit IslandMotion(EventDriven events)

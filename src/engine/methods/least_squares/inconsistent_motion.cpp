@@ -41,6 +41,12 @@ Quaterniond halfway(const Quaterniond& a, const Quaterniond& b) {
 
 // ---- what is compiled
 
+InconsistentMotion::InconsistentMotion(const InconsistentMotion& other) = default;
+InconsistentMotion::InconsistentMotion(InconsistentMotion&& other) noexcept = default;
+InconsistentMotion& InconsistentMotion::operator=(const InconsistentMotion& other) = default;
+InconsistentMotion& InconsistentMotion::operator=(InconsistentMotion&& other) noexcept = default;
+InconsistentMotion::~InconsistentMotion() = default;
+
 InconsistentMotion::InconsistentMotion(const EquationsOfMotion& equations)
     : body_indices_(equations.bodies()),
       bodies_(equations.bodies().size()),

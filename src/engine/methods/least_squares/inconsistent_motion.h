@@ -27,6 +27,13 @@ namespace constraint_sim::engine {
 /// nothing holds the island to the world, off its rotation, and never off the motion of its centre.
 class InconsistentMotion {
  public:
+  // Defined in the .cpp file: copies of so many fields are compiled once.
+  InconsistentMotion(const InconsistentMotion& other);
+  InconsistentMotion(InconsistentMotion&& other) noexcept;
+  InconsistentMotion& operator=(const InconsistentMotion& other);
+  InconsistentMotion& operator=(InconsistentMotion&& other) noexcept;
+  ~InconsistentMotion();
+
   explicit InconsistentMotion(const EquationsOfMotion& equations);
 
   /// As method.h says, without a tolerance: rows that cannot be met leave an error that is larger.

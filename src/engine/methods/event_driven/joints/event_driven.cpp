@@ -21,6 +21,12 @@ constexpr double kShortest = 1e-12;          // [s] of a course; an event may be
 
 // ---- compiled
 
+EventDriven::EventDriven(const EventDriven& other) = default;
+EventDriven::EventDriven(EventDriven&& other) noexcept = default;
+EventDriven& EventDriven::operator=(const EventDriven& other) = default;
+EventDriven& EventDriven::operator=(EventDriven&& other) noexcept = default;
+EventDriven::~EventDriven() = default;
+
 EventDriven::EventDriven(const List<int>& members, const List<Joint>& all_joints, const Ends& ends,
                          const List<CoupledTerms>& couplings, const List<MassProperties>& masses,
                          const List<char>& open)

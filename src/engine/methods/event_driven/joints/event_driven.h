@@ -29,6 +29,13 @@ namespace constraint_sim::engine {
 /// says what each row does from there on.
 class EventDriven {
  public:
+  // Defined in the .cpp file: copies of so many fields are compiled once.
+  EventDriven(const EventDriven& other);
+  EventDriven(EventDriven&& other) noexcept;
+  EventDriven& operator=(const EventDriven& other);
+  EventDriven& operator=(EventDriven&& other) noexcept;
+  ~EventDriven();
+
   using Ends = List<std::pair<std::size_t, std::size_t>>;
 
   /// Beyond so many rows an island is left to others.

@@ -21,8 +21,8 @@ const char* name(ContactState state);
 struct Contact {
   BodyId body_a;
   BodyId body_b;
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< on B's surface, world [m]
-  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();   ///< unit, from B to A, world
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< point on B's surface, world [m]
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();   ///< unit vector from B to A, world
   double depth = 0.0;                                  ///< penetration [m] > 0
   double normal_force = 0.0;  ///< normal force, mean over the step [N] ≥ 0
   /// Normal force and friction on A, world, mean over the step [N].
@@ -33,13 +33,13 @@ struct Contact {
 /// Contact manifold of a pair of shapes: a common normal and up to eight points.
 struct Manifold {
   struct Point {
-    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< on B's surface, world [m]
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< point on B's surface, world [m]
     double depth = 0.0;                                  ///< penetration [m]; negative for a gap
     /// Identifies the vertex, edge or face of the point; equal from step to step.
     std::uint32_t feature = 0;
   };
 
-  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< unit, from B to A, world
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  ///< unit vector from B to A, world
   int count = 0;                                      ///< number of points used; 0: no contact
   std::array<Point, 8> points;
 };

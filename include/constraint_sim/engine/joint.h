@@ -138,7 +138,7 @@ struct Coupling {
 
 /// A constraint between two bodies, or a body and the world.
 struct Joint {
-  std::string name;  ///< as for bodies, unique among joints
+  std::string name;  ///< `[A-Za-z0-9_][A-Za-z0-9_./-]*`, unique among joints
   JointKind kind = JointKind::kDistance;
   BodyId body_a = kWorldBody;
   Eigen::Vector3d anchor_a = Eigen::Vector3d::Zero();  ///< anchor in body A's frame [m]

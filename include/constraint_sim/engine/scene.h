@@ -34,7 +34,7 @@ World load_scene_file(const std::string& path, const WorldOptions& defaults = {}
 std::vector<std::string> scene_names(const std::string& folder);
 
 /// Returns the file that `scene` stands for: the scene of that name in `folder`, or `scene` as a
-/// path. Throws SceneError where neither exists, with similar names in the folder.
+/// path. Throws SceneError for a name that is neither, with names in the folder as suggestions.
 std::string file_of_scene(const std::string& scene, const std::string& folder);
 
 /// Writes the present world as a scene in long form. Loading it gives the same bodies, joints and

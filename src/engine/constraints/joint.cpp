@@ -86,7 +86,8 @@ struct Passed {
   const double* counted = nullptr;  // JointStep::counted
 };
 
-// Predicts a coordinate from its last value and both velocities, as a reference to unwrap an angle.
+// Returns a reference to unwrap an angle: the held or counted coordinate, or a prediction from the
+// last value and both velocities.
 double expected(const Passed& passed, const CoordinateLaw& law, const CoordinateState& before,
                 double velocity, int coordinate) {
   if (is_held(law) && passed.h > 0.0) return before.held;
@@ -409,8 +410,7 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   const double coupling = state.coupling.value - state.coupling.constant;
   if (couples(joint.kind) && !(std::abs(coupling - share * state.coupling.offset) <= kFits))
     return false;
-  // Rows and coordinates are measured with the moving frame on B, which is closer to them than the
-  // frame at home.
+  // The moving frame on B is used, since coordinates with the frame at home may differ widely.
   const JointVectors vectors(joint, a, b, frame_in(joint, step, state, false));
   if (kind.alignment != Alignment::kFree) {
     Eigen::Vector3d open = Eigen::Vector3d::Zero();

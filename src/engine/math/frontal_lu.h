@@ -11,10 +11,10 @@ namespace constraint_sim::engine {
 /// Solves unsymmetric systems A x = b of bodies and the rows between them, of any graph, by a
 /// multifrontal LU (Duff & Reid, SIAM J. Sci. Stat. Comput. 5 (1984) 633; Davis, Rajamanickam,
 /// Sid-Lakhdar, Acta Numerica 25 (2016), section 11). The pattern is symmetric and constant. Bodies
-/// are ordered once for little fill, each with rows that fit its number of pivots. Unknowns without
-/// a sufficient pivot in a front are delayed to its parent, so singular blocks of a regular matrix
-/// do no harm. Factors are reused while refinement converges fast. Allocates only while arrays
-/// grow.
+/// are ordered once for little fill; rows are eliminated with the first of their bodies that has
+/// room, or with the last. Unknowns without a sufficient pivot in a front are delayed to its
+/// parent, so singular blocks of a regular matrix do no harm. Factors are reused while refinement
+/// converges fast. Allocates only while arrays grow.
 class FrontalLu {
  public:
   /// Unknowns of a body, beginning with `first`.
@@ -23,7 +23,7 @@ class FrontalLu {
     int dofs = 0;
   };
   /// Rows, with as many unknowns, that couple with one body or two, and the two bodies with each
-  /// other. With up to four bodies, the pairs among `more` are coupled by other links.
+  /// other. With up to four bodies, pairs with `more` are coupled by other links, if at all.
   struct Link {
     int first = 0;
     int rows = 0;

@@ -220,7 +220,7 @@ struct SubstepSpan {
   double t;      ///< time of the state [s]
   double left;   ///< duration to the end [s]
   double end;    ///< end [s]
-  int failures;  ///< attempts without any result
+  int failures;  ///< number of attempts without any result
 
   SubstepSpan(double start, double duration)
       : t(start), left(duration), end(start + duration), failures(0) {}

@@ -255,7 +255,7 @@ Joint read_joint(const YamlElement& item, const World& world) {
   YamlElement::Words keys = keys_of_type(item, type);
   keys.insert(keys.end(), {"name", "type", "baumgarte", "break_force", "collide_connected",
                            "enabled", "broken", "state"});
-  // Default for shorthands such as rope.
+  // Shorthands such as rope stand for the default kind.
   const JointKind kind = joint_kind_named(type).value_or(Joint{}.kind);
   if (is_free_length(kind)) keys.push_back("free");
   if (!couples_joints(kind))

@@ -149,7 +149,7 @@ struct Joint {
   /// Rotation from the joint frame on B to body B's frame, unit. Left out: set so that the joint
   /// fits the poses of the bodies when added.
   std::optional<Eigen::Quaterniond> frame_b;
-  /// z axis of the frame on B in body B's frame, any length but 0, instead of `frame_b`.
+  /// Axis z of the frame on B in body B's frame, any length but 0, instead of `frame_b`.
   std::optional<Eigen::Vector3d> axis_b;
   DistanceJoint distance;  ///< for kind kDistance
   Motor motor;             ///< for kind kDistance

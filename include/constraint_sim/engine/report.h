@@ -80,7 +80,7 @@ struct StepReport {
   std::uint64_t step = 0;  ///< steps since the start, this one included
   double time = 0.0;       ///< simulated time after the step [s]
 
-  // errors
+  // ---- errors
   /// Largest |error| of the joints [m], without springs and without joints that are being closed.
   double max_constraint_error = 0.0;
   std::optional<JointId> worst_joint;  ///< joint with `max_constraint_error`
@@ -135,7 +135,7 @@ struct StepReport {
   std::optional<BodyId> failed_body;
   bool stopped = false;  ///< the stop flag was set, and the step kept the state before it
 
-  // costs
+  // ---- costs
   std::array<std::uint32_t, kMethodCount> islands{};  ///< number of islands advanced by each method
   std::uint32_t asleep = 0;                           ///< islands at rest, which are skipped
   /// Changes of an island's method, within the step or since the previous one.

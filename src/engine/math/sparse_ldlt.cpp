@@ -15,7 +15,7 @@ namespace {
 // Pivot, as a share of its diagonal entry, below which even a row to be kept is rounding.
 constexpr double kRoundOff = 1e-20;
 
-// share of a supernode's entries that may be stored zeros; measured as the fastest
+// Share of a supernode's entries that may be stored zeros; measured as the fastest.
 constexpr double kZeroShare = 0.2;
 
 // Returns the place of each row in an elimination of a forest without fill: leaves first, from all

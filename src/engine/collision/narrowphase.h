@@ -55,7 +55,7 @@ Manifold collide_box_sphere(const Eigen::Vector3d& size_a, const BodyState& a,
                             const Eigen::Vector3d& p_b, double radius_b, double margin = 0.0);
 
 /// Returns the overlap of two faces with up to eight points, or the crossing of two edges. The
-/// normal is the axis of least depth, or a face normal within 2.5° of it; moving A along it by the
+/// normal is the axis of least depth, or a face normal within 2.56° of it; moving A along it by the
 /// greatest depth separates the boxes. Features number edges of both boxes, whichever face is
 /// clipped. Separated boxes have a single point where other features are nearer, by a hundredth of
 /// the margin. A margin above a tenth of the smallest half edge may miss features beside the face.

@@ -8,41 +8,43 @@
 
 namespace constraint_sim::engine {
 
-// Constraints and forces of other packages, as joints of kinds kCustom and kCustomForce. A type has
-// a name and a factory; a joint has the name of a type and parameters, which are what scenes,
-// snapshots and the state hash hold. Functions are called several times a step and from several
-// threads: const, without memory, the same result for the same arguments. What they throw, or a
-// result that is not finite, fails the step (Failure::kCustom) and names the joint.
+// Constraints and forces of other packages, as joints of kinds kCustom and kCustomForce. A joint
+// names a registered type and gives its parameters; scenes, snapshots and the state hash hold both.
+// Functions are called several times a step and from several threads: they are const, keep no
+// memory, and return the same result for the same arguments. A function that throws or returns a
+// number that is not finite fails the step with Failure::kCustom and the name of the joint.
 
-/// The frames of a joint on bodies A and B in world axes, or rates of these, or derivatives by
-/// these. With the world for A, d is a position and `axes_A` are constant.
+/// Frames of a joint on bodies A and B in world axes, or rates of the frames, or derivatives with
+/// respect to the frames. Where A is the world, d is a position and `axes_A` is constant.
 struct FramePair {
   Eigen::Vector3d d = Eigen::Vector3d::Zero();  ///< from anchor A to anchor B [m]
-  /// Columns: the axes x, y, z of the frames [1]. As the joint is added, those of B are those of A.
+  /// Columns: the axes x, y, z of each frame [1]. Both frames have equal axes when the joint is
+  /// added.
   Eigen::Matrix3d axes_A = Eigen::Matrix3d::Zero(), axes_B = Eigen::Matrix3d::Zero();
 };
 
-/// One equation C = 0 between two bodies [m], smooth near where it holds. It is a function of 21
-/// numbers: methods that conserve energy also ask at means of two poses, whose axes are no
-/// rotation.
+/// A scalar equation C = 0 between two bodies [m], smooth near its solutions, as a function of 21
+/// numbers. Methods that conserve energy evaluate it at means of two poses too, where the axes are
+/// no rotation.
 class CustomConstraint {
  public:
   virtual ~CustomConstraint() = default;
   virtual double value(const FramePair& at) const = 0;
-  /// ∂C by each number of `at`. Where all of them are 0 the constraint has no force.
+  /// Returns ∂C/∂z for each number z of `at`. Where all derivatives are 0 the constraint has no
+  /// force.
   virtual FramePair gradient(const FramePair& at) const = 0;
-  /// γ = żᵀ(∇²C)ż for rates ż: C̈ where nothing accelerates [m/s²].
+  /// Returns γ = żᵀ(∇²C)ż for rates ż: C̈ without accelerations [m/s²].
   virtual double gamma(const FramePair& at, const FramePair& rates) const = 0;
 };
 
-/// On B at its anchor; A has the opposite of both at its own anchor. World axes.
+/// Force and torque on B at anchor B, world axes. A gets the opposite of both at anchor A.
 struct CustomWrench {
   Eigen::Vector3d force = Eigen::Vector3d::Zero();   ///< [N]
   Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< [N m]
 };
 
-/// A force between two bodies as a smooth function of time [s], pose and rates. Where impulses
-/// advance the bodies it is evaluated once, at the start of a step.
+/// A force between two bodies as a smooth function of time [s], pose and rates. Methods that
+/// advance by impulses evaluate the force once, at the start of a step.
 class CustomForce {
  public:
   virtual ~CustomForce() = default;
@@ -53,17 +55,17 @@ struct CustomParameter {
   std::string name;
   double value = 0.0;
 };
-/// Sorted by name, each name once.
+/// Parameters sorted by name, each name once.
 using CustomParameters = std::vector<CustomParameter>;
 
-/// Makes the functions of one joint. Throws std::invalid_argument for parameters that cannot be.
+/// Makes the functions of a joint. Throws std::invalid_argument for invalid parameters.
 using CustomConstraintFactory =
     std::function<std::shared_ptr<const CustomConstraint>(const CustomParameters&)>;
 using CustomForceFactory =
     std::function<std::shared_ptr<const CustomForce>(const CustomParameters&)>;
 
-/// Makes a type known to this process, instead of one with the same name. Joints that are there
-/// keep their functions. Names as those of bodies; throws std::invalid_argument for others.
+/// Registers a type for this process and replaces a type with the same name. Existing joints keep
+/// their functions. Throws std::invalid_argument for a name that a body could not have.
 void register_custom_constraint(const std::string& type, CustomConstraintFactory factory);
 void register_custom_force(const std::string& type, CustomForceFactory factory);
 /// Names of all types, sorted.
@@ -71,9 +73,9 @@ std::vector<std::string> custom_types();
 
 class CustomCode;
 
-/// What a joint of kind kCustom or kCustomForce has of its own.
+/// Type and parameters of a joint of kind kCustom or kCustomForce.
 struct CustomElement {
-  std::string type;                        ///< as it was registered
+  std::string type;                        ///< name of a registered type
   CustomParameters parameters;             ///< any order; sorted when the joint is added
   std::shared_ptr<const CustomCode> code;  ///< set when the joint is added
 };

@@ -4,8 +4,8 @@
 
 namespace constraint_sim::engine {
 
-/// Names one body or joint of a World for as long as that World lives. Values are handed out in
-/// order and never again, so an id outlives edits of everything else and never means a newcomer.
+/// Identifies a body or joint of a World for the lifetime of that World. Values are issued in
+/// ascending order and never reused, so an id survives edits of other bodies and joints.
 template <class Tag>
 struct Id {
   std::uint32_t value = 0;

@@ -7,47 +7,51 @@
 
 namespace constraint_sim::engine {
 
-/// MethodReason an island is carried by the method it has.
+/// Reason for the method of an island.
 enum class MethodReason {
-  kSmooth,           ///< nothing in it jumps
-  kAskedFor,         ///< the options name the method
-  kContact,          ///< one of its bodies touches another
-  kLimit,            ///< a joint with limits: rope, strut
-  kForceLimit,       ///< a motor with a force limit
-  kFriction,         ///< friction in a joint
-  kStiff,            ///< joints or springs move its bodies faster than substeps are worth
-  kInconsistent,     ///< joints contradict each other: met by least squares
-  kRefused,          ///< nothing else could carry it
-  kAtRest,           ///< nothing moves in it: it is left out until something touches it
-  kBreaks,           ///< a joint that can break
-  kLimitedSpring,    ///< a spring or servo with a force limit that is too stiff for events, or that
-                     ///< also has limits of its length
-  kManyRows,         ///< more limits, motors and friction than events are worth
-  kFewContacts,      ///< may touch others within the step, and these are few: by events
-  kContactsGivenUp,  ///< the same, but events found no answer, or did not come to an end
-  kManyContacts,     ///< touches others, and there are too many bodies or points for events
-  kOverlap,          ///< touches others, deeper than events begin with
+  kSmooth,        ///< no jumps of forces or velocities
+  kAskedFor,      ///< the options name the method
+  kContact,       ///< a body touches another one
+  kLimit,         ///< a joint with limits: rope, strut
+  kForceLimit,    ///< a motor with a force limit
+  kFriction,      ///< friction in a joint
+  kStiff,         ///< joints or springs move bodies so fast that substeps would cost more
+  kInconsistent,  ///< joints contradict each other; solved by least squares
+  kRefused,       ///< integration did not reach the tolerance
+  kAtRest,        ///< no motion; the island is skipped until something touches it
+  kBreaks,        ///< a joint that can break
+  /// A spring or servo with a force limit that is too stiff for event-driven integration, or that
+  /// has limits of its length too.
+  kLimitedSpring,
+  kManyRows,  ///< too many limits, motors and friction rows for event-driven integration
+  /// Few contacts, or few bodies close enough to touch within the step; event-driven.
+  kFewContacts,
+  kContactsGivenUp,  ///< event-driven contacts found no solution, or too many events
+  kManyContacts,     ///< contacts with too many bodies or points for event-driven integration
+  kOverlap,          ///< contacts that overlap too deeply for event-driven integration
 };
 
-/// In words.
+/// Describes the reason in words.
 const char* to_string(MethodReason why);
 
-/// Dynamic bodies that joints connect, directly or by others; one on its own is an island too. What
-/// the last step did with it.
+/// A connected component of dynamic bodies and the joints between them, or a single body without
+/// joints, with the method and the figures of the last step.
 struct Island {
-  BodyId first_body;  ///< the first of them to be added
+  BodyId first_body;  ///< first body in the order of adding
   std::uint32_t bodies = 0;
-  std::uint32_t joints = 0;  ///< that are enabled and not broken
+  std::uint32_t joints = 0;  ///< enabled joints that are not broken
   Method method = Method::kSequentialImpulses;
   MethodReason why = MethodReason::kAskedFor;
-  double local_error = 0.0;  ///< estimate for the step [m]; NaN where the method has none
+  /// Estimate of the error of the step [m]; NaN where the method has none.
+  double local_error = 0.0;
   std::uint32_t substeps = 0;
-  std::uint32_t rejected = 0;           ///< substeps tried in vain
-  std::uint32_t iterations = 0;         ///< Newton's; 0 where the method has none
-  std::uint32_t events = 0;             ///< at which a one-sided row began or ceased to act
-  std::uint32_t unresolved_bodies = 0;  ///< that are moved faster than the step can show: they are
-                                        ///< off, though joints and energy are kept
-  std::uint32_t dependent_rows = 0;     ///< most equations at once that followed from others
+  std::uint32_t rejected = 0;    ///< rejected substeps
+  std::uint32_t iterations = 0;  ///< Newton iterations; 0 where the method has none
+  std::uint32_t events = 0;      ///< moments at which a one-sided row began or ceased to act
+  /// Bodies that move too fast for the time step: their motion is inaccurate, though joints hold
+  /// and energy is conserved.
+  std::uint32_t unresolved_bodies = 0;
+  std::uint32_t dependent_rows = 0;  ///< largest number of redundant equations at any time
 };
 
 }  // namespace constraint_sim::engine

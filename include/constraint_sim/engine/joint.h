@@ -15,43 +15,42 @@
 
 namespace constraint_sim::engine {
 
-/// What a joint holds, and what it leaves free. d: from anchor A to anchor B; x, y, z: axes of the
-/// joint's frames on A and B.
+/// Kind of a joint. d: from anchor A to anchor B; x, y, z: axes of the joint's frames on A and B.
 enum class JointKind : std::uint8_t {
-  kDistance,      ///< ‖d‖ as DistanceJoint has it: a rod, a rope, a strut or a spring
-  kBall,          ///< both anchors in one point; rotation is free
-  kHinge,         ///< both anchors in one point and both z axes along one line; turns about z
-  kSlider,        ///< the frames keep their orientation and the anchors the z axis; moves along z
-  kCylindrical,   ///< a slider that turns about z
-  kPlanar,        ///< anchor B in A's x-y plane, z axes parallel; moves in it and turns about z
-  kUniversal,     ///< both anchors in one point, z axes at right angles; turns about both
-  kWeld,          ///< both frames in one place; nothing is free
+  kDistance,     ///< ‖d‖ fixed or limited, by DistanceJoint: a rod, a rope, a strut or a spring
+  kBall,         ///< anchors coincide; rotation is free
+  kHinge,        ///< anchors coincide and z axes are collinear; turns about z
+  kSlider,       ///< frames keep their orientation, and anchor B stays on the z axis; moves along z
+  kCylindrical,  ///< a slider that turns about z
+  kPlanar,     ///< anchor B in A's x-y plane, z axes parallel; moves in the plane and turns about z
+  kUniversal,  ///< anchors coincide, z axes at right angles; turns about both z axes
+  kWeld,       ///< frames coincide; nothing is free
   kPointOnLine,   ///< anchor B on A's z axis; rotation is free
   kPointOnPlane,  ///< anchor B in A's x-y plane; rotation is free
   kParallel,      ///< z axes parallel; turns about z, and moves freely
-  kFreeDistance,  ///< nothing; ‖d‖ is free, measured, and may have laws
-  kGear,    ///< q₁ + ratio q₂ of the first coordinates of two other joints stays what it is
-  kPulley,  ///< the same of the lengths of two joints of kind kFreeDistance
-  kScrew,   ///< a cylindrical joint that moves along z by `pitch` a turn
-  kCustom,  ///< one equation of another package, as `custom` has it
-  kCustomForce,  ///< nothing; a force of another package acts between the anchors
+  kFreeDistance,  ///< holds nothing; ‖d‖ is a free coordinate that may have laws
+  kGear,          ///< q₁ + ratio q₂ of the first coordinates of two other joints stays constant
+  kPulley,  ///< ℓ₁ + ratio ℓ₂ of the lengths of two joints of kind kFreeDistance stays constant
+  kScrew,        ///< a cylindrical joint that moves along z by `pitch` per turn
+  kCustom,       ///< a scalar equation of another package, given by `custom`
+  kCustomForce,  ///< holds nothing; a force of another package acts between the anchors
 };
-/// Those before kCustom need no other package.
+/// Number of kinds before kCustom, which need no other package.
 inline constexpr std::size_t kOwnJointKindCount = 15;
 inline constexpr std::size_t kJointKindCount = 17;
 
-/// Settings of a joint of kind kDistance, which holds the distance of the two anchors: as a rod, or
-/// between limits (rope, strut), or as a spring about `length`. C = ‖d‖ − length in metres.
+/// Settings of a joint of kind kDistance: a rod, a rope or strut between limits, or a spring about
+/// `length`. C = ‖d‖ − length [m].
 struct DistanceJoint {
   std::optional<double> length;  ///< [m] ≥ 0; left out: the distance when added; 0: a ball joint
-  /// [m] ≥ 0. With either limit the anchors are free between the two.
+  /// Limits of ‖d‖ [m] ≥ 0. With either limit the anchors are free between the limits.
   double min_length = 0.0;
   double max_length = std::numeric_limits<double>::infinity();
-  /// A spring by frequency of the undamped oscillation [Hz] and damping ratio [1], turned into
-  /// stiffness and damping with the effective mass at the time of adding. 0: rigid.
+  /// Spring by frequency of the undamped oscillation [Hz] and damping ratio [1]. add_joint()
+  /// converts both to stiffness and damping with the effective mass. 0: rigid.
   double frequency = 0.0;
   double damping_ratio = 0.0;
-  /// The same spring by stiffness [N/m] and damping [N s/m] instead; not together with the above.
+  /// Spring by stiffness [N/m] and damping [N s/m], instead of frequency and damping ratio.
   double stiffness = 0.0;
   double damping = 0.0;
 
@@ -61,58 +60,60 @@ struct DistanceJoint {
   bool is_soft() const { return frequency > 0.0 || stiffness > 0.0 || damping > 0.0; }
 };
 
-/// The bias ζ of a joint: the rate of its length, or of another coordinate, is driven to
-/// ζ(t) = bias + amplitude·sin(2π·frequency·t + phase), t simulated time. Positive lengthens, or
-/// turns positively about the axis; with ζ = 0 the joint holds the value it has reached.
+/// Velocity motor: drives the rate of a length or coordinate to ζ(t) = bias +
+/// amplitude·sin(2π·frequency·t + phase), with simulated time t. ζ > 0 lengthens, or turns
+/// positively about the axis; with ζ = 0 the joint holds its present value.
 struct Motor {
   double bias = 0.0;       ///< [m/s or rad/s]
   double amplitude = 0.0;  ///< [m/s or rad/s]
   double frequency = 0.0;  ///< [Hz] ≥ 0
   double phase = 0.0;      ///< [rad]
   double max_force = 0.0;  ///< [N or N m] ≥ 0; 0: no limit
-  double timeout = 0.0;    ///< [s] of simulated time until bias returns to 0; 0: never
+  double timeout = 0.0;    ///< simulated time until bias returns to 0 [s]; 0: never
 
   bool is_moving() const { return bias != 0.0 || amplitude != 0.0; }
 };
 
-/// That of a translation or an angle, which can also go to a position, exactly within the world's
-/// closing time or as a servo by a spring about it, or act with a constant force.
+/// Motor of a translation or an angle. By `position` it moves the coordinate there, rigidly within
+/// the world's closing time or as a servo (spring and damper about `position`). By `force` it acts
+/// with a constant force.
 struct CoordinateMotor : Motor {
-  std::optional<double> position;  ///< [m or rad]
-  /// Of a servo, by frequency [Hz] and damping ratio [1], turned into the next two when added, by
-  /// the effective mass with the joint's own rows held; both 0: exactly.
+  std::optional<double> position;  ///< target of the coordinate [m or rad]
+  /// Servo by frequency [Hz] and damping ratio [1]. When added, both are converted to
+  /// `servo_stiffness` and `servo_damping` with the effective mass while the joint's own rows hold.
+  /// With frequency and stiffness 0 the position is held rigidly.
   double servo_frequency = 0.0;
   double servo_damping_ratio = 1.0;
   double servo_stiffness = 0.0;  ///< [N/m or N m/rad] ≥ 0
   double servo_damping = 0.0;    ///< [N s/m or N m s/rad] ≥ 0
-  std::optional<double> force;   ///< [N or N m]
+  std::optional<double> force;   ///< constant force [N or N m]
 
   bool is_servo() const { return position && (servo_frequency > 0.0 || servo_stiffness > 0.0); }
-  /// Whether the motor holds the coordinate with any force that this takes.
+  /// Whether the motor prescribes the coordinate rigidly, by velocity or position.
   bool is_rigid() const { return !force && !is_servo(); }
 };
 
-/// What acts on a free coordinate q of a joint: a translation [m] or an angle [rad], of kinds other
-/// than kDistance.
+/// Laws of a free coordinate q of a joint: a translation [m] or an angle [rad]. Kind kDistance has
+/// its laws in DistanceJoint.
 struct CoordinateLaw {
-  std::optional<CoordinateMotor> motor;  ///< left out: free
-  /// Limits of q; beyond them it is pushed back, and thrown back with this share of its speed.
+  std::optional<CoordinateMotor> motor;  ///< left out: no motor
+  /// Limits of q [m or rad].
   double lower = -std::numeric_limits<double>::infinity();
   double upper = std::numeric_limits<double>::infinity();
-  double limit_restitution = 0.0;  ///< [0, 1]
-  double friction = 0.0;           ///< Coulomb's, the most it holds with [N or N m] ≥ 0
-  double damping = 0.0;            ///< viscous [N s/m or N m s/rad] ≥ 0
-  double stiffness = 0.0;          ///< of a spring about `rest` [N/m or N m/rad] ≥ 0
-  double rest = 0.0;               ///< [m or rad]
-  /// The spring by frequency [Hz] and damping ratio [1] instead, turned into stiffness and damping
-  /// when added, by the effective mass with the joint's own rows held.
+  double limit_restitution = 0.0;  ///< share of the speed after an impact on a limit, [0, 1]
+  double friction = 0.0;           ///< largest Coulomb friction [N or N m] ≥ 0
+  double damping = 0.0;            ///< viscous damping [N s/m or N m s/rad] ≥ 0
+  double stiffness = 0.0;          ///< spring about `rest` [N/m or N m/rad] ≥ 0
+  double rest = 0.0;               ///< rest position of the spring [m or rad]
+  /// Spring by frequency [Hz] and damping ratio [1]. When added, both are converted to stiffness
+  /// and damping with the effective mass while the joint's own rows hold.
   double frequency = 0.0;
   double damping_ratio = 0.0;
-  /// What q reads as the bodies lie when the joint is added; left out: 0 of an angle, where the
-  /// anchors are of a translation.
+  /// Value of q at the poses of the bodies when the joint is added. Left out: 0 for an angle, the
+  /// displacement of the anchors for a translation.
   std::optional<double> position;
 
-  double zero = 0.0;  ///< what q reads where axes and anchors say 0; set by `position`
+  double zero = 0.0;  ///< offset that is added to the geometric value of q; set by `position`
 
   bool is_limited() const {
     return lower > -std::numeric_limits<double>::infinity() ||
@@ -126,121 +127,129 @@ struct CoordinateLaw {
 
 inline constexpr std::size_t kMaxCoordinates = 3;
 
-/// What a gear or a pulley joins, and how: q₁ + ratio q₂ = value, with the first coordinates of two
-/// joints that are there already, whole turns counted. Of gears the ratio is the teeth of 2 over
-/// those of 1, negative of an internal mesh; of a rack and its pinion it is ±1/radius [1/m].
+/// Coupling of a gear or pulley: q₁ + ratio q₂ = value, with the first coordinates of two existing
+/// joints, whole turns counted. For gears the ratio is the teeth of 2 over the teeth of 1, negative
+/// for an internal mesh; for a rack and its pinion it is ±1/radius [1/m].
 struct Coupling {
   JointId first, second;
-  double ratio = 1.0;           ///< in units of q₁ per unit of q₂, not 0
-  std::optional<double> value;  ///< [m or rad, as q₁]; left out: as they read when it is added
+  double ratio = 1.0;           ///< units of q₁ per unit of q₂, not 0
+  std::optional<double> value;  ///< [m or rad, as q₁]; left out: present value when added
 };
 
 /// A constraint between two bodies, or a body and the world.
 struct Joint {
-  std::string name;  ///< as for bodies, unique among joints
+  std::string name;  ///< `[A-Za-z0-9_][A-Za-z0-9_./-]*`, unique among joints
   JointKind kind = JointKind::kDistance;
   BodyId body_a = kWorldBody;
-  Eigen::Vector3d anchor_a = Eigen::Vector3d::Zero();  ///< in body A's frame [m]
-  /// Joint frame on A to body A's frame, unit; for kinds with axes.
+  Eigen::Vector3d anchor_a = Eigen::Vector3d::Zero();  ///< anchor in body A's frame [m]
+  /// Rotation from the joint frame on A to body A's frame, unit; for kinds with axes.
   Eigen::Quaterniond frame_a = Eigen::Quaterniond::Identity();
   BodyId body_b = kWorldBody;
-  Eigen::Vector3d anchor_b = Eigen::Vector3d::Zero();  ///< in body B's frame [m]
-  /// The same on B; left out: as it has to be with the bodies as they lie when it is added.
+  Eigen::Vector3d anchor_b = Eigen::Vector3d::Zero();  ///< anchor in body B's frame [m]
+  /// Rotation from the joint frame on B to body B's frame, unit. Left out: set so that the joint
+  /// fits the poses of the bodies when added.
   std::optional<Eigen::Quaterniond> frame_b;
-  /// z axis of the frame on B in body B's frame, any length but 0, instead of `frame_b`.
+  /// Axis z of the frame on B in body B's frame, any length but 0, instead of `frame_b`.
   std::optional<Eigen::Vector3d> axis_b;
-  DistanceJoint distance;  ///< of kind kDistance
-  Motor motor;             ///< of kind kDistance
-  /// Of other kinds, as many as coordinates() tells.
+  DistanceJoint distance;  ///< for kind kDistance
+  Motor motor;             ///< for kind kDistance
+  /// Laws of the free coordinates, coordinates() of them; for kinds other than kDistance.
   std::array<CoordinateLaw, kMaxCoordinates> coordinates;
-  Coupling coupling;                ///< of kinds kGear and kPulley; of kScrew its `value` alone [m]
-  double pitch = 0.0;               ///< of kind kScrew [m a turn], not 0
-  CustomElement custom;             ///< of kinds kCustom and kCustomForce
-  std::optional<double> baumgarte;  ///< share of the error removed each step, [0, 1]; the world's
-  double break_force = 0.0;         ///< [N] beyond which the joint breaks for good; 0: never
-  double break_torque = 0.0;        ///< [N m], the same; not of kind kDistance
-  bool collide_connected = false;   ///< whether the two bodies may touch
-  bool enabled = true;              ///< else it does not act; World::set_enabled()
+  Coupling coupling;     ///< for kinds kGear and kPulley; kScrew uses its `value` alone [m]
+  double pitch = 0.0;    ///< for kind kScrew [m per turn], not 0
+  CustomElement custom;  ///< for kinds kCustom and kCustomForce
+  /// Share of the error removed each step, [0, 1]; left out: the world's.
+  std::optional<double> baumgarte;
+  double break_force = 0.0;  ///< force beyond which the joint breaks for good [N]; 0: never
+  /// Torque beyond which the joint breaks for good [N m]; 0: never; not for kind kDistance.
+  double break_torque = 0.0;
+  bool collide_connected = false;  ///< whether the two connected bodies collide with each other
+  bool enabled = true;             ///< whether the joint acts; World::set_enabled()
 };
 
 inline constexpr int kMaxJointRows = 6;
-/// A number for each row of a joint, in the order of the table of kinds, then for each coordinate;
-/// the others are zero.
+/// A number per row of a joint, in the order of the table of kinds, then per coordinate; the rest
+/// is zero.
 using RowVector = Eigen::Matrix<double, kMaxJointRows, 1>;
 
-/// A free coordinate now.
+/// State of a free coordinate q.
 struct CoordinateState {
   double position = 0.0;  ///< q, whole turns counted [m or rad]
   double velocity = 0.0;  ///< [m/s or rad/s]
-  double effort = 0.0;    ///< of what acts along it, mean over the step [N or N m]
-  double bias = 0.0;      ///< asked for by its motor, mean over the step [m/s or rad/s]
-  double held = 0.0;      ///< where the motor holds it [m or rad]
-  /// With what a motor brakes that had not the force for its course, on its way to its position
-  /// [m/s² or rad/s²]; 0: on its course.
+  /// Generalized force of laws and couplings along q, mean over the step [N or N m].
+  double effort = 0.0;
+  double bias = 0.0;  ///< rate ζ of the motor, mean over the step [m/s or rad/s]
+  double held = 0.0;  ///< position at which the motor holds q [m or rad]
+  /// Deceleration of a position motor with a force limit that has lost its prescribed motion and
+  /// brakes towards its position [m/s² or rad/s²]; 0: no braking.
   double braking = 0.0;
-  double expires_at = std::numeric_limits<double>::infinity();  ///< end of the bias, simulated [s]
+  /// Simulated time at which the bias ends [s].
+  double expires_at = std::numeric_limits<double>::infinity();
 };
 
-/// The coupling of a joint of a kind that couples() coordinates, in the unit of the first one.
+/// State of a coupling of coordinates, in the unit of the first coordinate.
 struct CouplingState {
-  double value = 0.0;     ///< Σ ratio q now
-  double rate = 0.0;      ///< of that
-  double constant = 0.0;  ///< what the value is to be
-  double effort = 0.0;    ///< along the first coordinate, mean over the step [N or N m]
-  double impulse = 0.0;   ///< the same, to warm start [N s or N m s]
-  double offset = 0.0;    ///< what there was to close at `closing_since`
+  double value = 0.0;     ///< Σ ratio q
+  double rate = 0.0;      ///< Σ ratio q̇
+  double constant = 0.0;  ///< target of `value`
+  /// Generalized force along the first coordinate, mean over the step [N or N m].
+  double effort = 0.0;
+  double impulse = 0.0;  ///< impulse along the first coordinate, for warm starting [N s or N m s]
+  double offset = 0.0;   ///< error at `closing_since`
 };
 
-/// What a joint does now; brought up to date by each step.
+/// State of a joint; updated by each step.
 struct JointState {
-  /// ‖d‖ − length, or beyond a limit [m]. Of other kinds the larger of the distance that has to be
-  /// zero, such as ‖d‖, and `angle_error` times `radius` [m]. Of gears and pulleys what the sum is
-  /// off by, in the unit of the first coordinate.
+  /// For kind kDistance ‖d‖ − length, or the excess beyond a limit [m]. For gears and pulleys the
+  /// error of the coupling, in the unit of the first coordinate. For other kinds the larger of the
+  /// distance between the anchors that rows hold at zero, and `angle_error` times `radius` [m].
   double error = 0.0;
-  double error_rate = 0.0;   ///< rate of `error`, motion asked for by the motor taken out [m/s]
-  double angle_error = 0.0;  ///< by which frame B has to turn to where frame A asks for it [rad]
-  double radius = 0.0;       ///< of gyration, the larger of the two dynamic bodies' [m]
-  /// Mean over the step: along d [N], > 0 pushes apart, < 0 is tension; of kinds with coordinates
-  /// the effort along the first [N or N m], of gears and pulleys along the first that they couple;
-  /// of others the length of the force [N].
+  double error_rate = 0.0;   ///< rate of `error` without the motor's prescribed rate [m/s]
+  double angle_error = 0.0;  ///< angle between frame B and its aligned orientation [rad]
+  double radius = 0.0;       ///< radius of gyration, the larger of the two dynamic bodies' [m]
+  /// Mean over the step. Kind kDistance: along d [N], > 0 pushes apart, < 0 is tension. Kinds with
+  /// coordinates: effort along the first [N or N m]; gears and pulleys: effort along the first
+  /// coupled coordinate. Other kinds: norm of the force [N].
   double force = 0.0;
-  double bias = 0.0;          ///< ζ asked for, mean over the step [m/s]
-  double reached_rate = 0.0;  ///< rate of the distance that was reached [m/s]
-  bool saturated = false;     ///< the motor is at its force limit, or at the end of its travel
-  bool broken = false;        ///< after more than `break_force`; no longer acts
-  bool closing = false;       ///< an edit left an error above 1e-6 m that is not yet closed
+  double bias = 0.0;  ///< rate ζ of the motor, mean over the step [m/s or rad/s]
+  /// Actual rate of the length or of the first coordinate [m/s or rad/s].
+  double reached_rate = 0.0;
+  bool saturated = false;  ///< motor at its force limit, or at the end of its travel
+  bool broken = false;     ///< broken by more than `break_force` or `break_torque`; does not act
+  bool closing = false;    ///< an edit left an error above 1e-6 m that is not yet closed
 
-  std::array<CoordinateState, kMaxCoordinates> coordinates;  ///< of kinds other than kDistance
-  CouplingState coupling;                                    ///< of kinds that couple
+  std::array<CoordinateState, kMaxCoordinates> coordinates;  ///< for kinds other than kDistance
+  CouplingState coupling;                                    ///< for kinds that couple coordinates
 
-  double travel =
-      0.0;  ///< ∫ζ dt since the joint was added: what the motor has added to the length [m]
-  double closing_since = 0.0;  ///< simulated [s]
-  /// What there was to close then: the error of each row [m or rad], of a ball joint on a B that
-  /// cannot turn d in world axes; of others that are closed by their frame only of coordinates.
+  double travel = 0.0;  ///< ∫ζ dt since the joint was added: length added by the motor [m]
+  double closing_since = 0.0;  ///< simulated time at which closing began [s]
+  /// Error of each row and coordinate at `closing_since` [m or rad]. Zero for rows that are closed
+  /// by moving the frame on B, with closing_shift and closing_turn.
   RowVector closing_offset = RowVector::Zero();
-  /// Of ball joints and those that keep axes aligned, where the frame on B would have met the rows:
-  /// this far from its anchor, in B's frame [m], and turned by this vector, in the joint's frame on
-  /// B [rad].
+  /// Pose, relative to the frame on B, that met the rows at `closing_since`: shift of the anchor in
+  /// B's frame [m], and rotation vector in the joint's frame on B [rad]. For ball joints and kinds
+  /// that keep axes aligned.
   Eigen::Vector3d closing_shift = Eigen::Vector3d::Zero();
   Eigen::Vector3d closing_turn = Eigen::Vector3d::Zero();
-  double closing_share = 0.0;  ///< of that turn, where it goes by a share a step
-  /// Of a distance joint, end of the bias, simulated [s].
+  /// Remaining share of `closing_turn` where impulses remove a share per step.
+  double closing_share = 0.0;
+  /// End of the bias of a distance joint, simulated [s].
   double expires_at = std::numeric_limits<double>::infinity();
-  double initial_error = 0.0;             ///< when last looked for what is to be closed [m]
-  RowVector impulse = RowVector::Zero();  ///< of its rows, to warm start [N s or N m s]
+  double initial_error = 0.0;  ///< `error` when the joint was last added or edited [m]
+  /// Impulses of the rows, for warm starting [N s or N m s].
+  RowVector impulse = RowVector::Zero();
 };
 
-/// As in scene files: `distance`, `ball`, `hinge` ...
+/// Name as in scene files: `distance`, `ball`, `hinge` ...
 const char* name(JointKind kind);
 
-/// The kind with this name(), or none.
+/// Returns the kind with this name(), or none.
 std::optional<JointKind> joint_kind_named(std::string_view name);
 
-/// Names of all kinds but distance, with a comma before each.
+/// Returns the names of all kinds but distance, with a comma before each.
 std::string names_of_further_kinds();
 
-/// The settings of a joint of kind kDistance, nullptr of another.
+/// Returns the settings of a joint of kind kDistance, nullptr for another kind.
 inline const DistanceJoint* if_distance(const Joint& joint) {
   return joint.kind == JointKind::kDistance ? &joint.distance : nullptr;
 }
@@ -251,41 +260,40 @@ inline DistanceJoint* if_distance(Joint& joint) {
 /// Whether joints of this kind have frames with axes.
 bool has_frames(JointKind kind);
 
-/// How many free coordinates with laws it has; 0 of a distance joint, whose length has its own.
+/// Number of free coordinates with laws; 0 for a distance joint, whose length has laws of its own.
 int coordinates(JointKind kind);
-/// Whether this one is an angle [rad]; else a translation [m].
+/// Whether the coordinate is an angle [rad]; else it is a translation [m].
 bool is_angle(JointKind kind, int coordinate);
 
-/// Whether the z axes of both frames are at right angles, so that both have to be given.
+/// Whether the z axes of both frames are at right angles, so that scenes give both.
 bool has_two_axes(JointKind kind);
 
-/// Whether it couples coordinates of other joints, so that it has no bodies, anchors and axes of
-/// its own.
+/// Whether the kind couples coordinates of other joints, and so has no bodies, anchors and axes.
 bool couples_joints(JointKind kind);
-/// The same of lengths alone, of joints that are free_length().
+/// Whether the kind couples lengths of other joints, which are of kind free_length().
 bool couples_lengths(JointKind kind);
-/// Whether it couples its own two coordinates by a pitch.
+/// Whether the kind couples its own two coordinates by a pitch.
 bool has_pitch(JointKind kind);
-/// Whether it couples any coordinates, of other joints or its own.
+/// Whether the kind couples coordinates, its own or of other joints.
 bool couples(JointKind kind);
 
-/// Whether its one coordinate is the length ‖d‖, and nothing is held.
+/// Whether the one coordinate of the kind is the length ‖d‖, and no row holds anything.
 bool is_free_length(JointKind kind);
-/// That kind: `distance` with `free: true` in scene files.
+/// Returns kFreeDistance: `distance` with `free: true` in scene files.
 JointKind free_length();
 
-/// Whether functions of another package are needed for it.
+/// Whether the kind needs functions of another package.
 bool is_custom(JointKind kind);
 
-/// All kinds that need no other package.
+/// Returns all kinds that need no other package.
 const std::array<JointKind, kOwnJointKindCount>& joint_kinds();
 
-/// A frame with its z axis along this vector of any length but 0, turned by the least angle. Throws
-/// std::invalid_argument naming `axis_a` where it has no direction.
+/// Returns a frame with its z axis along `axis`, of any length but 0, turned by the least angle.
+/// Throws std::invalid_argument naming `axis_a` where the axis has no direction.
 Eigen::Quaterniond frame_along(const Eigen::Vector3d& axis);
 
-/// Throws std::invalid_argument naming the field and value that cannot be. Bodies are not looked
-/// up.
+/// Throws std::invalid_argument naming the invalid field and its value. Does not check that bodies
+/// exist.
 void validate(const Joint& joint);
 void validate(const Motor& motor);
 void validate(const CoordinateMotor& motor);

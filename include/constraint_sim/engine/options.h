@@ -8,7 +8,7 @@
 
 namespace constraint_sim::engine {
 
-/// Options of a world. These defaults are the only ones; visit_options() says what each is.
+/// Options of a world with their defaults; visit_options() describes each option.
 struct WorldOptions {
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};
   double time_step = 0.01;
@@ -27,17 +27,17 @@ struct WorldOptions {
   int threads = 1;
 };
 
-/// What an option is for users. Its name is its key in scenes and its keyword in Python.
+/// Description of an option for users. The name is the key in scenes and the keyword in Python.
 struct OptionInfo {
   const char* name;
-  const char* unit;     ///< SI; empty: a pure number, a word or a truth value
-  Method read_by;       ///< the method that alone reads it; kAuto: any
+  const char* unit;     ///< SI unit; empty: a pure number, a word or a truth value
+  Method read_by;       ///< the only method that reads the option; kAuto: any
   const char* meaning;  ///< one sentence without its full stop, as in docs/scenes.md
 };
 
-// Ranges of options.
-struct AnyValue {};            ///< of the type, finite
-struct PositiveOrInfinity {};  ///< > 0, infinity as well
+// Ranges of options, one type each.
+struct AnyValue {};            ///< any finite value of the type
+struct PositiveOrInfinity {};  ///< > 0 or infinity
 struct NotNegative {};         ///< finite, ≥ 0
 struct Positive {              ///< finite, > 0, from `least` to `most`
   double least = 0.0, most = std::numeric_limits<double>::infinity();
@@ -50,10 +50,10 @@ struct EitherOf {
   int first, second;
 };
 
-/// The one list of options: calls visit(OptionInfo, member of `options`, range) for each, in the
+/// The single list of options: calls visit(OptionInfo, member of `options`, range) for each, in the
 /// order of saved scenes. `Options` is WorldOptions, const or not. Parsing, saving, checking,
 /// hashing, the plan, the runner's command line and Python's keywords go through this list;
-/// test/engine/test_options.cpp holds the manual and the struct above to it.
+/// test/engine/test_options.cpp compares it with the manual and with WorldOptions.
 template <class Options, class Visit>
 void visit_options(Options& options, Visit visit) {
   constexpr Method kAny = Method::kAuto;
@@ -106,12 +106,12 @@ void visit_options(Options& options, Visit visit) {
         options.threads, Count{256});
 }
 
-/// Throws std::invalid_argument naming the option and value that cannot be.
+/// Throws std::invalid_argument naming the invalid option and its value.
 void validate(const WorldOptions& options);
 
-/// Sets the option of this name from a text as scenes have it: a number, `.inf`, `true`, a word or
-/// `[0, 0, -9.81]`. Throws std::invalid_argument for a name that no option has and for a text that
-/// is no value of its type; validate() checks the range.
+/// Sets the option of this name from a text in the syntax of scenes: a number, `.inf`, `true`, a
+/// word or `[0, 0, -9.81]`. Throws std::invalid_argument for an unknown name and for a text of
+/// another type; validate() checks the range.
 void set_option(const std::string& name, const std::string& text, WorldOptions* options);
 
 }  // namespace constraint_sim::engine

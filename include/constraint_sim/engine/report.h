@@ -9,25 +9,26 @@
 
 namespace constraint_sim::engine {
 
-/// How an island is advanced by a step. Methods not listed do not exist yet.
+/// Method by which a step advances an island.
 enum class Method {
   kAuto,                ///< the world chooses
   kRungeKutta,          ///< embedded pairs of order 8 and 5, on smooth islands
   kEnergyMomentum,      ///< discrete gradients, order 2 and 4, on stiff islands
-  kSequentialImpulses,  ///< the tutorial's six stages
-  kEventDriven,         ///< as kRungeKutta between events, on islands with one-sided rows
+  kSequentialImpulses,  ///< the tutorial's six stages, on all other islands
+  kEventDriven,         ///< kRungeKutta between events, on islands with one-sided rows
 };
 inline constexpr std::size_t kMethodCount = 5;
 
-/// As in scene files and reports: `auto`, `runge_kutta`, `energy_momentum`, `sequential_impulses`,
-/// `event_driven`.
+/// Name as in scene files and reports: `auto`, `runge_kutta`, `energy_momentum`,
+/// `sequential_impulses`, `event_driven`.
 const char* name(Method method);
 
 /// The stages of a step, in order.
 enum class Stage {
   kBroadphase,
   kNarrowphase,
-  kIntegration,  ///< of smooth islands, all the way; the stages below are for the others
+  /// Complete step of integrated islands; the later stages belong to sequential impulses.
+  kIntegration,
   kRows,
   kVelocities,
   kSolve,
@@ -37,113 +38,121 @@ inline constexpr std::size_t kStageCount = 7;
 
 const char* name(Stage stage);
 
-/// MethodReason a step has failed. The state before it is kept then.
+/// Reason for a failed step, which keeps the state before it.
 enum class Failure {
   kNone,
   kNotFinite,        ///< a number was not finite
   kOutOfRange,       ///< a body is farther or faster than kMostMagnitude
-  kTooManyPairs,     ///< more than kMostPairs of bodies overlap with their boxes
-  kTooManyContacts,  ///< more than kMostContacts points touch
-  kNoNextTick,       ///< the time is so long that a tick is lost beside it
-  kCustom,           ///< functions of another package threw, or returned no finite number:
-                     ///< World::failed_joint() and World::failed_why()
+  kTooManyPairs,     ///< more than kMostPairs of bodies have overlapping bounding boxes
+  kTooManyContacts,  ///< more than kMostContacts contact points
+  kNoNextTick,       ///< the time is so large that adding a tick does not change it
+  /// A function of another package threw, or returned a number that is not finite; see
+  /// World::failed_joint() and World::failed_why().
+  kCustom,
 };
 
-/// One line in plain words; empty for kNone.
+/// Describes the failure in one line of plain words; empty for kNone.
 const char* to_string(Failure failure);
 
-/// Largest coordinate of a position [m], velocity [m/s] and angular velocity [rad/s], so that their
-/// squares and cubes, and those times a mass, are finite.
+/// Largest coordinate of a position [m], velocity [m/s] and angular velocity [rad/s]. Squares and
+/// cubes of such numbers, also times a mass, are finite.
 inline constexpr double kMostMagnitude = 1e20;
-/// What a step may have to do with: beyond these it fails, within a bounded time and memory.
+/// Limits of a step, so that its time and memory are bounded; beyond them it fails.
 inline constexpr std::size_t kMostPairs = 1000000;
 inline constexpr std::size_t kMostContacts = 300000;
-/// Hits of fast bodies that are looked for in a step.
+/// Number of hits of fast bodies that a step resolves.
 inline constexpr std::uint32_t kMostHits = 20;
 
-/// Error of a joint that is reported as unclosed: above this, and not falling by a tenth within 0.5
-/// s, `closing_time` or 20 ticks, whichever is the longest [m].
+/// Error of a joint above which it is reported as unclosed [m], unless the error falls by a tenth
+/// within 0.5 s, `closing_time` or 20 ticks, whichever is the longest.
 inline constexpr double kUnclosedError = 1e-3;
-/// The same of orientations, so that small bodies are reported as well: rows have solutions that
-/// are not meant from 90 degrees on [rad].
+/// Orientation error above which a joint is reported as unclosed [rad], so that joints of small
+/// bodies are reported too. Rows of orientations have spurious solutions from 90 degrees on.
 inline constexpr double kUnclosedAngle = 0.5;
 
-/// Overlap and creep of contacts that impulses hold are reported beyond these shares of the thinner
-/// shape; creep of bodies that have moved since the last edit beyond the third one. Overlaps have
-/// 0.1 s or ten ticks to be pushed out, whichever is longer.
+/// Thresholds for reporting overlap and creep of contacts by impulses, as shares of the thinner
+/// shape. kMostSlipShare replaces kMostCreepShare for bodies that have moved since the last edit.
+/// Overlaps are reported after 0.1 s or ten ticks, whichever is longer.
 inline constexpr double kMostOverlapShare = 0.01, kMostCreepShare = 1e-4, kMostSlipShare = 0.05;
 
-/// What a step did, how wrong it is, and what it cost.
+/// Figures of a step: counts, errors and costs.
 struct StepReport {
   std::uint64_t step = 0;  ///< steps since the start, this one included
   double time = 0.0;       ///< simulated time after the step [s]
 
-  // how wrong
-  double max_constraint_error = 0.0;   ///< largest |error| of the joints, springs and joints that
-                                       ///< are being closed left out [m]
-  std::optional<JointId> worst_joint;  ///< joint with that error
-  double closing_error = 0.0;  ///< largest |error| of joints that an edit, or a motor sent to a
-                               ///< position, is closing [m]
-  std::optional<JointId> closing_joint;  ///< joint with that error
-  std::uint32_t unclosed_joints = 0;     ///< off by more than kUnclosedError or kUnclosedAngle, and
-                                         ///< not being closed
-  std::optional<JointId> unclosed_joint;  ///< whose error is the largest of these
+  // ---- errors
+  /// Largest |error| of the joints [m], without springs and without joints that are being closed.
+  double max_constraint_error = 0.0;
+  std::optional<JointId> worst_joint;  ///< joint with `max_constraint_error`
+  /// Largest |error| of joints that are being closed after an edit, or after a motor was sent to a
+  /// position [m].
+  double closing_error = 0.0;
+  std::optional<JointId> closing_joint;  ///< joint with `closing_error`
+  /// Joints off by more than kUnclosedError or kUnclosedAngle that are not being closed.
+  std::uint32_t unclosed_joints = 0;
+  std::optional<JointId> unclosed_joint;  ///< unclosed joint with the largest error
   double max_penetration = 0.0;           ///< deepest contact that the step met [m]
-  double energy = 0.0;  ///< kinetic + potential of gravity and springs [J]; 0 height is z = 0;
-                        ///< without velocities that close errors in this step alone
-  double energy_drift = 0.0;  ///< change of energy since the last edit over the largest kinetic
-                              ///< energy since then [1]; motors, wrenches, friction and impacts
-                              ///< count as well
-  double energy_rise = 0.0;   ///< without a cause, since it was least [J]; 0 where rounding and the
-                              ///< tolerance explain it
-  std::optional<BodyId> energy_rise_body;  ///< the first one of the island whose it is most
-  double local_error = 0.0;          ///< largest estimate of an island for this step [m]; NaN where
-                                     ///< impulses advanced an island, which have no estimate
-  std::uint32_t dependent_rows = 0;  ///< equations that followed from others, at most at once
-  std::uint32_t unresolved_bodies =
-      0;                          ///< that move faster than a step can show: of stiff islands,
-                                  ///< and by impulses those on joints that turn so fast
-  std::uint32_t torn_joints = 0;  ///< that broke in this step
-  std::optional<BodyId> hits_left_body;  ///< the first of fast bodies with more than kMostHits, or
-                                         ///< a thousand parts of a step, or that hit what had its
-                                         ///< step: later hits come late, or are missed
+  /// Kinetic energy, plus potential energy of gravity (0 at z = 0) and of springs [J]; without
+  /// velocities that only correct errors in this step.
+  double energy = 0.0;
+  /// Change of energy since the last edit over the largest kinetic energy since then [1]; includes
+  /// the work of motors, wrenches, friction and impacts.
+  double energy_drift = 0.0;
+  /// Unexplained rise of energy above its minimum [J]; 0 within rounding and tolerance.
+  double energy_rise = 0.0;
+  std::optional<BodyId> energy_rise_body;  ///< first body of the island with the largest rise
+  /// Largest error estimate of an island for this step [m]; NaN where impulses, which have no
+  /// estimate, advanced an island.
+  double local_error = 0.0;
+  std::uint32_t dependent_rows = 0;  ///< largest number of redundant equations at any time
+  /// Bodies that move too fast for the time step: on stiff islands, and on joints by impulses.
+  std::uint32_t unresolved_bodies = 0;
+  std::uint32_t torn_joints = 0;  ///< joints that broke in this step
+  /// First fast body where hits were left out: after kMostHits hits or 1000 parts of the step, or
+  /// against a body that was advanced already; hits left out come late or are missed.
+  std::optional<BodyId> hits_left_body;
   double overlap = 0.0;  ///< deepest contact by impulses [m] that stays deeper than 4 g h² and
                          ///< kMostOverlapShare of the thinner shape
-  std::optional<BodyId> overlap_body;  ///< body of that contact, movable where one is
-  double creep = 0.0;  ///< farthest that a contact by impulses has slid while its friction holds
-                       ///< it, where that is more than kMostCreepShare of the thinner shape [m]
-  std::optional<BodyId> creep_body;  ///< body of that contact, movable where one is
-  double projected_energy = 0.0;     ///< kinetic energy lost where velocities were made to fit the
-                                     ///< joints, when a method took over or an edit came [J]
-  double correction_work = 0.0;  ///< of closing errors where impulses advance islands: weight times
-                                 ///< the distance moved for that; and where joints cannot all be
-                                 ///< met, energy that corrections of positions added [J]
-  double driven_work = 0.0;      ///< of wrenches, motors and kinematic bodies on islands that
-                                 ///< impulses advance, and of kinematic bodies on those whose
-                                 ///< contacts are by events [J]
-  double solver_residual = 0.0;  ///< largest |J V − target| that the sweeps left, of the motion
-                                 ///< or of what closes errors [m/s]
-  bool failed = false;           ///< the state before the step was kept
-  Failure failure = Failure::kNone;   ///< why
-  std::optional<BodyId> failed_body;  ///< whose motion it was, where it was one body's
-  bool stopped = false;               ///< the stop flag was set: the state before the step was kept
+  std::optional<BodyId> overlap_body;  ///< body of the contact with `overlap`, movable where one is
+  /// Farthest slide of a contact by impulses while friction holds it [m], where above
+  /// kMostCreepShare of the thinner shape.
+  double creep = 0.0;
+  std::optional<BodyId> creep_body;  ///< body of the contact with `creep`, movable where one is
+  /// Kinetic energy lost when velocities were projected onto the joints, after a change of method
+  /// or an edit [J].
+  double projected_energy = 0.0;
+  /// Work of position corrections [J]: weight times distance where impulses advance islands, and
+  /// the energy added where joints are inconsistent.
+  double correction_work = 0.0;
+  /// Work of wrenches, motors and kinematic bodies where impulses advance islands, and of kinematic
+  /// bodies where contacts are event-driven [J].
+  double driven_work = 0.0;
+  /// Largest |J V − target| after the sweeps, of velocities or of corrections [m/s].
+  double solver_residual = 0.0;
+  bool failed = false;               ///< the step failed and kept the state before it
+  Failure failure = Failure::kNone;  ///< reason for the failure
+  /// Body with the invalid motion, where a single body is the cause.
+  std::optional<BodyId> failed_body;
+  bool stopped = false;  ///< the stop flag was set, and the step kept the state before it
 
-  // what it cost
-  std::array<std::uint32_t, kMethodCount> islands{};  ///< advanced by each method
-  std::uint32_t asleep = 0;                           ///< islands at rest, that were left out
-  std::uint32_t changes = 0;      ///< of islands' methods, since the step before or within it
-  std::uint32_t handed_over = 0;  ///< islands whose contacts go from events to impulses
-  std::optional<BodyId> handed_over_body;  ///< the first one of the first of these
-  std::uint32_t substeps = 0;              ///< of all islands
-  std::uint32_t rejected = 0;              ///< substeps tried without result
-  std::uint32_t iterations = 0;            ///< sweeps over the rows, and Newton's of stiff islands
-  std::uint32_t events = 0;                ///< at which a one-sided row began or ceased to act
-  std::uint32_t hits = 0;                  ///< of fast bodies, at their times within the step
-  std::uint32_t rows = 0;                  ///< scalar equations solved
-  std::uint32_t contacts = 0;              ///< contact points, but for those of islands at rest
-  std::uint64_t broadphase_tests = 0;      ///< box against box
-  std::uint32_t candidate_pairs = 0;       ///< that the broadphase let through
-  std::array<double, kStageCount> stage_times{};  ///< [s]; zero unless a clock was given
+  // ---- costs
+  std::array<std::uint32_t, kMethodCount> islands{};  ///< number of islands advanced by each method
+  std::uint32_t asleep = 0;                           ///< islands at rest, which are skipped
+  /// Changes of an island's method, within the step or since the previous one.
+  std::uint32_t changes = 0;
+  std::uint32_t handed_over = 0;  ///< islands whose contacts change from event-driven to impulses
+  std::optional<BodyId> handed_over_body;  ///< first body of the first such island
+  std::uint32_t substeps = 0;              ///< substeps of all islands
+  std::uint32_t rejected = 0;              ///< rejected substeps
+  std::uint32_t iterations = 0;  ///< sweeps over the rows, and Newton iterations of stiff islands
+  std::uint32_t events = 0;      ///< moments at which a one-sided row began or ceased to act
+  std::uint32_t hits = 0;        ///< hits of fast bodies, at their times within the step
+  std::uint32_t rows = 0;        ///< scalar equations solved
+  std::uint32_t contacts = 0;    ///< contact points, without islands at rest
+  std::uint64_t broadphase_tests = 0;  ///< tests of a bounding box against another
+  std::uint32_t candidate_pairs = 0;   ///< pairs of bodies that passed the broadphase
+  /// Duration of each stage [s]; zero without a clock.
+  std::array<double, kStageCount> stage_times{};
 };
 
 }  // namespace constraint_sim::engine

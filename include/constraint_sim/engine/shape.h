@@ -5,24 +5,24 @@
 
 namespace constraint_sim::engine {
 
-/// Collides with nothing and does not rotate unless it is given an inertia.
+/// A point: collides with nothing, and rotates only where the body has an inertia.
 struct Point {};
 
-/// Centred on the body's origin.
+/// A sphere, centred on the body's origin.
 struct Sphere {
   double radius = 0.0;  ///< [m] > 0
 };
 
-/// Centred on the body's origin, edges along the body's axes.
+/// A box, centred on the body's origin, edges along the body's axes.
 struct Box {
-  Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< whole edge lengths [m], each > 0
+  Eigen::Vector3d size = Eigen::Vector3d::Zero();  ///< edge lengths [m], each > 0
 };
 
-/// The half-space below the body's x-y plane is solid; the outward normal is the body's z axis.
-/// Static or kinematic bodies only.
+/// A solid half-space below the body's x-y plane; the outward normal is the body's z axis. For
+/// static or kinematic bodies only.
 struct Plane {};
 
-/// Centred on the body's origin, along the body's z axis, with flat ends.
+/// A cylinder with flat ends, centred on the body's origin, along the body's z axis.
 struct Cylinder {
   double radius = 0.0;  ///< [m] > 0
   double length = 0.0;  ///< from end to end [m] > 0

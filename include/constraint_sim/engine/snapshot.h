@@ -7,23 +7,23 @@
 
 namespace constraint_sim::engine {
 
-/// Bytes that are no snapshot, are damaged, or come from another build.
+/// Error of bytes that are no snapshot, are damaged, or come from another build.
 class SnapshotError : public std::invalid_argument {
  public:
   using std::invalid_argument::invalid_argument;
 };
 
-/// A world with all that decides its future and all that it tells, as bytes. What is read from
-/// them, in this or in another process of the same build, goes on with the same bits: every step
-/// has the state_hash() that the world has in it. Clock and stop flag are not in them, and of a
-/// world to look at (World::take_snapshot()) what that has not.
+/// Writes a world with all that decides its future and all that it reports, as bytes. A world read
+/// from them, by any process of the same build, continues with the same bits and the same
+/// state_hash(). The bytes leave out clock and stop flag, and whatever a copy by
+/// World::take_snapshot() lacks.
 std::string write_snapshot(const World& world);
 
 /// Whether bytes begin as snapshots of any build do.
 bool is_snapshot(const std::string& bytes);
 
-/// The world of such bytes. Throws SnapshotError, also where the world that they describe has not
-/// the hash that it was written with.
+/// Reads a world from the bytes of write_snapshot(). Throws SnapshotError, also where the hash of
+/// the world differs from the hash in the bytes.
 World read_snapshot(const std::string& bytes);
 
 }  // namespace constraint_sim::engine

@@ -15,77 +15,80 @@ namespace constraint_sim::engine {
 
 /// Options of verify(): length of the run, thresholds, commands and callbacks.
 struct VerifyOptions {
-  std::uint64_t ticks = 0;      ///< ticks of the world to run
+  std::uint64_t ticks = 0;      ///< number of ticks to run
   double perturbation = 1e-10;  ///< motion of each body in the first tick of the twin [m] > 0
-  double least = 1e-6;          ///< differences up to this one never exceed [m] ≥ 0
-  double margin = 100.0;        ///< times estimate and growth that a difference may reach, ≥ 1
-  StopFlag stop = nullptr;      ///< ends the runs early; nullptr: none
-  /// Commands: called with each of the worlds before each tick of the verified one, at the same
-  /// simulated time. Left out: none but those that the world has.
+  double least = 1e-6;          ///< difference below which no body exceeds [m] ≥ 0
+  double margin = 100.0;    ///< factor on estimate times growth that a difference may reach, ≥ 1
+  StopFlag stop = nullptr;  ///< ends the runs early; nullptr: none
+  /// Called with each world before each tick of the verified one, at equal simulated times, to give
+  /// commands. Left out: no commands but those in the world.
   std::function<void(World&)> before_tick = nullptr;
-  /// Called after each tick with the ticks done.
+  /// Called after each tick with the number of ticks done.
   std::function<void(std::uint64_t)> progress = nullptr;
 };
 
-/// Figures of one body at one time. Distances are the larger of that of the centres of mass and the
-/// angle between the orientations times the radius of gyration.
+/// Figures of a body at a time. A distance is the larger of the distance of the centres of mass,
+/// and the angle between the orientations times the radius of gyration.
 struct VerifiedFigures {
   static constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-  double time = 0.0;         ///< simulated [s]
-  double estimate = kNone;   ///< sum of the local error estimates [m]; NaN: no method has one
+  double time = 0.0;         ///< simulated time [s]
+  double estimate = kNone;   ///< sum of the local error estimates [m]; NaN: the method has none
   double growth = 1.0;       ///< largest distance to the twin over its perturbation, ≥ 1 [1]
   double half_step = kNone;  ///< distance to the run with half the time step [m]; NaN: left out
   /// Distance to the run by the other method with half the time step [m]; NaN: left out.
   double other_method = kNone;
-  /// Error of that run: its largest distance so far to the other method with the whole step [m].
+  /// Error of the other method: its largest distance so far between whole and half time step [m].
   double other_error = kNone;
 
-  /// The error at this time that the estimate stands for [m]; NaN: no method has an estimate.
+  /// Estimated global error at this time [m]; NaN: the method has no estimate.
   double global_error() const { return estimate * growth; }
 };
 
 /// Differences and error estimate of one dynamic body.
 struct VerifiedBody {
   std::string name;
-  VerifiedFigures figures;                  ///< at the end, or where `chaotic_from` says
-  std::optional<VerifiedFigures> exceeded;  ///< where a difference first exceeded what is allowed
-  /// From when on the twin is farther away than figures can say anything [s].
+  VerifiedFigures figures;                  ///< figures at the end, or at `chaotic_from`
+  std::optional<VerifiedFigures> exceeded;  ///< figures where a difference first exceeded its bound
+  /// Time from which the twin is too far away for a comparison [s].
   std::optional<double> chaotic_from;
-  bool is_unresolved = false;   ///< World::unresolved_bodies() of a step had it
-  std::string no_estimate;      ///< why there is none; empty: there is one
-  std::string no_half_step;     ///< why this comparison was left out; empty: it was not
-  std::string no_other_method;  ///< the same of the other method
+  bool is_unresolved = false;  ///< whether World::unresolved_bodies() of a step listed the body
+  std::string no_estimate;     ///< reason for a missing estimate; empty: there is an estimate
+  /// Reason for leaving out the run with half the time step; empty: it was run.
+  std::string no_half_step;
+  /// Reason for leaving out the run by the other method; empty: it was run.
+  std::string no_other_method;
 
-  /// `exceeds`, `chaotic` or `holds`.
+  /// Returns `exceeds`, `chaotic` or `holds`.
   const char* verdict() const;
 };
 
 /// Result of verify().
 struct VerifyReport {
-  std::uint64_t ticks = 0;              ///< done by all runs
-  double time_step = 0.0;               ///< of the verified run [s]
-  double perturbation = 0.0;            ///< of the twin, as it was [m]
-  Method method = Method::kAuto;        ///< that the options of the verified run ask for
-  Method other_method = Method::kAuto;  ///< that those of the other run ask for
-  std::vector<VerifiedBody> bodies;     ///< dynamic ones, in the order of adding
-  std::vector<StepWarning> warnings;    ///< of the verified run, each once, at its largest amount
-  bool stopped = false;                 ///< the stop flag was set
-  std::string failure;                  ///< why the runs ended early; empty: they did not
+  std::uint64_t ticks = 0;              ///< ticks done by all runs
+  double time_step = 0.0;               ///< time step of the verified run [s]
+  double perturbation = 0.0;            ///< actual perturbation of the twin [m]
+  Method method = Method::kAuto;        ///< method in the options of the verified run
+  Method other_method = Method::kAuto;  ///< method in the options of the other run
+  std::vector<VerifiedBody> bodies;     ///< dynamic bodies, in the order of adding
+  /// Warnings of the verified run, each once, at its largest amount.
+  std::vector<StepWarning> warnings;
+  bool stopped = false;  ///< the stop flag was set
+  std::string failure;   ///< reason for an early end; empty: none
 
-  /// Whether a difference of any body exceeds what its estimate and growth allow.
+  /// Whether a difference of any body exceeds the bound from its estimate and growth.
   bool exceeds() const;
 };
 
-/// Runs copies of `world` for so many ticks: as it is; with half its time step; by another method
-/// that shares no kernel with the first, with the whole and half the time step; and as a twin, each
-/// body of which is pushed within the first tick so that it is `perturbation` away at its end.
-/// Distances to the first run are compared after each tick with the sum of the local error
-/// estimates times the growth of the perturbation, so that chaos is told apart from faults. `world`
-/// stays as it is. Throws for options out of range, and what `before_tick` throws.
+/// Runs copies of `world` for `options.ticks` ticks: as it is; with half its time step; by another
+/// method that shares no kernel with the first, with the whole and half the time step; and as a
+/// twin, each body of which is displaced by `perturbation` in the first tick. After each tick,
+/// distances to the first run are compared with the sum of the local error estimates times the
+/// growth of the perturbation, which tells chaos from faults. `world` does not change. Throws for
+/// options out of range, and whatever `before_tick` throws.
 VerifyReport verify(const World& world, const VerifyOptions& options);
 
-/// The report as a table for people, a line each body.
+/// Formats the report as a table for people, a line for each body.
 std::string to_table(const VerifyReport& report);
 
 }  // namespace constraint_sim::engine

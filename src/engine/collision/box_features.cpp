@@ -14,12 +14,13 @@ namespace {
 using Eigen::Vector3d;
 using Kind = ContactFeature::Kind;
 
-constexpr double kBorder = 1e-10;   // [m] nearer to a border is on it
-constexpr double kMoves = 1e-9;     // [m/s] slower is not at all
-constexpr double kParallel = 1e-5;  // sine of edges that do not cross
-constexpr double kBeyond = 2.0;  // half edges from their middles: farther off they are not watched
+constexpr double kBorder = 1e-10;   // distance to a border below which a point is on it [m]
+constexpr double kMoves = 1e-9;     // speed below which a point counts as at rest [m/s]
+constexpr double kParallel = 1e-5;  // sine below which edges are parallel
+// Distance from the middle of an edge, in half edges, beyond which a crossing is ignored.
+constexpr double kBeyond = 2.0;
 
-/// One box as the other one sees it: places and velocities in the axes of `home`.
+/// A box as seen from another one: positions and velocities in the axes of `home`.
 struct Seen {
   Seen(const BodyState& home, const BodyState& other)
       : to_home(home.orientation.conjugate()), home(home), other(other) {}
@@ -27,7 +28,7 @@ struct Seen {
   Vector3d place(const Vector3d& point) const {
     return to_home * (other.position + other.orientation * point - home.position);
   }
-  /// Against the material of `home` there.
+  /// Returns the velocity of a point relative to the material of `home` at that point.
   Vector3d velocity(const Vector3d& point) const {
     const Vector3d arm = other.orientation * point;
     const Vector3d from_home = other.position + arm - home.position;
@@ -46,7 +47,7 @@ Vector3d corner_of(const Box& box, std::size_t corner) {
   return at;
 }
 
-/// Corners of one box in the axes of the other one, whose faces they may meet.
+/// Corners of a box in the axes of another box, whose faces they may touch.
 struct Corners {
   Corners(const Box& box, const Box& home_box, const BodyState& home, const BodyState& other)
       : half(0.5 * home_box.size), seen(home, other) {
@@ -69,13 +70,13 @@ struct Corners {
   int best_face() const {
     return static_cast<int>(std::max_element(apart.begin(), apart.end()) - apart.begin());
   }
-  /// The face that a corner is known to be beyond of, or lies on; −1: it is in the box.
+  /// Returns a face that the corner is beyond or on; -1: the corner is inside the box.
   int face_of(std::size_t corner) const;
 
   Vector3d half;
   Seen seen;
   std::array<Vector3d, 8> own, at;
-  std::array<double, 6> apart;  ///< the least distance of all corners above each face
+  std::array<double, 6> apart;  ///< least distance of all corners above each face
 };
 
 int Corners::face_of(std::size_t corner) const {
@@ -83,13 +84,13 @@ int Corners::face_of(std::size_t corner) const {
   for (int face = 1; face < 6; ++face)
     if (beyond(at[corner], face) > beyond(at[corner], farthest)) farthest = face;
   if (beyond(at[corner], farthest) > kBorder) return farthest;
-  // in it or on it: on a face that the whole other box is above
+  // Inside or on the box: a face counts where the whole other box is above it.
   for (int face = 0; face < 6; ++face) {
     const auto f = static_cast<std::size_t>(face);
     if (beyond(at[corner], face) < -kBoxOverlap || apart[f] < -kBoxOverlap) continue;
     if (on < 0 || apart[f] > apart[static_cast<std::size_t>(on)]) on = face;
   }
-  // one that is at the border of that and moves out is beside it
+  // A corner at the border of this face that moves outward belongs to the adjacent face.
   const Vector3d velocity = seen.velocity(own[corner]);
   for (int face = 0; face < 6; ++face)
     if (face % 3 != on % 3 && beyond(at[corner], face) >= -kBorder &&
@@ -104,7 +105,7 @@ void set_face(const Box& box, int face, Vector3d* point, Vector3d* axis) {
   *point = 0.5 * box.size.cwiseProduct(*axis);
 }
 
-// the corners of one box, on faces of the other one
+// Adds the corners of a box, each on a face of the other box.
 void add_corners(const Corners& corners, const Box& home, bool is_of_a, int only_face,
                  List<ContactFeature>* features) {
   for (std::size_t k = 0; k < 8; ++k) {
@@ -128,7 +129,7 @@ void add_nothing(std::size_t count, List<ContactFeature>* features) {
   features->insert(features->end(), count, nothing);
 }
 
-/// An edge of a box.
+/// Edge of a box with the normals of its two faces.
 struct Edge {
   Edge(const Box& box, const BodyState& state, int number) : axis(number % 3) {
     for (int k = 0; k < 2; ++k) {
@@ -143,11 +144,12 @@ struct Edge {
 
   int axis;
   double half;
-  Vector3d middle = Vector3d::Zero();  ///< in the box
-  std::array<Vector3d, 2> outward;     ///< normals of its faces, world
+  Vector3d middle = Vector3d::Zero();  ///< middle of the edge in the box's frame [m]
+  std::array<Vector3d, 2> outward;     ///< outward normals of its faces, world
 };
 
-/// Where the lines of two edges are nearest to each other: from their middles.
+/// Nearest points of the lines of two edges, as distances from the middles of the edges, with their
+/// rates.
 struct Crossing {
   Crossing(const ContactFeature& feature, const BodyState& a, const BodyState& b)
       : u(a.orientation * feature.axis_a),
@@ -181,9 +183,10 @@ struct Crossing {
   double on_a_dot = 0.0, on_b_dot = 0.0;
 };
 
-// Whether two edges are where boxes can touch with that normal: no farther into either box.
+// Whether both edges support their boxes along n, so that neither box extends farther than its
+// edge.
 bool support(const Edge& of_a, const Edge& of_b, const Vector3d& n) {
-  constexpr double kLevel = 1e-6;  // a sine
+  constexpr double kLevel = 1e-6;  // tolerance, a sine
   return std::all_of(of_a.outward.begin(), of_a.outward.end(),
                      [&](const Vector3d& out) { return n.dot(out) <= kLevel; }) &&
          std::all_of(of_b.outward.begin(), of_b.outward.end(),
@@ -194,10 +197,10 @@ bool is_outside(double at, double rate, double half) {
   const double beyond = std::abs(at) - half;
   if (beyond > kBorder) return true;
   const double outwards = at < 0.0 ? -rate : rate;
-  return beyond >= -kBorder && outwards > -kMoves;  // there a corner is what meets
+  return beyond >= -kBorder && outwards > -kMoves;  // a corner touches at the end of an edge
 }
 
-/// The nearest edges, in their order; of equally near ones the first.
+/// Nearest pairs of edges in ascending distance; ties keep their order of adding.
 struct NearestEdges {
   static constexpr std::ptrdiff_t kMost{kBoxEdges};
 
@@ -219,7 +222,7 @@ struct NearestEdges {
   std::ptrdiff_t count = 0;
 };
 
-// Edges that face each other, the nearest ones first.
+// Adds pairs of edges that face each other, the nearest first.
 void add_edges(const Box& box_a, const BodyState& a, const Box& box_b, const BodyState& b,
                List<ContactFeature>* features) {
   NearestEdges found;
@@ -241,7 +244,7 @@ void add_edges(const Box& box_a, const BodyState& a, const Box& box_b, const Bod
       Vector3d n = crossing.c / std::sqrt(crossing.square);
       const double of_n_a = n.dot(of_a.outward[0] + of_a.outward[1]);
       const double of_n_b = n.dot(of_b.outward[0] + of_b.outward[1]);
-      if (!(of_n_a * of_n_b < 0.0)) continue;  // they do not face each other
+      if (!(of_n_a * of_n_b < 0.0)) continue;  // edges that do not face each other
       feature.sign = of_n_a < 0.0 ? 1.0 : -1.0;
       n *= feature.sign;
       const double gap = -n.dot(crossing.apart);

@@ -99,7 +99,7 @@ void Broadphase::Tree::build(const List<Proxy>& proxies, int node, int first_ite
     return;
   }
 
-  // the axis along which the centres spread most
+  // Axis along which the centres spread most.
   Eigen::Vector3d lowest = first->centre;
   Eigen::Vector3d highest = first->centre;
   for (auto item = first; item != first + leaves; ++item) {
@@ -109,7 +109,7 @@ void Broadphase::Tree::build(const List<Proxy>& proxies, int node, int first_ite
   int axis = 0;
   (highest - lowest).maxCoeff(&axis);
 
-  // the index decides ties, so that the two halves do not depend on the library's nth_element
+  // Ties are decided by index, so that both halves do not depend on the library's nth_element.
   const auto before = [axis](const Item& a, const Item& b) {
     if (a.centre[axis] != b.centre[axis]) return a.centre[axis] < b.centre[axis];
     return a.proxy < b.proxy;
@@ -138,7 +138,8 @@ void Broadphase::pair_between(const Tree& tree_a, int node_a, const Tree& tree_b
   if ((!a.movable && !b.movable) || is_full()) return;
   if (!test(a.box, b.box)) return;
 
-  // splitting the larger box keeps a big body from being compared with everything at every level
+  // Splitting the larger box keeps a large body from being tested against every node on every
+  // level.
   if (a.leaves == 1 && b.leaves == 1) {
     add_pair(a.body, b.body);
   } else if (b.leaves == 1 || (a.leaves > 1 && girth(a.box) > girth(b.box))) {
@@ -150,7 +151,7 @@ void Broadphase::pair_between(const Tree& tree_a, int node_a, const Tree& tree_b
   }
 }
 
-// an unbounded one with all leaves
+// Pairs an unbounded proxy with all leaves.
 void Broadphase::pair_with(const Proxy& proxy, const Tree& tree) {
   for (const Node& node : tree.nodes)
     if (node.leaves == 1 && !is_full()) pair_proxies(proxy, {node.box, node.body, node.movable});

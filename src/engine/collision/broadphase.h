@@ -10,69 +10,70 @@
 
 namespace constraint_sim::engine {
 
-/// Axis-aligned bounding box in world coordinates [m]. Of a plane it is infinite.
+/// Axis-aligned bounding box in world coordinates [m]; infinite for a plane.
 struct Aabb {
   Eigen::Vector3d min;
   Eigen::Vector3d max;
 };
 
-/// Whether two boxes share a point, touching included; stops at the first axis that separates them.
+/// Whether two boxes share a point, touching included; ends at the first separating axis.
 bool overlap(const Aabb& a, const Aabb& b);
 
-/// The smallest box around a shape.
+/// Returns the bounding box of a shape.
 Aabb bounds(const Shape& shape, const BodyState& state);
 
-/// A body in the eyes of the broadphase.
+/// Bounding box of a body in the broadphase.
 struct Proxy {
   Aabb box;
   int body = 0;          ///< index, unique among the proxies
-  bool movable = false;  ///< two immovable ones make no pair
+  bool movable = false;  ///< whether the body can move; a pair has at least one movable body
 };
 
-/// Stage 1 of a step: which bodies may touch. A balanced tree of boxes, rebuilt in each call by
-/// splitting at the median, is tested against itself and against another one, of what does not
-/// move, that is kept. Unbounded boxes would spoil a tree and are tested one by one. A call
-/// allocates only where it needs more room than all before it.
+/// Stage 1 of a step: finds pairs of bodies that may touch. A balanced tree of boxes, rebuilt in
+/// each call by median splits, is tested against itself and against a second tree of resting
+/// proxies that is kept. Unbounded boxes would spoil a tree and are tested one by one. A call
+/// allocates only where it needs more room than all calls before it.
 class Broadphase {
  public:
   using Pair = std::pair<int, int>;  ///< body indices, first < second
 
-  /// From now on these are there as well. No pair is made of two of them. Forgets the last pairs.
+  /// Replaces the resting proxies, which make no pairs among themselves. Clears the pairs of the
+  /// last call.
   void set_resting(const List<Proxy>& proxies);
 
-  /// All pairs, of these and of these with resting ones, with at least one movable body whose boxes
-  /// overlap, sorted; of more than kMostPairs only some. Valid until the next call.
+  /// Returns all pairs with overlapping boxes and at least one movable body, among `proxies` and
+  /// between them and resting ones, sorted; beyond kMostPairs only some. Valid until the next call.
   const List<Pair>& find_pairs(const List<Proxy>& proxies);
 
-  /// What the last call found.
+  /// Pairs of the last call.
   const List<Pair>& pairs() const { return pairs_; }
 
-  /// Whether there are more pairs than can be reported.
+  /// Whether there are more pairs than kMostPairs.
   bool is_full() const { return pairs_.size() > kMostPairs; }
 
-  /// Box against box tests of the last call, those of the tree's inner boxes included.
+  /// Tests of a box against another in the last call, inner nodes of the tree included.
   std::uint64_t tests() const { return tests_; }
 
  private:
-  /// A leaf of the tree to be.
+  /// A leaf while the tree is built.
   struct Item {
-    Eigen::Vector3d centre;  ///< twice the centre of its box [m]
-    int proxy = 0;           ///< index
+    Eigen::Vector3d centre;  ///< twice the centre of the box [m]
+    int proxy = 0;           ///< index of the proxy
   };
 
-  /// A box around `leaves` proxies. Nodes lie in preorder: the left child, which has the smaller
-  /// half of the leaves, follows its parent, and the right child follows the left one's subtree.
+  /// A box around `leaves` proxies. Nodes lie in preorder: the left child, with the smaller half of
+  /// the leaves, follows its parent, and the right child follows the left child's subtree.
   struct Node {
     Aabb box;
     int leaves = 0;
-    int body = 0;          ///< of a leaf
-    bool movable = false;  ///< whether any of its proxies is
+    int body = 0;          ///< body of a leaf
+    bool movable = false;  ///< whether a proxy of the node is movable
   };
 
-  /// Of the bounded proxies; the others are beside it.
+  /// Tree of the bounded proxies, with a list of unbounded ones.
   struct Tree {
     List<Item> items;
-    List<Node> nodes;  ///< from the root; none without items
+    List<Node> nodes;  ///< nodes in preorder; empty without items
     List<Proxy> unbounded;
 
     void build(const List<Proxy>& proxies);

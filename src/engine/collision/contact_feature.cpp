@@ -12,16 +12,16 @@ namespace {
 
 using Eigen::Vector3d;
 
-// A point of B, and how it moves.
+// Position and velocity of a material point of a body, with the arm from the body's centre.
 Vector3d point_of(const BodyState& body, const Vector3d& arm) { return body.position + arm; }
 Vector3d velocity_of(const BodyState& body, const Vector3d& arm) {
   return body.linear_velocity + body.angular_velocity.cross(arm);
 }
 
-// Which part of a box a point is nearest to, axis by axis: -1, 0 or 1. Where it is on a border it
+// Returns the region of a box that is nearest to a point, -1, 0 or 1 per axis. A point on a border
 // belongs to the side that it moves to.
 Eigen::Vector3i region_of(const Box& box, const Vector3d& point, const Vector3d& velocity) {
-  constexpr double kBorder = 1e-12;  // of the size
+  constexpr double kBorder = 1e-12;  // share of the size
   Eigen::Vector3i region = Eigen::Vector3i::Zero();
   int inside = 0;
   for (int i = 0; i < 3; ++i) {
@@ -36,7 +36,8 @@ Eigen::Vector3i region_of(const Box& box, const Vector3d& point, const Vector3d&
       ++inside;
   }
   if (inside < 3) return region;
-  Eigen::Index nearest = 0;  // the centre is in the box
+  // The centre is in the box.
+  Eigen::Index nearest = 0;
   (point.cwiseAbs() - 0.5 * box.size).maxCoeff(&nearest);
   region[nearest] = point[nearest] < 0.0 ? -1 : 1;
   return region;
@@ -78,7 +79,7 @@ void set_velocities(const Vector3d& p_dot, const BodyState& a, const BodyState& 
 
 namespace {
 
-// a corner of B, against a plane of A
+// Motion of a corner of B against a plane of A.
 ContactMotion motion_on_a(const ContactFeature& feature, const BodyState& a, const BodyState& b) {
   ContactMotion motion;
   motion.n = -(a.orientation * feature.axis_a);
@@ -118,7 +119,7 @@ ContactMotion motion_of(const ContactFeature& feature, const BodyState& a, const
       e_dot -= axis_dot * axis.dot(d) + axis * (axis_dot.dot(d) + axis.dot(d_dot));
     }
     const double distance = e.norm();
-    if (distance > 0.0) {  // coincident points part along z
+    if (distance > 0.0) {  // coincident points separate along z
       motion.n = e / distance;
       motion.n_dot = (e_dot - motion.n * motion.n.dot(e_dot)) / distance;
     }
@@ -148,7 +149,7 @@ void add_features(const Shape& shape_a, const BodyState& a, const Shape& shape_b
       add_box_features(*box, a, *other, b, features);
       return;
     }
-    // its corners on a plane
+    // Corners of the box against a plane.
     for (std::uint32_t corner = 0; corner < 8; ++corner) {
       feature.on_a = 0.5 * box->size;
       for (int i = 0; i < 3; ++i)
@@ -188,9 +189,9 @@ FeatureMargin margin_of(const ContactFeature& feature, const Shape& shape_a, con
     const double side = feature.on_b[i] == 0.0 ? 0.0 : (feature.on_b[i] < 0.0 ? -1.0 : 1.0);
     const bool is_face = feature.kind == ContactFeature::Kind::kPlane;
     FeatureMargin margin = least;
-    if (side == 0.0)  // beside it
+    if (side == 0.0)  // point beside the face
       margin = {half - std::abs(point[i]), point[i] < 0.0 ? velocity[i] : -velocity[i]};
-    else if (!is_face)  // beyond it
+    else if (!is_face)  // point beyond the face
       margin = {side * point[i] - half, side * velocity[i]};
     if (margin.value < least.value) least = margin;
   }

@@ -1,6 +1,6 @@
-// The depth along a unit vector n, reach of both shapes less the distance of their centres along n,
-// has its least where n is normal to a face or a cap, to two edges or sides, or lies in one of a
-// few circles: across an edge or an axis. A rim against a rim is sought by Newton's method.
+// The depth along a unit vector n is the extent of both shapes minus the distance of their centres
+// along n. It is least where n is normal to a face or cap, or to two edges or sides, or lies on one
+// of a few circles at right angles to an edge or axis. Two rims are treated by Newton's method.
 
 #include "engine/collision/least_depth_axis.h"
 
@@ -36,7 +36,7 @@ void LeastDepthAxis::take_face() {
     for (int i = solid->is_round ? 2 : 0; i < 3; ++i) {
       const double cosine = normal_.dot(solid->axes.col(i));
       if (std::abs(cosine) <= most) continue;
-      most = std::abs(cosine) * (1.0 + 1e-9);  // the first where both are parallel
+      most = std::abs(cosine) * (1.0 + 1e-9);  // the first face where both are parallel
       face = cosine < 0.0 ? Vector3d(-solid->axes.col(i)) : Vector3d(solid->axes.col(i));
     }
   }
@@ -50,13 +50,13 @@ void LeastDepthAxis::try_axis(const Vector3d& direction, double least_length) {
   if (!(length > least_length)) return;
   const Vector3d n = direction / (direction.dot(t_) < 0.0 ? -length : length);
   const double depth = depth_along(n);
-  // what comes later must be better than by rounding, or ties would switch from step to step
+  // A later axis must be better by more than rounding, or ties would switch from step to step.
   if (!(depth < depth_ - 1e-10 * size_)) return;
   depth_ = depth;
   normal_ = n;
 }
 
-// normals of faces and caps, and of two edges, sides, or one of each
+// Tries normals of faces and caps, and of two edges or sides.
 void LeastDepthAxis::find_flat() {
   for (const Solid* solid : {&a_, &b_})
     for (int i = solid->is_round ? 2 : 0; i < 3; ++i) try_axis(solid->axes.col(i));
@@ -64,9 +64,9 @@ void LeastDepthAxis::find_flat() {
     try_axis(a_.axes.col(i).cross(b_.axis()), kParallelSine);
 }
 
-// vertices of a box against the side and the rims of B
+// Tries vertices of a box against the side and the rims of B.
 void LeastDepthAxis::find_corners() {
-  if (a_.is_round) {  // the sides of parallel cylinders
+  if (a_.is_round) {  // sides of parallel cylinders
     try_axis(t_ - b_.axis() * b_.axis().dot(t_), kParallelSine * size_);
     return;
   }
@@ -93,7 +93,8 @@ void LeastDepthAxis::find_circles() {
   if (a_.is_round) find_across(b_.axis(), b_.axes.col(0));
 }
 
-// The least depth along directions across `axis`, n = ((1 − s²) p + 2 s q) / (1 + s²).
+// Tries the least depth along directions at right angles to `axis`, n = ((1 − s²) p + 2 s q) / (1 +
+// s²).
 void LeastDepthAxis::find_across(const Vector3d& axis, const Vector3d& beside) {
   constexpr int kSamples = 24;
   const Vector3d q = axis.cross(beside).normalized();
@@ -110,12 +111,12 @@ void LeastDepthAxis::find_across(const Vector3d& axis, const Vector3d& beside) {
     const Vector3d along = (1.0 - s * s) * q - 2.0 * s * p;
     return along.dot(a_.farthest(n) + b_.farthest(n) - (n.dot(t_) < 0.0 ? -t_ : t_));
   };
-  const auto place = [](int k) { return 2.0 * k / kSamples - 1.0; };  // a half circle
+  const auto place = [](int k) { return 2.0 * k / kSamples - 1.0; };  // samples of a half circle
   std::array<double, kSamples> depths;
   for (int k = 0; k < kSamples; ++k) depths[k] = depth(place(k));
   for (int k = 0; k < kSamples; ++k) {
     const double here = depths[k];
-    // no depth between the samples is less by more than the square of their distance allows
+    // Between samples the depth is lower by at most the square of their distance.
     if (here > depth_ + 0.02 * size_ || here > depths[(k + 1) % kSamples] ||
         here > depths[(k + kSamples - 1) % kSamples])
       continue;
@@ -128,7 +129,7 @@ void LeastDepthAxis::find_across(const Vector3d& axis, const Vector3d& beside) {
   }
 }
 
-// a rim of each, from several starts
+// Tries a rim of each cylinder, from several starts.
 void LeastDepthAxis::find_rims() {
   for (const int side_a : {-1, 1})
     for (const int side_b : {-1, 1})
@@ -147,7 +148,7 @@ void LeastDepthAxis::find_rims(int side_a, int side_b, double turn) {
   e_a = (e_a + turn * a_.axis().cross(e_a)).normalized();
   Vector3d e_b = toward(b_, c_a + a_.radius() * e_a - c_b);
   for (int i = 0; i < 12; ++i) {
-    const Vector3d along_a = a_.radius() * a_.axis().cross(e_a);  // the derivative by the angle
+    const Vector3d along_a = a_.radius() * a_.axis().cross(e_a);  // derivative by the angle
     const Vector3d along_b = b_.radius() * b_.axis().cross(e_b);
     const Vector3d d = (c_a + a_.radius() * e_a) - (c_b + b_.radius() * e_b);
     const double g_a = d.dot(along_a), g_b = -d.dot(along_b);
@@ -159,7 +160,7 @@ void LeastDepthAxis::find_rims(int side_a, int side_b, double turn) {
     if (h_aa > 0.0 && determinant > 1e-12 * h_aa * std::abs(h_bb)) {
       turn_a = -(h_bb * g_a - h_ab * g_b) / determinant;
       turn_b = -(h_aa * g_b - h_ab * g_a) / determinant;
-    } else {  // down the slope
+    } else {  // step along the negative gradient
       turn_a = -g_a / along_a.squaredNorm();
       turn_b = -g_b / along_b.squaredNorm();
     }

@@ -8,10 +8,11 @@
 
 namespace constraint_sim::engine {
 
-/// A face within 2.56° of the normal is one that touches.
+/// Sine of the angle (2.56°) between contact normal and face normal, up to which a face touches
+/// with its area.
 constexpr double kFlatSine = 0.0447;
 
-/// A box, or a cylinder along its z axis, in world axes.
+/// A box, or a cylinder along its z axis, with axes in the world.
 struct Solid {
   Solid(const Eigen::Vector3d& size, const BodyState& state, const Eigen::Vector3d& origin)
       : centre(state.position - origin),
@@ -27,13 +28,13 @@ struct Solid {
   Eigen::Vector3d axis() const { return axes.col(2); }
   double radius() const { return half.x(); }
 
-  /// How far it goes along n from its centre [m].
+  /// Returns the extent along n from the centre [m].
   double reach(const Eigen::Vector3d& n) const {
     const Eigen::Vector3d c = axes.transpose() * n;
     return is_round ? half.x() * math::hypot(c.x(), c.y()) + half.z() * std::abs(c.z())
                     : half.dot(c.cwiseAbs());
   }
-  /// A point that is farthest along n, from the centre [m].
+  /// Returns a point farthest along n, relative to the centre [m].
   Eigen::Vector3d farthest(const Eigen::Vector3d& n) const {
     const Eigen::Vector3d c = axes.transpose() * n;
     Eigen::Vector3d p(std::copysign(half.x(), c.x()), std::copysign(half.y(), c.y()),
@@ -47,30 +48,30 @@ struct Solid {
   }
   Eigen::Vector3d cap_centre(int side) const { return centre + side * half.z() * axis(); }
 
-  Eigen::Vector3d centre;  ///< from the origin of the pair [m]
-  Eigen::Matrix3d axes;    ///< in columns
-  Eigen::Vector3d half;    ///< of the edges; of a cylinder radius, radius, half its length [m]
+  Eigen::Vector3d centre;  ///< centre relative to the origin of the pair [m]
+  Eigen::Matrix3d axes;    ///< axes in columns
+  Eigen::Vector3d half;    ///< half edge lengths; for a cylinder radius, radius, half length [m]
   bool is_round;
 };
 
-/// Two solids, B's centre being the origin, and the axis of least depth that was tried. A is a box
-/// or a cylinder, B a cylinder.
+/// Search for the axis of least depth of two solids. A is a box or a cylinder, B a cylinder, whose
+/// centre is the origin.
 class LeastDepthAxis {
  public:
   LeastDepthAxis(const Solid& a, const Solid& b)
       : a_(a), b_(b), t_(a.centre - b.centre), size_(a.half.sum() + b.half.sum()) {}
 
-  const Eigen::Vector3d& normal() const { return normal_; }  ///< from B to A
+  const Eigen::Vector3d& normal() const { return normal_; }  ///< unit normal from B to A
   double depth() const { return depth_; }
   double depth_along(const Eigen::Vector3d& n) const {
     return a_.reach(n) + b_.reach(n) - n.dot(t_);
   }
 
-  /// Tries all; ends at the first axis of depth ≤ −margin.
+  /// Tries all axes; ends at the first axis of depth ≤ −margin.
   void find(double margin);
 
-  /// Takes the normal of a face or cap that is nearly the one of least depth: their points hold a
-  /// shape more firmly.
+  /// Replaces the axis by the normal of a face or cap that is nearly parallel, since several points
+  /// of an area hold a shape more firmly.
   void take_face();
 
  private:

@@ -6,18 +6,18 @@
 
 namespace constraint_sim::engine {
 
-/// Below this the square of a length [m²] has lost digits, and no direction comes from it.
+/// Smallest square of a length [m²] that has a reliable direction.
 inline constexpr double kSmallestSquare = std::numeric_limits<double>::min();
 
-/// Adds a point if its gap is less than the margin. Two boxes share eight at most; only round-off
-/// could ask for more.
+/// Adds a point where its gap is less than the margin. Two boxes share at most eight points; more
+/// could come from rounding alone.
 inline void add_point(Manifold& manifold, const Eigen::Vector3d& position, double depth,
                       std::uint32_t feature, double margin) {
   if (!(depth > -margin) || manifold.count == static_cast<int>(manifold.points.size())) return;
   manifold.points[manifold.count++] = {position, depth, feature};
 }
 
-/// The same contact with the first shape made the second.
+/// Returns the manifold with both shapes exchanged.
 inline Manifold swapped(Manifold manifold) {
   for (int i = 0; i < manifold.count; ++i) {
     manifold.points[i].position -= manifold.points[i].depth * manifold.normal;

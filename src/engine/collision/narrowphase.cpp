@@ -15,7 +15,7 @@ using Eigen::Vector3d;
 Vector3d normal(const BodyState& plane) { return plane.orientation * Vector3d::UnitZ(); }
 double offset(const Vector3d& N, const BodyState& plane) { return N.dot(plane.position); }
 
-/// Brings two shapes into the order of the functions above.
+/// Calls the narrowphase function of a pair of shapes, with the shapes in its order.
 struct Collide {
   const BodyState& a;
   const BodyState& b;
@@ -90,10 +90,11 @@ Manifold collide_sphere_sphere(const Vector3d& p_a, double radius_a, const Vecto
   const double distance_squared = p_BA.squaredNorm();
   if (distance_squared >= (reach + margin) * (reach + margin)) return {};
 
-  Manifold manifold;  // its normal, z, is as good as any where the centres coincide
+  // The default normal, z, serves where the centres coincide.
+  Manifold manifold;
   const double distance = std::sqrt(distance_squared);
   if (distance_squared >= kSmallestSquare) manifold.normal = p_BA / distance;
-  // the tutorial's S1 − N (r1 − p) without its cancellation
+  // The tutorial's S1 − N (r1 − p), without its cancellation.
   add_point(manifold, p_b + radius_b * manifold.normal, reach - distance, 0, margin);
   return manifold;
 }

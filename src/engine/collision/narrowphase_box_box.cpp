@@ -1,5 +1,5 @@
-// Box against box: separating axes in the frame of the first box, then the face of one box clipped
-// by the face of the other, or the crossing of two edges.
+// Contact of two boxes: separating axes in the frame of the first box, then the face of one box
+// clipped by the face of the other, or the crossing of two edges.
 
 #include <algorithm>
 #include <array>
@@ -16,7 +16,7 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-/// The axis after i, and the one before it.
+/// Cyclic successor and predecessor of an axis.
 constexpr int next(int i) { return i == 2 ? 0 : i + 1; }
 constexpr int last(int i) { return i == 0 ? 2 : i - 1; }
 
@@ -29,24 +29,24 @@ struct BoxPair {
     t = to_a * (b.position - a.position);
   }
 
-  Vector3d half_a, half_b;  ///< of the edge lengths [m]
+  Vector3d half_a, half_b;  ///< half edge lengths [m]
   Matrix3d C;               ///< B's axes in columns
   Vector3d t;               ///< B's centre [m]
 };
 
 // ---- separating axes
 
-/// A direction along which two boxes may be apart: the normal of a face of A or of B, or the cross
+/// A possible separating direction of two boxes: the normal of a face of A or of B, or the cross
 /// product of an edge of each.
 struct Axis {
-  double depth = kInfinity;  ///< how far A is to move out [m]
+  double depth = kInfinity;  ///< distance by which A has to move out [m]
   int a = -1;                ///< axis of A's face or edge
-  int b = -1;                ///< the same of B
+  int b = -1;                ///< axis of B's face or edge
 
   bool is_of_edges() const { return a >= 0 && b >= 0; }
 };
 
-/// The face of least depth, the first of a_0, b_0, a_1, b_1, a_2 and b_2 where some tie.
+/// Returns the face of least depth; ties go to the first of a_0, b_0, a_1, b_1, a_2, b_2.
 Axis least_face(const BoxPair& pair, double margin) {
   const auto& [h_a, h_b, C, t] = pair;
   double of_a[3];
@@ -72,7 +72,7 @@ Axis least_face(const BoxPair& pair, double margin) {
   return least;
 }
 
-/// a_i × b_j in the frame of A.
+/// Returns a_i × b_j in the frame of A.
 Vector3d edge_axis(const BoxPair& pair, int i, int j) {
   Vector3d n = Vector3d::Zero();
   n[next(i)] = -pair.C(last(i), j);
@@ -80,11 +80,11 @@ Vector3d edge_axis(const BoxPair& pair, int i, int j) {
   return n;
 }
 
-/// How far A is to move out along the cross product of edges that are nearly parallel [m]. The
-/// direction has lost digits, so that the reach of both boxes is taken along the direction as it
-/// came out, and no axis shows too little.
+/// Returns the depth along the cross product of nearly parallel edges [m]. The product has lost
+/// digits, so both boxes are projected on the direction as computed, which never underestimates the
+/// depth.
 double depth_of_flat_edges(const BoxPair& pair, int i, int j) {
-  constexpr double kParallelSine = 1e-12;  // the faces' normals see all there is
+  constexpr double kParallelSine = 1e-12;  // below, face normals suffice
   const Vector3d cross = edge_axis(pair, i, j);
   const double sine = cross.norm();
   if (sine < kParallelSine) return kInfinity;
@@ -93,17 +93,18 @@ double depth_of_flat_edges(const BoxPair& pair, int i, int j) {
          std::abs(n.dot(pair.t));
 }
 
-/// Separating axes (Gottschalk, Lin & Manocha 1996): the one of least depth, or one of depth
-/// ≤ −margin. The first where some tie.
+/// Returns the separating axis (Gottschalk, Lin & Manocha 1996) of least depth, or any of depth ≤
+/// −margin; the first on ties.
 [[gnu::always_inline]] inline Axis least_axis(const BoxPair& pair, double margin) {
-  constexpr double kFlatSquare = 1e-8;  // of the sine below which rounding takes 1e-12 of the size
+  // Squared sine below which rounding exceeds 1e-12 of the size.
+  constexpr double kFlatSquare = 1e-8;
   constexpr double kRounding = 16.0 * kEpsilon;
   const auto& [h_a, h_b, C, t] = pair;
   Axis least = least_face(pair, margin);
   if (!(least.depth > -margin)) return least;
 
-  // depths along cross products of edges are overlaps over sines; without a root for each, and
-  // with room for what rounding takes of an overlap: which may be less
+  // Depths along cross products of edges are overlaps over sines. Candidates are found without
+  // square roots, with an allowance for rounding of the overlap.
   const double rounding = kRounding * (h_a.sum() + h_b.sum() + t.cwiseAbs().sum());
   const double most = least.depth * std::abs(least.depth);
   std::array<double, 9> overlaps;
@@ -137,20 +138,21 @@ double depth_of_flat_edges(const BoxPair& pair, int i, int j) {
 
 constexpr std::uint32_t kEdgesOfBox = 12;
 
-/// The number of the edge of a box along `axis` on the given sides of the next axis and the last.
+/// Returns the number of the edge along `axis` on the given sides of the next and the last axis.
 std::uint32_t edge_number(int axis, bool upper_next, bool upper_last) {
   return 4u * static_cast<std::uint32_t>(axis) + (upper_next ? 2u : 0u) + (upper_last ? 1u : 0u);
 }
 
-/// Where two edges meet: a vertex of one box, or a point of both. The same whichever comes first.
+/// Returns the feature of a point on two edges: a vertex of a box, or the crossing of an edge of
+/// each. Symmetric in its arguments.
 std::uint32_t crossing(std::uint32_t edge_1, std::uint32_t edge_2) {
   return std::min(edge_1, edge_2) * 2 * kEdgesOfBox + std::max(edge_1, edge_2);
 }
 
 // ---- contact of faces
 
-/// A convex polygon over the face of a box, in coordinates along the axes before and after the
-/// face's and along its own. Each vertex knows the edge that leads on to the next.
+/// A convex polygon over the face of a box, in coordinates along the axes next and last to the
+/// face's axis, and along that axis. Each vertex has the number of the edge to the next vertex.
 struct Polygon {
   void add(double x, double y, double z, std::uint32_t edge) {
     if (count == kMost) return;
@@ -160,13 +162,13 @@ struct Polygon {
     edges[count++] = edge;
   }
 
-  static constexpr int kMost = 8;  ///< two quadrangles share no more
+  static constexpr int kMost = 8;  ///< two quadrangles share no more vertices
   int count = 0;
-  double coordinates[3][kMost];  ///< [m]
+  double coordinates[3][kMost];  ///< coordinates of the vertices [m]
   std::uint32_t edges[kMost];
 };
 
-/// The box beyond a face of another one, in the coordinates of that face.
+/// The other box in the coordinates of a face.
 struct OverFace {
   OverFace(const BoxPair& pair, int k, bool is_of_b) {
     const Vector3d& half = is_of_b ? pair.half_a : pair.half_b;
@@ -179,14 +181,14 @@ struct OverFace {
     }
   }
 
-  double cosines[3][3];  ///< of the box's axes, in columns
-  double arms[3][3];     ///< from its centre to its upper sides, in columns [m]
-  double centre[3];      ///< [m]
+  double cosines[3][3];  ///< cosines of the box's axes, in columns
+  double arms[3][3];     ///< arms from the centre to the upper sides, in columns [m]
+  double centre[3];      ///< centre of the box [m]
 };
 
-/// A face of the box, and half its width along two axes of the face under it.
+/// A face of the other box, with its half widths along the axes of the reference face.
 struct UpperFace : Polygon {
-  /// The face that looks most against the side of the one under it.
+  /// Takes the face whose normal is most opposed to the reference face.
   UpperFace(const OverFace& box, double side, std::uint32_t first_edge) {
     const auto& cosines = box.cosines[2];
     int j = std::abs(cosines[1]) > std::abs(cosines[0]) ? 1 : 0;
@@ -212,12 +214,12 @@ struct UpperFace : Polygon {
     count = 4;
   }
 
-  double centre[3];  ///< [m]
-  double reach[3];   ///< from the centre [m]
+  double centre[3];  ///< centre of the face [m]
+  double reach[3];   ///< half widths [m]
 };
 
-/// The part of a polygon where side·coordinate ≤ limit (Sutherland & Hodgman 1974); what bounds it
-/// there is `edge`.
+/// Writes the part of a polygon where side·coordinate ≤ limit (Sutherland & Hodgman 1974); the new
+/// boundary has the number `edge`.
 template <int kAxis>
 void clip(const Polygon& polygon, double side, double limit, std::uint32_t edge, Polygon* part) {
   const auto& [x, y, z] = polygon.coordinates;
@@ -238,8 +240,8 @@ void clip(const Polygon& polygon, double side, double limit, std::uint32_t edge,
   }
 }
 
-/// Contact of one box, by its face across axis k that looks at the other, with the face of the
-/// other that looks back.
+/// Adds the contact of the reference face, across axis k, with the face of the other box that is
+/// opposed to it.
 void collide_faces(const BoxPair& pair, int k, const BodyState& reference, bool is_of_b,
                    double margin, Manifold* manifold) {
   const OverFace other(pair, k, is_of_b);
@@ -251,8 +253,8 @@ void collide_faces(const BoxPair& pair, int k, const BodyState& reference, bool 
   const std::uint32_t first_edge = is_of_b ? kEdgesOfBox : 0;
   const UpperFace face(other, side, kEdgesOfBox - first_edge);
 
-  // a little wider than it is, the reference keeps the vertices, and so the features, of a face
-  // that ends flush with it, whatever the round-off
+  // The reference face is slightly widened, so that a face with a flush border keeps its vertices
+  // and features under rounding.
   const double wider = 1e-6 * std::min(pair.half_a.minCoeff(), pair.half_b.minCoeff());
   const double most_u = half[u] + wider;
   const double most_v = half[v] + wider;
@@ -278,7 +280,7 @@ void collide_faces(const BoxPair& pair, int k, const BodyState& reference, bool 
   const auto& [x, y, z] = polygon->coordinates;
   std::uint32_t previous = polygon->edges[polygon->count == 0 ? 0 : polygon->count - 1];
   for (int i = 0; i < polygon->count; ++i) {
-    const double height = is_of_b ? level : z[i];  // on the surface of B
+    const double height = is_of_b ? level : z[i];  // position on the surface of B
     add_point(*manifold,
               reference.position + (x[i] * R.col(u) + y[i] * R.col(v) + height * R.col(k)),
               side * (level - z[i]), crossing(previous, polygon->edges[i]), margin);
@@ -290,11 +292,11 @@ void collide_faces(const BoxPair& pair, int k, const BodyState& reference, bool 
 
 /// An edge of a box.
 struct SupportEdge {
-  Vector3d arm;  ///< from the box's centre to the edge's [m]
+  Vector3d arm;  ///< arm from the box's centre to the edge's middle [m]
   std::uint32_t number = 0;
 };
 
-/// The edge along axis k that lies farthest along n, which is in the frame of the box.
+/// Returns the edge along axis k that lies farthest along n, in the frame of the box.
 SupportEdge support_edge(const Vector3d& half, int k, const Vector3d& n) {
   const bool upper_next = n[next(k)] > 0.0;
   const bool upper_last = n[last(k)] > 0.0;
@@ -304,15 +306,15 @@ SupportEdge support_edge(const Vector3d& half, int k, const Vector3d& n) {
   return {arm, edge_number(k, upper_next, upper_last)};
 }
 
-/// Contact of the edges that lie farthest along their cross product. None where boxes are apart and
-/// the edges do not cross.
+/// Adds the contact of the edges farthest along their cross product; none for separated boxes whose
+/// edges do not cross.
 void collide_edges(const BoxPair& pair, const Axis& axis, const BodyState& a, double margin,
                    Manifold* manifold) {
-  // coefficient by coefficient: packets would wait for what was stored by coefficients before
+  // Scalar arithmetic, since vector loads would wait for the scalar stores before them.
   const auto& [h_a, h_b, C, t] = pair;
   const int i = axis.a, u = next(i), v = last(i);
   const int j = axis.b, k = next(j), l = last(j);
-  double n_u = -C(v, j), n_v = C(u, j);  // the cross product, along A's axes u and v
+  double n_u = -C(v, j), n_v = C(u, j);  // cross product along A's axes u and v
   const double square = n_u * n_u + n_v * n_v;
   const double sine = n_u * t[u] + n_v * t[v] > 0.0 ? -std::sqrt(square) : std::sqrt(square);
   n_u /= sine;
@@ -326,7 +328,7 @@ void collide_edges(const BoxPair& pair, const Axis& axis, const BodyState& a, do
     return t[x] + (C(x, k) * arm_k + C(x, l) * arm_l);
   };
 
-  // the point of B's edge nearest to the line of A's
+  // Point of B's edge nearest to the line of A's edge.
   const double m_i = middle(i), m_u = middle(u), m_v = middle(v);
   const double s = (C(u, j) * (arm_u - m_u) + C(v, j) * (arm_v - m_v)) / square;
   const double s_a = m_i + s * C(i, j);
@@ -345,9 +347,9 @@ void collide_edges(const BoxPair& pair, const Axis& axis, const BodyState& a, do
       margin);
 }
 
-// ---- boxes apart whose nearest features are neither a face nor crossing edges
+// ---- separated boxes whose nearest features are neither a face nor crossing edges
 
-/// Two points and their distance, squared.
+/// Nearest points of two boxes so far, with their squared distance.
 struct Nearest {
   Vector3d on_a, on_b;
   std::uint32_t feature = 0;
@@ -359,14 +361,14 @@ struct Nearest {
   }
 };
 
-/// A vertex of a box, from its centre.
+/// Returns a vertex of a box relative to its centre.
 Vector3d vertex(const Vector3d& half, std::uint32_t i) {
   return {(i & 1u) != 0 ? half[0] : -half[0], (i & 2u) != 0 ? half[1] : -half[1],
           (i & 4u) != 0 ? half[2] : -half[2]};
 }
 
-/// The nearest points of an edge of A and an edge of B (Ericson 2005, 5.1.9). The ends are among
-/// vertices.
+/// Compares the nearest points of an edge of A and an edge of B (Ericson 2005, 5.1.9). Ends of
+/// edges are compared as vertices.
 void lower_by_edges(const BoxPair& pair, int i, const SupportEdge& of_a, int j,
                     const SupportEdge& of_b, Nearest* nearest) {
   const Vector3d along_b = pair.C.col(j);
@@ -383,9 +385,9 @@ void lower_by_edges(const BoxPair& pair, int i, const SupportEdge& of_a, int j,
   nearest->lower(p_a, p_b, crossing(of_a.number, kEdgesOfBox + of_b.number));
 }
 
-/// The nearest points of two boxes apart, among all vertices and edges.
+/// Returns the nearest points of two separated boxes, among all vertices and edges.
 [[gnu::noinline, gnu::cold]] Nearest nearest_points(const BoxPair& pair) {
-  // features beyond those of edges that meet
+  // Features of vertices, numbered after the features of edge pairs.
   constexpr std::uint32_t kVerticesOfA = 4 * kEdgesOfBox * kEdgesOfBox;
   constexpr std::uint32_t kVerticesOfB = kVerticesOfA + 8;
   const Matrix3d to_b = pair.C.transpose();
@@ -411,11 +413,13 @@ void lower_by_edges(const BoxPair& pair, int i, const SupportEdge& of_a, int j,
   return nearest;
 }
 
-/// Where the nearest points of boxes apart are other ones than those found, takes these in their
-/// place. `apart`: the least that their distance can be [m].
+/// Replaces the points of separated boxes by the nearest points where these are closer. `apart` is
+/// a lower bound of their distance [m].
 void take_nearest(const BoxPair& pair, const BodyState& a, double apart, double margin,
                   Manifold* manifold) {
-  constexpr double kShare = 0.01;  // of the margin, so that boxes about to rest keep their faces
+  // Share of the margin by which nearest points must be closer, so that boxes about to rest keep
+  // their faces.
+  constexpr double kShare = 0.01;
   double least = margin;
   for (int i = 0; i < manifold->count; ++i)
     least = std::min(least, -manifold->points[static_cast<std::size_t>(i)].depth);
@@ -430,16 +434,16 @@ void take_nearest(const BoxPair& pair, const BodyState& a, double apart, double 
   add_point(*manifold, a.position + R * nearest.on_b, -gap, nearest.feature, margin);
 }
 
-// ---- which of these
+// ---- choice of the contact
 
-/// The face of A and that of B whose normals are the nearest to an axis, with the cosines.
+/// Faces of A and of B whose normals are nearest to an axis, with the cosines.
 struct NearestFaces {
   NearestFaces(const BoxPair& pair, const Axis& axis) : a(axis.a), b(axis.b) {
     const Matrix3d& C = pair.C;
     if (axis.is_of_edges()) {
-      const double n_u = std::abs(C(last(a), b));  // of the cross product along A's axes
+      const double n_u = std::abs(C(last(a), b));  // cross product along A's axes
       const double n_v = std::abs(C(next(a), b));
-      const double m_u = std::abs(C(a, last(b)));  // and along B's
+      const double m_u = std::abs(C(a, last(b)));  // cross product along B's axes
       const double m_v = std::abs(C(a, next(b)));
       const double sine = std::sqrt(n_u * n_u + n_v * n_v);
       cosine_a = std::max(n_u, n_v) / sine;
@@ -481,10 +485,11 @@ Manifold collide_box_box(const Vector3d& size_a, const BodyState& a, const Vecto
   Manifold manifold;
   if (!(axis.depth > -margin)) return manifold;
 
-  // The points of a face hold a box more firmly than one crossing of edges. So the face is taken
-  // also where the edges' axis is nearly its normal, as it is with boxes that rest on each other.
+  // A face contact with several points holds a box more firmly than a crossing of edges. The face
+  // is also taken where the axis of the edges is nearly its normal, as with boxes at rest on each
+  // other.
   constexpr double kFaceCosine = 0.999;
-  // A's face where both are parallel, so that round-off cannot switch them and rename the points
+  // A's face is taken where both are parallel, so that rounding cannot switch faces and features.
   constexpr double kParallel = 1e-6;
   const NearestFaces faces(pair, axis);
   if (std::max(faces.cosine_a, faces.cosine_b) < kFaceCosine)

@@ -1,4 +1,4 @@
-// What touches a box, but for other boxes.
+// Contacts of a box with planes and spheres.
 
 #include <cmath>
 
@@ -16,14 +16,14 @@ struct OrientedBox {
   OrientedBox(const Vector3d& size, const BodyState& state)
       : centre(state.position), axes(state.orientation.toRotationMatrix()), half(0.5 * size) {}
 
-  /// From the centre to a side [m].
+  /// Returns the arm from the centre to a side [m].
   Vector3d arm(int axis, bool upper) const {
     return axes.col(axis) * (upper ? half[axis] : -half[axis]);
   }
 
   Vector3d centre;
-  Matrix3d axes;  ///< in columns
-  Vector3d half;  ///< of the edge lengths [m]
+  Matrix3d axes;  ///< axes in columns
+  Vector3d half;  ///< half edge lengths [m]
 };
 
 }  // namespace
@@ -57,7 +57,7 @@ Manifold collide_box_sphere(const Vector3d& size_a, const BodyState& a, const Ve
     manifold.normal = box.axes * (nearest - centre) / distance;
     depth = radius_b - distance;
   } else {
-    // the centre is inside: out through the nearest face, the first of them where they tie
+    // A centre inside the box leaves through the nearest face, the first on ties.
     int k = 0;
     const double below_face = (box.half - centre.cwiseAbs()).minCoeff(&k);
     manifold.normal = box.axes.col(k) * (centre[k] < 0.0 ? 1.0 : -1.0);

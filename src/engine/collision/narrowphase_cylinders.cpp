@@ -1,5 +1,5 @@
-// What touches a cylinder. Against boxes and other cylinders: the axis of least depth, then the
-// features of both that look along it, clipped by each other.
+// Contacts of a cylinder. With boxes and cylinders: the axis of least depth, then the features of
+// both shapes along this axis, clipped by each other.
 
 #include <algorithm>
 #include <array>
@@ -18,35 +18,36 @@ namespace {
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kLevelSine = 1e-4;  // below it a cap has no lowest point
-constexpr double kWider = 1e-6;      // of a clipping face, so that flush ones keep their points
+constexpr double kLevelSine = 1e-4;  // sine below which a cap has no lowest point
+// Relative widening of a clipping face, so that flush ones keep their points.
+constexpr double kWider = 1e-6;
 
 // ---- features
 
-// Of a box: vertices 0 to 7, edges 8 to 19, faces 20 to 25. Of a cylinder: points of its rims 0 to
-// 15, its side 16, its caps 20 and 21.
+// Codes of features. Box: vertices 0 to 7, edges 8 to 19, faces 20 to 25. Cylinder: points of its
+// rims 0 to 15, its side 16, its caps 20 and 21.
 constexpr std::uint32_t kFirstEdge = 8, kSide = 16, kFirstFace = 20, kNothing = 31;
 
-/// The part of a solid that looks along a direction: a point, a line or an area.
+/// The extreme part of a solid along a direction: a point, a line or an area.
 struct Feature {
   enum class Kind : char { kPoint, kLine, kArea };
 
-  /// A point of it with the codes of what it lies on.
+  /// A point with the code of the feature that it lies on.
   struct End {
     Vector3d p;
     std::uint32_t code;
   };
 
   Kind kind = Kind::kPoint;
-  End ends[2];                        ///< of a point the first
-  Vector3d centre, u, v;              ///< of an area, with unit vectors in it
-  Vector3d out;                       ///< its unit normal
-  double half_u = 0.0, half_v = 0.0;  ///< of a face; of a cap its radius [m]
+  End ends[2];                        ///< ends of a line; a point uses the first
+  Vector3d centre, u, v;              ///< centre of an area, and unit vectors in it
+  Vector3d out;                       ///< unit normal of an area
+  double half_u = 0.0, half_v = 0.0;  ///< half edges of a face, or the radius of a cap twice [m]
   bool is_round = false;
-  std::uint32_t code = 0;  ///< of the line or area
+  std::uint32_t code = 0;  ///< code of the line or area
 };
 
-/// Which point of a box, 0 to 7, by signs.
+/// Returns the number of a vertex, 0 to 7, by signs.
 std::uint32_t vertex_of(const Vector3d& signs) {
   return (signs.x() > 0.0 ? 1U : 0U) + (signs.y() > 0.0 ? 2U : 0U) + (signs.z() > 0.0 ? 4U : 0U);
 }
@@ -90,8 +91,8 @@ Feature feature_of_box(const Solid& box, const Vector3d& along) {
   return feature;
 }
 
-/// The number of the point of a rim: how many quarters it is turned from the lowest one, or from
-/// the x axis of a level cap.
+/// Returns the code of a point of a rim. `quarter` counts quarter turns from the lowest point, or
+/// from the x axis of a level cap.
 std::uint32_t rim_code(bool is_upper, bool is_level, int quarter) {
   return (is_upper ? 8U : 0U) + (is_level ? 4U : 0U) + static_cast<std::uint32_t>(quarter);
 }
@@ -132,8 +133,8 @@ Feature feature_of(const Solid& solid, const Vector3d& along) {
   return solid.is_round ? feature_of_cylinder(solid, along) : feature_of_box(solid, along);
 }
 
-/// Four points of the rim of a cap: the lowest toward `up`, which looks out of what it lies on, and
-/// those a quarter on; of a level cap along its body's axes.
+/// Returns four points of the rim of a cap, at quarter turns from the lowest point against `up`, or
+/// along the body's axes for a level cap.
 std::array<Feature::End, 4> rim_of(const Feature& cap, const Vector3d& up) {
   Vector3d down = -(cap.u * cap.u.dot(up) + cap.v * cap.v.dot(up));
   const double sine = down.norm();
@@ -148,7 +149,7 @@ std::array<Feature::End, 4> rim_of(const Feature& cap, const Vector3d& up) {
   return rim;
 }
 
-/// Where along the normal n a point is over an area, from the area's centre, along its u and v.
+/// Returns the projection along n of a point on an area, relative to its centre, along its u and v.
 Vector2d over(const Feature& area, const Vector3d& n, const Vector3d& p) {
   const Vector3d d = p - area.centre;
   const Vector3d in = d - n * (area.out.dot(d) / area.out.dot(n));
@@ -162,10 +163,10 @@ bool is_over(const Feature& area, const Vector3d& n, const Vector3d& p) {
          std::abs(x.y()) <= area.half_v * (1.0 + kWider);
 }
 
-/// The part of a line that lies over an area.
+/// Part of a line that lies over an area.
 struct Part {
   double from = 0.0, to = 1.0;                             ///< shares of the line
-  std::uint32_t from_edge = kNothing, to_edge = kNothing;  ///< of the area, that cuts the line
+  std::uint32_t from_edge = kNothing, to_edge = kNothing;  ///< edges of the area that cut the line
 };
 
 std::optional<Part> part_over(const Feature& area, const Vector3d& n, const Vector3d& p_0,
@@ -182,7 +183,8 @@ std::optional<Part> part_over(const Feature& area, const Vector3d& n, const Vect
     const double a = d.squaredNorm(), b = x.dot(d), c = x.squaredNorm() - radius * radius;
     const double root = b * b - a * c;
     if (!(root >= 0.0) || a == 0.0) return std::nullopt;
-    const double most = -b - std::copysign(std::sqrt(root), b);  // without cancellation
+    // Root formula without cancellation.
+    const double most = -b - std::copysign(std::sqrt(root), b);
     const double s_0 = most / a, s_1 = most == 0.0 ? 0.0 : c / most;
     cut(std::min(s_0, s_1), std::max(s_0, s_1), 0, 1);
   } else {
@@ -206,7 +208,7 @@ std::optional<Part> part_over(const Feature& area, const Vector3d& n, const Vect
 
 // ---- points
 
-/// Collects the points in which the features of A and B meet.
+/// Collects the contact points of the features of A and B.
 class Meeting {
  public:
   Meeting(const Solid& a, const Solid& b, const Vector3d& origin, const LeastDepthAxis& axes,
@@ -226,7 +228,7 @@ class Meeting {
       meet_lines();
   }
 
-  /// Of a point, or of features that do not lie over each other: the farthest point of one of them.
+  /// Adds the extreme point of A or B, for point features and features that do not overlap.
   void add_farthest(const Solid& b, const LeastDepthAxis& axes) {
     const Vector3d on_b = a_.kind == Kind::kPoint
                               ? Vector3d(a_.ends[0].p + axes.depth() * axes.normal())
@@ -250,7 +252,7 @@ class Meeting {
     add_point(manifold_, origin_ + on_b, manifold_.normal.dot(on_b - on_a), feature, margin_);
   }
 
-  // A point of one against an area of the other, along the normal.
+  // Adds a point of one shape against an area of the other, along the normal.
   void add_over(const Feature& area, const Vector3d& p, std::uint32_t feature) {
     const Vector3d& n = manifold_.normal;
     const Vector3d there = p - n * (area.out.dot(p - area.centre) / area.out.dot(n));
@@ -260,7 +262,8 @@ class Meeting {
       add(there, p, feature);
   }
 
-  // A part of a line, whose second end a line that begins there may give.
+  // Adds the part of a line over an area. Without `with_end` an uncut second end is left to the
+  // next line of a polygon.
   void add_part(const Feature::End (&ends)[2], std::uint32_t line, const Feature& area,
                 bool with_end) {
     const auto part = part_over(area, manifold_.normal, ends[0].p, ends[1].p);
@@ -291,7 +294,7 @@ class Meeting {
       add(a_.ends[0].p + s_a * d_a, b_.ends[0].p + s_b * d_b, code(a_.code, b_.code, kNothing));
       return;
     }
-    // nearly parallel: the ends of each beside the other
+    // Nearly parallel lines: the ends of each line beside the other line.
     const auto add_beside = [&](const Feature& of, const Feature& line) {
       const Vector3d d = line.ends[1].p - line.ends[0].p;
       for (const Feature::End& end : of.ends) {
@@ -308,7 +311,7 @@ class Meeting {
     add_beside(b_, a_);
   }
 
-  // B is a cap, A a face or a cap.
+  // Adds the contact of areas: B is a cap, A a face or a cap.
   void meet_areas() {
     const Vector3d& n = manifold_.normal;
     if (a_.is_round) {
@@ -328,7 +331,8 @@ class Meeting {
       if (is_over(b_, n, end.p)) add_over(b_, end.p, code(end.code, b_.code, kNothing));
   }
 
-  // Where the rims of two caps cross, seen along the normal, which is that of a cap.
+  // Adds the crossings of the rims of two caps, projected along the normal, which is a normal of a
+  // cap.
   void meet_rims() {
     const Vector2d x = over(b_, manifold_.normal, a_.centre);
     const double distance = x.norm(), r_a = a_.half_u, r_b = b_.half_u;
@@ -417,7 +421,7 @@ Manifold collide_cylinder_sphere(const Cylinder& cylinder_a, const BodyState& a,
     const double distance = std::sqrt(distance_squared);
     manifold.normal = cylinder.axes * d / distance;
     depth = radius_b - distance;
-  } else {  // the centre is inside: out through the nearest of side and caps, the side on a tie
+  } else {  // centre inside: leaves through the nearest of side and caps, on a tie the side
     const double below_side = r - across, below_cap = half - std::abs(centre.z());
     const bool by_side = below_side <= below_cap;
     manifold.normal = by_side ? Vector3d(-(cylinder.axes * radial))

@@ -8,13 +8,14 @@ namespace {
 
 using Eigen::Vector3d;
 
-// of the velocity of A against B in p along n
+// Jacobian of the velocity of A relative to B at p along n.
 Jacobian jacobian(const BodyState& a, const BodyState& b, const Vector3d& p, const Vector3d& n) {
   return {n, (p - a.position).cross(n), -n, -(p - b.position).cross(n)};
 }
 
-// Pushes the depth out by Baumgarte, but for the fall of one step, or contacts at rest would open
-// and close; or bounces, if it arrives faster than rest does.
+// Sets target and correction of the normal row. An approach faster than rest bounces. Baumgarte
+// removes the penetration beyond a slop of g h², the fall of one step: without it contacts at rest
+// would open and close.
 void aim_normal(Row* row, double approach, double depth, const ContactSurface& surface,
                 const ContactStep& step) {
   const double slop = step.gravity * step.h * step.h;

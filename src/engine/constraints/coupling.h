@@ -8,25 +8,26 @@
 
 namespace constraint_sim::engine {
 
-// What couples coordinates of joints: Σ ratio q = constant, a row of up to four bodies. Its
-// gradient, γ and discrete gradient are the weighted sums of those of the coordinates.
+// Couplings of coordinates of joints: Σ ratio q = constant, a row of up to four bodies. Its
+// gradient, γ and discrete gradient are weighted sums over the coordinates.
 
-/// A coordinate in it.
+/// A coordinate of a coupling, with its weight `ratio`.
 struct CoupledTerm {
-  std::size_t joint = 0;  ///< by index
-  int coordinate = 0;     ///< of that joint
+  std::size_t joint = 0;  ///< index of the joint
+  int coordinate = 0;     ///< coordinate of the joint
   double ratio = 1.0;
 };
 using CoupledTerms = std::array<CoupledTerm, 2>;
 
-/// Metres a radian of a screw.
+/// Returns the lead of a screw [m/rad].
 double lead(const Joint& screw);
 
-/// Takes value and rate from the coordinates as they read now.
+/// Sets value and rate of the coupling from the coordinates of the joints.
 void read_coupling(const CoupledTerms& terms, const List<JointState>& states,
                    CouplingState* coupling);
 
-/// Adds what it does along these coordinates [N or N m], once the joints are read.
+/// Adds the generalized force of a coupling to the efforts of its coordinates [N or N m], after the
+/// joints have theirs.
 void add_coupled_effort(const CoupledTerms& terms, double effort, List<JointState>* states);
 
 }  // namespace constraint_sim::engine

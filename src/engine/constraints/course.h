@@ -7,19 +7,19 @@
 
 namespace constraint_sim::engine {
 
-/// A length over time and how it changes.
+/// A prescribed length or share with its derivatives.
 struct Prescribed {
   double value = 0.0;         ///< [m]
   double rate = 0.0;          ///< [m/s]
   double acceleration = 0.0;  ///< [m/s²]
 };
 
-/// ω of ζ [rad/s].
+/// Returns the angular frequency ω of ζ [rad/s].
 inline double motor_omega(const Motor& motor) {
   return 2.0 * 3.14159265358979323846 * motor.frequency;
 }
 
-/// ∫ζ dt from t to t + h [m].
+/// Returns ∫ζ dt from t to t + h [m].
 inline double motor_travel(const Motor& motor, double t, double h) {
   double travel = motor.bias * h;
   if (motor.amplitude == 0.0) return travel;
@@ -31,19 +31,19 @@ inline double motor_travel(const Motor& motor, double t, double h) {
   return travel;
 }
 
-/// Sine and cosine of the phase of ζ at time t; not computed where ζ is constant.
+/// Returns sine and cosine of the phase of ζ at time t; the default where ζ is constant.
 inline math::SineCosine motor_phase(const Motor& motor, double t) {
   if (motor.amplitude == 0.0) return {};
   return math::sin_cos(motor_omega(motor) * t + motor.phase);
 }
 
-/// ∫ζ dt over `h` seconds from a time with the given phase, with ζ and its rate at the end.
+/// Returns ∫ζ dt over `h` seconds from a time of the given phase, with ζ and its rate at the end.
 inline Prescribed motor_course(const Motor& motor, const math::SineCosine& phase, double h) {
   if (motor.amplitude == 0.0) return {motor.bias * h, motor.bias, 0.0};
-  // the phase in the middle is x = ωh/2 ahead, the phase at the end 2x
+  // With x = ωh/2 the phase advances by x to the middle and by 2x to the end.
   const double omega = motor_omega(motor);
   const double x = 0.5 * omega * h;
-  // the root is cheaper than a cosine, and as exact where s² is far below 1
+  // The root is cheaper than a cosine, and as exact where s² is far below 1.
   const double s = math::sin(x);
   const double c = std::abs(x) <= 0.5 ? std::sqrt(1.0 - s * s) : math::cos(x);
   const double sinc = x == 0.0 ? 1.0 : s / x;
@@ -54,8 +54,8 @@ inline Prescribed motor_course(const Motor& motor, const math::SineCosine& phase
           motor.amplitude * omega * (phase.cosine * cosine - phase.sine * sine)};
 }
 
-/// Share of an error left by an edit that is still there `since` seconds later: 1 at first, 0 after
-/// the closing time, with no velocity and no acceleration at either end: 1 − 10u³ + 15u⁴ − 6u⁵.
+/// Returns the share of an error that is left `since` seconds after an edit: 1 − 10u³ + 15u⁴ − 6u⁵
+/// with u = since/closing_time. Velocity and acceleration are zero at both ends.
 Prescribed closing_course(double since, double closing_time);
 
 }  // namespace constraint_sim::engine

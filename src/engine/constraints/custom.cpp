@@ -19,7 +19,8 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// Finite differences of step ε are off by ε² C''' and by rounding over ε.
+// Step ε of central differences, times 1 + ‖d‖. Their error is ε² C''' by truncation, and grows as
+// 1/ε by rounding.
 constexpr double kStep = 1e-5;
 constexpr double kSlopesAgree = 1e-6;
 
@@ -63,7 +64,7 @@ double product(const FramePair& a, const FramePair& b) {
          a.axes_B.cwiseProduct(b.axes_B).sum();
 }
 
-// a + share b
+// Returns a + share b.
 FramePair sum(const FramePair& a, double share, const FramePair& b) {
   return {a.d + share * b.d, a.axes_A + share * b.axes_A, a.axes_B + share * b.axes_B};
 }
@@ -91,7 +92,7 @@ bool is_finite(const CustomWrench& wrench) {
   return wrench.force.allFinite() && wrench.torque.allFinite();
 }
 
-/// The one of 21 numbers with this index is 1.
+/// Returns a FramePair with 1 for the number `index` of 21, and 0 for the others.
 FramePair unit(int index) {
   FramePair z;
   if (index < 3)
@@ -175,7 +176,7 @@ double CustomCode::rate(const JointVectors& vectors, const JointMotion& motion) 
   return product(gradient(vectors), rates_of(vectors, motion));
 }
 
-// γ of the function, and ∇C · z̈ of axes and arms that turn at constant rates
+// Adds ∇C · z̈ of axes and arms that turn at constant rates to the γ of the function.
 double CustomCode::gamma(const JointVectors& vectors, const JointMotion& motion) const {
   const FramePair at = frames(vectors), rates = rates_of(vectors, motion);
   const Vector3d w_B = motion.w_B + motion.spin;
@@ -185,14 +186,15 @@ double CustomCode::gamma(const JointVectors& vectors, const JointMotion& motion)
          product(gradient_at(at), bias);
 }
 
-// ∇C at the mean, and along the change what that misses (Gonzalez, J. Nonlinear Sci. 6 (1996) 449)
+// Returns ∇C at the mean, corrected along the change so that the product with the change is the
+// change of C (Gonzalez, J. Nonlinear Sci. 6 (1996) 449).
 Jacobian CustomCode::discrete_gradient(const JointVectors& start, const JointVectors& end) const {
   const JointVectors mean = between(start, end, 0.5);
   const FramePair change = sum(frames(end), -1.0, frames(start));
   FramePair g = gradient(mean);
   const double square = product(change, change);
   const double missed = value(end) - value(start) - product(g, change);
-  // less is rounding of values of this slope, which is nothing to divide by a short change
+  // A smaller error is rounding of the two values; divided by a short change it would grow.
   const double rounding = 8.0 * kEpsilon * std::sqrt(product(g, g)) * (1.0 + mean.d.norm());
   if (std::abs(missed) > rounding) g = sum(g, missed / square, change);
   return on_bodies(mean, g);
@@ -210,7 +212,8 @@ Jacobian CustomCode::wrench(double t, const JointVectors& vectors,
   return sum;
 }
 
-// Central differences: of C for the gradient, of the gradient for γ.
+// Compares the gradient with central differences of C, and γ with central differences of the
+// gradient.
 void CustomCode::check(const JointVectors& vectors) const {
   if (force_ != nullptr) {
     wrench(0.0, vectors, JointMotion());

@@ -12,14 +12,14 @@
 
 namespace constraint_sim::engine {
 
-/// What functions of another package threw or returned.
+/// A function of another package threw, or returned a number that is not finite.
 struct CustomFailure : std::invalid_argument {
   CustomFailure(std::string joint, const std::string& why)
       : std::invalid_argument("custom: " + why), joint_name(std::move(joint)) {}
   std::string joint_name;
 };
 
-/// The functions of one joint, with its name for what they do wrong.
+/// Functions of a custom joint, with its name and type for error messages.
 class CustomCode {
  public:
   CustomCode(std::string joint_name, std::string type,
@@ -31,11 +31,11 @@ class CustomCode {
   double rate(const JointVectors& vectors, const JointMotion& motion) const;
   double gamma(const JointVectors& vectors, const JointMotion& motion) const;
   FramePair gradient(const JointVectors& vectors) const;
-  /// Gonzalez's: its product with the change of the vectors is the change of C.
+  /// Discrete gradient of Gonzalez: its product with the change of the vectors is the change of C.
   Jacobian discrete_gradient(const JointVectors& start, const JointVectors& end) const;
-  /// The wrench as a Jacobian's columns: force and torque about the centres of A and of B.
+  /// Wrench in the layout of a Jacobian: force and torque about the centres of A and of B.
   Jacobian wrench(double t, const JointVectors& vectors, const JointMotion& motion) const;
-  /// Throws where gradient and γ are not those of the value near this pose.
+  /// Throws where gradient or γ contradict the value near this pose.
   void check(const JointVectors& vectors) const;
 
  private:
@@ -49,8 +49,8 @@ class CustomCode {
   std::shared_ptr<const CustomForce> force_;
 };
 
-/// Sorts the parameters and makes the functions. Throws std::invalid_argument naming the type or
-/// the parameter.
+/// Sorts the parameters and makes the functions of a custom joint. Throws std::invalid_argument
+/// naming the type or the parameter.
 void make_custom_code(Joint* joint);
 
 }  // namespace constraint_sim::engine

@@ -8,9 +8,11 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kShortestShare = 0.01;  // of the length as added: what a motor cannot wind in
+// Shortest length that a motor winds to, as a share of the length when added.
+constexpr double kShortestShare = 0.01;
 
-// where the two ends are now; without a lower limit 0, without an upper one infinity
+// Limits of the length, shifted by the motor's travel; 0 without a lower limit, infinity without an
+// upper limit.
 struct Limits {
   double min, max;
 

@@ -5,30 +5,31 @@
 
 namespace constraint_sim::engine {
 
-// The distance joint, the tutorial's constraint scaled by ‖d‖ so that it is in metres:
+// The distance joint, the tutorial's constraint divided by ‖d‖, so that C is in metres:
 //   C = ‖d‖ − L                      d = x_B + r_B − x_A − r_A,  n = d/‖d‖
 //   Ċ = n·ḋ                          so J = (−n, −r_A × n, n, r_B × n)
 //   K = J M⁻¹ Jᵀ                     the tutorial's "constraint mass"
-// L is the length plus the motor's travel. Each limit has a one-sided row, with its own end for L.
+// L is the length plus the motor's travel. Each limit is a one-sided row with its own L.
 
-/// n; of coincident anchors, where C has no gradient, the x axis of the world.
+/// Returns n = d/‖d‖; for coincident anchors, where C has no gradient, the x axis of the world.
 Eigen::Vector3d direction(const AnchorPair& anchors);
 
-/// How much longer than it should be [m]; within limits 0. `travel` is the motor's.
+/// Returns the error of the length [m], positive where it is too long; 0 between limits. `travel`
+/// is the motor's travel [m].
 double distance_error(const DistanceJoint& joint, double distance, double travel);
 
-/// Writes the rows of the joint and returns how many: one for a rod or spring, one for each
-/// limit. C and J are set; of a spring `softness` stays 0. Limits are one-sided in `lower`,
-/// `upper`.
+/// Writes C, J and bounds of the rows of the joint and returns their number: one for a rod or
+/// spring, one for each limit. `softness` of a spring stays 0. Rows of limits are one-sided by
+/// `lower` and `upper`.
 int write_distance_rows(const DistanceJoint& joint, const AnchorPair& anchors, double travel,
                         Row* rows);
 
-/// Whether the anchors are free between the limits, with no length of their own.
+/// Whether the anchors are free between limits, without a rod or spring.
 inline bool is_between_limits(const DistanceJoint& joint) {
   return joint.is_limited() && !joint.is_soft();
 }
 
-/// The lowest travel [m] that leaves a length to wind at: a motor stops at 1 % of it.
+/// Returns the lowest travel of the motor [m], which leaves 1 % of the length.
 double least_travel(const DistanceJoint& joint);
 
 }  // namespace constraint_sim::engine

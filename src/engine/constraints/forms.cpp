@@ -9,7 +9,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-// x/sin x and its derivative
+// Function x/sin x and its derivative.
 struct Stretch {
   double value, slope;
 
@@ -31,13 +31,13 @@ auto sum(const std::array<AngleForm::Term, 2>& terms, Evaluate evaluate) {
   return evaluate(terms[0].form) * terms[0].weight + evaluate(terms[1].form) * terms[1].weight;
 }
 
-// d/‖d‖; of coincident anchors the x axis of the world
+// Returns d/‖d‖; for coincident anchors the x axis of the world.
 Eigen::Vector3d unit(const Eigen::Vector3d& d) {
   const double length = d.norm();
   return length > 0.0 ? Eigen::Vector3d(d / length) : Eigen::Vector3d::UnitX();
 }
 
-// the Jacobian whose force on B is n
+// Returns the Jacobian whose force on B is n.
 Jacobian along(const JointVectors& vectors, const Eigen::Vector3d& n) {
   return {-n, -vectors.r_A.cross(n), n, vectors.r_B.cross(n)};
 }
@@ -96,7 +96,8 @@ double rate(const ScalarForm& form, const JointVectors& vectors, const JointMoti
          (at.c * at.c + at.s * at.s);
 }
 
-// (c γ_s − s γ_c − 2 φ̇ (c ċ + s ṡ))/(c² + s²); (‖ḋ‖² + d·β_d − ℓ̇²)/ℓ
+// γ of an angle: (c γ_s − s γ_c − 2 φ̇ (c ċ + s ṡ))/(c² + s²); of a length ℓ: (‖ḋ‖² + d·β_d −
+// ℓ̇²)/ℓ.
 double gamma(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion) {
   if (form.is_product) return product_gamma(form.product, vectors, motion);
   if (form.is_length) {
@@ -137,7 +138,8 @@ double unwound(double angle, double reference) {
   return angle + 2.0 * kPi * std::round((reference - angle) / (2.0 * kPi));
 }
 
-// With σ = s₁c₀ − c₁s₀, χ = c₀c₁ + s₀s₁, P = √(σ² + χ²): Δφ = atan2(σ, χ), κ = k(Δφ)/P.
+// With σ = s₁c₀ − c₁s₀, χ = c₀c₁ + s₀s₁, P = √(σ² + χ²): Δφ = atan2(σ, χ), κ = k(Δφ)/P, k(x) =
+// x/sin x.
 AngleStep::AngleStep(CosineAndSine<double> start, CosineAndSine<double> end) {
   const double sigma = end.s * start.c - end.c * start.s;
   const double chi = start.c * end.c + start.s * end.s;

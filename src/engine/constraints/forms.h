@@ -7,11 +7,11 @@
 
 namespace constraint_sim::engine {
 
-// What is free in a joint, as functions of its vectors: a translation z_A·d is a product like any
+// Free coordinates of a joint as functions of its vectors. A translation z_A·d is a product like a
 // row; an angle is φ = atan2(s, c) with c and s weighted sums of products; a length is ‖d‖.
 
-/// The twist φ of a joint's frame on B about an axis. With c = ½(x_A·x_B + y_A·y_B) and
-/// s = ½(y_A·x_B − x_A·y_B) it is regular up to a swing of half a turn.
+/// Angle φ by which the joint's frame on B is twisted about an axis. With c = ½(x_A·x_B + y_A·y_B)
+/// and s = ½(y_A·x_B − x_A·y_B) the angle is regular up to a swing of half a turn.
 struct AngleForm {
   struct Term {
     RowForm form;
@@ -27,21 +27,21 @@ struct LengthForm {};
 struct ScalarForm {
   bool is_angle = false;
   bool is_length = false;
-  RowForm product;          ///< unless an angle; of a length ½ d·d
-  bool is_product = false;  ///< neither an angle, a length nor custom
+  RowForm product;          ///< product u·v; ½ d·d for a length; not used for an angle
+  bool is_product = false;  ///< whether the value is `product`
   AngleForm angle;
 
   constexpr ScalarForm() : ScalarForm(RowForm{}) {}
-  // NOLINTNEXTLINE(google-explicit-constructor): a row is one
+  // NOLINTNEXTLINE(google-explicit-constructor): each row is a scalar form
   constexpr ScalarForm(RowForm form) : product(form), is_product(!form.is_custom()) {}
   constexpr explicit ScalarForm(AngleForm form) : is_angle(true), angle(form) {}
   constexpr explicit ScalarForm(LengthForm /*form*/) : is_length(true) {}
 
-  /// Whether it is in metres.
+  /// Whether the value is in metres.
   constexpr bool has_separation() const { return !is_angle && product.has_separation(); }
 };
 
-/// c and s, or their Jacobians, rates or γ.
+/// Numbers c and s of an AngleForm, or their Jacobians.
 template <class Number>
 struct CosineAndSine {
   Number c{}, s{};
@@ -50,33 +50,34 @@ struct CosineAndSine {
 CosineAndSine<double> values(const AngleForm& form, const JointVectors& vectors);
 CosineAndSine<Jacobian> jacobians(const AngleForm& form, const JointVectors& vectors);
 
-/// u·v, ‖d‖, or φ in (−π, π].
+/// Returns u·v, ‖d‖, or φ in (−π, π].
 double value(const ScalarForm& form, const JointVectors& vectors);
 
-/// Of (v_A, ω_A, v_B, ω_B); of an angle (c ∇s − s ∇c)/(c² + s²), of a length ∇(½ d·d)/‖d‖.
+/// Returns the Jacobian by (v_A, ω_A, v_B, ω_B): (c ∇s − s ∇c)/(c² + s²) for an angle, ∇(½ d·d)/‖d‖
+/// for a length.
 Jacobian jacobian(const ScalarForm& form, const JointVectors& vectors);
 
 double rate(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion);
 
-/// γ = q̈ − J V̇.
+/// Returns γ = q̈ − J V̇.
 double gamma(const ScalarForm& form, const JointVectors& vectors, const JointMotion& motion);
 
-/// `angle` with the whole turns that bring it nearest to `reference` [rad].
+/// Returns `angle` plus the whole turns that bring it nearest to `reference` [rad].
 double unwound(double angle, double reference);
 
-/// Weights of two Jacobians.
+/// Returns the weighted sum of two Jacobians.
 Jacobian combined(double weight_a, const Jacobian& a, double weight_b, const Jacobian& b);
 
-/// The Jacobian G of a step with G·step = q₁ − q₀.
+/// Returns the discrete gradient G of a step, with G·step = q₁ − q₀.
 Jacobian discrete_gradient(const ScalarForm& form, const JointVectors& start,
                            const JointVectors& end);
 
-/// The change of an angle over a step from (c₀, s₀) to (c₁, s₁), less than half a turn, and the
-/// factor κ that makes κ (c̄ ∇̄s − s̄ ∇̄c) with means and discrete gradients the discrete gradient of
-/// the angle: κ = k(Δφ)/P with k(x) = x/sin x, P = ‖(c₀, s₀)‖‖(c₁, s₁)‖.
+/// Change of an angle over a step from (c₀, s₀) to (c₁, s₁), less than half a turn, with a factor
+/// κ. κ (c̄ ∇̄s − s̄ ∇̄c), of means and discrete gradients, is the discrete gradient of the angle:
+/// κ = k(Δφ)/P with k(x) = x/sin x, P = ‖(c₀, s₀)‖‖(c₁, s₁)‖.
 struct AngleStep {
-  double change = 0.0;                    ///< Δφ [rad]
-  double kappa = 0.0;                     ///< κ
+  double change = 0.0;  ///< Δφ [rad]
+  double kappa = 0.0;
   double kappa_c = 0.0;                   ///< ∂κ/∂c₁
   double kappa_s = 0.0;                   ///< ∂κ/∂s₁
   double change_c = 0.0, change_s = 0.0;  ///< ∂Δφ/∂c₁, ∂Δφ/∂s₁

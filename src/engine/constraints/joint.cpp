@@ -18,10 +18,11 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kFits = 1e-6;         // [m] an error no larger than this is none
-constexpr double kClosedShare = 0.01;  // of the initial error: what is left counts as closed
+constexpr double kFits = 1e-6;  // largest error that counts as none [m]
+// Share of the initial error below which a joint counts as closed.
+constexpr double kClosedShare = 0.01;
 
-const MovingFrame kHome;  // which does not move
+const MovingFrame kHome;  // frame at home, without motion
 
 Prescribed turn_to_close(const JointState& state, const JointStep& step, double beta, bool at_end) {
   if (step.closing_time > 0.0)
@@ -34,7 +35,8 @@ Eigen::Matrix3d axes_on_b(const Joint& joint) {
   return joint.frame_b.value_or(Eigen::Quaterniond::Identity()).toRotationMatrix();
 }
 
-// Where the frame on B would meet the rows, of a joint that closes by it: shift and turn.
+// Returns shift and turn of the frame on B that would meet the rows, for a joint that closes by
+// moving this frame.
 std::pair<Eigen::Vector3d, Eigen::Vector3d> opening_of(const Joint& joint, const BodyState& a,
                                                        const BodyState& b) {
   const JointKindInfo& kind = info(joint.kind);
@@ -48,8 +50,8 @@ std::pair<Eigen::Vector3d, Eigen::Vector3d> opening_of(const Joint& joint, const
   return {-(b.orientation.conjugate() * open), misalignment(kind.alignment, vectors)};
 }
 
-// error, error_rate and reached_rate from where the bodies are and how they move; zeta is the bias
-// asked for now
+// Sets error, error_rate and reached_rate from poses and twists of the bodies; `zeta` is the
+// present rate of the motor.
 void measure_distance(const Joint& joint, const BodyState& a, const BodyState& b, double zeta,
                       JointState& state) {
   const AnchorPair anchors(joint, a, b);
@@ -61,7 +63,7 @@ void measure_distance(const Joint& joint, const BodyState& a, const BodyState& b
   state.error_rate = is_slack ? 0.0 : state.reached_rate - zeta;
 }
 
-// The norm of some values, and its rate.
+// Norm of up to three values, and its rate.
 struct NormAndRate {
   Eigen::Vector3d values = Eigen::Vector3d::Zero(), rates = Eigen::Vector3d::Zero();
 
@@ -72,19 +74,20 @@ struct NormAndRate {
   }
 };
 
-// What a coordinate is off by, of what its motor and its limits ask, and the rate of that.
+// Returns the error of a coordinate against its rigid motor, or else against its limits.
 double coordinate_error(const CoordinateLaw& law, const CoordinateState& state) {
   if (law.motor && law.motor->is_rigid()) return state.position - state.held;
   return beyond_limits(law, state.position);
 }
 
-// What has passed since a joint was measured before.
+// Interval since a joint was last measured.
 struct Passed {
   double h = 0.0;                   // [s]
-  const double* counted = nullptr;  // as JointStep has it
+  const double* counted = nullptr;  // JointStep::counted
 };
 
-// Near where a coordinate reads now, that was at `before` and now moves at this velocity.
+// Returns a reference to unwrap an angle: the held or counted coordinate, or a prediction from the
+// last value and both velocities.
 double expected(const Passed& passed, const CoordinateLaw& law, const CoordinateState& before,
                 double velocity, int coordinate) {
   if (is_held(law) && passed.h > 0.0) return before.held;
@@ -93,8 +96,8 @@ double expected(const Passed& passed, const CoordinateLaw& law, const Coordinate
   return before.position + 0.5 * passed.h * (before.velocity + velocity);
 }
 
-// Where coordinates are and how fast they move; and what they are off by, where that is more than
-// the rows are.
+// Sets position and velocity of the coordinates, and raises the error of the joint to their largest
+// error.
 void measure_coordinates(const Joint& joint, const JointVectors& vectors, const JointMotion& motion,
                          const Passed& passed, JointState& state) {
   const JointKindInfo& kind = info(joint.kind);
@@ -116,7 +119,8 @@ void measure_coordinates(const Joint& joint, const JointVectors& vectors, const 
   if (kind.coordinates > 0) state.reached_rate = state.coordinates[0].velocity;
 }
 
-// The same of every other kind: rows by the frame on B at home, coordinates by where it is now.
+// Measures a joint of a kind other than kDistance. Rows use the frame on B at home, coordinates the
+// moving frame.
 void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState& b,
                         const Passed& passed, const MovingFrame& frame, JointState& state) {
   const JointKindInfo& kind = info(joint.kind);
@@ -147,7 +151,7 @@ void measure_table_rows(const Joint& joint, const BodyState& a, const BodyState&
   measure_coordinates(joint, now, moves, passed, state);
 }
 
-// of a screw, from its coordinates
+// Sets value and rate of the coupling of a screw from its coordinates.
 void read_own_coupling(const Joint& joint, JointState& state) {
   if (!has_pitch(joint.kind)) return;
   const CoordinateState &along = state.coordinates[0], &about = state.coordinates[1];
@@ -155,7 +159,7 @@ void read_own_coupling(const Joint& joint, JointState& state) {
   state.coupling.rate = along.velocity - lead(joint) * about.velocity;
 }
 
-// what the coupling is off by, where that is more than the rows are
+// Raises the error of the joint to the error of its coupling.
 void measure_coupling(const Joint& joint, JointState& state) {
   read_own_coupling(joint, state);
   const double off = state.coupling.value - state.coupling.constant;
@@ -172,7 +176,7 @@ void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, d
   if (couples(joint.kind)) measure_coupling(joint, state);
 }
 
-// errors of all rows
+// Returns the errors of all rows and coordinates.
 RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
                      const JointState& state) {
   RowVector errors = RowVector::Zero();
@@ -193,7 +197,7 @@ RowVector row_errors(const Joint& joint, const BodyState& a, const BodyState& b,
   return errors;
 }
 
-// whether a joint of such a kind breaks by what its rows and coordinates have done
+// Whether the impulses of a step break a joint of a kind other than kDistance.
 bool breaks(const Joint& joint, const BodyState& a, const BodyState& b, const RowVector& impulse,
             double h, const JointState& state) {
   if (joint.break_force == 0.0 && joint.break_torque == 0.0) return false;
@@ -358,7 +362,7 @@ void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, dou
   try {
     measure_joint(joint, a, b, state.bias, Passed{}, frame, state);
     state.closing_offset = row_errors(joint, a, b, state);
-  } catch (const CustomFailure&) {  // the next step fails by it
+  } catch (const CustomFailure&) {  // the next step reports the failure
     state.error = std::numeric_limits<double>::quiet_NaN();
   }
   state.initial_error = state.error;
@@ -406,7 +410,7 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
   const double coupling = state.coupling.value - state.coupling.constant;
   if (couples(joint.kind) && !(std::abs(coupling - share * state.coupling.offset) <= kFits))
     return false;
-  // with the frame on B where it is by now, of which the home frame's coordinates tell little
+  // The moving frame on B is used, since coordinates with the frame at home may differ widely.
   const JointVectors vectors(joint, a, b, frame_in(joint, step, state, false));
   if (kind.alignment != Alignment::kFree) {
     Eigen::Vector3d open = Eigen::Vector3d::Zero();
@@ -414,7 +418,7 @@ bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const Join
     const double angle = misalignment(kind.alignment, vectors).norm();
     if (!(std::max(open.norm(), state.radius * angle) <= kFits)) return false;
   }
-  // may be off by this, but not elsewhere
+  // Errors of coordinates and rows that are still to be closed.
   const RowVector allowed = share * state.closing_offset;
   for (int i = 0; i < kind.coordinates; ++i) {
     const CoordinateLaw& law = joint.coordinates[i];

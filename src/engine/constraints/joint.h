@@ -14,104 +14,105 @@
 namespace constraint_sim::engine {
 
 inline constexpr int kMaxDistanceRows = 2;
-/// Of a row of the coupling, in place of a coordinate.
+/// Marks a row of the coupling, in place of the number of a coordinate.
 inline constexpr int kOfCoupling = -2;
 
-/// One step as a joint sees it.
+/// Time, length and settings of a step.
 struct JointStep {
-  double t;             ///< simulated time at its start [s]
-  double h;             ///< its length [s]
-  double beta;          ///< Baumgarte's share unless the joint has its own
-  double closing_time;  ///< [s] in which an error left by an edit is closed; 0: by Baumgarte
-  /// Where coordinates read at its end by a method that has counted turns within it; NaN, or no
-  /// array, where it has not.
+  double t;             ///< simulated time at the start [s]
+  double h;             ///< length [s]
+  double beta;          ///< Baumgarte's share for joints without a share of their own
+  double closing_time;  ///< time in which an error left by an edit is closed [s]; 0: by Baumgarte
+  /// Coordinates at the end of the step, from a method that counts turns within it. NaN or nullptr
+  /// where turns were not counted.
   const double* counted = nullptr;
 };
 
-/// Forgets what its rows did, with which they would be warm started.
+/// Clears the impulses that would warm start the rows.
 void forget_impulses(JointState* state);
 
-/// Adds the rows of a joint with their targets to `rows`. Sets the bias of `state`, and ends it
-/// when its time is over.
+/// Adds the rows of a joint with their targets to `rows`. Sets the bias of `state`, which ends with
+/// its timeout.
 void prepare_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                    const JointStep& step, JointState& state, List<Row>* rows);
 
-/// Writes the Jacobians of those rows at other states of the bodies.
+/// Writes the Jacobians of the rows of a joint at other states of the bodies.
 void joint_jacobians(const Joint& joint, const BodyState& a, const BodyState& b,
                      const JointStep& step, const JointState& state, const Row* rows, int count,
                      Jacobian* J);
-/// How far the spring of a row is from its rest, where the joint is now.
+/// Returns the present elongation of the spring of a row [m or rad].
 double spring_stretch(const Joint& joint, const JointState& state, const Row& row);
 
-/// Reads back what the solved rows have done, at the positions after the step.
+/// Takes forces and state from the solved rows, with the bodies after the step.
 void read_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
                 const Row* rows, int count, JointState& state);
 
-/// Measures a joint just added or mended, or whose bodies were set; what it is off by is then to be
-/// closed. `t` is simulated time [s]; `b_turns`: whether body B moves and can turn.
+/// Measures a joint that was added or repaired, or whose bodies were set; its error is closed from
+/// now on. `t` is simulated time [s]; `b_turns`: whether body B moves and can turn.
 void begin_joint(const Joint& joint, const BodyState& a, const BodyState& b, double t,
                  JointState& state, bool b_turns = true);
 
-/// Adds the two rows of the coupling of a joint, each with the bodies of one term; `a` and `b` are
-/// those of the joint's own rows. Both have the value and the target of the whole in the first.
+/// Adds the two rows of a coupling, with the Jacobians `J` of its two terms. Both rows hold value
+/// and target of the whole coupling.
 void prepare_coupling(const Joint& joint, const JointStep& step, const JointState& state,
                       const std::array<Jacobian, 2>& J, List<Row>* rows);
 
-/// The gradient of a coordinate in a step of impulses, at its start or its end.
+/// Returns the Jacobian of a coordinate at the start or the end of a step of impulses.
 Jacobian coordinate_jacobian(const Joint& joint, const BodyState& a, const BodyState& b,
                              const JointStep& step, const JointState& state, int coordinate,
                              bool at_end);
 
-/// Measures a joint that goes on being closed, or not, as its state says.
+/// Measures a joint without restarting its closing.
 void measure_joint(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& now,
                    JointState& state);
 
-/// The frame on B where it would meet the rows of a joint that keeps axes; it does not move where
-/// they are met. By that frame coordinates read while the joint is open. `radius`: JointState's.
+/// Returns the frame on B that meets the rows of a joint that keeps axes; it does not move where
+/// they are met. Coordinates of an open joint are measured with this frame. `radius` is
+/// JointState::radius.
 MovingFrame frame_where_met(const Joint& joint, const BodyState& a, const BodyState& b,
                             double radius);
 
-/// Sets where the coordinates of a joint just added are: there, whatever they read then. Of a
-/// coupling of other joints `state` has its value already.
+/// Sets the coordinates of a joint that was just added, without whole turns from earlier values.
+/// For a gear or pulley `state` already has the value of the coupling.
 void begin_coordinates(const Joint& joint, const BodyState& a, const BodyState& b,
                        JointState& state);
 
-/// What a joint of another kind than kDistance does. `impulse`: of its rows and coordinates in a
-/// step of h [s].
+/// Returns the wrench of a joint of a kind other than kDistance. `impulse` is per row and
+/// coordinate, over a step of h [s].
 World::JointWrench wrench_of(const Joint& joint, const BodyState& a, const BodyState& b,
                              const RowVector& impulse, double h);
 
-/// Elastic energy [J]; 0 unless a spring.
+/// Returns the elastic energy of the springs of a joint [J].
 double elastic_energy(const Joint& joint, const JointState& state);
 
-/// Whether the joint promises to keep its value: springs do not.
+/// Whether the joint is rigid, not a spring of kind kDistance.
 bool is_rigid(const Joint& joint);
 
-/// Whether it does so both ways and with any force.
+/// Whether the joint is rigid, without springs, limits, friction and force limits.
 bool is_always_rigid(const Joint& joint);
 
-/// Whether the joint is enabled and not broken.
-/// Of a custom force at time t: forces and torques about the centres of A and B.
+/// Returns force and torque of a custom force at time t, about the centres of A and B.
 Jacobian custom_wrench(const Joint& joint, const BodyState& a, const BodyState& b, double t);
 
+/// Whether the joint is enabled and not broken.
 inline bool acts(const Joint& joint, const JointState& state) {
   return joint.enabled && !state.broken;
 }
 
-// ---- for methods that take time and its derivatives
+// ---- for methods that need prescribed motions with their derivatives
 
-/// What time asks of a joint in a span in which nothing jumps: by its motor, and by an error to be
-/// closed.
+/// Prescribed motion of a joint over an interval without jumps: by its motors, and by an error that
+/// is being closed.
 class PrescribedMotion {
  public:
   PrescribedMotion() = default;
   PrescribedMotion(const Joint& joint, const JointStep& span, JointState& state) {
     begin(joint, span, state);
   }
-  /// Takes the course of the next span. Sets bias (the mean of the span) and saturated of `state`.
+  /// Begins the next interval. Sets bias (mean over the interval) and saturated of `state`.
   void begin(const Joint& joint, const JointStep& span, JointState& state);
-  /// A coordinate comes to rest where it is to be held at a time [s], as it brakes by this much
-  /// [m/s² or rad/s²], < 0 of one that comes from below.
+  /// Makes a coordinate brake with `braking` [m/s² or rad/s²], < 0 from below, to rest at its held
+  /// position at time `until` [s].
   void brake(int coordinate, double until, double braking) {
     Held& held = held_[static_cast<std::size_t>(coordinate)];
     held.until = until;
@@ -120,7 +121,7 @@ class PrescribedMotion {
   }
 
   bool is_driven() const { return is_driven_; }
-  /// Whether the motors go on as those of the span before.
+  /// Whether the motors continue as in the previous interval.
   bool is_driven_as(const PrescribedMotion& before) const {
     for (std::size_t i = 0; i < count_; ++i) {
       const Motor &a = held_[i].motor, &b = before.held_[i].motor;
@@ -133,35 +134,38 @@ class PrescribedMotion {
   }
   bool is_closing() const { return closing_time_ > 0.0; }
   bool is_constant() const { return !is_driven() && !is_closing(); }
-  /// Of a distance joint, at the simulated time t [s].
+  /// Returns the prescribed length of a distance joint at simulated time t [s].
   Prescribed length(double t) const;
-  /// Each row of another kind is to be off by this share of offset().
+  /// Returns the share of offset() that rows of other kinds still have as error at time t.
   Prescribed share_to_close(double t) const;
   const RowVector& offset() const { return closing_offset_; }
-  /// What the coupling is to be off by, and was when it began to be closed.
+  /// Returns the prescribed error of the coupling; coupling_offset() is the error at the start of
+  /// closing.
   Prescribed coupling(double t) const;
   double coupling_offset() const { return coupling_offset_; }
-  /// Whether the frame on B moves while the joint is being closed.
+  /// Whether the frame on B moves while the joint closes.
   bool moves_frame() const { return is_closing() && moves_frame_; }
-  /// The frame on B at time t, that is home there.
+  /// Returns the frame on B at time t, with its home `anchor_b`, `frame_b`.
   MovingFrame frame(double t, const Eigen::Vector3d& anchor_b,
                     const Eigen::Matrix3d& frame_b) const {
     return {anchor_b, frame_b, closing_shift_, closing_turn_, share_to_close(t)};
   }
-  /// Length of what the frame moves by [m], and its angle [rad].
+  /// Returns distance [m] and angle [rad] by which the frame on B moves while the joint closes.
   std::pair<double, double> opening() const {
     return {closing_shift_.norm(), closing_turn_.norm()};
   }
-  /// Of another kind: what a row is to be off by, or what the form of a coordinate is to be.
+  /// Returns the prescribed error of a row, or the prescribed value of the form of a coordinate,
+  /// for kinds other than kDistance.
   Prescribed target(int function, double t) const;
-  /// The same without what closes an error: the rate that a motor asks of a row, or of the length.
+  /// Returns the rate that a motor prescribes for a function of the joint, or for the length,
+  /// without the rate of closing; 0 for rows.
   double driven_rate(int function, double t) const {
     if (function < rows_) return 0.0;
     return moved(held_[static_cast<std::size_t>(function - rows_)], t).rate;
   }
-  /// The bias of a distance joint alone [m/s].
+  /// Returns the bias of a distance joint without the rate of closing [m/s].
   double zeta(double t) const { return moved(held_[0], t).rate; }
-  /// Visits all of it, as engine/memory.h says.
+  /// Visits all data for snapshots; see engine/support/memory.h.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     for (auto& held : self.held_) {
@@ -186,16 +190,16 @@ class PrescribedMotion {
   }
 
  private:
-  /// What a motor holds: the length of a distance joint, or a coordinate of another kind.
+  /// Prescribed motion of a motor: of the length of a distance joint, or of a coordinate.
   struct Held {
-    double value = 0.0;  // at the start, or where it comes to rest
+    double value = 0.0;  // value at the start, or at rest after braking
     Motor motor;
-    double until = 0.0, braking = 0.0;  // of one that does
+    double until = 0.0, braking = 0.0;  // end [s] and acceleration of braking; 0: no braking
     math::SineCosine phase;             // phase of the motor at start_
   };
 
   void hold(std::size_t i, double value, const Motor& motor);
-  /// What its motor adds to the value at the start.
+  /// Returns the motion of the motor relative to `held.value`.
   Prescribed moved(const Held& held, double t) const {
     if (held.braking != 0.0 && t < held.until) {
       const double left = held.until - t;
@@ -205,10 +209,10 @@ class PrescribedMotion {
   }
 
   std::array<Held, kMaxCoordinates> held_;
-  std::size_t count_ = 0;  // of these
-  int rows_ = 0;           // of its kind, before these
+  std::size_t count_ = 0;  // number of used entries of held_
+  int rows_ = 0;           // number of rows, which precede the coordinates
   bool is_driven_ = false;
-  double start_ = 0.0;  // [s]
+  double start_ = 0.0;  // start of the interval [s]
   double closing_since_ = 0.0, closing_time_ = 0.0;
   RowVector closing_offset_ = RowVector::Zero();
   double coupling_offset_ = 0.0;
@@ -217,20 +221,22 @@ class PrescribedMotion {
   bool moves_frame_ = false;
 };
 
-/// Whether a joint is off by no more than what it is closing, and so can be kept exactly from here.
+/// Whether the error of a joint is none, or no more than it still has to close, so that the joint
+/// can be integrated exactly from here.
 bool fits(const Joint& joint, const BodyState& a, const BodyState& b, const JointStep& step,
           const JointState& state);
 
-/// Adds what the motor moved in a span.
+/// Adds the motion of the motors in an interval to travel and held positions.
 void finish_span(const Joint& joint, const JointStep& span, JointState& state);
 
-/// Takes over what a step has done, at the positions after it. `impulse`: of each row and
-/// coordinate, of a distance joint along d [N s]; `zeta`: the bias asked for now [m/s].
+/// Takes forces and state of a step, with the bodies after it. `impulse`: per row and coordinate,
+/// along d for a distance joint [N s]; `zeta`: the present bias [m/s].
 void read_smooth_joint(const Joint& joint, const BodyState& a, const BodyState& b,
                        const JointStep& step, const RowVector& impulse, double zeta,
                        JointState& state);
 
-/// Where a coordinate reads, by what its form says there: the angle nearest to `reference`.
+/// Returns the coordinate for the value of its form, with whole turns nearest to `reference` for an
+/// angle.
 double reading(const ScalarForm& form, double value, double zero, double reference);
 
 }  // namespace constraint_sim::engine

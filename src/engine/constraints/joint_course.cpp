@@ -1,4 +1,4 @@
-// Motors and joints that close, for methods that take time and its derivatives.
+// Motors and closing of joints, for methods that need prescribed motions with their derivatives.
 
 #include <algorithm>
 
@@ -14,7 +14,7 @@ namespace constraint_sim::engine {
 Motor drive(const DistanceJoint& distance, const JointStep& step, Motor motor, JointState& state) {
   state.saturated = false;
   state.bias = 0.0;
-  // acts for what is left of its time, so that the travel does not hang on the tick
+  // The bias acts until it expires, so that the travel does not depend on the tick.
   motor.bias *= std::clamp((state.expires_at - step.t) / step.h, 0.0, 1.0);
   if (motor.bias == 0.0 && motor.amplitude == 0.0) return motor;
   double travel = motor_travel(motor, step.t, step.h);
@@ -61,7 +61,7 @@ void PrescribedMotion::begin(const Joint& joint, const JointStep& span, JointSta
     const CoordinateLaw& law = joint.coordinates[i];
     if (!law.motor || !law.motor->is_rigid()) continue;
     const Motor motor = drive(law, span, &coordinate);
-    if (!is_held(law)) continue;  // it may be at its force limit
+    if (!is_held(law)) continue;  // a motor with a force limit prescribes nothing
     hold(i, coordinate.held - joint.coordinates[i].zero, motor);
   }
   if (kind.coordinates > 0) state.bias = state.coordinates[0].bias;

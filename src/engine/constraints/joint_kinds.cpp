@@ -13,7 +13,7 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// as mathematics has them: d, axes of A, B and the world, and what is free
+// Names as in mathematics: d, axes of A, B and the world, and coordinates.
 // NOLINTBEGIN(readability-identifier-naming)
 constexpr VectorRef d{VectorKind::kSeparation, 0};
 constexpr VectorRef xA{VectorKind::kAxisA, 0}, yA{VectorKind::kAxisA, 1}, zA{VectorKind::kAxisA, 2};
@@ -22,7 +22,7 @@ constexpr VectorRef xW{VectorKind::kWorldAxis, 0}, yW{VectorKind::kWorldAxis, 1}
     zW{VectorKind::kWorldAxis, 2};
 constexpr VectorRef custom{VectorKind::kCustom, 0};
 constexpr ScalarForm along_x{RowForm{xA, d}}, along_y{RowForm{yA, d}}, along_z{RowForm{zA, d}};
-// of B about z_A; of the cross of a universal joint about z_A, and of B about z_B
+// Angles: of B about z_A; for a universal joint, of the cross about z_A, and of B about z_B.
 constexpr ScalarForm length{LengthForm{}};
 constexpr ScalarForm angle{
     AngleForm{{{{{xA, xB}, 0.5}, {{yA, yB}, 0.5}}}, {{{{yA, xB}, 0.5}, {{xA, yB}, -0.5}}}}};
@@ -65,8 +65,8 @@ constexpr JointKindInfo custom_kind(const char* name, std::initializer_list<RowF
   return made;
 }
 
-// In the order of JointKind. The lock x_A·y_B, y_A·z_B, z_A·x_B has eight roots, all of rank 3;
-// misalignment() says which one is meant.
+// Kinds in the order of JointKind. The rows x_A·y_B, y_A·z_B, z_A·x_B have eight solutions, all of
+// rank 3; misalignment() defines the intended solution.
 // clang-format off
 constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
     kind("distance", {{d, d}}, Alignment::kFree, {}),
@@ -89,7 +89,7 @@ constexpr std::array<JointKindInfo, kJointKindCount> kKinds{{
 }};
 // clang-format on
 
-// of a rotation by the angle θ in [0, π] about n
+// Returns the rotation vector along n for an angle in [0, π].
 Vector3d vector_of_turn(const Vector3d& n, double sine, double cosine) {
   const double angle_off = math::atan2(sine, cosine);
   return sine > 0.0 ? Vector3d(angle_off / sine * n) : Vector3d(angle_off * Vector3d::UnitX());
@@ -152,14 +152,14 @@ const std::array<JointKind, kOwnJointKindCount>& joint_kinds() {
 Eigen::Quaterniond frame_along(const Vector3d& axis) {
   check_axis("axis_a", axis);
   const Vector3d n = axis / math::hypot(axis.x(), axis.y(), axis.z());
-  if (n.z() < 0.0)  // by the opposite one, turned over by half a turn about x
+  if (n.z() < 0.0)  // the opposite axis, turned over by half a turn about x
     return frame_along(-n) * Eigen::Quaterniond(0.0, 1.0, 0.0, 0.0);
   return Eigen::Quaterniond(1.0 + n.z(), -n.y(), n.x(), 0.0).normalized();
 }
 
 Eigen::Quaterniond home(Alignment alignment) {
   if (alignment != Alignment::kPerpendicularZ) return Eigen::Quaterniond::Identity();
-  // x_B, y_B, z_B along z_A, −y_A, x_A: half a turn about x_A + z_A
+  // Axes x_B, y_B, z_B along z_A, −y_A, x_A: half a turn about x_A + z_A.
   return {0.0, std::sqrt(0.5), 0.0, std::sqrt(0.5)};
 }
 
@@ -180,7 +180,7 @@ Vector3d misalignment(Alignment alignment, const JointVectors& vectors) {
       const Vector3d n = a.cross(z);
       const double off = math::atan2(a.z(), n.norm());
       const Vector3d axis = n.norm() > 0.0 ? Vector3d(n.normalized()) : Vector3d(Vector3d::UnitX());
-      // turning z_B by +off about a × z takes it away from a
+      // A turn of z_B by +off about a × z moves z_B away from a.
       return off * axis;
     }
   }

@@ -6,76 +6,78 @@
 
 namespace constraint_sim::engine {
 
-// The table of joint kinds. Whoever compiles, solves, draws, saves or tests a joint asks the table.
+// Table of joint kinds. Code that compiles, solves, draws, saves or tests joints reads this table.
 
-/// What has to be so between the orientations of both frames.
+/// Condition on the orientations of both frames.
 enum class Alignment : std::uint8_t {
-  kFree,           ///< nothing
-  kSame,           ///< all axes
+  kFree,           ///< no condition
+  kSame,           ///< all axes parallel
   kParallelZ,      ///< z_B along z_A
   kPerpendicularZ  ///< z_B at a right angle to z_A
 };
 
-/// What rows there are, for methods that have a shorter way for some.
+/// Pattern of the rows, for methods with a shortcut for some patterns.
 enum class RowsForm : std::uint8_t {
-  kDistance,  ///< ½ d·d alone
+  kDistance,  ///< ½ d·d as the only row
   kPoint,     ///< d along the three axes of the world
   kGeneral,
 };
 
-/// Which coordinates a joint couples, in one row.
+/// Coordinates that a joint couples by a row.
 enum class Couples : std::uint8_t {
   kNothing,
-  kJoints,   ///< the first ones of two other joints
-  kLengths,  ///< the same of joints whose coordinate is a length
-  kOwn,      ///< its own two, by a pitch
+  kJoints,   ///< the first coordinates of two other joints
+  kLengths,  ///< lengths of two other joints
+  kOwn,      ///< its own two coordinates, by a pitch
 };
 
 struct JointKindInfo {
-  const char* name = "";  ///< as in scene files
-  int rows = 0;           ///< of the next, first those with d
+  const char* name = "";  ///< name in scene files
+  int rows = 0;           ///< number of entries of `row`; rows with d come first
   std::array<RowForm, kMaxJointRows> row{};
-  int separation_rows = 0;  ///< so many of them have d
+  int separation_rows = 0;  ///< number of rows with d
   RowsForm form = RowsForm::kGeneral;
   Alignment alignment = Alignment::kFree;
   Couples couples = Couples::kNothing;
-  bool has_frames = false;                               ///< whether any row has an axis of A or B
-  bool is_custom = false;                                ///< by functions of another package
-  int coordinates = 0;                                   ///< that are free and can have laws
-  std::array<ScalarForm, kMaxCoordinates> coordinate{};  ///< those
-  std::array<ScalarForm, kMaxJointRows> function{};      ///< rows first, then coordinates
+  bool has_frames = false;  ///< whether any row has an axis of A or B
+  bool is_custom = false;   ///< evaluated by functions of another package
+  int coordinates = 0;      ///< number of free coordinates, which can have laws
+  /// Coordinates as functions of the joint's vectors.
+  std::array<ScalarForm, kMaxCoordinates> coordinate{};
+  std::array<ScalarForm, kMaxJointRows> function{};  ///< rows, then coordinates
 };
 
-/// Of kDistance: one row ½(d·d − ℓ²), or what its settings make of it; its length has laws of its
-/// own.
+/// Returns the entry of a kind. kDistance has one row ½(d·d − ℓ²), which its settings may replace;
+/// its length has laws of its own.
 const JointKindInfo& info(JointKind kind);
 
-/// Whether the frame on B may go home while a joint of the kind is closed. Rows of others are off
-/// by less and less instead: they act along what goes with A. So do those of a point on a B that
-/// cannot turn.
+/// Whether a joint of the kind closes by moving the frame on B to its home. Rows of other kinds are
+/// closed by decreasing errors, since they act along vectors fixed in A. A point on a body B that
+/// cannot turn is closed by decreasing errors too.
 constexpr bool closes_by_frame(const JointKindInfo& kind) {
   return kind.alignment != Alignment::kFree || kind.form == RowsForm::kPoint;
 }
 
-/// Whether the orientation of B counts, so that B turns also where its anchor is its centre.
+/// Whether rows depend on the orientation of B, so that B turns even with its anchor at its centre.
 constexpr bool turns_b(const JointKindInfo& kind) {
   return kind.alignment != Alignment::kFree || kind.is_custom;
 }
 
-/// Whether its row is a length, with laws of its own.
+/// Whether the row of the kind is a length, with laws of its own.
 constexpr bool has_length(JointKind kind) { return kind == JointKind::kDistance; }
 
-/// Whether it has no rows but a force of another package.
+/// Whether the kind has no rows but a force of another package.
 constexpr bool is_custom_force(JointKind kind) { return kind == JointKind::kCustomForce; }
 
-/// What a rod of length zero is.
+/// Kind that replaces a rod of length zero.
 inline constexpr JointKind kKindOfLengthZero = JointKind::kBall;
 
-/// Frame B where it has to be, as seen from frame A: the identity, but of kPerpendicularZ.
+/// Returns the orientation of an aligned frame B in frame A: the identity, except for
+/// kPerpendicularZ.
 Eigen::Quaterniond home(Alignment alignment);
 
-/// The rotation vector ϑ, in the joint's frame on B [rad], by which B has to turn to be aligned. It
-/// is right at any angle, where rows have several solutions.
+/// Returns the rotation vector ϑ, in the joint's frame on B [rad], that aligns B. It is correct for
+/// any angle, while rows have several solutions.
 Eigen::Vector3d misalignment(Alignment alignment, const JointVectors& vectors);
 
 }  // namespace constraint_sim::engine

@@ -1,4 +1,4 @@
-// Rows of joints for sequential_impulses, and what these have done.
+// Rows of joints for sequential impulses.
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@
 namespace constraint_sim::engine {
 namespace {
 
-// What the row may be off by at the start of the step, and the rate at which that goes.
+// Error that a row still has to close at the start of the step, and the rate of closing.
 struct Closing {
   double offset = 0.0;  // [m]
   double rate = 0.0;    // [m/s]
@@ -29,7 +29,7 @@ struct Closing {
   }
 };
 
-// whether an error of this sign is one of the limit that the row keeps
+// Whether an error of this sign violates the limit of the row.
 bool is_beyond(const Row& limit, double error) {
   return limit.upper == 0.0 ? error > 0.0 : error < 0.0;
 }
@@ -57,7 +57,7 @@ int prepare_rows(const DistanceJoint& distance, const Joint& joint, const Anchor
   return count;
 }
 
-// of every kind but kDistance
+// Writes the rows of a joint of a kind other than kDistance.
 int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& b,
                        const JointStep& step, JointState& state, Row* rows) {
   const JointKindInfo& kind = info(joint.kind);
@@ -102,14 +102,14 @@ int prepare_table_rows(const Joint& joint, const BodyState& a, const BodyState& 
   return count;
 }
 
-// Whether a motor's row took all that it may in the motion, or with what closes errors beside it:
-// closing those of other rows may take back a little of that.
+// Whether the row of a motor reached its force limit, without or with its correction, since
+// corrections of other rows may reduce the sum a little.
 bool is_at_limit(const Row& row, double most) {
   return std::max(std::abs(row.impulse), std::abs(row.impulse + row.correction_impulse)) >= most;
 }
 
-// what the step added to the motor's travel; a motor at its force limit gives way, and holds from
-// then on what it has reached
+// Sets impulses and force, and adds the motion of the step to the motor's travel. A motor at its
+// force limit yields, and then holds the reached length.
 void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair& anchors,
             const JointStep& step, const Row* rows, int count, JointState& state) {
   const double max_force = joint.motor.max_force;
@@ -133,8 +133,8 @@ void settle(const DistanceJoint& distance, const Joint& joint, const AnchorPair&
   }
 }
 
-// Of every kind but kDistance: what each row and coordinate has done. A motor at its force limit
-// gives way, and holds from then on what it has reached.
+// Returns the impulses per row and coordinate, for a kind other than kDistance. A motor at its
+// force limit yields, and then holds the reached position.
 RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, const JointStep& step,
                             const Row* rows, int count, JointState& state) {
   const JointKindInfo& kind = info(joint.kind);
@@ -144,7 +144,7 @@ RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, con
     if (joint.coordinates[i].motor) state.coordinates[i].held += state.coordinates[i].bias * step.h;
   for (const Row* row = rows; row != rows + count; ++row) {
     const double impulse = row->impulse + row->correction_impulse;
-    if (row->coordinate == kOfCoupling) {  // both have the same
+    if (row->coordinate == kOfCoupling) {  // both rows of a coupling have equal impulses
       state.coupling.impulse = row->impulse;
       state.coupling.effort = impulse / step.h;
       continue;
@@ -155,10 +155,11 @@ RowVector settle_table_rows(const Joint& joint, const JointVectors& vectors, con
     if (row->coordinate < 0) continue;
     const auto& motor = joint.coordinates[row->coordinate].motor;
     const bool is_first = row == rows || row[-1].coordinate != row->coordinate;
-    if (!is_first || !motor || motor->max_force == 0.0) continue;  // its row comes first
+    // The first row of a coordinate is the motor's.
+    if (!is_first || !motor || motor->max_force == 0.0) continue;
     if (!is_at_limit(*row, motor->max_force * step.h)) continue;
     state.saturated = true;
-    if (row->component < 0) continue;  // a spring or a force, which hold nothing
+    if (row->component < 0) continue;  // a spring or constant force holds no position
     CoordinateState& coordinate = state.coordinates[row->coordinate];
     const ScalarForm& form = kind.coordinate[row->coordinate];
     coordinate.held =

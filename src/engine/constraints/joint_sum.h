@@ -4,15 +4,18 @@
 
 namespace constraint_sim::engine {
 
-/// What impulses did to a joint in the parts of a tick.
+/// Impulses of a joint, summed over the parts of a tick.
 struct JointSum {
-  RowVector rows = RowVector::Zero();        ///< to warm start
-  RowVector done = RowVector::Zero();        ///< with what acts on coordinates
-  double coupled_rows = 0.0, coupled = 0.0;  ///< the same of a coupling
+  RowVector rows = RowVector::Zero();  ///< impulses for warm starting
+  RowVector done = RowVector::Zero();  ///< impulses per row and coordinate, laws included
+  /// Impulses of a coupling, for warm starting and in total.
+  double coupled_rows = 0.0, coupled = 0.0;
 
-  /// Adds what a part of `h` did. A joint that broke by it alone is whole again.
+  /// Adds the impulses of a part of length `h` [s], and repairs a joint that broke in this part:
+  /// finish() decides by the mean of the tick.
   void add(const Joint& joint, double h, JointState* state);
-  /// Sets the mean forces of a tick of `h`, and breaks the joint where they are too much.
+  /// Sets the mean forces of a tick of length `h` [s], and breaks the joint where they exceed its
+  /// limits.
   void finish(const Joint& joint, const BodyState& a, const BodyState& b, double h,
               JointState* state) const;
 };

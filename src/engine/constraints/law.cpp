@@ -15,7 +15,7 @@ Row row_at(const CoordinateMotion& motion, double C) {
   return row;
 }
 
-// p = h (F − K (q + h q̇) − C q̇) by implicit Euler, or a constant impulse
+// Writes p = h (F − K (q + h q̇) − C q̇) by implicit Euler, or a constant impulse.
 Row soft_row(const SoftLaw& law, const CoordinateMotion& motion, double h) {
   Row row = row_at(motion, motion.q - law.R);
   if (law.K == 0.0 && law.C == 0.0) {
@@ -35,7 +35,8 @@ Row limit_row(const CoordinateLaw& law, const CoordinateMotion& motion,
   const double approach = is_upper ? motion.rate : -motion.rate;
   const double gap = is_upper ? -row.C : row.C;
   if (law.limit_restitution > 0.0 && approach > 0.0 && gap < step.h * approach) {
-    row.target = -law.limit_restitution * motion.rate;  // in this step, or it would arrive slowly
+    // Bounces in this step, since a limit row would slow the coordinate down before it arrives.
+    row.target = -law.limit_restitution * motion.rate;
     return row;
   }
   set_bias_limit(row, step.beta, step.h);
@@ -112,7 +113,7 @@ int write_law_rows(const CoordinateLaw& law, const CoordinateMotion& motion,
       set_bias_rigid(row, step.beta, step.h);
       row.component = component;
       if (motor.max_force > 0.0) limit_force(row, motor.max_force, step.h);
-    } else if (motor.max_force > 0.0) {  // a spring or force of its own, up to its limit
+    } else if (motor.max_force > 0.0) {  // a servo or force with a force limit
       SoftLaw own = limited_servo(law);
       own.F = std::clamp(motor.force.value_or(0.0), -motor.max_force, motor.max_force);
       Row& row = rows[count++] = soft_row(own, motion, step.h);

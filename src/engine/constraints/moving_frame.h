@@ -8,9 +8,9 @@
 
 namespace constraint_sim::engine {
 
-/// The frame of a joint on B, in B's frame. While a joint with axes is being closed its frame on B
-/// goes home from where the rows held when that began: so the rows stay near the solution that is
-/// meant, from any orientation, and no force acts at two places.
+/// Frame of a joint on body B, in B's frame. While a joint with axes closes, the frame moves from
+/// the pose that met the rows when closing began to its home pose. Rows then stay near the intended
+/// solution from any orientation, and forces act at a single point.
 ///   p(t) = p + s o,  F(t) = F exp([s ϑ]×),  s from 1 to 0
 struct MovingFrame {
   Eigen::Vector3d anchor = Eigen::Vector3d::Zero();  ///< [m]
@@ -18,15 +18,15 @@ struct MovingFrame {
   bool moves = false;
   Eigen::Vector3d anchor_rate = Eigen::Vector3d::Zero();          ///< [m/s]
   Eigen::Vector3d anchor_acceleration = Eigen::Vector3d::Zero();  ///< [m/s²]
-  Eigen::Vector3d spin = Eigen::Vector3d::Zero();                 ///< against B [rad/s]
-  Eigen::Vector3d spin_rate = Eigen::Vector3d::Zero();            ///< [rad/s²]
+  Eigen::Vector3d spin = Eigen::Vector3d::Zero();       ///< angular velocity relative to B [rad/s]
+  Eigen::Vector3d spin_rate = Eigen::Vector3d::Zero();  ///< [rad/s²]
 
   MovingFrame() = default;
-  /// Home.
+  /// Makes the frame at home.
   MovingFrame(const Eigen::Vector3d& anchor_b, const Eigen::Matrix3d& frame_b)
       : anchor(anchor_b), axes(frame_b) {}
-  /// A share `s` of the way from home to where it began: `shift` is o [m], `turn` ϑ [rad] in the
-  /// joint's frame on B.
+  /// Makes the frame at a share `s` of the way from home to the start of closing. `shift` is o [m],
+  /// `turn` is ϑ [rad] in the joint's frame on B.
   MovingFrame(const Eigen::Vector3d& anchor_b, const Eigen::Matrix3d& frame_b,
               const Eigen::Vector3d& shift, const Eigen::Vector3d& turn, const Prescribed& s)
       : anchor(anchor_b + s.value * shift),

@@ -21,7 +21,8 @@ bool is_drive(const CoordinateLaw& law) {
   return law.motor && law.motor->is_rigid() && law.motor->max_force > 0.0;
 }
 
-// beside limits, friction and drives; of a motor that acts with a force up to a limit its share
+// Returns the soft law beside limits, friction and drives. A motor with a constant force
+// contributes the force within its limit.
 SoftLaw soft_beside(const CoordinateLaw& law) {
   SoftLaw soft = soft_law(law);
   if (law.motor && law.motor->max_force > 0.0 && law.motor->force)
@@ -114,7 +115,7 @@ Prescribed rate_to_goal(double goal, double braking, double q) {
 ForceBounds force_bounds(const OneSidedLaw& law, Hold hold, double rate, double zeta) {
   ForceBounds bounds;
   const auto add = [&](double force, double at) {
-    const double above = sign(rate - at);  // of the rate beside the jump
+    const double above = sign(rate - at);  // side of the jump on which the rate is
     bounds.least -= above < 0.0 ? -force : force;
     bounds.most += above > 0.0 ? -force : force;
   };

@@ -7,7 +7,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// adds Uᵀf
+// Adds Uᵀf to J.
 void add_transposed_map(VectorRef u, const Vector3d& f, const JointVectors& vectors, Jacobian* J) {
   switch (u.kind) {
     case VectorKind::kSeparation:

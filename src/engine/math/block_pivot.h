@@ -4,14 +4,14 @@
 
 namespace constraint_sim::engine {
 
-/// One step in the elimination L D Lᵀ of a symmetric positive definite block tridiagonal matrix
-/// with blocks of 3 × 3; two such eliminations run side by side. With S for the diagonal block as
-/// those before have left it, and C for the block below it,
-///   S = l d lᵀ,  V = C l⁻ᵀ d⁻¹,  and the next S is what it was less C S⁻¹ Cᵀ = V d Vᵀ
+/// A step in the elimination L D Lᵀ of two symmetric positive definite block tridiagonal matrices
+/// side by side, with blocks of 3 × 3. With S for the diagonal block after the steps before, and C
+/// for the block below it,
+///   S = l d lᵀ,  V = C l⁻ᵀ d⁻¹,  and C S⁻¹ Cᵀ = V d Vᵀ is subtracted from the next diagonal block
 class BlockPivot {
  public:
-  /// Factors S, of which the lower triangle is read. Tells whether all three pivots are above
-  /// `least` times their entries of A.
+  /// Factors S, whose lower triangle is read. Returns whether all three pivots exceed `least` times
+  /// their entries of A.
   Lanes::Mask factor(const Lanes33& S, double least, const Lanes3& entries) {
     const Lanes d0 = S(0, 0);
     inverse_[0] = 1.0 / d0;
@@ -26,7 +26,7 @@ class BlockPivot {
     return (d0 > least * entries[0]) & (d1 > least * entries[1]) & (d2 > least * entries[2]);
   }
 
-  /// Returns what this block takes off the next one, C S⁻¹ Cᵀ, of which the lower triangle counts.
+  /// Returns C S⁻¹ Cᵀ, to be subtracted from the next diagonal block; its lower triangle is valid.
   Lanes33 couple(const Lanes33& C) {
     Lanes33 W;  // C l⁻ᵀ
     W.col(0) = C.col(0);
@@ -36,7 +36,7 @@ class BlockPivot {
     return V_ * W.transpose();
   }
 
-  /// Takes the right-hand side; returns what it takes off the next one, C S⁻¹ b.
+  /// Takes the right-hand side b; returns C S⁻¹ b, to be subtracted from the next right-hand side.
   Lanes3 reduce(const Lanes3& b) {
     reduced_[0] = b[0];
     reduced_[1] = b[1] - l10_ * reduced_[0];
@@ -44,7 +44,7 @@ class BlockPivot {
     return V_ * reduced_;
   }
 
-  /// The solution here, from that of the next block.
+  /// Returns the solution of this block from the solution `next` of the next block.
   Lanes3 substitute(const Lanes3& next) const {
     Lanes3 x = inverse_.cwiseProduct(reduced_) - V_.transpose() * next;
     x[1] -= l21_ * x[2];
@@ -53,8 +53,8 @@ class BlockPivot {
   }
 
  private:
-  Lanes l10_, l20_, l21_;  // below the unit diagonal of l
-  Lanes3 inverse_;         // of the pivots d
+  Lanes l10_, l20_, l21_;  // entries of l below its unit diagonal
+  Lanes3 inverse_;         // inverses of the pivots d
   Lanes33 V_ = Lanes33::Constant(0.0);
   Lanes3 reduced_;  // l⁻¹ b
 };

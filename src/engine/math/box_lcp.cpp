@@ -15,10 +15,10 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kDependentPivot = kDependent;  // pivots below, of rows scaled to a diagonal of one
-constexpr double kBoxSolved = 1e-11;            // of the largest a without x
+constexpr double kDependentPivot = kDependent;
+constexpr double kBoxSolved = 1e-11;  // share of the largest residual |a| without x
 
-// Within the bounds. Of zeros of both signs Eigen's maximum may be either.
+// Returns zero moved into the bounds; not by Eigen's maximum, which may return zero of either sign.
 VectorXd nearest_to_zero(const BoxLcp& problem) {
   VectorXd x(problem.b.size());
   for (Index i = 0; i < x.size(); ++i)
@@ -26,7 +26,7 @@ VectorXd nearest_to_zero(const BoxLcp& problem) {
   return x;
 }
 
-/// A problem scaled to a diagonal of one, and how far it is solved.
+/// Active-set method on a problem scaled to a diagonal of one.
 class ActiveSet {
  public:
   explicit ActiveSet(const BoxLcp& problem)
@@ -48,10 +48,10 @@ class ActiveSet {
   const BoxLcp& problem_;
   VectorXd x_, a_;
   double tolerance_;
-  List<Index> free_;  // rows between their bounds, independent of each other
+  List<Index> free_;  // rows between their bounds, linearly independent
 };
 
-// of the rows at a bound the one that most wants to leave it; -1 where none does
+// Returns the row at a bound with the largest residual away from it; -1: none.
 Index ActiveSet::find_worst() const {
   Index worst = -1;
   double most = tolerance_;
@@ -75,8 +75,8 @@ VectorXd ActiveSet::solve_free(const VectorXd& b) const {
   return math::solve_semidefinite(std::move(A), b);
 }
 
-// Moves the free rows by a step, or in a direction, as far as the bounds let them; rows that come
-// to a bound are no longer free. False where no bound ends a direction.
+// Moves the free rows by a step, or along a direction, until a bound is reached; this row is then
+// no longer free. Returns false where no bound ends a direction.
 bool ActiveSet::move(const VectorXd& step, bool is_direction) {
   double share = is_direction ? kInfinity : 1.0;
   const auto room = [&](std::size_t k) {
@@ -105,8 +105,8 @@ bool ActiveSet::set_free(Index row) {
   const VectorXd along = solve_free(column);
   const double pivot = problem_.A(row, row) - math::dot(column, along);
   free_.push_back(row);
-  if (pivot <
-      kDependentPivot) {  // it follows from others: they change together, until one is bounded
+  // A dependent row changes together with the rows that it depends on, until a bound is reached.
+  if (pivot < kDependentPivot) {
     VectorXd direction(along.size() + 1);
     direction << -along, 1.0;
     if (!move(a_[row] > 0.0 ? VectorXd(-direction) : direction, true)) return false;
@@ -165,7 +165,7 @@ bool solve(const BoxLcp& problem, VectorXd* x) {
   ActiveSet set(scaled);
   if (!set.solve()) return false;
   *x = scale.cwiseProduct(set.x());
-  for (Index i = 0; i < x->size(); ++i) {  // at its bound to the bit
+  for (Index i = 0; i < x->size(); ++i) {  // exactly at the bound
     if (set.x()[i] == scaled.least[i]) (*x)[i] = problem.least[i];
     if (set.x()[i] == scaled.most[i]) (*x)[i] = problem.most[i];
   }

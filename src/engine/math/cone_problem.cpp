@@ -18,28 +18,30 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
 
-constexpr double kFreeDirection = 1e-12;  // of the trace: a direction that nothing moves along
-constexpr double kDone = 1e-14;           // of the largest rate: rounding
-constexpr double kNearlyDone = 1e-12;     // the same, where another step takes off no more
-constexpr double kStrict = 1e-8;          // the same, of what leaves a bound
-constexpr double kConeSolved = 1e-9;  // the same, of what rounding adds along what has no effect
-constexpr double kRateRounding = 4.0 * kEpsilon;  // of what rates are the sums of
+constexpr double kFreeDirection = 1e-12;  // share of the trace: a direction without compliance
+constexpr double kDone = 1e-14;           // share of the largest rate that is rounding
+// Share of the largest rate that is rounding where another step gains nothing.
+constexpr double kNearlyDone = 1e-12;
+constexpr double kStrict = 1e-8;  // share of the largest rate by which a row leaves its bound
+// Share of the largest rate that rounding adds along directions without effect.
+constexpr double kConeSolved = 1e-9;
+constexpr double kRateRounding = 4.0 * kEpsilon;  // share of the terms of a rate that is rounding
 constexpr int kMostSweeps = 1025;
-constexpr double kCompliance = 1e-6;  // beside one of 1 on average
+constexpr double kCompliance = 1e-6;  // added to a compliance of 1 on average
 constexpr int kMostPasses = 4;
 constexpr int kMostTogether = 8;
 constexpr int kMostNewton = 40, kMostWorse = 6;
-constexpr int kMostSteps = 100;  // to a factor of slip: six do, where none is bisected
-constexpr int kMostStalled = 3;  // times without half of what is left: rounding
+constexpr int kMostSteps = 100;  // steps of Newton's method for κ; six suffice without bisection
+constexpr int kMostStalled = 3;  // polishes without halving the residual: rounding
 
-/// Of so many rows, in substeps; fitted to what 3, 18 and 36 rows cost.
+/// Returns the cost of a sweep over `rows` rows, in substeps; fitted to costs of 3, 18 and 36 rows.
 double sweep_cost(std::size_t rows) {
   const auto n = static_cast<double>(rows);
   return 0.02 * n + 7e-5 * n * n;
 }
 
-/// The tangential impulse of a contact that slips, by the factor κ with u_t = −κ p_t that it slips
-/// with; and the normal one that goes with it.
+/// Tangential impulse p_t of a slipping contact as a function of κ, with u_t = −κ p_t, and the
+/// normal impulse that goes with it.
 class Slipping {
  public:
   Slipping(const Matrix3d& A, const Vector3d& b)
@@ -52,7 +54,7 @@ class Slipping {
     scale_ = b.norm();
   }
 
-  /// 0 is to stick; where a direction that nothing moves along has a rate, that is none.
+  /// Whether κ = 0, sticking, is possible: no direction without compliance has a rate.
   bool can_stick() const {
     for (Index i = 0; i < 2; ++i)
       if (solver_.eigenvalues()[i] <= least_ && std::abs(c_[i]) > kFreeDirection * scale_)
@@ -61,11 +63,11 @@ class Slipping {
   }
   Vector3d impulse(double kappa) const { return in_full(tangential(kappa)); }
 
-  /// κ > 0 where the impulse is on the cone of friction μ, or infinity: Newton's method on
-  /// μ p_n/‖p_t‖ − 1, which is close to linear in κ, within a bracket.
+  /// Returns κ > 0 for which the impulse is on the cone of friction μ, or infinity. Newton's method
+  /// on μ p_n/‖p_t‖ − 1, which is almost linear in κ, within a bracket.
   double kappa_on_cone(double mu, double start) const {
     double low = 0.0, high = kInfinity, kappa = start;
-    double least = high;  // that the last step was off by
+    double least = high;  // error of the last step
     for (int k = 0; k < kMostSteps && low < (1.0 - 2.0 * kEpsilon) * high; ++k) {
       const Vector2d p = tangential(kappa);
       const double r = p.norm(), most = mu * (pushed_ - row_.dot(solver_.eigenvectors() * p));
@@ -80,7 +82,8 @@ class Slipping {
       const bool is_slow = !(std::abs(off) <= 0.5 * least);
       least = std::abs(off);
       if (std::abs(next - kappa) <= 2.0 * kEpsilon * kappa) return kappa;
-      if (is_slow || !(next > low && next < high)) {  // κ spans many orders: means of logarithms
+      // Bisection by geometric means, since κ spans many orders of magnitude.
+      if (is_slow || !(next > low && next < high)) {
         if (!std::isfinite(high))
           next = 16.0 * kappa;
         else
@@ -92,7 +95,7 @@ class Slipping {
   }
 
  private:
-  /// along the eigenvectors
+  /// Returns the tangential impulse along the eigenvectors.
   Vector2d tangential(double kappa) const {
     Vector2d p;
     for (Index i = 0; i < 2; ++i) {
@@ -108,8 +111,8 @@ class Slipping {
     return all;
   }
 
-  Vector2d row_;   // of what tangential impulses do along the normal
-  double pushed_;  // the normal impulse without friction
+  Vector2d row_;   // effect of tangential impulses along the normal
+  double pushed_;  // normal impulse without friction
   Eigen::SelfAdjointEigenSolver<Matrix2d> solver_;
   Vector2d c_;
   double least_, scale_;
@@ -126,7 +129,8 @@ bool solve_contact(const Matrix3d& A, const Vector3d& b, const ConeContact& cont
     Vector3d along = Vector3d::UnitX();
     along.tail<2>() = -mu * contact.direction;
     const double response = A.row(0).dot(along);
-    if (!(response > kFreeDirection * A.trace())) return false;  // friction pushes it in: Painlevé
+    // Friction pushes the bodies together (Painlevé).
+    if (!(response > kFreeDirection * A.trace())) return false;
     *p = -b[0] / response * along;
     return true;
   }
@@ -163,13 +167,14 @@ double ConeSolver::cost_of_a_step(std::size_t rows) {
   return 0.15 + 1.8e-3 * n * n + 2.3e-5 * n * n * n;
 }
 
-// Where A is singular impulses are shared as those of least norm: at once, or by a small compliance
-// that is taken away again by passes from what the one before found.
+// Solves the problem; for a singular A by impulses of least norm, found at once or with a small
+// compliance. Further passes with the compliance start from the last impulses, which removes its
+// effect.
 bool ConeSolver::solve(const ConeProblem& problem, List<double>* p, SolveEffort* effort) {
   p->resize(problem.b.size());
   if (effort->is_over()) return false;
   effort_ = effort;
-  effort->spent += cost_of_a_step(p->size());  // to set it up
+  effort->spent += cost_of_a_step(p->size());  // cost of the setup
   set(problem);
   bool is_found = find_together(p->data());
   if (!is_found) {
@@ -207,7 +212,7 @@ void ConeSolver::set(const ConeProblem& problem) {
   }
 }
 
-// of `problem`, which this is; at its bounds to the bit
+// Converts p to the units of `problem`; impulses at a bound are exactly the bound.
 void ConeSolver::unscale(const ConeProblem& problem, double* p) const {
   for (Index i = 0; i < size(); ++i) {
     const double scale = scale_[static_cast<std::size_t>(i)], x = p[i];
@@ -237,7 +242,7 @@ const double* ConeSolver::rates(const double* p) {
   return u_.data();
 }
 
-/// A solution of the problem with rates that rise by so much of the impulse beyond p, from p on.
+/// Solves from p on, with rates that rise by `compliance` times the change of the impulse from p.
 bool ConeSolver::find_with_compliance(double compliance, double* p) {
   stiff_A_ = scaled_.A;
   stiff_b_ = scaled_.b;
@@ -252,8 +257,8 @@ bool ConeSolver::find_with_compliance(double compliance, double* p) {
   return is_found;
 }
 
-/// All that is pushed together acts, then what is so found, from step to step. False also where
-/// something is at a bound that would not leave it: others may then share what it has.
+/// Solves by Newton's method from all pushed rows acting together. Also returns false without
+/// strict complementarity, since other rows might then share an impulse.
 bool ConeSolver::find_together(double* p) {
   start(p);
   double before = residual(p);
@@ -270,7 +275,7 @@ bool ConeSolver::find_together(double* p) {
   return false;
 }
 
-/// Whether all that is at a bound would leave it if it were not there.
+/// Whether strict complementarity holds: a rate keeps each row at its bound by a margin.
 bool ConeSolver::is_strict(const double* p) {
   const double* const u = rates(p);
   const double least = kStrict * largest_rate_;
@@ -290,7 +295,8 @@ bool ConeSolver::is_strict(const double* p) {
   return true;
 }
 
-/// A solution from p on, or what is closest to one. False where it is not.
+/// Solves from p on by sweeps and Newton's method, or finds the p with the least residual; returns
+/// whether p is a solution.
 bool ConeSolver::find(double* p) {
   List<double>&x = swept_, &tried = tried_;
   x.assign(p, p + size());
@@ -319,7 +325,8 @@ bool ConeSolver::find(double* p) {
   return least <= kConeSolved * largest_rate_;
 }
 
-/// One contact after the other, there or back. False where one has no answer.
+/// Solves contact after contact, forwards or backwards (projected Gauss-Seidel). Returns false
+/// where a contact has no solution.
 bool ConeSolver::sweep(bool back, double* p) {
   rates(p);
   Numbers u(u_.data(), size()), all(p, size());
@@ -344,9 +351,9 @@ bool ConeSolver::sweep(bool back, double* p) {
   return true;
 }
 
-/// How far p is from a solution, as a rate: the largest change of a contact's impulse by a step
-/// along its rate, and back into its cone. 0 of a solution alone, and infinite where rounding of
-/// what p does is more than a solution may be off.
+/// Returns the distance of p from a solution, as a rate: the largest change of a contact's impulse
+/// by a step along its rate and back into its cone. It is 0 for solutions only, and infinite where
+/// rounding of A p exceeds the accepted residual.
 double ConeSolver::residual(const double* p) {
   const ConstNumbers all(p, size());
   if (size() > 0 && kEpsilon * all.lpNorm<Eigen::Infinity>() > kConeSolved * largest_rate_)
@@ -355,7 +362,7 @@ double ConeSolver::residual(const double* p) {
   const ConstNumbers u(rate, size());
   double worst = 0.0;
   const auto consider = [&](double value) {
-    if (!(value <= worst)) worst = value;  // a NaN stays
+    if (!(value <= worst)) worst = value;  // keeps a NaN
   };
   for (Index i = 0; i < end_of_contacts(); i += 3) {
     const ConeContact& of = contact(i);
@@ -374,7 +381,8 @@ double ConeSolver::residual(const double* p) {
   return worst;
 }
 
-/// A residual that is one of rounding: impulses that hold each other are larger than their sums.
+/// Returns a residual that rounding explains: impulses that oppose each other are larger than their
+/// sums.
 double ConeSolver::rounding(const double* p) const {
   double largest = 0.0;
   for (Index i = 0; i < size(); ++i) {
@@ -387,13 +395,13 @@ double ConeSolver::rounding(const double* p) const {
                   kConeSolved * largest_rate_);
 }
 
-// False where the effort is over.
+// Books the cost of a step of Newton's method. Returns false where the effort is over.
 bool ConeSolver::count_newton() {
   effort_->spent += cost_of_a_step(scaled_.b.size());
   return !effort_->is_over();
 }
 
-/// Newton's method on which contacts are open, stick and slip, from p on. Leaves its best.
+/// Improves p by Newton's method on which contacts are open, stick and slip; keeps the best p.
 void ConeSolver::polish(double* p) {
   List<double>& x = x_;
   x.assign(p, p + size());
@@ -411,8 +419,8 @@ void ConeSolver::polish(double* p) {
   }
 }
 
-// Of the equations of Alart and Curnier (Comput. Methods Appl. Mech. Eng. 92 (1991) 353), J p =
-// right where they hold to first order: the p of least norm, or else the least step to there.
+// Takes a step on the equations of Alart and Curnier (Comput. Methods Appl. Mech. Eng. 92 (1991)
+// 353), J p = right to first order: to the p of least norm, or by the least step.
 void ConeSolver::take_newton(bool is_of_least_norm, double* p) {
   rates(p);
   const Index n = size();
@@ -442,7 +450,7 @@ void ConeSolver::take_newton(bool is_of_least_norm, double* p) {
     all -= off;
 }
 
-// Rows i to i + 2, of a contact; J has there those of the identity.
+// Writes rows i to i + 2, of a contact, into J, which has rows of the identity there.
 void ConeSolver::write_newton_contact(Index i, const double* p, double* J) {
   const Index n = size();
   const ConeContact& of = contact(i);
@@ -450,7 +458,7 @@ void ConeSolver::write_newton_contact(Index i, const double* p, double* J) {
   const double along = p[i] - u[0];
   const Vector2d across(p[i + 1] - u[1], p[i + 2] - u[2]);
   const auto at = [&](Index k, Index column) -> double& { return J[n * column + i + k]; };
-  const auto is_zero = [&](Index k) {  // the rate is
+  const auto is_zero = [&](Index k) {  // sets the rate u_k to zero
     const auto row = static_cast<std::size_t>(i + k);
     for (Index j = 0; j < n; ++j) at(k, j) = matrix()(i + k, j);
     off_[row] = u[k];

@@ -9,24 +9,24 @@
 
 namespace constraint_sim::engine {
 
-/// How a contact of a ConeProblem acts.
+/// Friction of a contact of a ConeProblem.
 struct ConeContact {
-  double friction = 0.0;  ///< μ
-  bool slips = false;     ///< already, so that its friction has a direction
-  Eigen::Vector2d direction = Eigen::Vector2d::Zero();  ///< unit, of the slip
+  double friction = 0.0;  ///< Coulomb's coefficient μ
+  bool slips = false;     ///< already slips, so that its friction has a direction
+  Eigen::Vector2d direction = Eigen::Vector2d::Zero();  ///< unit direction of the slip
 };
 
-/// Between which bounds a row of a ConeProblem acts.
+/// Bounds of the impulse of a row of a ConeProblem.
 struct BoundedRow {
   double least = 0.0, most = 0.0;
 };
 
-/// Contacts with Coulomb's friction: three numbers each, along the normal and two tangents; then
-/// rows with bounds, one number each. u = b + A p, and for each contact
+/// Contacts with Coulomb friction, a normal and two tangents each, then rows with bounds. u = b + A
+/// p, and for each contact
 ///   u_n ≥ 0, p_n ≥ 0, one of them 0; ‖p_t‖ ≤ μ p_n, and p_t = −μ p_n u_t/‖u_t‖ where u_t ≠ 0,
-///   or of one that slips p_t = −μ p_n times its direction;
+///   or p_t = −μ p_n direction where it slips;
 /// and for each row
-///   u = 0, or p at the least and u ≥ 0, or p at the most and u ≤ 0.
+///   u = 0, or p = least and u ≥ 0, or p = most and u ≤ 0.
 struct ConeProblem {
   List<double> A;  ///< symmetric, positive semidefinite
   List<double> b;
@@ -34,8 +34,7 @@ struct ConeProblem {
   List<BoundedRow> rows = {};
 };
 
-/// What a solution may take, and has taken. The unit is a substep of one body with one contact, 7
-/// µs.
+/// Budget and cost of a solution. The unit is a substep of a body with a contact, 7 µs.
 struct SolveEffort {
   double most = kInfinity;
   StopFlag stop = nullptr;
@@ -44,17 +43,16 @@ struct SolveEffort {
   bool is_over() const { return spent > most || is_set(stop); }
 };
 
-/// Solves it by Newton's method on which contacts are open, stick and slip (Alart and Curnier,
-/// Comput. Methods Appl. Mech. Eng. 92 (1991) 353): at first with all that is pushed together, each
-/// step to the p of least norm. Where that does not get there it is begun from sweeps over the
-/// contacts, each solved exactly (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235), and over
-/// the rows. Where A is singular p is about the one of least norm, rates of each contact scaled to
-/// a trace of 3 of its A. False where it does not get there: it has no solution, or friction and
-/// many contacts make it take too long, or `effort` is over. A residual of rounding is none.
+/// Solves a ConeProblem by Newton's method (Alart and Curnier, Comput. Methods Appl. Mech. Eng. 92
+/// (1991) 353): first from all pushed rows together, with p of least norm, else from sweeps with
+/// exact solutions per contact (Jean, Comput. Methods Appl. Mech. Eng. 177 (1999) 235). For a
+/// singular A, p is approximately of least norm, with each contact's block of A scaled to a trace
+/// of 3. Returns false without a solution up to rounding, where convergence is too slow, or where
+/// `effort` is over.
 class ConeSolver {
  public:
   bool solve(const ConeProblem& problem, List<double>* p, SolveEffort* effort);
-  /// What a step of Newton's method costs, as SolveEffort has it.
+  /// Returns the cost of a step of Newton's method, in units of SolveEffort.
   static double cost_of_a_step(std::size_t rows);
 
  private:
@@ -82,7 +80,7 @@ class ConeSolver {
     return 3 * static_cast<Eigen::Index>(scaled_.contacts.size());
   }
   Matrix matrix() const { return {scaled_.A.data(), size(), size()}; }
-  /// Rates u = b + A p.
+  /// Returns the rates u = b + A p.
   const double* rates(const double* p);
   const ConeContact& contact(Eigen::Index row) const {
     return scaled_.contacts[static_cast<std::size_t>(row / 3)];
@@ -92,8 +90,8 @@ class ConeSolver {
   }
   double within(Eigen::Index i, double x) const;
 
-  // The problem with the rates of each contact scaled so that its A has a trace of 3: masses of
-  // many orders are then alike. What is solved for is scaled the other way.
+  // Problem with the rates of each contact scaled to a block of A with a trace of 3, so that masses
+  // of many orders become similar. Impulses are scaled inversely.
   ConeProblem scaled_;
   List<double> scale_;
   double largest_rate_ = 0.0;
@@ -102,8 +100,8 @@ class ConeSolver {
   List<double> swept_, tried_, x_, u_, off_, right_, stiff_A_, stiff_b_;  // scratch
 };
 
-/// The impulse of one contact on its own: A of 3×3, b of 3. False where no impulse along the normal
-/// moves it along the normal.
+/// Solves a single contact: A of 3×3, b of 3. Returns false where no normal impulse gives a normal
+/// rate.
 bool solve_contact(const Eigen::Matrix3d& A, const Eigen::Vector3d& b, const ConeContact& contact,
                    Eigen::Vector3d* p);
 

@@ -28,7 +28,7 @@ VectorXd product(const MatrixXd& A, const VectorXd& x) {
   return y;
 }
 
-// The lower triangle of A becomes L, with D on its diagonal.
+// Overwrites the lower triangle of A with L, and its diagonal with D.
 VectorXd solve_semidefinite(MatrixXd A, VectorXd b) {
   const Index n = b.size();
   std::vector<Index> swapped(static_cast<std::size_t>(n));
@@ -37,7 +37,7 @@ VectorXd solve_semidefinite(MatrixXd A, VectorXd b) {
     for (Index i = k + 1; i < n; ++i)
       if (std::abs(A(i, i)) > std::abs(A(pivot, pivot))) pivot = i;
     swapped[static_cast<std::size_t>(k)] = pivot;
-    if (pivot != k) {  // rows and columns of the symmetric matrix, in its lower triangle
+    if (pivot != k) {  // swaps rows and columns in the lower triangle
       std::swap(b[k], b[pivot]);
       std::swap(A(k, k), A(pivot, pivot));
       for (Index j = 0; j < k; ++j) std::swap(A(k, j), A(pivot, j));
@@ -65,7 +65,7 @@ VectorXd solve_semidefinite(MatrixXd A, VectorXd b) {
 }
 
 Eigensystem eigensystem(Matrix3d A) {
-  constexpr int kMostSweeps = 20;  // five do
+  constexpr int kMostSweeps = 20;  // five suffice
   Matrix3d V = Matrix3d::Identity();
   for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
     if (A(1, 0) == 0.0 && A(2, 0) == 0.0 && A(2, 1) == 0.0) break;
@@ -75,7 +75,7 @@ Eigensystem eigensystem(Matrix3d A) {
         A(p, q) = A(q, p) = 0.0;
         continue;
       }
-      // tan of the angle of the rotation that makes the entry zero
+      // Tangent of the angle of the rotation that makes the entry zero.
       const double half_cotangent = (A(q, q) - A(p, p)) / (2.0 * off);
       const double t =
           (half_cotangent >= 0.0 ? 1.0 : -1.0) /

@@ -7,25 +7,25 @@
 
 namespace constraint_sim::engine {
 
-/// Gauss's elimination of a dense matrix by rows, of which the first `summed` unknowns may be
-/// eliminated: pivots by rows, and by columns where a column has none of sufficient size.
+/// Gaussian elimination of a dense matrix by rows. The first `summed` unknowns may be eliminated,
+/// with pivots by rows, and by columns where a column has no pivot of sufficient size.
 class DenseFront {
  public:
   DenseFront(double* values, std::size_t size, std::size_t summed, std::size_t* rows,
              std::size_t* columns)
       : a_(values), size_(size), summed_(summed), rows_(rows), columns_(columns) {}
 
-  /// Eliminates as many of the first `summed` unknowns as have pivots; returns how many. They are
-  /// the first then, with L and U in place; `rows` and `columns` are swapped alike.
+  /// Eliminates each of the first `summed` unknowns that has a pivot; returns their number.
+  /// Eliminated unknowns come first, with L and U in place; `rows` and `columns` are swapped alike.
   std::size_t eliminate() {
-    std::size_t done = 0, end = summed_;  // those from `end` on had no pivot
+    std::size_t done = 0, end = summed_;  // columns from `end` on had no pivot
     for (std::size_t before = 0; done < end;) {
       const std::size_t width = std::min(kPanel, end - done);
       const std::size_t pivots = eliminate_panel(done, width);
       update(done, pivots, done + width);
       done += pivots;
       for (std::size_t k = width - pivots; k-- > 0;) swap_columns(done + k, --end);
-      if (done == end && end < summed_ && done > before) {  // those may have one by now
+      if (done == end && end < summed_ && done > before) {  // skipped columns may have a pivot now
         before = done;
         end = summed_;
       }
@@ -34,12 +34,12 @@ class DenseFront {
   }
 
  private:
-  /// A pivot is at least this share of the largest entry of its column.
+  /// Least size of a pivot, as a share of the largest entry of its column.
   static constexpr double kThreshold = 0.01;
-  /// Columns that are eliminated before what is right of them is changed.
+  /// Number of columns that are eliminated before the columns to their right are updated.
   static constexpr std::size_t kPanel = 8;
 
-  // Columns without a pivot go behind those that have one.
+  // Eliminates the columns of a panel; columns without a pivot go behind the others.
   std::size_t eliminate_panel(std::size_t begin, std::size_t width) {
     std::size_t done = begin;
     for (std::size_t end = begin + width; done < end;) {
@@ -76,7 +76,7 @@ class DenseFront {
     return done - begin;
   }
 
-  // what the pivots of a panel do to the columns from `right` on
+  // Applies the pivots of a panel to the columns from `right` on.
   void update(std::size_t begin, std::size_t pivots, std::size_t right) {
     for (std::size_t k = begin; k < begin + pivots; ++k)
       for (std::size_t i = k + 1; i < begin + pivots; ++i)
@@ -92,8 +92,8 @@ class DenseFront {
     for (; k < below; ++k) take(k, subtract<1>);
   }
 
-  // Takes l u off a: rows × columns, l with kPivots columns. Two rows at a time share what they
-  // read.
+  // Subtracts l u from a, rows × columns, where l has kPivots columns. Two rows at a time share
+  // their loads.
   template <std::size_t kPivots>
   static void subtract(const double* l, const double* u, double* a, std::size_t rows,
                        std::size_t columns, std::size_t stride) {

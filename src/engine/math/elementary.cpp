@@ -20,7 +20,7 @@ namespace {
 
 constexpr double kQuarterPi = 0x1.921fb54442d18p-1;
 
-// π/2 as a sum: two pieces of 33 bits, so that products with integers below 2²⁰ are exact, and a
+// π/2 as a sum of two pieces of 33 bits, whose products with integers below 2²⁰ are exact, and a
 // rest.
 constexpr double kHalfPi1 = 0x1.921fb54400000p+0;
 constexpr double kHalfPi2 = 0x1.0b4611a600000p-34;
@@ -29,7 +29,7 @@ constexpr double kHalfPi3 = 0x1.3198a2e037073p-69;
 constexpr double kHalfPiHigh = 0x1.921fb54442d18p+0;
 constexpr double kHalfPiLow = 0x1.1a62633145c07p-54;
 
-// The binary digits of 2/π behind the point, in words of 32.
+// Binary digits of 2/π behind the point, in words of 32.
 constexpr std::array<std::uint32_t, 40> kTwoOverPi{
     0xa2f9836eu, 0x4e441529u, 0xfc2757d1u, 0xf534ddc0u, 0xdb629599u, 0x3c439041u, 0xfe5163abu,
     0xdebbc561u, 0xb7246e3au, 0x424dd2e0u, 0x06492eeau, 0x09d1921cu, 0xfe1deb1cu, 0xb129a73eu,
@@ -51,24 +51,24 @@ double from_bits(std::uint64_t bits) {
   return x;
 }
 
-// The upper 26 bits of the significand: products of two such numbers are exact.
+// Returns the upper 26 bits of the significand: products of two such numbers are exact.
 double upper_half(double x) { return from_bits(bits_of(x) & 0xfffffffff8000000u); }
 
-// a b − product, exactly up to an underflow or one bit of the product of both lower halves.
+// Returns a b − product, exact up to an underflow or one bit of the product of both lower halves.
 double product_error(double a, double b, double product) {
   const double a_high = upper_half(a), b_high = upper_half(b);
   const double a_low = a - a_high, b_low = b - b_high;
   return a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low);
 }
 
-// x = quadrant π/2 + high + low, |high| ≤ π/4 up to rounding.
+// Angle x = quadrant π/2 + high + low, |high| ≤ π/4 up to rounding.
 struct ReducedAngle {
   double high, low;
   int quadrant;
 };
 
-// Reduction by all digits of 2/π that x [rad] of any finite size needs (Payne and Hanek, 1983), in
-// integers: x 2/π modulo 2³², with 224 binary places.
+// Reduces x [rad] of any finite size by as many digits of 2/π as it needs (Payne and Hanek, 1983),
+// in integers: x 2/π modulo 2³², with 224 binary places.
 ReducedAngle reduce_exactly(double x) {
   constexpr int kPlaces = 7;  // words behind the point
   constexpr std::uint64_t kWord = 0xffffffffu;
@@ -80,7 +80,7 @@ ReducedAngle reduce_exactly(double x) {
                                             significand >> (32 - shift) & kWord,
                                             shift == 0 ? 0u : significand >> (64 - shift)};
 
-  std::array<std::uint32_t, kPlaces + 1> digits;  // the last one is in front of the point
+  std::array<std::uint32_t, kPlaces + 1> digits;  // last word: integer part
   std::uint64_t carry = 0;
   for (int place = 0; place <= kPlaces; ++place) {
     std::uint64_t low = carry & kWord, high = carry >> 32;
@@ -96,7 +96,7 @@ ReducedAngle reduce_exactly(double x) {
     carry = high + (low >> 32);
   }
 
-  // to the nearest integer
+  // Rounds to the nearest integer.
   std::uint32_t quadrant = digits[kPlaces];
   const bool is_below = digits[kPlaces - 1] >> 31 != 0;
   if (is_below) {
@@ -109,7 +109,7 @@ ReducedAngle reduce_exactly(double x) {
     }
   }
 
-  // the first words that are not zero as high + low, 2^-64 of high or better
+  // Leading words that are not zero, as high + low, to 2^-64 of high or better.
   std::size_t top = kPlaces - 1;
   double unit = 0x1p-32;
   for (; top > 3 && digits[top] == 0; --top) unit *= 0x1p-32;
@@ -128,12 +128,13 @@ ReducedAngle reduce_exactly(double x) {
   return {high, low, is_negative ? -turns : turns};
 }
 
-// For |x| > π/4, up to rounding [rad]. Cody and Waite's reduction (1980) where it is exact enough.
+// Reduces x [rad], |x| > π/4 up to rounding, by the method of Cody and Waite (1980) where that is
+// exact enough.
 ReducedAngle reduce(double x) {
   if (std::abs(x) < 0x1p20) {
-    const double n = x * 0x1.45f306dc9c883p-1 + 0x1.8p52 - 0x1.8p52;  // to the nearest integer
+    const double n = x * 0x1.45f306dc9c883p-1 + 0x1.8p52 - 0x1.8p52;  // nearest integer
     const double first = x - n * kHalfPi1;
-    if (std::abs(first) > 0x1p-12) {  // larger than all that is still to be subtracted
+    if (std::abs(first) > 0x1p-12) {  // larger than all terms still to be subtracted
       const double second = n * kHalfPi2;
       const double rest = first - second;
       const double third = n * kHalfPi3 - ((first - rest) - second);
@@ -146,7 +147,7 @@ ReducedAngle reduce(double x) {
 
 constexpr double kS1 = -1.66666666666666324348e-01;
 
-// (sin x − x − kS1 x³)/x⁵ as a polynomial of z = x², |x| ≤ π/4
+// Returns (sin x − x − kS1 x³)/x⁵ as a polynomial of z = x², |x| ≤ π/4.
 double sine_series(double z) {
   constexpr double kS2 = 8.33333333332248946124e-03, kS3 = -1.98412698298579493134e-04,
                    kS4 = 2.75573137070700676789e-06, kS5 = -2.50507602534068634195e-08,
@@ -154,19 +155,19 @@ double sine_series(double z) {
   return kS2 + z * (kS3 + z * kS4) + z * (z * z) * (kS5 + z * kS6);
 }
 
-// sin(x), |x| ≤ π/4
+// Returns sin(x), |x| ≤ π/4.
 double sine_near_zero(double x) {
   const double z = x * x;
   return x + z * x * (kS1 + z * sine_series(z));
 }
 
-// sin(high + low), |high| ≤ π/4
+// Returns sin(high + low), |high| ≤ π/4.
 double sine_near_zero(double high, double low) {
   const double z = high * high, cube = z * high;
   return high - ((z * (0.5 * low - cube * sine_series(z)) - low) - cube * kS1);
 }
 
-// cos(high + low), |high| ≤ π/4
+// Returns cos(high + low), |high| ≤ π/4.
 double cosine_near_zero(double high, double low) {
   constexpr double kC1 = 4.16666666666666019037e-02, kC2 = -1.38888888888741095749e-03,
                    kC3 = 2.48015872894767294178e-05, kC4 = -2.75573143513906633035e-07,
@@ -180,12 +181,12 @@ double cosine_near_zero(double high, double low) {
 
 bool is_own_sine(double x) { return std::abs(x) < 0x1p-27; }
 
-// The angle that a small angle is added to, as a sum of two doubles [rad].
+// Angle that a small angle is added to, as a sum of two doubles [rad].
 struct Origin {
   double high, low;
 };
 
-// β, π/2 − β, π − β and π/2 + β for β of 0, atan ½ and π/4.
+// Angles β, π/2 − β, π − β and π/2 + β for β = 0, atan ½ and π/4.
 constexpr Origin kOrigins[3][4] = {
     {{0.0, 0.0},
      {0x1.921fb54442d18p+0, 0x1.1a62633145c07p-54},
@@ -237,8 +238,8 @@ SineCosine sin_cos(double x) {
   return {sine, cosine};
 }
 
-// With the smaller coordinate n and the larger one d, n/d = tan(β + δ) for the nearest β of 0,
-// atan ½ and π/4; δ = atan t is small, and by symmetry the angle is an origin plus or minus δ.
+// With the smaller coordinate n and the larger coordinate d, n/d = tan(β + δ) for the nearest β of
+// 0, atan ½ and π/4. δ = atan t is small; by symmetry the angle is an Origin plus or minus δ.
 double atan2(double y, double x) {
   if (std::isnan(x) || std::isnan(y)) return x + y;
   const bool is_left = std::signbit(x), is_steep = std::abs(y) > std::abs(x);
@@ -312,7 +313,7 @@ double hypot(double x, double y, double z) {
   return std::sqrt(square) * (is_large ? 0x1p600 : 0x1p-600);
 }
 
-// Newton's method from a fifth of the exponent, which is off by less than 6 %.
+// Newton's method from a fifth of the exponent, an estimate within 6 %.
 double fifth_root(double x) {
   if (!(x > 0.0 && x < std::numeric_limits<double>::infinity())) return x;
   const bool is_subnormal = x < std::numeric_limits<double>::min();

@@ -11,26 +11,26 @@ struct SineCosine {
   double cosine = 1.0;
 };
 
-/// Sine of x [rad] of any size; error below 0.8 ulp. NaN for infinities.
+/// Returns the sine of x [rad] of any size; error below 0.8 ulp. NaN for infinities.
 double sin(double x);
 
-/// Cosine of x [rad] of any size; error below 0.8 ulp. NaN for infinities.
+/// Returns the cosine of x [rad] of any size; error below 0.8 ulp. NaN for infinities.
 double cos(double x);
 
-/// sin(x) and cos(x), the same bits as by the two functions, for one reduction of x [rad].
+/// Returns sin(x) and cos(x) with the bits of both functions, for one reduction of x [rad].
 SineCosine sin_cos(double x);
 
-/// Angle of the point (x, y) in [−π, π] [rad], with zeros and infinities as in C; error below 1 ulp
-/// where the angle is a normal number.
+/// Returns the angle of the point (x, y) in [−π, π] [rad], with zeros and infinities as in C; error
+/// below 1 ulp where the angle is a normal number.
 double atan2(double y, double x);
 
-/// √(x² + y²) without overflow or underflow between; error below 1.25 ulp.
+/// Returns √(x² + y²) without intermediate overflow or underflow; error below 1.25 ulp.
 double hypot(double x, double y);
 
-/// √(x² + y² + z²) without overflow or underflow between; error below 1.6 ulp.
+/// Returns √(x² + y² + z²) without intermediate overflow or underflow; error below 1.6 ulp.
 double hypot(double x, double y, double z);
 
-/// ⁵√x of a positive x; error below 1 ulp. Zero and infinity are their own roots.
+/// Returns ⁵√x of a positive x; error below 1 ulp. Zero and infinity are their own roots.
 double fifth_root(double x);
 
 }  // namespace constraint_sim::engine::math

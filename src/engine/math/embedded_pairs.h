@@ -6,16 +6,16 @@
 namespace constraint_sim::engine {
 
 // Embedded pairs of explicit Runge-Kutta formulas. Stage s is at t + kC[s] h, with y + h Σ kA[s][j]
-// k_j; row kA[kStages] gives the new state. Where kNeedsNext, estimate() also wants the derivative
-// there.
+// k_j; row kA[kStages] gives the new state. With kNeedsNext, estimate() needs the derivative at the
+// new state too.
 
-/// Dormand & Prince 8(5,3) as in DOP853: Hairer, Nørsett & Wanner, Solving Ordinary Differential
-/// Equations I, 2nd edition, section II.10. Stable on the imaginary axis up to 5.96.
+/// Method of Dormand & Prince, 8(5,3), as in DOP853: Hairer, Nørsett & Wanner, Solving Ordinary
+/// Differential Equations I, 2nd edition, section II.10. Stable on the imaginary axis up to 5.96.
 struct DormandPrince8 {
   static constexpr int kOrder = 8;
   static constexpr std::size_t kStages = 12;
   static constexpr bool kNeedsNext = false;
-  static constexpr int kErrorOrder = 9;  // of the estimate of one step
+  static constexpr int kErrorOrder = 9;  // order of the error estimate of a step
   static constexpr double kC[kStages] = {0.0,
                                          0.05260015195876773,
                                          0.0789002279381516,
@@ -51,7 +51,7 @@ struct DormandPrince8 {
        -5.801203960010585, 0.3111643669578199, -0.1521609496625161, 0.20136540080403034,
        0.04471061572777259},
   };
-  // of the differences to the embedded formulas of order 5 and 3
+  // Weights of the differences to the embedded formulas of order 5 and 3.
   static constexpr double kE5[kStages] = {0.01312004499419488,
                                           0.0,
                                           0.0,
@@ -76,8 +76,9 @@ struct DormandPrince8 {
                                           -0.1521609496625161,
                                           0.20136540080403034,
                                           0.02265179219836082};
-  // and of order 4, of the stages at 0, 1/3, 3/5 and 6/7, whose order is that of its quadrature,
-  // since Σ_j a_ij c_j^k = c_i^(k+1)/(k+1) there for k up to 2
+  // Weights of the difference to a formula of order 4, by the stages at 0, 1/3, 3/5 and 6/7. Its
+  // order is the order of its quadrature, since Σ_j a_ij c_j^k = c_i^(k+1)/(k+1) there for k up to
+  // 2.
   static constexpr double kE4[kStages] = {-0.05218774736491272,
                                           0.0,
                                           0.0,
@@ -92,13 +93,13 @@ struct DormandPrince8 {
                                           0.04471061572777259};
 };
 
-/// Dormand & Prince 5(4), J. Comp. Appl. Math. 6 (1980) 19. Stable on the imaginary axis up to
-/// 0.99.
+/// Method of Dormand & Prince, 5(4), J. Comp. Appl. Math. 6 (1980) 19. Stable on the imaginary axis
+/// up to 0.99.
 struct DormandPrince5 {
   static constexpr int kOrder = 5;
   static constexpr std::size_t kStages = 6;
   static constexpr bool kNeedsNext = true;
-  static constexpr int kErrorOrder = 6;  // of the estimate of one step
+  static constexpr int kErrorOrder = 6;  // order of the error estimate of a step
   static constexpr double kC[kStages] = {0.0, 1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0};
   static constexpr double kA[kStages + 1][kStages] = {
       {0.0},
@@ -109,13 +110,14 @@ struct DormandPrince5 {
       {9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0},
       {35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0},
   };
-  // of the differences to embedded formulas; the last of the derivative at the new state. That of
-  // order 4 is theirs.
+  // Weights of the differences to embedded formulas, the last for the derivative at the new state.
+  // kE4 is by Dormand & Prince.
   static constexpr double kE4[kStages + 1] = {
       -71.0 / 57600.0,    0.0,           71.0 / 16695.0, -71.0 / 1920.0,
       17253.0 / 339200.0, -22.0 / 525.0, 1.0 / 40.0};
-  // To the formula of order 3 of the stages at 0, 3/10 and 4/5, whose order is that of its
-  // quadrature, since Σ_j a_ij c_j = c_i²/2 there; and to the trapezoidal rule, of order 2.
+  // Weights of the differences to a formula of order 3, by the stages at 0, 3/10 and 4/5, and to
+  // the trapezoidal rule, of order 2. The order of the first is the order of its quadrature, since
+  // Σ_j a_ij c_j = c_i²/2 there.
   static constexpr double kE3[kStages + 1] = {
       -7.0 / 1152.0, 0.0, 16.0 / 3339.0, 37.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0, 0.0};
   static constexpr double kE2[kStages + 1] = {

@@ -6,15 +6,14 @@
 
 namespace constraint_sim::engine {
 
-// Where a polynomial first falls below zero. With the coefficients of Bernstein's basis the
-// polynomial lies in their hull, so that none is missed: Farouki, Computer Aided Geometric Design
-// 29 (2012) 379, section 5.
+// First root of a polynomial. The polynomial lies in the hull of its Bernstein coefficients, so no
+// root is missed: Farouki, Computer Aided Geometric Design 29 (2012) 379, section 5.
 
 /// A polynomial on [0, 1] by its Bernstein coefficients.
 template <std::size_t kCoefficients>
 using Bernstein = std::array<double, kCoefficients>;
 
-/// The first root in [0, 1] after which the polynomial is negative.
+/// Returns the first root in [0, 1] after which the polynomial is negative.
 template <std::size_t n>
 std::optional<double> first_root(Bernstein<n> p, double from = 0.0, double to = 1.0,
                                  int halvings = 50) {
@@ -22,7 +21,7 @@ std::optional<double> first_root(Bernstein<n> p, double from = 0.0, double to = 
   for (const double c : p) is_above = is_above && c >= 0.0;
   if (is_above) return std::nullopt;
   if (p[0] < 0.0 || halvings == 0) return from;
-  Bernstein<n> right;  // de Casteljau, at the middle
+  Bernstein<n> right;  // de Casteljau's subdivision in the middle
   for (std::size_t k = 0; k < n; ++k) {
     right[n - 1 - k] = p[n - 1];
     for (std::size_t i = n - 1; i > k; --i) p[i] = 0.5 * (p[i - 1] + p[i]);
@@ -32,10 +31,10 @@ std::optional<double> first_root(Bernstein<n> p, double from = 0.0, double to = 
   return first_root(right, middle, to, halvings - 1);
 }
 
-/// The same of a polynomial with p(0) = 0: the first root after that.
+/// Returns the first root after 0 of a polynomial with p(0) = 0.
 template <std::size_t n>
 std::optional<double> first_root_after_zero(const Bernstein<n>& p) {
-  Bernstein<n - 1> quotient;  // p(θ)/θ
+  Bernstein<n - 1> quotient;  // coefficients of p(θ)/θ
   for (std::size_t i = 0; i + 1 < n; ++i)
     quotient[i] = p[i + 1] * static_cast<double>(n - 1) / static_cast<double>(i + 1);
   return first_root(quotient);

@@ -9,16 +9,16 @@
 namespace constraint_sim::engine {
 namespace {
 
-// Residual, as a share of what it is the difference of, that ends a refinement, and what each step
-// of it must gain at least. With new factors a solution is taken as it is below the third.
+// Residual that ends a refinement, as a share of the largest sum of |terms|; least gain per step;
+// most steps; and residual that is accepted with new factors.
 constexpr double kRefined = 1e-10;
 constexpr double kGain = 0.3;
 constexpr int kMostRefinements = 10;
 constexpr double kRefinementSolved = 1e-8;
-// What an entry costs in a refinement, where it is read from far, in operations of a factorisation.
+// Cost of an entry in a refinement, which loads it from memory, in operations of a factorization.
 constexpr double kMemory = 4.0;
 
-// with some to spare, since what is delayed varies
+// Enlarges a list with a reserve, since numbers of delayed unknowns vary.
 template <class Number>
 void make_room(List<Number>* list, std::size_t size) {
   if (list->size() < size) list->resize(size + size / 4);
@@ -26,7 +26,7 @@ void make_room(List<Number>* list, std::size_t size) {
 
 // ---- parts of a substitution
 
-// Takes a x off y: rows × columns. Four sums at a time do not wait for each other.
+// Subtracts a x from y, rows × columns. Four independent sums at a time hide the latency.
 void subtract_products(const double* a, std::size_t stride, std::size_t rows, std::size_t columns,
                        const double* x, double* y) {
   std::size_t i = 0;
@@ -48,7 +48,7 @@ void subtract_products(const double* a, std::size_t stride, std::size_t rows, st
     for (std::size_t k = 0; k < columns; ++k) y[i] -= a[i * stride + k] * x[k];
 }
 
-// x = l⁻¹ x, l of size n with a unit diagonal
+// Replaces x by l⁻¹ x, with l of size n and unit diagonal.
 void subtract_triangle(const double* l, std::size_t stride, std::size_t n, double* x) {
   for (std::size_t k = 0; k < n; k += 4) {
     const std::size_t end = std::min(k + 4, n);
@@ -60,7 +60,7 @@ void subtract_triangle(const double* l, std::size_t stride, std::size_t n, doubl
 
 }  // namespace
 
-// ---- numbers
+// ---- numerical factorization and solution
 
 bool FrontalLu::factor(const double* values) {
   factor_end_ = stack_end_ = index_end_ = 0;
@@ -89,7 +89,8 @@ bool FrontalLu::factor(const double* values) {
   return true;
 }
 
-// The front's matrix, at the end of factor_: what A has of it, and what its children leave.
+// Assembles the matrix of a front at the end of factor_, from entries of A and the blocks of its
+// children.
 void FrontalLu::assemble(std::size_t f, const double* values) {
   const Front& front = fronts_[f];
   Factor& factor = factors_[f];
@@ -143,7 +144,7 @@ void FrontalLu::add_child(std::size_t child, std::size_t delayed_at, std::size_t
   }
 }
 
-// Keeps U and L one after the other, and puts what is left on the stack.
+// Stores U and L one after the other, and the remaining block on the stack.
 void FrontalLu::store(std::size_t f) {
   Factor& factor = factors_[f];
   const std::size_t left = factor.size - factor.pivots;
@@ -161,7 +162,7 @@ void FrontalLu::store(std::size_t f) {
   index_end_ += 2 * factor.size;
 }
 
-// Each front has what it needs of b, and of x, side by side in front_.
+// Solves L U x = b front by front, with the entries of b or x gathered in front_.
 void FrontalLu::substitute(double* b, double* x) {
   double* const local = front_.data();
   for (const Factor& factor : factors_) {
@@ -212,8 +213,7 @@ double FrontalLu::at_last(double residual, double share, int steps) {
   return residual;
 }
 
-// The solution to solution_, refined until its residual is small; false where it stays above
-// `enough`.
+// Solves into solution_ with refinement; returns false where the residual stays above `enough`.
 bool FrontalLu::refine(const double* values, const double* b, int steps, double enough) {
   std::fill(solution_.begin(), solution_.end(), 0.0);
   std::copy(b, b + n_, residual_.begin());

@@ -1,4 +1,4 @@
-// What FrontalLu compiles once: the order of the elimination and its fronts.
+// Symbolic analysis of FrontalLu: the order of the elimination, and its fronts.
 
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
@@ -10,11 +10,11 @@
 namespace constraint_sim::engine {
 namespace {
 
-// Zero entries that a front may have where it takes in its children: a share, and so many.
+// Most zeros that a front may store to take in its children: a share of the entries, plus a number.
 constexpr double kInVain = 0.1;
 constexpr std::size_t kFewInVain = 100;
 
-// place of each body in an elimination with little fill
+// Returns the place of each body in an elimination with little fill.
 List<std::size_t> little_fill_order(std::size_t n, const List<FrontalLu::Link>& links) {
   List<Eigen::Triplet<double>> triplets;
   const auto size = static_cast<int>(n);
@@ -47,13 +47,13 @@ void sort_unique(List<std::size_t>* list) {
 
 }  // namespace
 
-// Bodies with the rows that go with them, in the order of the elimination.
+// Bodies with their assigned rows, in the order of the elimination.
 struct FrontalLu::Groups {
-  List<List<std::size_t>> own, border;  // unknowns
-  List<List<std::size_t>> couples;      // with unknowns of later groups
-  List<std::size_t> group_of;           // of unknowns
-  List<std::size_t> parent;             // or itself, of a root
-  List<char> is_joined;                 // to its parent
+  List<List<std::size_t>> own, border;  // unknowns of each group, and of its border
+  List<List<std::size_t>> couples;      // unknowns of later groups that couple with a group
+  List<std::size_t> group_of;           // group of each unknown
+  List<std::size_t> parent;             // parent of each group; a root is its own parent
+  List<char> is_joined;                 // whether a group is joined to its parent
 };
 
 void FrontalLu::analyze(const List<Body>& bodies, const List<Link>& links) {
@@ -99,8 +99,8 @@ void FrontalLu::find_pattern(const List<Body>& bodies, const List<Link>& links) 
   }
 }
 
-// Rows go with the first of their bodies, so that they are in as few fronts as may be; but no more
-// of them than it has freedoms, since those would have no pivots there.
+// Assigns rows to the first of their bodies, so that they appear in few fronts. A body takes no
+// more rows than it has degrees of freedom, since further rows would find no pivots there.
 FrontalLu::Groups FrontalLu::find_groups(const List<Body>& bodies, const List<Link>& links) {
   const List<std::size_t> place = little_fill_order(bodies.size(), links);
   Groups groups;
@@ -128,7 +128,7 @@ FrontalLu::Groups FrontalLu::find_groups(const List<Body>& bodies, const List<Li
     }
     spans.push_back(span);
   }
-  // rows whose elimination would be delayed most have the first choice
+  // Rows that would be delayed most choose first.
   std::stable_sort(spans.begin(), spans.end(),
                    [](const Span& a, const Span& b) { return a.last > b.last; });
   List<std::size_t> group_of_link(links.size());
@@ -165,7 +165,8 @@ FrontalLu::Groups FrontalLu::find_groups(const List<Body>& bodies, const List<Li
   return groups;
 }
 
-// of each group what its own unknowns couple with, and what its children leave
+// Finds the border of each group: the unknowns that its own unknowns couple with, and the remaining
+// borders of its children.
 void FrontalLu::find_borders(Groups* groups) {
   const std::size_t n = groups->own.size();
   const auto& group_of = groups->group_of;
@@ -185,7 +186,7 @@ void FrontalLu::find_borders(Groups* groups) {
   }
 }
 
-// A group joins its parent where few of the entries then kept are zero.
+// Joins a group to its parent where few of the joint entries are zero.
 void FrontalLu::join(Groups* groups) {
   const std::size_t n = groups->own.size();
   groups->is_joined.assign(n, 0);
@@ -193,7 +194,7 @@ void FrontalLu::join(Groups* groups) {
   const auto entries = [](std::size_t own, std::size_t border) { return own * (own + 2 * border); };
   for (std::size_t g = 0; g < n; ++g)
     if (groups->parent[g] != g) children[groups->parent[g]].push_back(g);
-  List<std::size_t> needed(n);  // entries without joining
+  List<std::size_t> needed(n);  // number of entries without joining
   for (std::size_t g = 0; g < n; ++g) {
     auto& own = groups->own[g];
     const std::size_t border = groups->border[g].size();
@@ -210,7 +211,7 @@ void FrontalLu::join(Groups* groups) {
       own.insert(own.end(), groups->own[child].begin(), groups->own[child].end());
     }
   }
-  // what now is whose
+  // Updates parents and groups of unknowns after joining.
   for (std::size_t g = n; g-- > 0;) {
     std::size_t& parent = groups->parent[g];
     if (groups->is_joined[parent]) parent = groups->parent[parent];
@@ -248,13 +249,13 @@ void FrontalLu::make_fronts(const Groups& groups) {
     front_of[g] = fronts_.size();
     List<std::size_t> of_front;
     for (const std::size_t child : children[g]) of_front.push_back(front_of[child]);
-    std::sort(of_front.begin(), of_front.end());  // as what they leave is on the stack
+    std::sort(of_front.begin(), of_front.end());  // order of their blocks on the stack
     add_front(groups, g, of_front, &place);
   }
   factors_.assign(fronts_.size(), Factor{});
 }
 
-// `place`: room for where unknowns are in the front.
+// Appends the front of a group; `place` is scratch for the places of unknowns in the front.
 void FrontalLu::add_front(const Groups& groups, std::size_t g, const List<std::size_t>& children,
                           List<std::size_t>* place) {
   Front front;
@@ -276,7 +277,7 @@ void FrontalLu::add_front(const Groups& groups, std::size_t g, const List<std::s
   child_.insert(child_.end(), children.begin(), children.end());
   front.children_end = child_.size();
 
-  // entries with an own unknown and none that is eliminated before
+  // Entries with an own unknown and no unknown eliminated earlier.
   for (std::size_t i = 0; i < front.own + front.border; ++i) {
     const bool is_own = i < front.own;
     for (std::size_t s = row_begin_[unknowns[i]]; s < row_begin_[unknowns[i] + 1]; ++s) {

@@ -14,7 +14,7 @@ using Eigen::VectorXd;
 
 constexpr double kAboutAsLarge = 0.25;
 
-// Row to be added next; −1 where no pivot is above `least`.
+// Returns the row to be added next; -1 where no pivot is above `least`.
 Index next_pivot(const VectorXd& left, const List<char>& is_kept, const List<char>& preferred,
                  const List<char>& required, double least) {
   const Index n = left.size();

@@ -6,18 +6,18 @@
 
 namespace constraint_sim::engine {
 
-/// Rows of a mechanism that all its other rows follow from.
+/// A largest set of independent rows of a mechanism; all other rows depend on them.
 struct IndependentRows {
   List<char> is_kept;
-  double smallest_pivot = 1.0;  ///< of the rows kept
+  double smallest_pivot = 1.0;  ///< smallest pivot of the rows kept
 };
 
-/// Chooses by a Cholesky factorization with diagonal pivots of `A` = G M⁻¹ Gᵀ, dense. The diagonal
-/// is scaled to one, so that units and lengths do not matter, and rows are added until no pivot is
-/// above `least`. Higham, "Accuracy and Stability of Numerical Algorithms", section 10.3.
-/// Of pivots within a factor of four, a row that `preferred` marks comes first, then the first by
-/// index, so that a choice does not alternate with the rounding. Rows that `required` marks come
-/// before all others.
+/// Chooses rows by a Cholesky factorization with diagonal pivots of the Delassus matrix `A` = G M⁻¹
+/// Gᵀ, scaled to a unit diagonal, so that units do not matter. Rows are added until no pivot
+/// exceeds `least` (Higham, "Accuracy and Stability of Numerical Algorithms", section 10.3). Rows
+/// marked by `required` come first. Among pivots within a factor of four, rows marked by
+/// `preferred` come first, then the first by index, so that the choice does not alternate with
+/// rounding.
 IndependentRows choose_independent_rows(Eigen::MatrixXd A, const List<char>& preferred,
                                         const List<char>& required, double least);
 

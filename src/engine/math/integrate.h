@@ -15,23 +15,22 @@
 
 namespace constraint_sim::engine {
 
-// Explicit Runge-Kutta steps of any System, with as many substeps as the tolerance asks for.
-//
-// A System has a state of size() numbers and these functions, t in simulated seconds:
+// Explicit Runge-Kutta integration of a System, in as many substeps as the tolerance needs. A
+// System has size() numbers as state, an error rounding() [m] below which rounding dominates, and
 //   void derivative(std::size_t stage, double t, const double* y, double* dydt);
-//   bool project(double t, double* y);             onto what positions have to keep; false: cannot
-//   template <class Pair> void accept(double h);   the stages have made a step
-//   bool restart(double* y, double* dydt);         after project(): projects velocities, stage 0
-//   double squared_size_of(const double* dy, double h);  of an error over a step of h [m²]
+//   bool project(double t, double* y);             projects positions; false: impossible
+//   template <class Pair> void accept(double h);   takes over the stages of a step
+//   bool restart(double* y, double* dydt);         projects velocities, evaluates stage 0
+//   double squared_size_of(const double* dy, double h);  squared error of a step of h [m²]
 
-/// Where the numbers are: the state, the candidate for the next one, an error, and the derivatives
-/// of the stages one after the other.
+/// Memory of the stages: the state, the candidate for the next state, an error, and the derivatives
+/// of the stages.
 class StageMemory {
  public:
   static constexpr std::size_t kDerivatives = 3;  ///< row of the first stage
   static constexpr std::size_t kRows = kDerivatives + DormandPrince8::kStages + 1;
 
-  /// On `numbers`, kRows times `size` of them.
+  /// Uses `numbers`, kRows times `size` of them.
   StageMemory(double* numbers, std::size_t size)
       : state_(numbers),
         candidate_(numbers + size),
@@ -47,36 +46,39 @@ class StageMemory {
   double *state_, *candidate_, *error_, *derivatives_;
 };
 
-/// What came of it.
+/// Result of an integration.
 struct IntegrationResult {
-  bool done = true;          ///< else the state is where it came to
-  double local_error = 0.0;  ///< estimate, sum of the substeps [m]
+  bool done = true;          ///< false: the state is at the time reached
+  double local_error = 0.0;  ///< sum of the error estimates of the substeps [m]
   int substeps = 0;
   int rejected = 0;
-  int iterations = 0;            ///< Newton's, where there are any
-  bool is_inconsistent = false;  ///< not done because the joints cannot all be met
-  double frequency = 0.0;        ///< of the joints' forces, where it decides on the next [rad/s]
-  bool is_stiff = false;   ///< the other method is the better one; not done where it was so at once
-  double projected = 0.0;  ///< kinetic energy that velocities lost when they were made to fit [J]
-  double corrected = 0.0;  ///< energy that corrections of positions added, left in the bodies [J]
+  int iterations = 0;            ///< iterations of Newton's method, where used
+  bool is_inconsistent = false;  ///< not done since the joints cannot all be met
+  /// Frequency of the joints' forces, where it decides the next method [rad/s].
+  double frequency = 0.0;
+  /// The other method is cheaper; not done where this was known at once.
+  bool is_stiff = false;
+  double projected = 0.0;  ///< kinetic energy lost by projecting velocities [J]
+  double corrected = 0.0;  ///< energy added by position corrections [J]
 };
 
 namespace runge_kutta {
 
-inline constexpr double kSafety = 0.9;  // the next estimate is to come out below what is allowed
+inline constexpr double kSafety = 0.9;  // keeps the next estimate below the allowed error
 inline constexpr double kMostGrowth = 5.0;
 inline constexpr double kMostShrinking = 0.2;
 inline constexpr double kLeastShrinking = 0.73;
-inline constexpr int kMostFailures = 100;  // of them without any result: rows are inconsistent
+// Attempts without result, after which rows are inconsistent.
+inline constexpr int kMostFailures = 100;
 
-// Weights of the derivatives, as types, so that what is zero costs nothing.
+// Weights of the derivatives as types, so that zero weights cost nothing.
 
 template <class Pair, std::size_t kStage>
 struct StageWeights {
   static constexpr std::size_t kTerms = kStage;
   static constexpr double at(std::size_t j) { return Pair::kA[kStage][j]; }
 };
-/// Of the differences to the embedded formulas.
+/// Weights of the difference to an embedded formula.
 template <const auto& kE>
 struct ErrorWeights {
   static constexpr std::size_t kTerms = std::size(kE);
@@ -93,7 +95,8 @@ Number read(const double* numbers) {
     return Eigen::Map<const Number>(numbers);
 }
 
-/// Σ w_j k_j over j < kTerms of one element, or of several as one Number; w_0 is not zero.
+/// Returns Σ w_j k_j over j < kTerms for one element, or for several as one Number; w_0 is not
+/// zero.
 template <class Weights, class Number = double, std::size_t kTerms = Weights::kTerms>
 Number sum(const double* k, std::size_t n) {
   constexpr double kWeight = Weights::at(kTerms - 1);
@@ -105,13 +108,13 @@ Number sum(const double* k, std::size_t n) {
     return sum<Weights, Number, kTerms - 1>(k, n) + kWeight * read<Number>(k + (kTerms - 1) * n);
 }
 
-/// n is even.
+/// Writes the weighted sums of all elements; n is even.
 template <class Weights>
 void weigh(const double* k, std::size_t n, double* result) {
   for (std::size_t e = 0; e < n; e += 2) Eigen::Map<Two>(result + e) = sum<Weights, Two>(k + e, n);
 }
 
-/// y = y0 + h Σ kA[stage][j] k_j; n is even.
+/// Writes y = y0 + h Σ kA[stage][j] k_j; n is even.
 template <class Pair, std::size_t kStage>
 void combine(const double* y0, const double* k, std::size_t n, double h, double* y) {
   for (std::size_t e = 0; e < n; e += 2)
@@ -131,26 +134,27 @@ void stage(System& system, const StageMemory& memory, double t, double h) {
                     memory.derivatives() + kStage * n);
 }
 
-/// All stages but the first, which is there.
+/// Evaluates all stages but the first, which is given.
 template <class Pair, class System, std::size_t... kBefore>
 void all_stages(System& system, const StageMemory& memory, double t, double h,
                 std::index_sequence<kBefore...>) {
   (stage<Pair, kBefore + 1>(system, memory, t, h), ...);
 }
 
-/// Squared size of Σ kE[j] k_j.
+/// Returns the squared size of Σ kE[j] k_j.
 template <const auto& kE, class System>
 double squared_error(const System& system, const StageMemory& memory, double h) {
   weigh<ErrorWeights<kE>>(memory.derivatives(), system.size(), memory.error());
   return system.squared_size_of(memory.error(), h);
 }
 
-// The errors of the embedded formulas fall more slowly than that of the step. The powers of h that
-// are missing are in their ratios; which ones is chosen so that all falls and rises together where
-// a motion turns back, or passes its middle, and every other derivative vanishes. Never more than
-// the error of the best of them. bench/error_estimates.cpp prints how well that works.
+// Errors of embedded formulas decrease more slowly with h than the error of the step. Their ratios
+// supply the missing powers of h. The ratios are chosen so that all errors rise and fall together
+// where a motion reverses or passes its middle, and every other derivative vanishes. An estimate
+// never exceeds the error of the best formula. bench/error_estimates.cpp prints their accuracy.
 
-/// h⁶ (h⁶/h⁵)(h⁶/h⁴), times a factor fitted to pendulums, chains and free bodies.
+/// Returns the estimate h⁶ (h⁶/h⁵)(h⁶/h⁴), with a factor fitted to pendulums, chains and free
+/// bodies.
 template <class System>
 double estimate(DormandPrince8, const System& system, const StageMemory& memory, double h) {
   constexpr double kFitted = 4.3;
@@ -162,7 +166,7 @@ double estimate(DormandPrince8, const System& system, const StageMemory& memory,
   return h * std::sqrt(fifth2 * std::min(1.0, share2));
 }
 
-/// h⁵ (h⁴/h³); it needs no factor.
+/// Returns the estimate h⁵ (h⁴/h³), which needs no factor.
 template <class System>
 double estimate(DormandPrince5, const System& system, const StageMemory& memory, double h) {
   const double fourth2 = squared_error<DormandPrince5::kE4>(system, memory, h);
@@ -172,7 +176,8 @@ double estimate(DormandPrince5, const System& system, const StageMemory& memory,
   return h * std::sqrt(fourth2 * std::min(1.0, third2 / second2));
 }
 
-/// One step, in candidate(); negative where there is none, else the estimate of its error [m].
+/// Writes a step to candidate(); returns its error estimate [m], or a negative number without a
+/// result.
 template <class Pair, class System>
 [[gnu::always_inline]] inline double attempt(System& system, const StageMemory& memory, double t,
                                              double h) {
@@ -188,7 +193,7 @@ template <class Pair, class System>
   return std::isfinite(error) ? error : -1.0;
 }
 
-/// The root of order kOrder of x.
+/// Returns the root of x of order kOrder.
 template <int kOrder>
 double root(double x) {
   static_assert(kOrder == 8 || kOrder == 5);
@@ -198,11 +203,11 @@ double root(double x) {
     return math::fifth_root(x);
 }
 
-/// How much longer the next step can be, or how much shorter this one has to.
+/// Returns the ratio of the next substep to this one.
 template <class Pair>
 double stretch(double error, double allowed) {
   if (error < 0.0) return kMostShrinking;
-  if (error < 1e-6 * allowed) return kMostGrowth;  // 0.9 · 1e6^(1/8) is already more
+  if (error < 1e-6 * allowed) return kMostGrowth;  // 0.9 · 1e6^(1/8) exceeds kMostGrowth
   const double ratio = kSafety * root<Pair::kErrorOrder - 1>(allowed / error);
   const double most = error > allowed ? kLeastShrinking : kMostGrowth;
   return std::clamp(ratio, kMostShrinking, most);
@@ -210,26 +215,26 @@ double stretch(double error, double allowed) {
 
 }  // namespace runge_kutta
 
-/// What is left of a span that substeps go through.
+/// Rest of an interval that substeps go through.
 struct SubstepSpan {
-  double t;      ///< where the state is [s]
-  double left;   ///< to the end [s]
-  double end;    ///< [s]
-  int failures;  ///< attempts without any result
+  double t;      ///< time of the state [s]
+  double left;   ///< duration to the end [s]
+  double end;    ///< end [s]
+  int failures;  ///< number of attempts without any result
 
   SubstepSpan(double start, double duration)
       : t(start), left(duration), end(start + duration), failures(0) {}
 };
 
-/// How long substeps may be, and when they are given up.
+/// Tolerance and limits of substeps.
 struct SubstepLimits {
-  double tolerance;   ///< [m] of error per second; 0: whatever the error is
-  int most_attempts;  ///< of a span, rejected substeps included
+  double tolerance;   ///< error per second [m/s]; 0: any error
+  int most_attempts;  ///< most substeps of an interval, rejected ones included
   StopFlag stop;
 };
 
-/// Takes one substep of at most `step` [s], which is set to what the next one is tried with. False
-/// where it gives up. A call, so that its stages are in one place only, and inlined there.
+/// Takes a substep of at most `step` [s], and sets `step` for the next one. Returns false where it
+/// gives up. Not inlined, so that the stages, which are inlined here, exist only once.
 template <class Pair, class System>
 [[gnu::noinline]] bool take_substep(System& system, const StageMemory& memory,
                                     const SubstepLimits& limits, SubstepSpan& span, double& step,
@@ -270,10 +275,10 @@ template <class Pair, class System>
   }
 }
 
-/// Carries state() from t to t + duration. stage 0 of derivatives() is there before and after.
-/// `tolerance` [m] of error per second; 0: one step whatever its error. `step` [s] is what the next
-/// substep is tried with. Beyond `most_attempts` substeps, rejected ones included, it gives up,
-/// and so it does once `stop` is set.
+/// Advances state() from t to t + duration; derivatives() has stage 0 before and after. `tolerance`
+/// is the error per second [m/s]; 0: a single step with any error. `step` [s] is the first substep,
+/// and then the proposed next one. Gives up after `most_attempts` substeps, rejected ones included,
+/// or once `stop` is set.
 template <class Pair, class System>
 IntegrationResult integrate(System& system, const StageMemory& memory, double t, double duration,
                             double tolerance, double& step, int most_attempts = 50000,

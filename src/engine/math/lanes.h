@@ -4,17 +4,17 @@
 
 namespace constraint_sim::engine {
 
-/// Two numbers that go through the same arithmetic side by side, in one register where the
-/// processor has such; every operation rounds each as it would alone. A scalar for Eigen.
+/// Two numbers that go through equal arithmetic side by side, in one register where the processor
+/// has vectors. Each operation rounds as for scalars. A scalar type for Eigen.
 class Lanes {
   using Values = double __attribute__((vector_size(16)));
 
  public:
-  /// What a comparison says of each: all bits set where it holds.
+  /// Result of a comparison: all bits of a number are set where it holds.
   using Mask = decltype(Values{} > Values{});
 
   Lanes() = default;
-  Lanes(double both) : values_{both, both} {}  // NOLINT: Eigen makes scalars of numbers
+  Lanes(double both) : values_{both, both} {}  // NOLINT: Eigen makes scalars from numbers
   Lanes(double first, double second) : values_{first, second} {}
 
   double first() const { return values_[0]; }
@@ -40,7 +40,7 @@ class Lanes {
 using Lanes3 = Eigen::Matrix<Lanes, 3, 1>;
 using Lanes33 = Eigen::Matrix<Lanes, 3, 3>;
 
-/// a first and b second, of each entry.
+/// Returns lanes with `a` first and `b` second, for each entry.
 template <int kRows, int kColumns>
 Eigen::Matrix<Lanes, kRows, kColumns> join(const Eigen::Matrix<Lanes, kRows, kColumns>& a,
                                            const Eigen::Matrix<Lanes, kRows, kColumns>& b) {

@@ -11,11 +11,12 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kAccurate = 1e-3;  // of a sum of squares: less has lost too many digits
+// Share of a sum of squares below which too many digits are lost.
+constexpr double kAccurate = 1e-3;
 
 using Two = Eigen::Array2d;
 
-// two sums, so that they do not wait for each other
+// Two independent sums hide the latency.
 double dot(const double* a, const double* b, std::size_t n) {
   Two sums(0.0, 0.0);
   std::size_t i = 0;
@@ -74,7 +75,7 @@ void LeastNormSolver::factor(double least_pivot) {
   reflect_rows();
 }
 
-// The largest column that is left comes to k.
+// Swaps the largest remaining column to k.
 std::size_t LeastNormSolver::swap_in_pivot(std::size_t k) {
   const auto first = squares_.begin() + static_cast<std::ptrdiff_t>(k);
   const auto pivot =

@@ -6,20 +6,22 @@
 
 namespace constraint_sim::engine {
 
-/// A x = b with a square A of a few rows and of any rank: of all x that are off by least the one of
-/// least norm. QR factors with column pivots, and R made triangular by reflections from the right
-/// (Golub and Van Loan, "Matrix Computations", section 5.5.7); or LU factors where A is known to be
-/// regular. Keeps its storage.
+/// Solves A x = b in the least-squares sense for a square A of a few rows and of any rank; returns
+/// the x of least norm. QR factorization with column pivots, with R made triangular by reflections
+/// from the right (Golub and Van Loan, "Matrix Computations", section 5.5.7), or LU where A is
+/// known to be regular. Keeps its storage.
 class LeastNormSolver {
  public:
-  /// Room for n × n numbers, column by column, to be filled before one of the next two.
+  /// Returns storage for n × n numbers by columns, to be filled before factor() or
+  /// factor_regular().
   double* resize(std::size_t n);
-  /// `least_pivot`, of the largest one: columns that add less depend on others.
+  /// Factors by QR. Columns that add less than `least_pivot` times the largest pivot count as
+  /// dependent.
   void factor(double least_pivot);
   void factor_regular();
   std::size_t rank() const { return rank_; }
   bool is_regular() const { return rank_ == n_; }
-  /// b becomes x; of an A that is not finite NaN.
+  /// Replaces b by x; by NaN where A is not finite.
   void solve(double* b);
 
  private:
@@ -33,11 +35,11 @@ class LeastNormSolver {
   std::size_t n_ = 0, rank_ = 0;
   bool is_lu_ = false, is_finite_ = true;
   List<double> A_;                  // reflections below, R or T above; or L and U
-  List<double> diagonal_;           // of R or T
-  List<double> beta_;               // of reflections of columns,
-  List<double> head_, tau_, tail_;  // and of rows: tail_ has n − rank numbers of each
-  List<double> squares_, exact_;    // of what is left of columns, and when last summed up
-  List<std::size_t> order_;         // of columns, or rows that were swapped
+  List<double> diagonal_;           // diagonal of R or T
+  List<double> beta_;               // factors of the reflections of columns
+  List<double> head_, tau_, tail_;  // reflections of rows; tail_ has n − rank numbers per row
+  List<double> squares_, exact_;    // squared norms of remaining columns, now and when last summed
+  List<std::size_t> order_;         // order of columns, or swapped rows
   List<double> x_;                  // scratch
 };
 

@@ -7,15 +7,15 @@
 
 namespace constraint_sim::engine {
 
-/// Converts a signed index or count, which must not be negative, to the standard library's type.
+/// Converts a signed index or count ≥ 0 to the standard library's type.
 template <class Integer>
 constexpr std::size_t to_index(Integer i) {
   assert(i >= 0);
   return static_cast<std::size_t>(i);
 }
 
-/// A std::vector that takes signed and unsigned indices, since bodies, joints and rows are numbered
-/// by int with −1 for "none". Builds with asserts check every index.
+/// A std::vector with signed and unsigned indices, since bodies, joints and rows are numbered by
+/// int with -1 for "none". Builds with asserts check every index.
 template <class T>
 class List : public std::vector<T> {
  public:
@@ -26,7 +26,7 @@ class List : public std::vector<T> {
 
   template <class Integer>
   typename Base::reference operator[](Integer i) {
-    const auto place = static_cast<std::size_t>(i);  // a negative index is beyond every size
+    const auto place = static_cast<std::size_t>(i);  // a negative index exceeds every size
     assert(place < Base::size());
     return Base::operator[](place);
   }

@@ -1,7 +1,8 @@
 #pragma once
 
 // Products of quaternions on ARM in the order of sums that Eigen has on x86 in all versions, and on
-// ARM from 3.4 on. Included by the compiler's command line, before all that multiplies quaternions.
+// ARM from 3.4 on. Included by the compiler's command line, before any code that multiplies
+// quaternions.
 
 #include <Eigen/Geometry>
 #include <type_traits>
@@ -15,7 +16,7 @@ inline constexpr bool kIsQuaterniond =
     std::is_same_v<Q, Quaterniond> || std::is_same_v<Q, Map<Quaterniond>> ||
     std::is_same_v<Q, Map<const Quaterniond>>;
 
-/// Preferred to the member of QuaternionBase, to which arguments would have to be converted.
+/// Preferred to the member of QuaternionBase, which would need conversions of its arguments.
 template <class A, class B, class = std::enable_if_t<kIsQuaterniond<A> && kIsQuaterniond<B>>>
 Quaterniond operator*(const A& a, const B& b) {
   return {(a.w() * b.w() - a.y() * b.y()) - (a.z() * b.z() + a.x() * b.x()),

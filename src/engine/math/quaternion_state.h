@@ -5,16 +5,17 @@
 
 namespace constraint_sim::engine {
 
-// Orientations as a state of a method has them: four numbers x, y, z, w.
+// Orientations in the state of a method: four numbers x, y, z, w.
 
-/// Of a quaternion of any length: within stages it is off unit length by their order.
+/// Returns the rotation matrix of a quaternion of any norm; within stages the norm deviates from
+/// one.
 inline Eigen::Matrix3d rotation_matrix(const double* q) {
   const Eigen::Map<const Eigen::Quaterniond> quaternion(q);
   const Eigen::Matrix3d turn = quaternion.toRotationMatrix() - Eigen::Matrix3d::Identity();
   return Eigen::Matrix3d::Identity() + turn / quaternion.squaredNorm();
 }
 
-/// ½ (0, ω) ⊗ q
+/// Writes the rate ½ (0, ω) ⊗ q.
 inline void write_quaternion_rate(const Eigen::Vector3d& w, const double* q, double* rate) {
   rate[0] = 0.5 * (w.x() * q[3] + w.y() * q[2] - w.z() * q[1]);
   rate[1] = 0.5 * (w.y() * q[3] + w.z() * q[0] - w.x() * q[2]);

@@ -9,12 +9,12 @@
 namespace constraint_sim::engine {
 namespace {
 
-// Residual of a forest's solution, as a share of what it is the difference of, that shows that no
-// block was singular.
+// Relative residual of a forest's solution up to which no block was singular.
 constexpr double kForestSolved = 1e-10;
 
-// Gauss's elimination with partial pivoting of the n × n part of n rows of m numbers; the other
-// columns become the solutions. One step: row k becomes that of the pivot, and those below lose it.
+// Gaussian elimination with partial pivoting of the n × n part of n rows of m numbers; the other
+// columns become the solutions. This step swaps the pivot into row k, and eliminates column k below
+// it.
 inline bool eliminate_column(double* a, std::size_t k, std::size_t n, std::size_t m) {
   std::size_t pivot = k;
   for (std::size_t i = k + 1; i < n; ++i)
@@ -32,7 +32,7 @@ inline bool eliminate_column(double* a, std::size_t k, std::size_t n, std::size_
   return true;
 }
 
-// and the way back: the solutions of the rows above lose that of row k
+// Back substitution: subtracts the solution of row k from the rows above.
 inline void substitute_column(double* a, std::size_t k, std::size_t n, std::size_t m) {
   const double* const __restrict row = a + k * m;
   for (std::size_t i = 0; i < k; ++i) {
@@ -49,7 +49,7 @@ bool eliminate_any(double* a, std::size_t n, std::size_t m) {
   return true;
 }
 
-// The same with the sizes as constants, so that all loops are rolled out.
+// Elimination with constant sizes, so that all loops are unrolled.
 template <std::size_t kM, std::size_t... kColumn>
 bool eliminate(double* a, std::index_sequence<kColumn...>) {
   constexpr std::size_t kN = sizeof...(kColumn);
@@ -58,14 +58,14 @@ bool eliminate(double* a, std::index_sequence<kColumn...>) {
   return true;
 }
 
-// sizes of points on rods, and of bodies on ball joints, are worth code of their own
+// Specializes sizes of points on rods, and of bodies on ball joints.
 bool eliminate(double* a, std::size_t n, std::size_t m) {
   if (n == 4 && m == 8) return eliminate<8>(a, std::make_index_sequence<4>());
   if (n == 9 && m == 16) return eliminate<16>(a, std::make_index_sequence<9>());
   return eliminate_any(a, n, m);
 }
 
-// rows of `above` times the solutions, off the parent's matrix and right-hand side
+// Subtracts rows of `above` times the solutions from the parent's matrix and right-hand side.
 template <std::size_t kDofs, std::size_t kN>
 void pass_up(const double* above, const double* solutions, std::size_t some_dofs,
              std::size_t some_n, std::size_t m, double* to, std::size_t stride, double* b) {
@@ -137,7 +137,7 @@ SaddleLu::Slot SaddleLu::slot(int row, int column) const {
   const Block& of_i = blocks_[node_of_[i]];
   const Block& of_j = blocks_[node_of_[j]];
   if (&of_i == &of_j) return of_i.matrix + (i - of_i.first) * of_i.stride + j - of_j.first;
-  if (node_of_[i] < node_of_[j])  // the coupling to its parent
+  if (node_of_[i] < node_of_[j])  // coupling to the parent
     return of_i.matrix + (i - of_i.first) * of_i.stride + of_i.n + j - of_j.first;
   return of_j.above + (i - of_i.first) * of_j.n + j - of_j.first;
 }

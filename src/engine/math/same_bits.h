@@ -6,7 +6,7 @@
 
 namespace constraint_sim::engine {
 
-/// Whether numbers are the same to the bit: 0 and −0 are not.
+/// Whether numbers are equal to the bit; 0 and −0 differ.
 inline bool have_same_bits(const double* a, const double* b, std::size_t n) {
   return std::memcmp(a, b, n * sizeof(double)) == 0;
 }

@@ -12,17 +12,19 @@
 namespace constraint_sim::engine {
 namespace {
 
-// Pivots below this share of their diagonal entry are round-off even of a row to be kept.
+// Pivot, as a share of its diagonal entry, below which even a row to be kept is rounding.
 constexpr double kRoundOff = 1e-20;
 
-// share of a supernode's entries that may be kept although they are zero: what measures best
+// Share of a supernode's entries that may be stored zeros; measured as the fastest.
 constexpr double kZeroShare = 0.2;
 
-// Place of each row in an elimination of a forest without fill: leaves first, from all ends at
-// once, so that neighbours in the order depend little on each other. Empty if there are loops.
+// Returns the place of each row in an elimination of a forest without fill: leaves first, from all
+// ends at once, so that neighbours in the order depend little on each other. Empty where there are
+// loops.
 List<int> leaves_first_order(int n, const List<std::pair<int, int>>& entries) {
   const auto size = static_cast<std::size_t>(n);
-  List<int> degree(size, 0), sum_of_neighbours(size, 0);  // the sum is a leaf's only one
+  // Sum of neighbours is the only neighbour of a leaf.
+  List<int> degree(size, 0), sum_of_neighbours(size, 0);
   for (const auto& [i, j] : entries) {
     const auto a = static_cast<std::size_t>(i);
     const auto b = static_cast<std::size_t>(j);
@@ -46,7 +48,7 @@ List<int> leaves_first_order(int n, const List<std::pair<int, int>>& entries) {
   return order;
 }
 
-// place of each row in an elimination with little fill
+// Returns the place of each row in an elimination with little fill.
 List<int> little_fill_order(int n, const List<std::pair<int, int>>& entries) {
   List<Eigen::Triplet<double>> triplets;
   triplets.reserve(static_cast<std::size_t>(n) + 2 * entries.size());
@@ -64,8 +66,8 @@ List<int> little_fill_order(int n, const List<std::pair<int, int>>& entries) {
   return order;
 }
 
-// Calls act(k, count) for k from 0 to n, with a count of 4 as long as that goes: known when
-// compiled, so that what is of one column each stays in registers.
+// Calls act(k, count) for k from 0 to n in steps of 4, then for the rest. `count` is a constant, so
+// that values per column stay in registers.
 template <class Act>
 void by_fours(std::size_t n, const Act& act) {
   std::size_t k = 0;
@@ -83,8 +85,8 @@ void by_fours(std::size_t n, const Act& act) {
   }
 }
 
-// Takes rows j and below of L D L_jᵀ, for the first columns of a block and counted from row
-// `begin`, off what target(i) gives.
+// Subtracts rows j and below of L D L_jᵀ from target(i), for the first columns of a block; rows
+// count from `begin`.
 template <class Target>
 void subtract_columns(const double* L, std::size_t rows, std::size_t columns, std::size_t begin,
                       std::size_t j, const Target& target) {
@@ -110,7 +112,7 @@ void SparseLdlt::analyze(int n, const List<std::pair<int, int>>& entries) {
   is_forest_ = order_.size() == size;
   if (!is_forest_) order_ = little_fill_order(n, entries);
 
-  // pattern of L, column by column: that of A and of the children in the elimination tree
+  // Pattern of L by columns: entries of A, and of the children in the elimination tree.
   List<List<int>> below(size);
   for (const auto& [i, j] : entries) {
     const int p = order_[static_cast<std::size_t>(i)];
@@ -145,7 +147,8 @@ void SparseLdlt::find_parents(const List<List<int>>& below) {
   work_.assign(n_, 0.0);
 }
 
-// A column joins the one before, its child, where few of the entries then kept are zero.
+// Joins a column to the supernode of its child, the column before, where few of the stored entries
+// are zero.
 void SparseLdlt::join_columns(const List<List<int>>& below) {
   supernodes_.clear();
   supernode_of_.resize(n_);
@@ -232,11 +235,12 @@ void SparseLdlt::keep_none() {
   any_kept_ = 0;
 }
 
-// No column has more than one entry, so none but its parent's pivot changes.
+// In a forest a column has at most one entry, so a pivot changes only the pivot of its parent.
 int SparseLdlt::factor_forest(double least) {
   const double* const diagonal = values_.data();
   double* const lower = values_.data() + n_;
-  double* const taken = work_.data();  // off the pivots by their children; zero before and after
+  // Sums that children subtract from pivots; zero before and after.
+  double* const taken = work_.data();
   double* const inverses = inverse_diagonal_.data();
   const std::size_t* const parents = parent_.data();
   const std::size_t n = n_;
@@ -251,8 +255,8 @@ int SparseLdlt::factor_forest(double least) {
     } else if (smallest < least && pivot < least * diagonal[k]) {
       pivot = leave_out(k, diagonal[k], pivot, &left_out);
     }
-    if (pivot == 0.0) pivot = kInfinity;  // of a row left out, or empty
-    // two divisions, since the next pivot waits for the second alone
+    if (pivot == 0.0) pivot = kInfinity;  // row left out or empty
+    // Two divisions, since the next pivot only waits for the second.
     inverses[k] = 1.0 / pivot;
     if (parents[k] == n) continue;
     taken[parents[k]] += lower[k] * lower[k] / pivot;
@@ -262,7 +266,7 @@ int SparseLdlt::factor_forest(double least) {
   return left_out;
 }
 
-// Pivot to go on with where it is too small: 0, unless the row is to be kept.
+// Returns the pivot to continue with in place of a small one: 0, unless the row is to be kept.
 double SparseLdlt::leave_out(std::size_t k, double entry, double pivot, int* left_out) {
   if (is_kept_[k] && pivot > kRoundOff * entry) return pivot;
   left_out_[k] = 1;
@@ -276,7 +280,7 @@ int SparseLdlt::factor_supernodes(double least) {
   smallest_pivot_ = 1.0;
   std::size_t u = 0;
   for (const Supernode& node : supernodes_) {
-    for (std::size_t k = 0; k < node.columns; ++k)  // for now the entries of A
+    for (std::size_t k = 0; k < node.columns; ++k)  // entries of A until eliminate()
       inverse_diagonal_[node.first + k] = values_[node.block + (node.rows + 1) * k];
     for (; u < node.updates_end; ++u) subtract(updates_[u], node);
     left_out += eliminate(node, least);
@@ -284,7 +288,7 @@ int SparseLdlt::factor_supernodes(double least) {
   return left_out;
 }
 
-// L D Lᵀ of the columns of one before, where it meets this one
+// Subtracts L D Lᵀ of an earlier supernode from the columns of this one.
 void SparseLdlt::subtract(const Update& update, const Supernode& node) {
   const Supernode& from = supernodes_[update.from];
   const double* const L = values_.data() + from.block;
@@ -296,7 +300,7 @@ void SparseLdlt::subtract(const Update& update, const Supernode& node) {
   }
 }
 
-// within the block, whose columns those before have changed already
+// Eliminates within the block, after the updates by earlier supernodes.
 int SparseLdlt::eliminate(const Supernode& node, double least) {
   double* const L = values_.data() + node.block;
   const std::size_t rows = node.rows;
@@ -309,8 +313,8 @@ int SparseLdlt::eliminate(const Supernode& node, double least) {
     if (column[k] < smallest_pivot_ * entry) smallest_pivot_ = column[k] / entry;
     if (column[k] < least * entry)
       column[k] = leave_out(node.first + k, entry, column[k], &left_out);
-    const double factor =
-        column[k] != 0.0 ? 1.0 / column[k] : 0.0;  // 0 of a row left out, or empty
+    // 0 for a row left out or empty.
+    const double factor = column[k] != 0.0 ? 1.0 / column[k] : 0.0;
     inverse = factor;
     for (std::size_t i = k + 1; i < rows; ++i) column[i] *= factor;
   }

@@ -7,40 +7,40 @@
 
 namespace constraint_sim::engine {
 
-/// Factors A = L D Lᵀ of a symmetric positive semidefinite matrix whose pattern stays and whose
-/// values change. The pattern is ordered for little fill once; after that nothing is allocated.
-/// Without loops that is leaves first, and there is no fill. Else it is approximate minimum degree,
-/// and neighbouring columns of nearly the same pattern are kept and worked on as one dense block, a
-/// supernode: Davis, Rajamanickam, Sid-Lakhdar, "A survey of direct methods for sparse linear
-/// systems", Acta Numerica 25 (2016), section 9.
+/// Factors A = L D Lᵀ, symmetric positive semidefinite, with a constant pattern and changing
+/// values. The pattern is ordered once for little fill; later calls allocate nothing. Patterns
+/// without loops are eliminated leaves first, without fill. Others use approximate minimum degree,
+/// with neighbouring columns of similar pattern as one dense block, a supernode: Davis,
+/// Rajamanickam, Sid-Lakhdar, "A survey of direct methods for sparse linear systems", Acta Numerica
+/// 25 (2016), section 9.
 class SparseLdlt {
  public:
-  /// Where an entry of A goes in values().
+  /// Index of an entry of A in values().
   using Slot = std::size_t;
 
   /// Takes the pattern of an n × n matrix: its entries (i, j), either triangle, repetitions
-  /// allowed. The diagonal is always there.
+  /// allowed. The diagonal is always included.
   void analyze(int n, const List<std::pair<int, int>>& entries);
 
   Slot slot(int i, int j) const;
-  /// Entries of A, to be set to zero and summed up before factor(), which overwrites them.
+  /// Entries of A, to be set to zero and summed before factor(), which overwrites them.
   List<double>& values() { return values_; }
 
-  /// Factors. A row whose pivot falls below `least` times its diagonal entry of A depends on the
-  /// rows before it and is left out: its solution is 0. Returns how many rows are left out.
+  /// Factors A and returns the number of rows left out. A row whose pivot is below `least` times
+  /// its diagonal entry of A depends on earlier rows and is left out: its solution is 0.
   int factor(double least);
   bool is_left_out(std::size_t place) const { return left_out_[place] != 0; }
-  /// Smallest pivot that factor() met, as a share of its diagonal entry; 1 without rows.
+  /// Smallest pivot of the last factor(), as a share of its diagonal entry; 1 without rows.
   double smallest_pivot() const { return smallest_pivot_; }
 
-  /// A row to be kept by factor() unless its pivot is below round-off, whatever `least` is: the
-  /// pivot is small because of a mass ratio, and not because the row depends on others.
+  /// Makes factor() keep a row unless its pivot is rounding, whatever `least` is: its pivot is
+  /// small by a mass ratio, not since the row depends on others.
   void keep(std::size_t place) { is_kept_[place] = any_kept_ = 1; }
   bool is_kept(std::size_t place) const { return is_kept_[place] != 0; }
-  /// Forgets all of keep().
+  /// Undoes all calls of keep().
   void keep_none();
 
-  /// Visits all that solve() and the next factor() go by, as engine/memory.h says.
+  /// Visits all data that solve() and the next factor() depend on; see engine/support/memory.h.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit(self.values_);
@@ -52,25 +52,26 @@ class SparseLdlt {
     visit.beside(self.any_kept_);
   }
 
-  /// Where row i stands in the elimination, and so in what solve() takes.
+  /// Returns the place of row i in the elimination, and in the vectors of solve().
   int place(int i) const { return order_[static_cast<std::size_t>(i)]; }
   /// Replaces b by A⁻¹ b, both in the order of the elimination.
   void solve(double* b) const;
 
  private:
-  /// Columns of one dense block of L, D on its diagonal: first their own rows, then those below.
+  /// Columns of one dense block of L, with D on its diagonal. Its own rows come first, then the
+  /// rows below.
   struct Supernode {
-    std::size_t first, columns;  // in the elimination
-    std::size_t rows;            // of the block
-    std::size_t rows_at;         // where they are in row_of_
-    std::size_t block;           // where the block is in values_, column by column
-    std::size_t updates_end;     // of updates_ of this one
+    std::size_t first, columns;  // first column in the elimination, number of columns
+    std::size_t rows;            // number of rows of the block
+    std::size_t rows_at;         // index of its rows in row_of_
+    std::size_t block;           // index of the block in values_, by columns
+    std::size_t updates_end;     // end of its updates in updates_
   };
-  /// What a supernode before takes off the rows of this one: its rows from `begin` on, the first of
-  /// them columns here.
+  /// Update of this supernode by an earlier one: its rows from `begin` on, the first `columns` of
+  /// which are columns here.
   struct Update {
     std::size_t from, begin, columns;
-    std::size_t targets;  // where their rows in this block are in targets_
+    std::size_t targets;  // index in targets_ of the places of its rows in this block
   };
 
   void find_parents(const List<List<int>>& below);
@@ -86,21 +87,24 @@ class SparseLdlt {
   void solve_supernodes(double* b) const;
 
   std::size_t n_ = 0;
-  List<int> order_;             // of original rows: place in the elimination
-  bool is_forest_ = true;       // no loops, no entry twice: no column of L has more than one entry
-  List<std::size_t> parent_;    // of a forest: the row of each column; n_ where there is none
-  List<Supernode> supernodes_;  // otherwise
-  List<std::size_t> supernode_of_;  // of columns
-  List<std::size_t> row_of_;        // of all blocks, one after the other
-  List<Update> updates_;            // in the order of what they update
+  List<int> order_;  // place in the elimination of each original row
+  // Whether there are no loops and no repeated entries, so that a column of L has at most one
+  // entry.
+  bool is_forest_ = true;
+  List<std::size_t> parent_;        // for a forest: row of the entry in each column; n_: none
+  List<Supernode> supernodes_;      // for other patterns
+  List<std::size_t> supernode_of_;  // supernode of each column
+  List<std::size_t> row_of_;        // rows of all blocks, one after the other
+  List<Update> updates_;            // updates, in the order of their targets
   List<std::size_t> targets_;
-  // A before factor(). Of a forest the diagonal, then the entry below it; otherwise the blocks.
+  // Entries of A before factor(): for a forest the diagonal, then the entries below it; otherwise
+  // the blocks.
   List<double> values_;
   List<double> inverse_diagonal_;
-  List<double> work_;  // of a forest
+  List<double> work_;  // scratch for a forest
   double smallest_pivot_ = 1.0;
   bool any_left_out_ = false;
-  List<char> left_out_, is_kept_;  // by place
+  List<char> left_out_, is_kept_;  // flags by place
   char any_kept_ = 0;
 };
 

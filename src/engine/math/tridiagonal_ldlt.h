@@ -6,8 +6,8 @@
 
 namespace constraint_sim::engine {
 
-/// Factors and solves symmetric positive definite tridiagonal systems: from both ends towards the
-/// middle, so that two recurrences run at a time (van der Vorst, "Large tridiagonal and block
+/// Factors and solves symmetric positive definite tridiagonal systems from both ends towards the
+/// middle, so that two recurrences run in parallel (van der Vorst, "Large tridiagonal and block
 /// tridiagonal linear systems on vector and parallel computers", Parallel Computing 5, 1987).
 class TridiagonalLdlt {
  public:
@@ -17,12 +17,12 @@ class TridiagonalLdlt {
     inverse_.assign(n, 0.0);
   }
 
-  /// Of A, n of them; kept.
+  /// Diagonal of A, which is kept.
   double* diagonal() { return diagonal_.data(); }
-  /// Of A, the entry (k, k + 1) at k; overwritten.
+  /// Off-diagonal of A, the entry (k, k + 1) at k, which is overwritten.
   double* off_diagonal() { return off_diagonal_.data(); }
 
-  /// Factors, and replaces b by A⁻¹ b. False, and neither is there, where a pivot is not above
+  /// Factors, and replaces b by A⁻¹ b. Returns false, with both invalid, where a pivot is not above
   /// `least` times its diagonal entry.
   [[gnu::always_inline]] bool factor_and_solve(double least, double* b) {
     const double* const diagonal = diagonal_.data();
@@ -36,7 +36,7 @@ class TridiagonalLdlt {
       const double pivot = diagonal[k] - carried->pivot;
       is_regular = is_regular && pivot > least * diagonal[k];
       const double off_diagonal = link[l];
-      carried->pivot = off_diagonal * off_diagonal / pivot;  // waits for no other division
+      carried->pivot = off_diagonal * off_diagonal / pivot;  // depends on no other division
       const double inverse_pivot = 1.0 / pivot;
       const double L = off_diagonal * inverse_pivot;
       const double reduced = b[k] - carried->b;
@@ -57,7 +57,7 @@ class TridiagonalLdlt {
     return is_regular && pivot > least * entry;
   }
 
-  /// Replaces b by A⁻¹ b, of the A factored last.
+  /// Replaces b by A⁻¹ b for the last A factored.
   void solve(double* b) const {
     const double* const link = off_diagonal_.data();
     const std::size_t n = diagonal_.size();
@@ -77,11 +77,11 @@ class TridiagonalLdlt {
   }
 
  private:
-  struct Carried {  // from one row to the next
+  struct Carried {  // sums carried from a row to the next
     double pivot = 0.0, b = 0.0;
   };
 
-  // from the solution in the middle
+  // Substitutes back from the solution in the middle.
   void substitute_back(double x_middle, double* b) const {
     const double* const link = off_diagonal_.data();
     const double* const inverse = inverse_.data();
@@ -102,8 +102,8 @@ class TridiagonalLdlt {
   }
 
   List<double> diagonal_;
-  List<double> off_diagonal_;  // after factoring that of L
-  List<double> inverse_;       // of the pivots
+  List<double> off_diagonal_;  // off-diagonal of A; after factoring, of L
+  List<double> inverse_;       // inverses of the pivots
 };
 
 }  // namespace constraint_sim::engine

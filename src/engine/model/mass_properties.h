@@ -8,30 +8,32 @@
 
 namespace constraint_sim::engine {
 
-/// Mass as the methods want it; immovable bodies have zeros.
+/// Mass properties of a body; zeros for immovable bodies.
 struct MassProperties {
-  double inverse_mass = 0.0;                                  ///< [1/kg]
-  Eigen::Vector3d inertia = Eigen::Vector3d::Zero();          ///< principal [kg m²]
-  Eigen::Vector3d inverse_inertia = Eigen::Vector3d::Zero();  ///< principal [1/(kg m²)]
+  double inverse_mass = 0.0;                          ///< [1/kg]
+  Eigen::Vector3d inertia = Eigen::Vector3d::Zero();  ///< principal moments [kg m²]
+  /// Principal inverse moments [1/(kg m²)].
+  Eigen::Vector3d inverse_inertia = Eigen::Vector3d::Zero();
 
   bool is_movable() const { return inverse_mass > 0.0; }
   bool can_turn() const { return !inverse_inertia.isZero(0.0); }
   bool is_isotropic() const { return inertia.x() == inertia.y() && inertia.y() == inertia.z(); }
-  /// How far from the centre the mass is as to its largest inertia [m].
+  /// Radius of gyration for the largest moment of inertia [m].
   double radius_of_gyration() const { return std::sqrt(inertia.maxCoeff() * inverse_mass); }
 };
 
-/// R diag(principal) Rᵀ w of a body with orientation q: world to world.
+/// Returns R diag(principal) Rᵀ w for a body with orientation q; `w` and the result are in world
+/// axes.
 inline Eigen::Vector3d apply_inertia(const Eigen::Vector3d& principal, const Eigen::Quaterniond& q,
                                      const Eigen::Vector3d& w) {
   return q * principal.cwiseProduct(q.conjugate() * w);
 }
 
-/// The rotation by the vector w [rad].
+/// Returns the rotation by the vector w [rad].
 inline Eigen::Quaterniond rotation(const Eigen::Vector3d& w) {
   const double angle = w.norm();
   const auto [sine, cosine] = math::sin_cos(0.5 * angle);
-  // sin(x/2)/x: below 1e-4 its series to second order is exact to round-off
+  // Below 1e-4 the series of sin(x/2)/x to second order is exact up to rounding.
   const double s = angle > 1e-4 ? sine / angle : 0.5 - angle * angle / 48.0;
   Eigen::Quaterniond q;
   q.w() = cosine;
@@ -39,10 +41,10 @@ inline Eigen::Quaterniond rotation(const Eigen::Vector3d& w) {
   return q;
 }
 
-/// The vector of the rotation q, of a length in [0, π] [rad].
+/// Returns the rotation vector of q, with a norm in [0, π] [rad].
 inline Eigen::Vector3d rotation_vector(const Eigen::Quaterniond& q) {
   const double sine = q.vec().norm(), sign = q.w() < 0.0 ? -1.0 : 1.0;
-  // squares of smaller ones underflow, and their angle is twice their sine
+  // Squares of smaller sines underflow; their angle is twice the sine.
   const double stretch = sine > 1e-100 ? math::atan2(sine, std::abs(q.w())) / sine : 1.0;
   return 2.0 * sign * stretch * q.vec();
 }

@@ -7,7 +7,8 @@
 
 namespace constraint_sim::engine {
 
-/// The method with this name(). Throws std::invalid_argument for one that does not exist (yet).
+/// Returns the method with this name(). Throws std::invalid_argument for a name that does not
+/// exist.
 inline Method method_named(const std::string& text) {
   std::string existing;
   for (std::size_t i = 0; i < kMethodCount; ++i) {

@@ -18,17 +18,18 @@
 
 namespace constraint_sim::engine {
 
-/// What reset() returns a joint to, beside what never changes.
+/// Settings and state to which reset() returns a joint.
 struct JointStart {
-  Motor motor;  ///< also after continue_from() with the phase of the scene, right from time 0
-  std::array<CoordinateLaw, kMaxCoordinates> coordinates;  ///< the same
+  /// Motor with the phase of the scene, relative to time 0 even after continue_from().
+  Motor motor;
+  std::array<CoordinateLaw, kMaxCoordinates> coordinates;  ///< laws with the phases of the scene
   bool broken = false, enabled = true;
-  std::optional<JointState> state;  ///< of a joint that goes on as saved
-  double time = 0.0;                ///< when it had that state [s]
+  std::optional<JointState> state;  ///< state of a joint that continues from a saved scene
+  double time = 0.0;                ///< time of `state` [s]
 };
 
-/// What was added to a world. Lists of one kind run in parallel: entry i of each is the same body,
-/// or the same joint. Body 0 is the world. Only edits change a model.
+/// Bodies and joints of a world. Lists of one kind run in parallel: entry i of each is the same
+/// body or joint. Body 0 is the world. Only edits change a model.
 struct Model {
   WorldOptions options;
   List<Body> bodies;
@@ -37,16 +38,16 @@ struct Model {
   List<Joint> joints;
   List<JointStart> joint_starts;
   std::vector<JointId> joint_ids;
-  List<int> body_index;   ///< by id; -1 once removed
-  List<int> joint_index;  ///< by id; -1 once removed
+  List<int> body_index;   ///< index by id; -1 once removed
+  List<int> joint_index;  ///< index by id; -1 once removed
   std::unordered_map<std::string, BodyId> body_by_name;
   std::unordered_map<std::string, JointId> joint_by_name;
 
   bool is_movable(std::size_t body) const { return masses[body].is_movable(); }
-  /// The index of a body or joint; throws std::invalid_argument where there is none of this id.
+  /// Returns the index of a body or joint; throws std::invalid_argument for an unknown id.
   std::size_t index(BodyId id) const;
   std::size_t index(JointId id) const;
-  /// What a joint of a kind that couples joins.
+  /// Returns the coordinates that a gear, pulley or screw couples.
   CoupledTerms terms_of(std::size_t joint) const;
 };
 

@@ -48,7 +48,7 @@ std::string words(Method, AnyValue) {
 
 std::string words(double, Positive range) {
   if (std::isinf(range.most)) return "> 0";
-  const auto exponent = [](double value) {  // as people write powers of ten
+  const auto exponent = [](double value) {  // powers of ten in short form
     int power = 0;
     for (; value > 3.0; value /= 10.0) ++power;
     for (; value < 0.3; value *= 10.0) --power;

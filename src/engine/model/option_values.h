@@ -6,7 +6,8 @@
 
 namespace constraint_sim::engine {
 
-// Each throws std::invalid_argument("NAME: must be ..., got VALUE") for a value beyond the range.
+// Checks of options. Each throws std::invalid_argument("NAME: must be ..., got VALUE") for a value
+// out of range.
 void check(const char* name, const Eigen::Vector3d& value, AnyValue);
 inline void check(const char*, Method, AnyValue) {}
 inline void check(const char*, bool, AnyValue) {}
@@ -17,7 +18,7 @@ void check(const char* name, double value, Share);
 void check(const char* name, int value, Count range);
 void check(const char* name, int value, EitherOf range);
 
-// Ranges in the words of docs/scenes.md; empty where the type says all.
+// Ranges in the words of docs/scenes.md; empty where the type has no limits.
 inline std::string words(const Eigen::Vector3d&, AnyValue) { return "[3]"; }
 std::string words(Method, AnyValue);
 inline std::string words(bool, AnyValue) { return ""; }
@@ -28,7 +29,7 @@ inline std::string words(double, Share) { return "0 to 1"; }
 std::string words(int, Count range);
 std::string words(int, EitherOf range);
 
-/// Range and meaning of an option: `8 or 5; of runge_kutta: order of the pair`.
+/// Returns range and meaning of an option: `8 or 5; of runge_kutta: order of the pair`.
 template <class Value, class Range>
 std::string range_and_meaning(const OptionInfo& info, const Value& value, Range range) {
   std::string text = words(value, range);

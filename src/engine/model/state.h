@@ -15,7 +15,7 @@
 
 namespace constraint_sim::engine {
 
-/// Two bodies in contact, with the impulses that held their points apart in the last step.
+/// Two bodies in contact, with the contact impulses of the last step.
 struct TouchingPair {
   static std::array<Eigen::Vector3d, 8> no_impulses() {
     std::array<Eigen::Vector3d, 8> impulses;
@@ -24,19 +24,21 @@ struct TouchingPair {
   }
 
   int a = 0, b = 0;
-  BodyId id_a, id_b;  ///< survive the removal of other bodies, which moves the indices
+  BodyId id_a, id_b;  ///< ids stay when removals move the indices
   Manifold manifold;
-  std::array<Eigen::Vector3d, 8> impulses = no_impulses();  ///< of each point on A, world [N s]
-  std::array<ContactState, 8> contact_states{};  ///< of each point, as the last step left it
+  /// Impulse of each point on A, world [N s].
+  std::array<Eigen::Vector3d, 8> impulses = no_impulses();
+  std::array<ContactState, 8> contact_states{};  ///< state of each point after the last step
 
   std::pair<int, int> ends() const { return {a, b}; }
   /// Orders pairs by the indices of their bodies.
   static bool in_order(const TouchingPair& l, const TouchingPair& r) { return l.ends() < r.ends(); }
-  /// What held the same point before; zero for a new one.
+  /// Returns the impulse of the point with this feature in the last step; zero for a new point.
   Eigen::Vector3d impulse_of(std::uint32_t feature) const;
 };
 
-/// What of a joint's impulse balances itself, and the impulse that it was found for [N s].
+/// Part of a joint's impulse that balances itself (self-stress), and the impulse that it was found
+/// for [N s].
 struct SelfStress {
   RowVector share = RowVector::Zero();
   RowVector impulse = RowVector::Zero();
@@ -44,19 +46,19 @@ struct SelfStress {
   bool is_none() const { return share.isZero(0.0) && impulse.isZero(0.0); }
 };
 
-/// What moves in a world, in the order of the lists of Model.
+/// State of a world, in the order of the lists of Model.
 struct State {
   List<BodyState> states;
-  List<Twist> corrections;  ///< Baumgarte's share of the velocities, of the last step
+  List<Twist> corrections;  ///< Baumgarte's part of the velocities in the last step
   bool any_corrections = false;
-  List<bool> asleep;  ///< all bodies of an island are, or none
+  List<bool> asleep;  ///< equal for all bodies of an island
   List<JointState> joint_states;
   List<SelfStress> self_stress;
   std::vector<Wrench> wrenches;
   List<TouchingPair> touching;  ///< sorted by bodies
-  List<TouchingPair> resting;   ///< contacts of sleepers, sorted by bodies
+  List<TouchingPair> resting;   ///< contacts of sleeping bodies, sorted by bodies
 
-  // time: that of the last change of the tick, and steps
+  // Time and step of the last change of the tick, and steps.
   double base_time = 0.0;
   std::uint64_t base_step = 0;
   std::uint64_t step_count = 0;

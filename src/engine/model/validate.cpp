@@ -16,8 +16,8 @@ namespace constraint_sim::engine {
 namespace {
 
 constexpr std::size_t kLongestName = 255;
-constexpr double kLeastMagnitude = 1e-20;  // of what is divided by
-// of the largest mass at the largest distance, and of the least [kg m²]
+constexpr double kLeastMagnitude = 1e-20;  // least magnitude of a divisor
+// Limits of moments of inertia [kg m²], from largest and least mass and distance.
 constexpr double kMostInertia = 1e60, kLeastInertia = 1e-60;
 
 bool is_name_start(char c) {
@@ -28,7 +28,7 @@ void check_most(const std::string& field, double size, double most, const std::s
   if (size > most) refuse(field, "must be at most " + shortest(most) + ", got " + got);
 }
 
-/// 0, or a number whose square is not.
+/// Accepts 0, or a number whose square is not 0.
 void check_zero_or_positive(const std::string& field, double value) {
   check_not_negative(field, value);
   if (value != 0.0) check_positive(field, value);
@@ -110,7 +110,7 @@ void check_axis(const std::string& field, const Eigen::Vector3d& value) {
   if (value.isZero(0.0)) refuse(field, "must not be (0, 0, 0)");
 }
 
-// a time that is no whole number of its own roundings could stand still in the tick after next
+// Requires a tick of at least the rounding of the time, or time could stand still in a later tick.
 bool is_rounding_within(double time, double time_step) {
   const double size = std::abs(time);
   return std::nextafter(size, kInfinity) - size <= time_step;
@@ -308,7 +308,7 @@ void validate_distance(const DistanceJoint& joint) {
                shortest(*joint.length));
 }
 
-// of distance joints; others have theirs on their coordinates
+// Checks the motor of a distance joint; other kinds have motors on their coordinates.
 void validate_motor(const Joint& joint) {
   const Motor& m = joint.motor;
   validate(m);

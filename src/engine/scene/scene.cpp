@@ -117,7 +117,7 @@ ShapePose read_shape_pose(const YamlElement& item) {
   return pose;
 }
 
-/// Places a body whose plane is given as `normal` and `offset`.
+/// Sets the pose of a body from `normal` and `offset` of its plane.
 void read_plane_pose(const YamlElement& item, const YamlElement& plane, BodyState* state) {
   if (!plane.find("normal") && !plane.find("offset")) return;
   for (const char* key : {"position", "orientation"}) {
@@ -190,7 +190,7 @@ Wrench read_wrench(const YamlElement& item, const World& world) {
   return wrench;
 }
 
-// ---- what a saved scene continues from
+// ---- state that a saved scene continues from
 
 TouchingPair read_contact(const YamlElement& item, const World& world) {
   item.expect_keys({"body_a", "body_b", "normal", "points"});
@@ -265,7 +265,7 @@ List<YamlElement> items_of(const YamlElement& scene, const std::string& key) {
   return list ? list->items() : List<YamlElement>{};
 }
 
-/// Whether a body slept when the scene was saved.
+/// Returns whether a body was asleep when the scene was saved.
 bool read_asleep(const YamlElement& item, const Body& body) {
   bool asleep = false;
   item.read("asleep", &asleep);
@@ -315,7 +315,8 @@ World load_scene(const std::string& text, const std::string& source, const World
     item.read("broken", &broken);
     const auto state = item.find("state");
     auto& impl = Insides::of(world);
-    // those that were saved go on, also where they have come to contradict each other
+    // Saved joints are added without a check for contradictions, so that they continue even where
+    // they contradict each other.
     const JointId id = item.attempt(
         [&] { return state ? impl.add_joint(joint, broken) : world.add_joint(joint, broken); });
     if (state) {

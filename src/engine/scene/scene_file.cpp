@@ -1,4 +1,4 @@
-// Scenes in files: what may be read, and which file a name stands for.
+// Scenes in files: which files may be read, and which file a name stands for.
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -19,11 +19,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// An open file, closed at the end.
+/// Owner of an open file.
 class Descriptor {
  public:
   explicit Descriptor(const std::string& path)
-      // without waiting: a pipe has no end that could be waited for
+      // O_NONBLOCK, since opening or reading a pipe could wait forever.
       : value_(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY)) {}
   ~Descriptor() {
     if (value_ >= 0) ::close(value_);
@@ -55,7 +55,7 @@ std::string text_of_file(const std::string& path) {
   std::string text(static_cast<std::size_t>(about.st_size) + 1, '\0');
   std::size_t size = 0;
   while (size <= kMostSceneBytes) {
-    if (size == text.size()) text.resize(2 * size);  // it grows meanwhile, or has no size
+    if (size == text.size()) text.resize(2 * size);  // the file grows, or reports no size
     const ssize_t count = ::read(file.value(), &text[size], text.size() - size);
     if (count == 0) break;
     if (count < 0 && errno != EINTR)
@@ -81,7 +81,7 @@ World load_scene_file(const std::string& path, const WorldOptions& defaults) {
 
 std::vector<std::string> scene_names(const std::string& folder) {
   std::vector<std::string> names;
-  std::error_code error;  // a folder that is not there has none
+  std::error_code error;  // no error for a missing folder
   for (fs::directory_iterator file(folder, error), end; !error && file != end;
        file.increment(error))
     if (file->path().extension() == ".yaml") names.push_back(file->path().stem().string());

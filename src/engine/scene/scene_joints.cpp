@@ -23,7 +23,7 @@ const YamlElement::Words kLawKeys{"position",  "lower",         "upper",     "li
                                   "friction",  "damping",       "stiffness", "rest",
                                   "frequency", "damping_ratio", "zero"};
 
-/// The constraint's own keys beside those that all types have.
+/// Returns the keys of a type of constraint beside the keys of all types.
 YamlElement::Words keys_of_type(const YamlElement& item, const std::string& type) {
   if (type == "distance")
     return {"length",        "min_length", "max_length", "frequency",
@@ -54,7 +54,7 @@ Eigen::Quaterniond read_frame(const YamlElement& item) {
   return frame;
 }
 
-/// Frames, or the z axes of these.
+/// Reads frames, or their z axes.
 void read_frames(const YamlElement& item, Joint* joint) {
   for (const char* side : {"a", "b"}) {
     const auto axis = item.find(std::string("axis_") + side);
@@ -74,7 +74,7 @@ void read_frames(const YamlElement& item, Joint* joint) {
   }
 }
 
-/// Reads distances and springs of every type but `ball`; anchors have been read.
+/// Reads the distance settings of every type but `ball`, after the anchors.
 DistanceJoint read_distance(const YamlElement& item, const std::string& type, const World& world,
                             const Joint& joint) {
   DistanceJoint distance;
@@ -87,7 +87,7 @@ DistanceJoint read_distance(const YamlElement& item, const std::string& type, co
   item.read("damping_ratio", &distance.damping_ratio);
   item.read("stiffness", &distance.stiffness);
   item.read("damping", &distance.damping);
-  // a strut without a least length, or a spring without stiffness, would pass for a rigid rod
+  // A strut without a lower limit, or a spring without stiffness, would be a rigid rod.
   if (type == "strut") item.attempt([&] { check_positive("min_length", distance.min_length); });
   if (type == "spring" && !distance.is_soft())
     item.fail("a spring needs a frequency or stiffness > 0");
@@ -155,7 +155,7 @@ CoordinateLaw read_law(const YamlElement& item) {
   return law;
 }
 
-/// Laws of the first coordinate, or of all in a list.
+/// Reads the laws of the first coordinate, or a list with the laws of all.
 void read_laws(const YamlElement& item, Joint* joint) {
   const auto list = item.find("coordinates");
   if (!list) {
@@ -177,7 +177,7 @@ void read_laws(const YamlElement& item, Joint* joint) {
   }
 }
 
-/// `distance` with `free: true` is a kind of its own.
+/// Returns the type of a constraint; `distance` with `free: true` is free_distance.
 std::string type_of_joint(const YamlElement& item) {
   const auto type = item.find("type");
   std::string given = type ? type->word() : "distance";
@@ -186,7 +186,7 @@ std::string type_of_joint(const YamlElement& item) {
   return name(free_length());
 }
 
-/// What a gear, a pulley or a screw has beside the keys of all. Joints have to be there already.
+/// Reads the keys of a gear, a pulley or a screw. Coupled joints must exist already.
 void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
   if (has_pitch(joint->kind)) joint->pitch = item.at("pitch").number();
   if (const auto value = item.find("value")) joint->coupling.value = value->number();
@@ -206,7 +206,7 @@ void read_coupling(const YamlElement& item, const World& world, Joint* joint) {
   item.read("ratio", &joint->coupling.ratio);
 }
 
-/// The type of another package and its parameters.
+/// Reads the type and parameters of a custom constraint or force.
 CustomElement read_custom(const YamlElement& item) {
   CustomElement custom;
   custom.type = item.at("custom").word();
@@ -216,7 +216,7 @@ CustomElement read_custom(const YamlElement& item) {
   return custom;
 }
 
-/// The numbers of a joint's rows, at least three.
+/// Reads a number per row and coordinate of a joint, at least three.
 void read_rows(const YamlElement& item, const char* key, JointKind kind, RowVector* rows) {
   const int size = std::max(info(kind).rows + info(kind).coordinates, 3);
   if (const auto numbers = item.find(key)) rows->head(size) = numbers->numbers(size);
@@ -225,7 +225,8 @@ void read_rows(const YamlElement& item, const char* key, JointKind kind, RowVect
   });
 }
 
-/// When biases end: of each coordinate in a list; of the first, or of the length, one time.
+/// Reads ends of biases: a list for all coordinates, or one time for the first coordinate or the
+/// length.
 void read_expiry(const YamlElement& item, int count, JointState* state) {
   if (!item.is_list()) {
     (count > 0 ? state->coordinates[0].expires_at : state->expires_at) = item.number_or_infinity();
@@ -254,7 +255,8 @@ Joint read_joint(const YamlElement& item, const World& world) {
   YamlElement::Words keys = keys_of_type(item, type);
   keys.insert(keys.end(), {"name", "type", "baumgarte", "break_force", "collide_connected",
                            "enabled", "broken", "state"});
-  const JointKind kind = joint_kind_named(type).value_or(Joint{}.kind);  // or a shorthand
+  // Shorthands such as rope stand for the default kind.
+  const JointKind kind = joint_kind_named(type).value_or(Joint{}.kind);
   if (is_free_length(kind)) keys.push_back("free");
   if (!couples_joints(kind))
     keys.insert(keys.end(), {"body_a", "anchor_a", "body_b", "anchor_b", "motor"});
@@ -290,7 +292,7 @@ SelfStress read_self_stress(const YamlElement& item, JointKind kind) {
   return self_stress;
 }
 
-/// State that a saved joint continues from.
+/// Reads the state that a saved joint continues from.
 JointState read_joint_state(const YamlElement& item, JointKind kind) {
   item.expect_keys({"coupling_constant", "coupling_impulse", "closing_coupling", "travel",
                     "saturated", "expires_at", "impulse", "self_stress", "self_stress_of",

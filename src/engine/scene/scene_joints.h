@@ -9,24 +9,24 @@
 
 namespace constraint_sim::engine {
 
-// What scene files say of constraints, for scene.cpp.
+// Constraints of scene files, for scene.cpp.
 
-/// Fails at an element with a word that is none of those that exist.
+/// Fails at an element with an unknown word, with the words that exist.
 [[noreturn]] inline void fail_unknown(const YamlElement& element, const std::string& word,
                                       const std::string& existing) {
   element.fail("there is no " + in_quotes(word) + " (yet); there are " + existing);
 }
 
-/// The body that a key names; the world where it is left out.
+/// Returns the body named by a key; the world where the key is left out.
 BodyId read_body_reference(const YamlElement& item, const std::string& key, const World& world);
 
-/// `motor` of a free coordinate.
+/// Reads `motor` of a free coordinate.
 CoordinateMotor read_coordinate_motor(const YamlElement& item);
 
-/// Its bodies, and joints that it couples, have to be there already.
+/// Reads a constraint. Its bodies and coupled joints must exist already.
 Joint read_joint(const YamlElement& item, const World& world);
 
-/// What a saved joint continues from.
+/// Read the state that a saved joint continues from.
 JointState read_joint_state(const YamlElement& item, JointKind kind);
 SelfStress read_self_stress(const YamlElement& item, JointKind kind);
 

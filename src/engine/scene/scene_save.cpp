@@ -45,7 +45,7 @@ void write(YAML::Emitter* out, const char* key, const Eigen::Ref<const Eigen::Ve
   *out << YAML::EndSeq;
 }
 
-/// Nothing at the start.
+/// Writes time and step, unless the world is at its start.
 void write_clock(YAML::Emitter* out, const World& world) {
   const auto& impl = Insides::of(world);
   if (impl.step_count == 0 && impl.base_time == 0.0) return;
@@ -150,7 +150,7 @@ void write_distance(YAML::Emitter* out, const DistanceJoint& distance) {
   write(out, "damping", distance.damping);
 }
 
-/// What a motor by velocity goes at.
+/// Writes the rate of a velocity motor.
 void write_rate(YAML::Emitter* out, const Motor& motor) {
   write(out, "bias", motor.bias);
   write(out, "amplitude", motor.amplitude);
@@ -169,7 +169,7 @@ void write_motor(YAML::Emitter* out, const Motor& motor) {
   *out << YAML::EndMap;
 }
 
-/// Of a coordinate: by velocity, to a position or with a force.
+/// Writes the motor of a coordinate: by velocity, to a position or with a force.
 void write_motor_of_coordinate(YAML::Emitter* out, const CoordinateMotor& motor) {
   *out << YAML::Key << "motor" << YAML::Value << YAML::Flow << YAML::BeginMap;
   if (motor.position) {
@@ -188,7 +188,7 @@ void write_motor_of_coordinate(YAML::Emitter* out, const CoordinateMotor& motor)
   *out << YAML::EndMap;
 }
 
-/// What is not as it is left out.
+/// Writes the settings of a law that differ from their defaults.
 void write_law(YAML::Emitter* out, const CoordinateLaw& law) {
   const CoordinateLaw none;
   if (law.motor) write_motor_of_coordinate(out, *law.motor);
@@ -220,14 +220,15 @@ void write_laws(YAML::Emitter* out, const Joint& joint) {
   *out << YAML::EndSeq;
 }
 
-/// The numbers of a joint's rows, at least three.
+/// Writes a number per row and coordinate of a joint, at least three.
 void write_rows(YAML::Emitter* out, const char* key, const Joint& joint, const RowVector& rows) {
   write(out, key,
         Eigen::VectorXd(
             rows.head(std::max(info(joint.kind).rows + info(joint.kind).coordinates, 3))));
 }
 
-/// Of the length or the only motor with a timeout on the first coordinate one time; else a list.
+/// Writes ends of biases: one time for a length, or for a single timeout on the first coordinate;
+/// else a list.
 void write_expiry(YAML::Emitter* out, const Joint& joint, const JointState& state) {
   List<double> ends;
   visit_motors(joint, state, [&](const Motor& motor, double end) {
@@ -244,7 +245,7 @@ void write_expiry(YAML::Emitter* out, const Joint& joint, const JointState& stat
   *out << YAML::EndSeq;
 }
 
-/// State that a joint continues from; nothing where adding the joint would give the same state.
+/// Writes the state that a joint continues from, unless adding the joint gives the same state.
 void write_state(YAML::Emitter* out, const World& world, const Joint& joint,
                  const JointState& state) {
   const auto& impl = Insides::of(world);
@@ -342,12 +343,13 @@ void write_wrench(YAML::Emitter* out, const World& world, const Wrench& wrench) 
   write(out, "body", world.body(wrench.body).name);
   write(out, "force", wrench.force);
   write(out, "torque", wrench.torque);
-  write(out, "start", std::max(wrench.start, world.time()));  // before now it makes no difference
+  // A start in the past has no effect.
+  write(out, "start", std::max(wrench.start, world.time()));
   if (std::isfinite(wrench.end)) write(out, "end", wrench.end);
   *out << YAML::EndMap;
 }
 
-// ---- what is kept from step to step
+// ---- memory from step to step
 
 void write_contact(YAML::Emitter* out, const World& world, const TouchingPair& pair) {
   *out << YAML::BeginMap;

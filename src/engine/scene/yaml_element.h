@@ -13,48 +13,48 @@
 
 namespace constraint_sim::engine {
 
-/// One value of a YAML document that knows where it stands: its path of keys and its line. Every
-/// function throws SceneError("SOURCE:LINE: PATH: what is wrong, with the value") when the value is
-/// not what is asked for.
+/// A value of a YAML document with its path of keys and its line. Every function throws
+/// SceneError("SOURCE:LINE: PATH: what is wrong, with the value") for a value of another type or
+/// range.
 class YamlElement {
  public:
   using Words = std::vector<std::string>;
 
-  /// The single document in `text`; `source` names it in errors.
+  /// Parses the single document in `text`; `source` names it in errors.
   static YamlElement parse(const std::string& text, const std::string& source);
 
   /// Requires a map with none but these keys, each at most once.
   void expect_keys(const Words& known) const;
-  /// The value of a key of this map, if the key is there.
+  /// Returns the value of a key of this map, if the key exists.
   std::optional<YamlElement> find(const std::string& key) const;
-  /// The value of a key that must be there.
+  /// Returns the value of a key, which must exist.
   YamlElement at(const std::string& key) const;
-  /// The keys of this map, in their order.
+  /// Returns the keys of this map, in their order.
   Words keys() const;
   bool is_list() const;
-  /// The elements of this list.
+  /// Returns the elements of this list.
   List<YamlElement> items() const;
 
-  double number() const;              ///< finite
-  double number_or_infinity() const;  ///< `.inf` as well
+  double number() const;              ///< a finite number
+  double number_or_infinity() const;  ///< a finite number or `.inf`
   int whole_number() const;
-  std::uint64_t count() const;  ///< whole, from 0 to 2^53
+  std::uint64_t count() const;  ///< a whole number from 0 to 2^53
   bool flag() const;
   std::string word() const;
-  /// Exactly `size` finite numbers.
+  /// Returns exactly `size` finite numbers.
   Eigen::VectorXd numbers(Eigen::Index size) const;
 
-  // The value of a key of this map into `target`, which stays as it is when the key is not there.
+  // Reads the value of a key of this map into `target`, which stays unchanged without the key.
   void read(const std::string& key, double* target) const;
   void read(const std::string& key, int* target) const;
   void read(const std::string& key, bool* target) const;
   void read(const std::string& key, Eigen::Vector3d* target) const;
 
-  /// Throws the SceneError that says what is wrong with this value.
+  /// Throws a SceneError about this value.
   [[noreturn]] void fail(const std::string& why) const;
 
-  /// Does `action`; its std::invalid_argument("FIELD: why") becomes a SceneError about that field
-  /// of this map. `prefix` is what FIELD has before the key.
+  /// Calls `action` and converts its std::invalid_argument("FIELD: why") to a SceneError about that
+  /// field of this map. `prefix` is the part of FIELD before the key.
   template <class Action>
   auto attempt(Action action, const std::string& prefix = "") const {
     try {
@@ -65,7 +65,7 @@ class YamlElement {
   }
 
  private:
-  /// What all elements of a text share.
+  /// Document shared by all elements of a text.
   struct Document {
     YamlTree tree;
     std::string source;
@@ -75,9 +75,9 @@ class YamlElement {
               const std::string& path, int line);
 
   YamlElement child(const YamlNode* node, const std::string& path, int line_if_empty) const;
-  /// Whether this is a scalar without quotes that the functions for numbers and flags may read.
+  /// Whether this is a scalar without quotes, which may be a number or a flag.
   bool is_plain() const;
-  /// Throws unless this is a map.
+  /// Throws SceneError unless this is a map.
   void expect_map() const;
   [[noreturn]] void fail_expecting(const std::string& kind) const;
   [[noreturn]] void fail_in_field(const std::string& field_and_why,
@@ -85,8 +85,8 @@ class YamlElement {
 
   std::shared_ptr<const Document> document_;
   const YamlNode* node_;
-  std::string path_;  ///< as in "bodies[2].mass"; empty for the document
-  int line_;          ///< from 1
+  std::string path_;  ///< path such as "bodies[2].mass"; empty for the document
+  int line_;          ///< line, from 1
 };
 
 }  // namespace constraint_sim::engine

@@ -12,12 +12,12 @@
 
 namespace constraint_sim::engine {
 
-/// Builds the tree from the events of the parser, and stops it at the first bound.
+/// Builds the tree from the events of the parser, and stops the parser at the first limit.
 class YamlTree::Builder : public YAML::EventHandler {
  public:
   explicit Builder(YamlTree* tree) : tree_(*tree) {}
 
-  // the parser of yaml-cpp 0.7 finds documents without end in some texts
+  // The parser of yaml-cpp 0.7 finds an endless series of documents in some texts.
   void OnDocumentStart(const YAML::Mark& mark) override {
     if (++documents_ > 1) fail(mark, "expected one YAML document, got a second");
   }
@@ -87,7 +87,7 @@ class YamlTree::Builder : public YAML::EventHandler {
   }
 
   YamlTree& tree_;
-  List<YamlNode*> open_;  // from the root to where the parser is
+  List<YamlNode*> open_;  // open lists and maps, from the root to the parser's position
   std::unordered_map<YAML::anchor_t, YamlNode*> anchors_;
   std::size_t aliases_ = 0;
   int documents_ = 0;

@@ -15,28 +15,28 @@ struct YamlNode {
   enum class Kind { kNothing, kScalar, kList, kMap };
 
   Kind kind = Kind::kNothing;
-  bool is_quoted = false;  ///< a scalar in quotes is text, whatever it looks like
-  int line = 1;            ///< from 1
+  bool is_quoted = false;  ///< a quoted scalar is text, even if it looks like a number
+  int line = 1;            ///< line, from 1
   std::string scalar;
-  /// Elements of a list; of a map keys and values in turn. An alias is the node it stands for.
+  /// Elements of a list, or keys and values of a map in turn. An alias is the node of its anchor.
   List<const YamlNode*> children;
 };
 
-/// A text that is not one YAML document within the bounds.
+/// Error of a text that is not a single YAML document within the limits.
 class YamlError : public std::runtime_error {
  public:
   YamlError(int at_line, const std::string& why) : std::runtime_error(why), line(at_line) {}
 
-  int line;  ///< from 1
+  int line;  ///< line, from 1
 };
 
-/// One YAML document. Whatever the text, memory and time to read it grow with its length alone.
+/// A YAML document. Memory and time to read it are bounded by the length of the text.
 class YamlTree {
  public:
-  static constexpr std::size_t kMostNodes = 750000;  ///< aliases included
-  static constexpr std::size_t kMostDepth = 32;      ///< of lists and maps in each other
+  static constexpr std::size_t kMostNodes = 750000;  ///< most nodes, aliases included
+  static constexpr std::size_t kMostDepth = 32;      ///< most nesting of lists and maps
 
-  /// Throws YamlError.
+  /// Parses the text. Throws YamlError.
   explicit YamlTree(const std::string& text);
 
   const YamlNode& root() const { return *root_; }

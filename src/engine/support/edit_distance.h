@@ -8,7 +8,7 @@
 
 namespace constraint_sim::engine {
 
-/// Letters to add, take away or change to make one word of the other.
+/// Returns the number of letters to add, remove or change to turn one word into the other.
 inline std::size_t edit_distance(const std::string& a, const std::string& b) {
   List<std::size_t> row(b.size() + 1);
   for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;

@@ -17,11 +17,11 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr std::size_t kShownPath = 200;  // characters
+constexpr std::size_t kShownPath = 200;  // most characters of a path in a message
 
 [[noreturn]] void refuse_path(const std::string& what, const std::string& path,
                               const std::string& why) {
-  const std::string shown = path.c_str();  // up to a zero byte, which what() ends at as well
+  const std::string shown = path.c_str();  // ends at a zero byte, like what()
   throw std::invalid_argument("path: cannot " + what + " '" + shortened(shown, kShownPath) +
                               "': " + why);
 }
@@ -30,7 +30,7 @@ constexpr std::size_t kShownPath = 200;  // characters
   refuse_path(what, path, std::string(std::strerror(error)));
 }
 
-/// An open file or folder.
+/// Owner of an open file or folder.
 class FileDescriptor {
  public:
   explicit FileDescriptor(int number) : number_(number) {}
@@ -60,11 +60,11 @@ std::string real_path_of(const std::string& what, const std::string& path) {
   char* const found = ::realpath(path.c_str(), nullptr);
   if (found == nullptr) refuse_path(what, path, errno);
   std::string real = found;
-  std::free(found);  // NOLINT: as realpath wants it
+  std::free(found);  // NOLINT: realpath allocates by malloc
   return real;
 }
 
-/// A path without links of a file that may not be there yet.
+/// Returns a path without links of a file that need not exist.
 std::string resolved_path(const std::string& path) {
   if (path.find('\0') != std::string::npos) refuse_path("use", path, "it has a zero byte");
   struct stat status {};
@@ -82,7 +82,7 @@ std::string resolved_path(const std::string& path) {
 std::string read_file(const std::string& path, std::size_t most,
                       const std::function<void(const std::string& start)>& check) {
   if (path.find('\0') != std::string::npos) refuse_path("read", path, "it has a zero byte");
-  // before it is opened, which some devices take for an order
+  // Checked before opening, since opening is a command to some devices.
   struct stat status {};
   if (::stat(path.c_str(), &status) != 0) refuse_path("read", path, errno);
   check_regular_file("read", path, status);
@@ -99,7 +99,7 @@ std::string read_file(const std::string& path, std::size_t most,
     if (count < 0) refuse_path("read", path, errno);
     if (count == 0) return text;
     text.append(piece, static_cast<std::size_t>(count));
-    check_file_size(path, text.size(), most);  // some grow, and those of the kernel have no size
+    check_file_size(path, text.size(), most);  // files may grow, and kernel files report no size
     if (is_checked) continue;
     check(text);
     is_checked = true;
@@ -164,7 +164,8 @@ void FileReplacement::commit() {
     refuse_path("write", path_, errno);
   ::close(file_);
   file_ = -1;
-  // some file systems cannot, and then the name may be lost with the power, but not the old text
+  // Some file systems cannot sync a folder: a power failure may lose the new name, but not the old
+  // text.
   ::fsync(folder_);
 }
 

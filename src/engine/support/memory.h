@@ -2,12 +2,11 @@
 
 namespace constraint_sim::engine {
 
-// What a method goes on from, beside what is compiled for an island, is said once, by its
-// `static void visit_memory(Self& self, Visit& visit)`, `self` const where `visit` does not read.
-// The hash of a world, and snapshots that are written and read, are the visitors:
-//   visit(value)         all that decides the future, in an order that hashes go by
-//   visit.beside(value)  what follows from other things, is known before them, or is only told: in
-//                        snapshots and not in hashes
-//   Visit::kReads        whether the values are set
+// Memory of a method beyond the data compiled for an island, listed by its `static void
+// visit_memory(Self& self, Visit& visit)`; `self` is const unless `visit` reads. Visitors are the
+// hash of a world and the writer and reader of snapshots:
+//   visit(value)         data that decides the future, in the order of the hash
+//   visit.beside(value)  derived or reported data: in snapshots, not in hashes
+//   Visit::kReads        whether the visitor sets the values
 
 }  // namespace constraint_sim::engine

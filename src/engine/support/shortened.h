@@ -5,7 +5,7 @@
 
 namespace constraint_sim::engine {
 
-/// At most so many characters of a text, with dots where something is left out.
+/// Returns at most `most` characters of a text, with dots where it is cut.
 inline std::string shortened(const std::string& text, std::size_t most = 40) {
   if (text.size() <= most) return text;
   std::size_t end = most;

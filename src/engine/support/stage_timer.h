@@ -11,7 +11,7 @@ namespace constraint_sim::engine {
 /// Run time of each stage [s].
 using StageTimes = std::array<double, kStageCount>;
 
-/// Times one stage, from construction to destruction, where there is a clock.
+/// Measures a stage from construction to destruction, where there is a clock.
 class StageTimer {
  public:
   StageTimer(Clock clock, Stage stage, StageTimes* times)

@@ -16,7 +16,7 @@ inline bool is_one_of(const std::string& word, std::initializer_list<const char*
   return std::find(words.begin(), words.end(), word) != words.end();
 }
 
-/// The number that is all of `text`, whatever the program's locale.
+/// Returns the number that is all of `text`, in the classic locale.
 template <class Number>
 std::optional<Number> number_in(const std::string& text) {
   std::istringstream stream(text);

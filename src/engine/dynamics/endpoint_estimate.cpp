@@ -57,7 +57,7 @@ double EndpointEstimate::largest(const Points& a, const Points& b, const Points&
   error *= share;
   // Rotating bodies come first.
   for (std::size_t body = 0, first = bodies; first + 2 < size; ++body, first += 3) {
-    std::array<Vector3d, 3> arms[3], velocities[3];  // at times a, b and c
+    std::array<Vector3d, 3> arms[3], velocities[3];  // times a, b and c
     for (std::size_t k = 0; k < 3; ++k) {
       for (const auto& [points, time] :
            {std::pair{&a, std::size_t{0}}, {&b, std::size_t{1}}, {&c, std::size_t{2}}}) {

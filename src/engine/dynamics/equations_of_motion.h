@@ -146,7 +146,7 @@ class EquationsOfMotion : public IslandModel {
   /// visit_memory() has read.
   void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
                      const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses) {
-    const double scale = fixed_scale_;  // from the coupled coordinates at the start of the interval
+    const double scale = fixed_scale_;  // scale with coupled coordinates at the interval's start
     const bool knows_energy = knows_energy_;
     begin(t, states, gravity, loads, courses);
     fixed_scale_ = scale;
@@ -453,7 +453,7 @@ class EquationsOfMotion : public IslandModel {
 
   // ---- inputs of the interval
   double tick_start_ = 0.0;
-  // time of the last update_prescribed() [s]
+  // Time of the last update_prescribed() [s].
   double asked_at_ = std::numeric_limits<double>::quiet_NaN();
   bool fixed_points_move_ = false;
   bool is_time_dependent_ = false;  // fixed points move, or there are prescribed motions
@@ -461,7 +461,7 @@ class EquationsOfMotion : public IslandModel {
   // Times of the last update_kinematics() and of the last note_positions() [s].
   double placed_at_ = 0.0, noted_at_ = 0.0;
   double fixed_scale_ = 0.0;  // largest coordinate of fixed points, or length [m]
-  // largest coordinate or length, bodies included; rounding is relative to it [m]
+  // Largest coordinate or length, bodies included; rounding is relative to scale_ [m].
   double scale_ = 0.0;
   List<Eigen::Vector3d> applied_acceleration_;              // per point, by gravity and loads
   List<Eigen::Vector3d> applied_torque_;                    // per rotating body, by loads

@@ -132,7 +132,7 @@ class ImplicitStep {
     std::size_t slot = 0;  // first entry in slots_
     bool is_between_points = false;
     JointKind joint{};
-    std::array<Eigen::Matrix3d, 2> frames;               // in body axes; general joints only
+    std::array<Eigen::Matrix3d, 2> frames;               // body axes; general joints only
     double radius = 0.0;                                 // general joints only [m]
     std::array<std::uint8_t, kMaxJointRows> function{};  // index per row; soft rows last
     int rigid_rows = 1;
@@ -320,11 +320,11 @@ class ImplicitStep {
   List<double> mass_;
   List<Eigen::Vector3d> inertia_;
   List<double> radius_;  // radius of gyration, per rotating body [m]
-  // whether rows may depend on each other: loops, or several links on a body
+  // Whether rows may depend on each other: loops, or several links on a body
   bool may_depend_ = false;
   bool has_dampers_ = false;
   SaddleLu lu_;
-  // entries of links; entries of unknowns and blocks of bodies
+  // Entries of links; entries of unknowns and blocks of bodies
   List<SaddleLu::Slot> slots_, diagonal_;
 
   List<Eigen::Vector3d> x_, v_;  // per point, fixed points last

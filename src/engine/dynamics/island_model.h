@@ -81,7 +81,7 @@ class IslandModel {
     int function;  ///< index among the rows and coordinates of the kind
     ScalarForm form;
     SoftLaw law;
-    /// as in CoordinateState; `position` of an angle only selects the turn
+    /// Values as in CoordinateState; `position` of an angle only selects the turn.
     double zero = 0.0, position = 0.0;
     double rate = 0.0;  ///< rate at `position` [rad/s], to extrapolate angles
   };
@@ -93,7 +93,7 @@ class IslandModel {
       int coordinate;  ///< index of the coordinate in its joint
       ScalarForm form;
       double ratio;
-      double zero = 0.0, position = 0.0, rate = 0.0;  ///< as in SoftCoordinate
+      double zero = 0.0, position = 0.0, rate = 0.0;  ///< same meaning as in SoftCoordinate
       std::size_t part = 0;                           ///< number for part()
     };
     std::size_t link;  ///< link of the coupling joint
@@ -177,7 +177,7 @@ class IslandModel {
   List<int> bodies_;
   std::size_t rotating_ = 0;
   List<Link> links_;
-  // indices in links_
+  // Indices in links_
   std::size_t first_armed_ = 0, first_ball_ = 0, first_general_ = 0, first_spring_ = 0;
   List<Row> rows_;   // one per rod, three per ball joint, then general rows, then coupled rows
   List<Row> parts_;  // second parts of coupled rows

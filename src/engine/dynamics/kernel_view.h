@@ -23,7 +23,7 @@ struct KernelView {
   Eigen::Vector3d* rod_direction;        ///< d, per rod
   Eigen::Vector3d* separation;           ///< d, per link; of ball joints
   JointVectors* vectors;                 ///< per general joint
-  /// times of the last evaluation and of the last note_positions() [s]
+  /// Times of the last evaluation and of the last note_positions() [s]
   double *placed_at, *noted_at;
 
   double* solution;                 ///< by unknown

@@ -171,7 +171,7 @@ void LeastNormForces::place(const EquationsOfMotion& equations, const List<BodyS
     const JointVectors vectors = place_ends(equations, states, l, &arm, &d);
     double sum = 0.0;
     for (int k = 0; k < link.rows; ++k) {
-      std::array<Vector3d, 2> push, turn;  // by a unit impulse
+      std::array<Vector3d, 2> push, turn;  // force and torque of a unit impulse
       if (equations.is_general(l)) {
         const Jacobian J = jacobian(equations.form(l, to_index(k)), vectors);
         push = {J.j1, J.j3};

@@ -72,14 +72,14 @@ class LeastNormForces {
 
   List<Link> links_;  // rigid joints, in the order of joints()
   List<Row> rows_;
-  List<CoupledRow> coupled_;      // in the order of EquationsOfMotion::coupled_rows()
+  List<CoupledRow> coupled_;      // order of EquationsOfMotion::coupled_rows()
   List<double> inverse_weights_;  // 1/a per row
   List<SparseLdlt::Slot> slots_, diagonal_;
   SparseLdlt ldlt_;         // factors of Gᵀ D⁻¹ G
   List<double> stiffness_;  // diagonal of Gᵀ D⁻¹ G
-  List<double> missing_;    // by unknown: Gᵀ of the impulses not distributed yet, then z
+  List<double> missing_;    // Gᵀ of the impulses not distributed yet, then z; by unknown
   List<double> permuted_;   // missing_ in the order of the elimination
-  List<char> is_torque_;    // by unknown
+  List<char> is_torque_;    // whether an unknown is a rotation
   List<double> impulses_;   // impulses of the motion: rows, then springs [N s]
   List<double> shares_;     // reported, in the order of impulses_ [N s]
 };

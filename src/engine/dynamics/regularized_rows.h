@@ -40,7 +40,7 @@ class RegularizedRows {
     bool is_spring = false;
     bool is_general = false;  ///< row of a general joint: `form` times `metres`
     ScalarForm form;
-    /// of a spring along a coordinate: index in EquationsOfMotion::soft_coordinates()
+    /// Index in EquationsOfMotion::soft_coordinates() of a spring along a coordinate; -1: none.
     int soft = -1;
     double metres = 1.0;  ///< metres per unit of the row
     int coupled = -1;     ///< index in EquationsOfMotion::coupled_rows(); -1: row of a single joint

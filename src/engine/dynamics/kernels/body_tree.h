@@ -70,10 +70,10 @@ struct TreeNode {
   // Results of the last evaluation.
   /// From the centres of child and parent, or the fixed point, to the place of the joint on B [m].
   Eigen::Vector3d to_child = Eigen::Vector3d::Zero(), to_parent = Eigen::Vector3d::Zero();
-  /// To the place of the joint on B, by ends A and B [m].
+  /// Vectors from ends A and B to the place of the joint on B [m].
   Eigen::Vector3d to_a = Eigen::Vector3d::Zero(), to_b = Eigen::Vector3d::Zero();
   SpatialInertia whole;  ///< articulated inertia of the subtree, at the place of the joint
-  /// demanded motion of the child relative to the parent, without free directions
+  /// Demanded motion of the child relative to the parent, without free directions
   SpatialVector asked;
 };
 

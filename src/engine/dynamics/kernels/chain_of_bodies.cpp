@@ -61,7 +61,7 @@ List<ChainPair> pairs_of_chain(const IslandModel& island) {
     if (l >= joints) return Vector3d::Zero();  // free end
     return links[l].a == body ? links[l].anchor_a : links[l].anchor_b;
   };
-  const auto leads_up = [&](std::size_t l) {  // from A to B in the direction of the first lane
+  const auto leads_up = [&](std::size_t l) {  // whether A to B is the direction of the first lane
     return l < before ? links[l].b == 0 : links[l].a == l - before;
   };
   struct Side {

@@ -58,8 +58,8 @@ class ChainOfBodies {
   void reduce();
   template <class Act>
   void substitute(const Act& act);
-  // With an even number of joints the lanes meet at a body: the first lane takes the body, the
-  // second waits.
+  // Whether a lane waits: with an even number of joints the lanes meet at a body, which the first
+  // lane takes.
   bool is_idle(std::size_t e) const { return e == middle_ && joints_ % 2 == 0; }
 
   EquationsOfMotion& equations_;

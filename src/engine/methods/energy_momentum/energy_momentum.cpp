@@ -111,7 +111,7 @@ IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const Integrat
     step_equations_.gather_state(*states, *equations);
     int parts = parts_for_turning(span.h, refinement_ < 0, accuracy.tolerance)
                 << std::max(refinement_, 0);
-    if (is_new) {  // at least two halves, for the estimate
+    if (is_new) {  // two halves at least, for the estimate
       parts += parts % 2;
       step_equations_.write_points(estimate_.start());
     }
@@ -128,7 +128,7 @@ IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const Integrat
     if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
       done = false;
       if (equations->is_inconsistent()) refinement_ = accuracy.most_halvings;
-      // repeat with all rows that are needed
+      // Repeat with all rows that are needed
       if (equations->redundant_rows() < redundant) --refinement_;
     }
     if (done) {

@@ -21,7 +21,7 @@ constexpr double kInconsistentShare = 1e-8;
 constexpr double kInconsistentRates = 1e-6;
 constexpr int kMostMarquardtSteps = 60;
 constexpr double kMostShare = 1e4;
-constexpr double kRejectedShare = 1e-6;  // at least, after a rejected step
+constexpr double kRejectedShare = 1e-6;  // minimum after a rejected step
 
 constexpr double kMet = 1e-6;            // [m]
 constexpr double kReachable = 1e-10;     // share of the scene's size that runge_kutta can project

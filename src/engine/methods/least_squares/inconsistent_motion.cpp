@@ -24,7 +24,7 @@ constexpr double kMostAngle = 0.1;  // [rad] rotation of a joint in one step
 constexpr double kMostMotionParts = 32.0;
 constexpr int kMostMidpointSteps = 16;
 constexpr int kMostFitIterations = 60;
-constexpr int kMostHalvings = 50;         // of a displacement, until nothing is left
+constexpr int kMostHalvings = 50;         // halvings of a displacement, until nothing is left
 constexpr double kMidpointFound = 1e-14;  // share of the scene's size
 // Share of energy that the impulses of a midpoint step may add before they are left out.
 constexpr double kMostAdded = 1e-3;

@@ -100,32 +100,32 @@ class InconsistentMotion {
   double damped_energy(double h) const;
   double momentum_product(const BodyVectors& u, const BodyVectors& v) const;
 
-  const EquationsOfMotion* equations_ = nullptr;  // of the interval
+  const EquationsOfMotion* equations_ = nullptr;  // equations of the interval
   List<int> body_indices_;
   std::size_t bodies_, rotating_, points_;
   bool is_free_;  // no point is fixed
   List<double> mass_;
   List<Vector3d> inertia_;
   List<double> radius_;                       // radius of gyration, per rotating body [m]
-  List<double> stiffness_, damping_, force_;  // of springs, by row
-  List<double> least_given_;  // by row: lower bound of h²k/4 + hc/2, for constant forces [kg]
+  List<double> stiffness_, damping_, force_;  // values of springs, by row
+  List<double> least_given_;  // lower bound of h²k/4 + hc/2 by row, for constant forces [kg]
   RegularizedRows rows_;
 
   Configuration start_, end_, met_;
   Rows at_start_, at_end_, at_met_;
   BodyVectors velocity_, velocity_before_;
-  BodyVectors displacement_;  // by drift() from the start of the step
+  BodyVectors displacement_;  // displacement by drift() from the start of the step
   BodyVectors change_;        // scratch
   Target target_;
 
   Numbers weights_, values_, b_, lambda_, compliance_;
-  Numbers step_impulses_;               // of all rows in one step [N s]
+  Numbers step_impulses_;               // impulses of all rows in one step [N s]
   Numbers impulses_;                    // sum of step_impulses_ since the start of the interval
   Numbers q_;                           // ½h times the impulses of a midpoint step
   BodyVectors drive_;                   // velocity of least kinetic energy that meets the rates
   Numbers drive_rates_, drive_before_;  // G drive_, now and at the start of the step
   double work_ = 0.0;                   // work of driven joints in one step [J]
-  double spring_energy_ = 0.0;          // at end_ [J]
+  double spring_energy_ = 0.0;          // energy of springs at end_ [J]
   double scale_ = 1.0;                  // largest coordinate or length [m]
   bool can_be_met_ = false;
 };

@@ -26,7 +26,7 @@ class ElasticSpheres {
   struct Hit {
     double time;              ///< simulated [s]
     int a, b;                 ///< indices in the world; a is a sphere
-    Eigen::Vector3d impulse;  ///< on A [N s]
+    Eigen::Vector3d impulse;  ///< impulse on A [N s]
   };
   static constexpr std::uint32_t kMostHits = 200;  ///< hits per sphere in a step, on average
 

@@ -108,10 +108,10 @@ class FreeRotation {
 
  private:
   double step_ = 0.0;                                   // first guess of the next substep [s]
-  BodyState after_;                                     // at the end of the last interval
+  BodyState after_;                                     // state at the end of the last interval
   Eigen::Vector3d momentum_ = Eigen::Vector3d::Zero();  // L at the end of the last interval
   Eigen::Vector3d torque_ = Eigen::Vector3d::Zero();    // torque in the last interval
-  // at the start of the next interval, where it continues
+  // Derivative at the start of the next interval, where that continues.
   Eigen::Vector4d first_derivative_ = Eigen::Vector4d::Zero();
 };
 

@@ -48,7 +48,7 @@ class RowSolver {
   /// Remaining error of the sweeps, and work from outside.
   struct Outcome {
     double residual = 0.0;     ///< largest remaining |J v − target|, corrections included [m/s]
-    double driven_work = 0.0;  ///< of motors and kinematic bodies [J]
+    double driven_work = 0.0;  ///< work of motors and kinematic bodies [J]
   };
 
   /// Notes the velocities at the start of the step, before wrenches act.
@@ -95,10 +95,10 @@ class RowSolver {
     double K, effective_mass;
     int component;
     bool corrects;                 // whether any row of the component has a correction
-    double rate, correction_rate;  // of springs, relative to the motor
+    double rate, correction_rate;  // rates of springs, relative to the motor
   };
   struct Inertia {
-    Eigen::Matrix3d R, inverse_W;  // of bodies that can rotate
+    Eigen::Matrix3d R, inverse_W;  // values of bodies that can rotate
     Eigen::Vector3d principal;
     double inverse_mass;
     bool is_moved, can_turn;
@@ -107,7 +107,7 @@ class RowSolver {
   struct Component {
     bool corrects = false;
     bool gains = false;
-    bool is_attached = false;  // to a body that impulses do not move
+    bool is_attached = false;  // whether connected to a body that impulses do not move
     double work = 0.0;         // Σ pᵢ (Jᵢ v − ζᵢ)
     double absorbed = 0.0;     // ½ Δvᵀ M Δv
     bool has_springs = false;

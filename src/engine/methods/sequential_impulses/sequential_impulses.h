@@ -29,7 +29,7 @@ struct ImpulseStep {
   JointStep span;
   const List<int>& bodies;                                      ///< dynamic bodies
   const List<int>& joints;                                      ///< acting joints of the bodies
-  const List<std::pair<std::size_t, std::size_t>>& joint_ends;  ///< of all joints of the world
+  const List<std::pair<std::size_t, std::size_t>>& joint_ends;  ///< one pair per joint of the world
   const List<bool>& is_in_loop;  ///< per joint: its island has a loop of joints
   const List<ActingWrench>& wrenches;
   StopFlag stop;
@@ -41,8 +41,8 @@ struct ImpulseReport {
   std::uint32_t rows = 0, contacts = 0, iterations = 0;
   double max_penetration = 0.0;  ///< [m]
   double solver_residual = 0.0;  ///< [m/s]
-  double driven_work = 0.0;      ///< of wrenches, motors and kinematic bodies [J]
-  double correction_work = 0.0;  ///< of position corrections [J]
+  double driven_work = 0.0;      ///< work of wrenches, motors and kinematic bodies [J]
+  double correction_work = 0.0;  ///< work of position corrections [J]
   StageTimes stage_times{};      ///< [s]
 };
 

@@ -36,9 +36,9 @@ class ContactEquations {
     ContactFeature feature;
     Acts acts = Acts::kOpen;
     Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< û at the start of a substep; 0: none
-    /// admissible force, as reference of λ, world [N]
+    /// Admissible force, as reference of λ, world [N]
     Eigen::Vector3d reference = Eigen::Vector3d::Zero();
-    /// weights in the sharing of redundant contacts
+    /// Weights in the sharing of redundant contacts
     double normal_share = 1.0, tangent_share = 1.0;
     Eigen::Vector3d impulse = Eigen::Vector3d::Zero();  ///< accumulated in the step, on A [N s]
     ContactFeature touched;                             ///< feature of the last impulse
@@ -55,9 +55,9 @@ class ContactEquations {
     Joint joint;
     bool has_rows = true;  ///< rows of the kind; else coordinates only
     bool is_broken = false;
-    bool was_saturated = false;  ///< as reported by the last step
+    bool was_saturated = false;  ///< value reported by the last step
     bool is_at_end = false;      ///< a winch at the end of its travel, in this interval
-    PrescribedMotion course{};   ///< in this interval
+    PrescribedMotion course{};   ///< prescribed motion in this interval
     RowVector impulse = RowVector::Zero();
   };
   /// Coordinate of a joint, or length of a distance joint, on which a law acts.
@@ -67,15 +67,15 @@ class ContactEquations {
     bool is_prescribed = false;  ///< held by a motor without force limit
     bool is_one_sided = false;
     OneSidedState state;
-    Motor motor{};          ///< in this interval; of laws with a drive
-    double position = 0.0;  ///< at the start of a substep [m or rad]
+    Motor motor{};          ///< demand in this interval; of laws with a drive
+    double position = 0.0;  ///< start of a substep [m or rad]
     /// Position where friction or a drive began to hold the coordinate [m or rad].
     double held = 0.0;
     double held_at = 0.0;  ///< time when the hold began, simulated [s]
     /// Displacement of a yielding limit of a length since the step began [m].
     double given_way = 0.0;
     double reference = 0.0;  ///< admissible force, as reference of λ [N or N m]
-    double braking = 0.0;    ///< as in CoordinateState
+    double braking = 0.0;    ///< deceleration, see CoordinateState
     double until = 0.0;      ///< end of braking by the motor, simulated [s]
   };
 
@@ -195,7 +195,7 @@ class ContactEquations {
   double largest_force() const;
   double driven_work = 0.0;  ///< work of prescribed bodies on the others [J]
   double kinetic_energy() const;
-  double potential_energy() const;  ///< of gravity and constant forces [J]
+  double potential_energy() const;  ///< gravity and constant forces [J]
 
   /// Contact in a problem of impulses.
   struct Touching {
@@ -203,7 +203,7 @@ class ContactEquations {
     ContactMotion motion;
     Eigen::Matrix3d frame;   ///< columns n, t1, t2; without friction n only
     std::size_t column = 0;  ///< first column of the contact
-    bool is_rough = false;   ///< with friction, and thus three columns
+    bool is_rough = false;   ///< whether there is friction, and thus three columns
     /// Components of an impulse or rate along the frame, from the numbers of all columns.
     Eigen::Vector3d of(const double* all) const {
       return is_rough ? Eigen::Vector3d(all[column], all[column + 1], all[column + 2])
@@ -239,7 +239,7 @@ class ContactEquations {
   void displace(const Responses& responses, const double* p, double* y);
 
  private:
-  // offsets in the state, per body
+  // Offsets in the state, per body
   static constexpr std::size_t kV = 3, kQ = 6, kL = 10, kNumbers = 13;
   using Vector = Eigen::Map<Eigen::Vector3d>;
   using ConstVector = Eigen::Map<const Eigen::Vector3d>;
@@ -256,7 +256,7 @@ class ContactEquations {
     int coordinate = -1;             // coordinate held by the row; -1: none
     int contact = -1;                // contact; -1: none
     bool is_normal = false;          // normal row of the contact
-    Eigen::Vector3d along{0, 0, 0};  // of a contact: force on A by a unit force
+    Eigen::Vector3d along{0, 0, 0};  // force on A by a unit multiplier of a contact
   };
   struct Stage {
     List<Eigen::Vector3d> contact;  // per contact, on A
@@ -299,10 +299,10 @@ class ContactEquations {
   List<double> y_;
   double t_ = 0.0;  // time since origin [s]
   List<BodyState> states_;
-  List<BodyState> shapes_;  // of bodies whose shape has a pose
+  List<BodyState> shapes_;  // states of shapes with a pose
   struct Mover {
     std::size_t body;
-    BodyState start;  // at the start of the tick
+    BodyState start;  // state at the start of the tick
   };
   List<Mover> movers_;                     // prescribed bodies
   double since_tick_ = 0.0;                // time from the start of the tick to t_ = 0 [s]

@@ -88,7 +88,7 @@ bool ContactEvents::has_missed() {
       any = any || depth[p] > std::max(kOverlap, depth_[p]);
       continue;
     }
-    // features of only one box: a face separates the boxes
+    // Features of only one box: a face separates the boxes
     const auto is_nothing = [&](std::size_t k) {
       return equations_.contacts[pair.first + k].feature.kind == ContactFeature::Kind::kNothing;
     };
@@ -386,7 +386,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   set_directions();
   note_positions();
   if (!equations_.has_movers() && !equations_.is_moved_by_motors() &&
-      equations_.is_still(derivative())) {  // and nothing will move in the interval
+      equations_.is_still(derivative())) {  // nothing will move in the interval
     equations_.accept_stillness(span->left.left);
     span->left.left = 0.0;
     return true;

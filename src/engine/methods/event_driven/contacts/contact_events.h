@@ -39,7 +39,7 @@ class ContactEvents {
     std::size_t first = 0, count = 0;  ///< range of its contacts
     double thickness = 0.0;            ///< thickness of the thinner shape [m]
     bool touched = false;              ///< during the previous step
-    bool held = false, stuck = false;  ///< at the end of the previous step
+    bool held = false, stuck = false;  ///< state at the end of the previous step
     bool is_still = false;  ///< some contact did not slip, at the end of the previous step
 
     bool is_of_boxes() const {
@@ -69,14 +69,14 @@ class ContactEvents {
 
   // ---- results since begin()
   std::uint32_t events() const { return done_.events; }
-  double driven_work() const { return equations_.driven_work; }  ///< of prescribed bodies [J]
+  double driven_work() const { return equations_.driven_work; }  ///< work of prescribed bodies [J]
   double work() const { return done_.work; }  ///< cost, in substeps of a group of one point
   struct Told {
     EventKind kind;
     double time;     ///< simulated [s]
     int pair;        ///< −1: event of a joint
     int coordinate;  ///< index in equations(), for events of joints
-    double impulse;  ///< of an impact [N s or N m s]
+    double impulse;  ///< impulse of an impact [N s or N m s]
     int joint = -1;  ///< index in equations() of a joint that broke
   };
   const List<Told>& told() const { return told_; }
@@ -99,7 +99,7 @@ class ContactEvents {
       kMargin,  ///< margin of the feature of a contact
       kLimit,   ///< gap of a coordinate to a limit
       kHeld,    ///< margin of the holding force of a coordinate to a bound
-      /// rate of a slipping coordinate, a saturated or braking motor or a yielding limit; servo
+      /// Rate of a slipping coordinate, a saturated or braking motor or a yielding limit; servo
       /// force
       kRate,
       kBreak,  ///< margin of the load of a joint to its breaking load
@@ -191,9 +191,9 @@ class ContactEvents {
     double h = 0.0;
     List<double> numbers;  ///< state of the movable bodies
     List<ContactEquations::Body> bodies;
-    List<BodyState> states;  ///< at the end of the interval
+    List<BodyState> states;  ///< states at the end of the interval
     List<Pair> pairs;
-    List<ContactEquations::Contact> contacts;  ///< at the end of the interval
+    List<ContactEquations::Contact> contacts;  ///< contacts at the end of the interval
   };
   struct Span {
     const SmoothSpan& all;
@@ -308,10 +308,10 @@ class ContactEvents {
   Done done_;
   double error_ = 0.0;  // estimated error of the last repeated substep [m]
   double most_work_ = 0.0;
-  StopFlag stop_ = nullptr;    // of the current interval
+  StopFlag stop_ = nullptr;    // stop flag of the current interval
   List<double> depth_;         // overlap per pair of boxes at the start of the substep [m]
   List<double> depth_now_;     // overlap per pair of boxes at the end of the substep [m]
-  AtBound at_cone_, at_zero_;  // at the friction bound; at zero normal force
+  AtBound at_cone_, at_zero_;  // contacts at the friction bound, and at zero normal force
   List<Told> told_;
   Still still_;  // last interval without motion
 
@@ -319,7 +319,7 @@ class ContactEvents {
   ContactEquations::Responses responses_;
   ConeProblem problem_;
   ConeSolver solver_;
-  List<double> force_, rate_, solved_;  // of problem_: forces, rates before and rates after
+  List<double> force_, rate_, solved_;  // forces, rates before and rates after, of problem_
   List<Share> shares_;
   List<double> shared_;
   LeastNormSolver sharing_;

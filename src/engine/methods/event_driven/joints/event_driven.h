@@ -67,7 +67,7 @@ class EventDriven {
     double time;        ///< simulated [s]
     std::size_t joint;  ///< index in joints()
     int coordinate;     ///< -1: a distance joint, or a joint that broke
-    double impulse;     ///< of an impact, ≥ 0 [N s or N m s]
+    double impulse;     ///< impulse of an impact, ≥ 0 [N s or N m s]
   };
   const List<Told>& told() const { return told_; }
   /// Adds the impulses of the rows that act now.
@@ -226,7 +226,7 @@ class EventDriven {
   bool switch_to_states(Span* span);
 
   List<int> members_;
-  List<Joint> joints_;  // in the order of members_
+  List<Joint> joints_;  // order of members_
   Ends ends_;           // ends of joints_
   List<char> open_;     // per joint: compiled as open; empty where none is open
   List<CoupledTerms> couplings_;
@@ -243,7 +243,7 @@ class EventDriven {
   List<OneSidedState> states_;   // per law
   List<Joint> switched_joints_;  // joints with rows as in states_, for prescribed motions
   List<double> held_;  // Per law: held position q, travel of a held length, or end of braking [s].
-  List<double> braking_;  // of motors, as in CoordinateState
+  List<double> braking_;  // decelerations of motors, see CoordinateState
 
   // ---- values of the current step
   List<char> is_broken_;           // per joint
@@ -259,7 +259,7 @@ class EventDriven {
   int unchanged_ = 0;  // events that changed nothing
   WatchedSubstep<Watched> watched_;
   EquationsOfMotion::Motions rates_;
-  std::optional<LeastNormForces> least_forces_;  // of the rows that act now
+  std::optional<LeastNormForces> least_forces_;  // reported forces of the rows that act now
 };
 
 }  // namespace constraint_sim::engine

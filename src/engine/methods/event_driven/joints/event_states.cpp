@@ -195,7 +195,7 @@ bool EventDriven::have_impact(const List<Hit>& hits, Rows* rows) {
   VectorXd rate(n), impulse;
   for (Index i = 0; i < n; ++i) {
     const Hit& hit = hits[static_cast<std::size_t>(i)];
-    // a rigid joint drives the coordinate into its limit
+    // A rigid joint drives the coordinate into its limit
     if (!rows->is_free[hit.law]) return false;
     rate[i] = hit.rate;
     for (Index j = 0; j < n; ++j) {
@@ -448,7 +448,7 @@ void EventDriven::tell(const Span& span, const Rows& rows, const List<OneSidedSt
     if (is_broken_[law.joint]) continue;
     const double t = span.left.t;
     const Reading& now = rows.reading[c];
-    const bool is_new = span.begins && span.all.since_tick == 0.0;  // at the start of a step
+    const bool is_new = span.begins && span.all.since_tick == 0.0;  // start of a step
     const bool was =
         is_new ? was_saturated(span, c, now) : is_saturated(span, c, states_[c], t, now.q);
     OneSidedState before = states_[c];

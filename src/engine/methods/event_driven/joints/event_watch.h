@@ -38,9 +38,9 @@ namespace event_watch {
 inline constexpr double kLocatedForce = 1e-3;  // share of the tolerance of forces
 inline constexpr double kLocated = 1e-15;      // [s], and share of the time
 inline constexpr int kMostLocations = 120;     // repeated substeps per event
-inline constexpr int kMostNewton = 40;         // of these by interpolation, the others by bisection
-inline constexpr int kMostSmooth = 5;          // of these with the tolerance of values with a slope
-// of these before crossings of interpolants alone do not count
+inline constexpr int kMostNewton = 40;         // repetitions by interpolation; further ones bisect
+inline constexpr int kMostSmooth = 5;  // repetitions with the tolerance of values with a slope
+// Repetitions before crossings of interpolants alone do not count.
 inline constexpr int kMostUnpassed = 12;
 
 /// Level whose crossing is the event, from the start of the substep. The event of a force is just
@@ -93,7 +93,7 @@ inline std::optional<double> first_crossing(const WatchedValue& from, const Watc
 /// Values watched in one substep. Watched is derived from WatchedValue.
 template <class Watched>
 struct WatchedSubstep {
-  List<Watched> before, after;  ///< at both ends of the substep
+  List<Watched> before, after;  ///< values at both ends of the substep
   List<char> is_muted;          ///< per value; may be shorter
 
   double level(std::size_t k) const {

@@ -19,9 +19,9 @@ namespace constraint_sim::engine {
 // that the motor demands; `value` of zeta() is the position on the course of a motor with a goal. A
 // reading has position `q`, `rate` and `acceleration` of a coordinate.
 
-/// share of the servo's limit: a nearer force is at the limit,
+/// Share of the servo's limit within which a force is at the limit.
 inline constexpr double kServoEdge = 1e-9;
-/// [s] as is a force that reaches the limit within this time
+/// [s] within which a force that reaches the limit is at the limit
 inline constexpr double kServoEdgeTime = 1e-12;
 
 /// Share of its acceleration without joints; a coordinate with a smaller acceleration is held by
@@ -71,7 +71,7 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
     if (!std::isfinite(law.limit(upper_one))) continue;
     const Prescribed at_limit = limit(upper_one);
     const double direction = upper_one ? -1.0 : 1.0;
-    // the yielding limit is at the current length
+    // The yielding limit is at the current length
     const bool gave_way = before.yield == -direction;
     const double gap = direction * (reading.q - at_limit.value);
     const double rate = direction * (reading.rate - at_limit.rate);

@@ -17,7 +17,7 @@ using Vector = Eigen::Map<Vector3d>;
 // Velocities near a pose with left-out rows are off by up to the square root of the rows' pivot.
 constexpr double kLeftOutRatesAgree = 1e-4;  // share of the largest speed
 constexpr int kMostProjectionSteps = 8;
-// Share of the scene's size; a larger error is no solution
+// Share of the scene's size; a larger error is no solution.
 constexpr double kProjectionFailed = 1e-10;
 
 }  // namespace

@@ -52,7 +52,7 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
     link.damping = from.damping;
     link.custom = from.custom;
     link.has_custom_force = from.has_custom_force();
-    // Custom forces may dissipate energy, which is not known in advance
+    // Custom forces may dissipate energy, which is not known in advance.
     has_dampers_ = has_dampers_ || link.damping > 0.0 || link.has_custom_force;
     links_.push_back(link);
   }

@@ -75,14 +75,14 @@ void ImplicitStep::evaluate_bodies(const Unknowns& unknowns) {
 struct ImplicitStep::LinkMotion {
   Vector3d d1;                  // d at the end of the step
   std::array<Vector3d, 2> arm;  // arms where forces are taken
-  // Derivative of d at the end of the step, without the sign of the body's end
+  // Derivative of d at the end of the step, without the sign of the body's end.
   std::array<VectorSlopes::Slope, 2> E;
 };
 
 // Force on B with its derivatives by d and λ; values of the rows with their derivative by d1.
 struct ImplicitStep::LinkPull {
   Matrix3d P = Matrix3d::Zero();
-  // Columns per row; one column for rods and springs
+  // Columns per row; one column for rods and springs.
   Matrix3d pull = Matrix3d::Identity(), gradient = pull;
   Vector3d value;
 };
@@ -187,7 +187,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
       const End& column = link.ends[f];
       if (row.dofs == 0 || column.dofs == 0) continue;
       Eigen::Matrix<double, 6, 6> K = Eigen::Matrix<double, 6, 6>::Zero();
-      // The force of a ball joint does not depend on the positions of its ends
+      // The force of a ball joint does not depend on the positions of its ends.
       if (link.kind != Kind::kBall) {
         Eigen::Matrix<double, 3, 6> PE = Eigen::Matrix<double, 3, 6>::Zero();
         PE.leftCols<3>() = P;

@@ -155,7 +155,7 @@ void ImplicitStep::place_link(std::size_t l, const EquationsOfMotion& equations)
     shape.d0 += end.sign * shape.r0[e];
     extent_ = std::max(extent_, end.anchor.norm());
   }
-  // Part of the spring's law at the start; ask_spring() adds the rest
+  // Part of the spring's law at the start; ask_spring() adds the rest.
   if (link.kind == Kind::kSpring) shape.target = equations.length(l).value;
   // Inverse of the displacement by 1 N, or of a rod by λ = 1.
   double compliance = 0.0;

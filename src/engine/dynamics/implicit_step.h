@@ -320,11 +320,11 @@ class ImplicitStep {
   List<double> mass_;
   List<Eigen::Vector3d> inertia_;
   List<double> radius_;  // radius of gyration, per rotating body [m]
-  // Whether rows may depend on each other: loops, or several links on a body
+  // Whether rows may depend on each other: loops, or several links on a body.
   bool may_depend_ = false;
   bool has_dampers_ = false;
   SaddleLu lu_;
-  // Entries of links; entries of unknowns and blocks of bodies
+  // Entries of links; entries of unknowns and blocks of bodies.
   List<SaddleLu::Slot> slots_, diagonal_;
 
   List<Eigen::Vector3d> x_, v_;  // per point, fixed points last

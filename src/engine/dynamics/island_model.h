@@ -177,7 +177,7 @@ class IslandModel {
   List<int> bodies_;
   std::size_t rotating_ = 0;
   List<Link> links_;
-  // Indices in links_
+  // Indices in links_.
   std::size_t first_armed_ = 0, first_ball_ = 0, first_general_ = 0, first_spring_ = 0;
   List<Row> rows_;   // one per rod, three per ball joint, then general rows, then coupled rows
   List<Row> parts_;  // second parts of coupled rows

@@ -50,7 +50,7 @@ struct IntegratorOptions {
   double most_frequency = kInfinity;
   /// Largest share of the kinetic energy that the start may remove.
   double most_projected = kInfinity;
-  /// Substeps beyond which the method gives up, rejected substeps included
+  /// Substeps beyond which the method gives up, rejected substeps included.
   int most_attempts = 50000;
   int most_halvings = 9;  ///< halvings of an interval by implicit steps
 };

@@ -37,7 +37,7 @@ constexpr double kDrift = 1e3;        // share of the scene's size, per imbalanc
 constexpr double kMostDrift = 1e-3;
 constexpr double kMostOff = 1e-5;     // [m]
 constexpr double kConsistent = 1e-6;  // [m]; a row with a larger error contradicts the others
-// Share of the scene's size, where kept rows are independent
+// Share of the scene's size, where kept rows are independent.
 constexpr double kIndependentRounding = 1e-13;
 
 // Rows are chosen again when the smallest pivot of the kept rows falls by this factor. Early, since

@@ -73,7 +73,7 @@ struct TreeNode {
   /// Vectors from ends A and B to the place of the joint on B [m].
   Eigen::Vector3d to_a = Eigen::Vector3d::Zero(), to_b = Eigen::Vector3d::Zero();
   SpatialInertia whole;  ///< articulated inertia of the subtree, at the place of the joint
-  /// Demanded motion of the child relative to the parent, without free directions
+  /// Demanded motion of the child relative to the parent, without free directions.
   SpatialVector asked;
 };
 

@@ -72,7 +72,7 @@ class PointOnRod {
   double squared_size_of(const double* dy, double h) const {
     const double x2 = ConstVector(dy).squaredNorm();
     const double v2 = h * h * ConstVector(dy + kV).squaredNorm();
-    return v2 <= x2 ? x2 : v2;  // returns NaN where x or v has one
+    return v2 <= x2 ? x2 : v2;  // NaN: x has none unless v has
   }
 
  private:
@@ -121,7 +121,7 @@ class PointOnRod {
   EquationsOfMotion& equations_;
   std::size_t point_;
   double mass_, scale_;
-  // references: time changes the values
+  // References, since time changes the values.
   const double &length_, &rate_target_, &acceleration_target_;
   const Vector3d &position_, &velocity_;  // motion of the point
   const Vector3d &free_, &free_point_;    // free accelerations of body and point

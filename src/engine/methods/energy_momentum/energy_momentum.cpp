@@ -128,7 +128,7 @@ IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const Integrat
     if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
       done = false;
       if (equations->is_inconsistent()) refinement_ = accuracy.most_halvings;
-      // Repeat with all rows that are needed
+      // Repeat with all rows that are needed.
       if (equations->redundant_rows() < redundant) --refinement_;
     }
     if (done) {

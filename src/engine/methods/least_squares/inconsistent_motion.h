@@ -13,15 +13,15 @@
 
 namespace constraint_sim::engine {
 
-/// Motion of an island whose rigid rows cannot all be met. Positions minimize Σ C²/a, a the
-/// diagonal entry of G M⁻¹ Gᵀ; velocities meet the rates of motors in the least-squares sense. A
-/// step is
-///   1. the midpoint rule with the discrete gradients of implicit_step.h and impulses along Ḡ that
-///   lead to the result of 2; conserves energy and both momenta
-///   2. Levenberg & Marquardt on Σ C²/a from there; moves positions only, since rates of rows near
-///   contradiction have no bound
-///   3. a projection of velocities onto the rates, which only removes energy
-/// Without impulses in 1, where they are not found or add energy, 2 makes the whole correction.
+/// Motion of an island whose rigid rows cannot all be met: positions of least Σ C²/a, a the
+/// diagonal entry of G M⁻¹ Gᵀ, and velocities that meet the rates of motors by least squares. Each
+/// step:
+///   1. midpoint rule with the discrete gradients of implicit_step.h and impulses along Ḡ that lead
+///      to the result of 2; conserves energy and both momenta
+///   2. Levenberg & Marquardt on Σ C²/a from there, which moves positions only: rates of rows near
+///      contradiction have no bound
+///   3. projection of velocities onto the rates, which only removes energy
+/// Where the impulses of 1 are not found, or add energy, 2 makes the whole correction.
 class InconsistentMotion {
  public:
   explicit InconsistentMotion(const EquationsOfMotion& equations);

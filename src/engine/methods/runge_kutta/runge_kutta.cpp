@@ -117,7 +117,7 @@ IntegrationResult RungeKutta::begin(const SmoothSpan& span, const IntegratorOpti
   const bool begins = !has_started_ || equations_.is_time_dependent();
   if (begins)
     equations_.begin(span.t, states, span.gravity, span.loads, span.courses, span.since_tick);
-  // Jumps count once, not in later intervals
+  // Jumps count once, not in later intervals.
   const bool has_jumped = begins && equations_.has_jumped();
   if (!has_started_ || has_jumped || !equations_.satisfies_velocity_constraints(span.t, y))
     return start(span, accuracy, memory);

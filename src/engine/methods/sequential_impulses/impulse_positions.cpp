@@ -147,8 +147,9 @@ void RowSolver::finish_row(std::size_t i, const Row& row, const Jacobian& J, dou
   spring_work_ += 0.5 * row.stiffness * (by_all * by_all - by_v * by_v);
 }
 
-// Restores energy that a step along straight lines loses, up to the loss of the component, and
-// removes energy that the curved paths of spring ends have added.
+// Removes w by impulses along the Jacobians after the step, which gives back energy that a step
+// along straight lines loses, up to the loss of the component. Damps components in which curved
+// paths of spring ends have added energy.
 double RowSolver::take_out_corrections(const List<int>& moved, const Masses& masses,
                                        const Bodies& bodies, List<Twist>* corrections) {
   for (const int body : moved) {

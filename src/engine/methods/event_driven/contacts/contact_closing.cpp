@@ -20,7 +20,7 @@ using Eigen::Vector3d;
 constexpr int kMostClosingRounds = 10;  // each round leaves about the square of the overlap
 constexpr int kMostMeetings = 2;        // rounds after that, which close gaps
 constexpr double kClosed = 1e-9;        // [m] events close such overlaps themselves
-// Times the largest overlap: nearer points may be pushed into overlap
+// Multiple of the largest overlap; nearer points may be pushed into each other.
 constexpr double kNear = 2.0;
 
 }  // namespace

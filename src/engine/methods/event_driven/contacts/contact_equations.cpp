@@ -18,7 +18,7 @@ using Eigen::Vector3d;
 constexpr int kMostNewton = 12;
 constexpr double kStill = 1e-13;   // share of gravity; less is rounding of balanced forces
 constexpr double kStillFor = 1.0;  // [s] in which kStill gives the speed that counts as rest
-// Share of the scale; a row with a larger error is not met
+// Share of the scale; a row with a larger error is not met.
 constexpr double kContactsProjected = 1e-12;
 
 }  // namespace

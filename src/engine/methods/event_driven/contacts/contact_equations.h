@@ -38,7 +38,7 @@ class ContactEquations {
     Eigen::Vector3d direction = Eigen::Vector3d::Zero();  ///< û at the start of a substep; 0: none
     /// Admissible force, as reference of λ, world [N]
     Eigen::Vector3d reference = Eigen::Vector3d::Zero();
-    /// Weights in the sharing of redundant contacts
+    /// Weights in the sharing of redundant contacts.
     double normal_share = 1.0, tangent_share = 1.0;
     Eigen::Vector3d impulse = Eigen::Vector3d::Zero();  ///< accumulated in the step, on A [N s]
     ContactFeature touched;                             ///< feature of the last impulse
@@ -239,7 +239,7 @@ class ContactEquations {
   void displace(const Responses& responses, const double* p, double* y);
 
  private:
-  // Offsets in the state, per body
+  // Offsets in the state, per body.
   static constexpr std::size_t kV = 3, kQ = 6, kL = 10, kNumbers = 13;
   using Vector = Eigen::Map<Eigen::Vector3d>;
   using ConstVector = Eigen::Map<const Eigen::Vector3d>;

@@ -88,7 +88,7 @@ bool ContactEvents::has_missed() {
       any = any || depth[p] > std::max(kOverlap, depth_[p]);
       continue;
     }
-    // Features of only one box: a face separates the boxes
+    // Features of only one box: a face separates the boxes.
     const auto is_nothing = [&](std::size_t k) {
       return equations_.contacts[pair.first + k].feature.kind == ContactFeature::Kind::kNothing;
     };

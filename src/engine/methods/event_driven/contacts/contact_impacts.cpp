@@ -151,7 +151,7 @@ bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double 
   for (std::size_t k = 0; k < hits.limits.size(); ++k) {
     const LimitHit& of = hits.limits[k];
     rate_[first + k] = of.direction * of.rate;
-    // Joints drive the coordinate into its limit
+    // Joints drive the coordinate into its limit.
     if (!responses.is_free[k] && of.rate < -kResting) return false;
     problem.rows.push_back(
         {of.direction > 0.0 ? 0.0 : -kInfinity, of.direction > 0.0 ? kInfinity : 0.0});

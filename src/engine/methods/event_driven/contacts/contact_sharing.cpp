@@ -23,7 +23,7 @@ using Eigen::Vector2d;
 using Eigen::Vector3d;
 
 constexpr double kDependentShare = 1e-10;  // pivot of dependent rows
-// Share of the mean normal force; contacts with less can bear more
+// Share of the mean normal force; contacts with less can bear more.
 constexpr double kLeastShare = 1e-3;
 constexpr int kMostSharingRounds = 4;  // rounds of Newton's method
 constexpr double kLeastStep = 0.1;     // least step of a round

@@ -217,7 +217,8 @@ void ContactEvents::set_problem(double least_slip) {
   }
 }
 
-// Finds the motors that are off their courses, as EventDriven does.
+// Finds the motors that are not at rest at their goals, and their braking decelerations.
+// EventDriven compares with the courses of motors instead.
 void ContactEvents::find_lost() {
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     ContactEquations::Coordinate& of = equations_.coordinates[c];

@@ -95,7 +95,7 @@ void ContactEvents::watch_breaking(std::size_t j, List<Watched>* list) const {
   const ContactEquations::BodyJoint& of = equations_.joints[j];
   const Joint& joint = of.joint;
   if (of.is_broken || (joint.break_force == 0.0 && joint.break_torque == 0.0)) return;
-  // Force and torque; stages are evaluated at the current pose
+  // Force and torque; stages are evaluated at the current pose.
   const auto loads = [&](std::size_t stage) {
     const RowVector& force = equations_.joint_force(j, stage);
     if (has_length(joint.kind)) return std::pair(std::abs(force[0]), 0.0);

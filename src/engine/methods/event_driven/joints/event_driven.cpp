@@ -15,7 +15,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr std::uint32_t kMostEvents = 5000;  // per step
-// [s] shortest interval; an event may be at the end of an interval
+// Shortest prescribed motion [s]; an event may be at the end of an interval.
 constexpr double kShortest = 1e-12;
 
 }  // namespace
@@ -172,7 +172,7 @@ Prescribed EventDriven::limit(std::size_t c, bool upper_one, double t) const {
   const OneSidedLaw& law = laws_[c];
   const PrescribedMotion& course = courses_[law.joint];
   const JointState& state = joint_states_[law.joint];
-  // The offset of a motor with a goal belongs to its course
+  // The offset of a motor with a goal belongs to its course.
   const bool has_offset = course.is_closing() && !law.goal;
   const double offset = has_offset ? state.closing_offset[law.function] : 0.0;
   const bool is_open = (upper_one ? offset > 0.0 : offset < 0.0);

@@ -195,7 +195,7 @@ bool EventDriven::have_impact(const List<Hit>& hits, Rows* rows) {
   VectorXd rate(n), impulse;
   for (Index i = 0; i < n; ++i) {
     const Hit& hit = hits[static_cast<std::size_t>(i)];
-    // A rigid joint drives the coordinate into its limit
+    // A rigid joint drives the coordinate into its limit.
     if (!rows->is_free[hit.law]) return false;
     rate[i] = hit.rate;
     for (Index j = 0; j < n; ++j) {

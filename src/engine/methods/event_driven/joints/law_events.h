@@ -21,7 +21,7 @@ namespace constraint_sim::engine {
 
 /// Share of the servo's limit within which a force is at the limit.
 inline constexpr double kServoEdge = 1e-9;
-/// [s] within which a force that reaches the limit is at the limit
+/// Time [s] within which a force that reaches the limit is at the limit.
 inline constexpr double kServoEdgeTime = 1e-12;
 
 /// Share of its acceleration without joints; a coordinate with a smaller acceleration is held by
@@ -71,7 +71,7 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
     if (!std::isfinite(law.limit(upper_one))) continue;
     const Prescribed at_limit = limit(upper_one);
     const double direction = upper_one ? -1.0 : 1.0;
-    // The yielding limit is at the current length
+    // The yielding limit is at the current length.
     const bool gave_way = before.yield == -direction;
     const double gap = direction * (reading.q - at_limit.value);
     const double rate = direction * (reading.rate - at_limit.rate);

@@ -71,7 +71,7 @@ void ImplicitStep::evaluate_bodies(const Unknowns& unknowns) {
   }
 }
 
-// Motion of a link between rotating bodies in the step.
+// Motion of a rod, ball joint or spring in the step.
 struct ImplicitStep::LinkMotion {
   Vector3d d1;                  // d at the end of the step
   std::array<Vector3d, 2> arm;  // arms where forces are taken

@@ -12,8 +12,9 @@ namespace constraint_sim::engine {
 // Interface of every method that integrates an island:
 //   IntegrationResult advance(const SmoothSpan&, const IntegratorOptions&, EquationsOfMotion*,
 //   List<BodyState>*)
-// Advances the bodies over the interval and adds up impulses in the equations. Leaves the bodies
-// unchanged where the integration fails.
+// Advances the bodies over the interval and adds up impulses in the equations. Where the
+// integration fails, RungeKutta and InconsistentMotion leave the bodies unchanged; other methods
+// may have moved them.
 
 /// Time interval without jumps, and the loads and prescribed motions in it.
 struct SmoothSpan {

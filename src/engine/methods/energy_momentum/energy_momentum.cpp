@@ -21,7 +21,7 @@ constexpr double kStepSolved = 1e-14;
 constexpr double kStepRounding = 1e-7;
 constexpr double kSquared = 1e-18;
 constexpr double kRowSquared = 3e-18;
-// Newton's method is given up where a change exceeds this share of the scene's size, and grows.
+// Newton's method is given up where a change exceeds this multiple of the scene's size, and grows.
 constexpr double kDiverged = 10.0;
 // Largest row error of a converged step, as a share of the scene's size.
 constexpr double kStepRowSolved = 1e-11;

@@ -237,7 +237,7 @@ double InconsistentMotion::extent(std::size_t i, const Rows& geometry) const {
   return row.metres * reading(soft.form, there, soft.zero, soft.position);
 }
 
-// Energy of springs at end_ [J]; energy of constant forces counts from zero of the coordinate.
+// Energy of springs at end_ [J]; energy of constant forces counts from the rest position.
 double InconsistentMotion::spring_energy() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < stiffness_.size(); ++i) {

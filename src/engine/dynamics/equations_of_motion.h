@@ -137,8 +137,8 @@ class EquationsOfMotion : public IslandModel {
   /// by methods that evaluate no custom forces.
   void add_custom_loads(double t, const List<BodyState>& states);
   /// Sets loads and prescribed motions from time t [s] on; `courses` has one entry per joint of the
-  /// world. `since_tick`: time since the start of the tick [s], at which `states` holds the bodies
-  /// with prescribed velocity.
+  /// world. `since_tick`: time since the start of the tick [s], at which `states` holds the
+  /// kinematic bodies.
   void begin(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
              const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses,
              double since_tick = 0.0);
@@ -156,7 +156,8 @@ class EquationsOfMotion : public IslandModel {
   bool is_time_dependent() const { return is_time_dependent_; }
   /// Whether the last begin() found a prescribed motion that ended, started or changed its rate.
   bool has_jumped() const { return has_jumped_; }
-  /// Whether y satisfies the velocity constraints at t, so that start() is not needed.
+  /// Whether redundant rows are chosen, and rods with prescribed lengths have their rates in y at
+  /// t; start() is needed otherwise.
   bool satisfies_velocity_constraints(double t, const double* y) {
     return has_chosen_ && (courses_.empty() || rates_are_met(t, y));
   }

@@ -26,7 +26,7 @@ struct SmoothSpan {
   bool is_disturbed;  ///< loads or motions may have jumped since the last interval
   bool is_edited;     ///< positions or velocities may have jumped as well
   StopFlag stop = nullptr;
-  /// Time since the start of the tick, at which bodies with prescribed velocity are given [s].
+  /// Time since the start of the tick, at which kinematic bodies are given [s].
   double since_tick = 0.0;
 
   /// Interval for an island that was edited since the last step.

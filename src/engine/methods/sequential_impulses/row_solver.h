@@ -47,7 +47,7 @@ class RowSolver {
 
   /// Remaining error of the sweeps, and work from outside.
   struct Outcome {
-    double residual = 0.0;     ///< largest remaining |J v − target|, corrections included [m/s]
+    double residual = 0.0;     ///< largest remaining |J v − target| except of friction [m/s]
     double driven_work = 0.0;  ///< work of motors and kinematic bodies [J]
   };
 

@@ -101,7 +101,7 @@ void ContactEquations::place_movers() {
   }
 }
 
-// Power of a prescribed body on the other bodies, by force and torque on the prescribed body.
+// Power of a kinematic body on the other bodies, by force and torque on the kinematic body.
 double ContactEquations::driven_power(std::size_t body, const Vector3d& force,
                                       const Vector3d& torque) const {
   if (body < movable) return 0.0;
@@ -112,7 +112,7 @@ double ContactEquations::driven_power(std::size_t a, std::size_t b, const Jacobi
   return driven_power(a, F.j1, F.j2) + driven_power(b, F.j3, F.j4);
 }
 
-// Power of prescribed bodies by a unit force of a row.
+// Power of kinematic bodies by a unit force of a row.
 double ContactEquations::driven_power(const Row& row) const {
   if (row.contact < 0) return driven_power(row.a, row.b, row.J);
   return driven_power(row.a, row.b,

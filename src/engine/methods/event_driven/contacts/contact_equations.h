@@ -79,7 +79,7 @@ class ContactEquations {
     double until = 0.0;      ///< end of braking by the motor, simulated [s]
   };
 
-  List<Body> bodies;  ///< movable bodies first, then immovable and prescribed bodies
+  List<Body> bodies;  ///< movable bodies first, then immovable and kinematic bodies
   std::size_t movable = 0;
   List<BodyJoint> joints;
   List<Coordinate> coordinates;
@@ -91,7 +91,7 @@ class ContactEquations {
   /// on absolute time.
   double origin = 0.0;
 
-  /// Reads the states of all bodies. Prescribed bodies are given at a time `since_tick` ago [s].
+  /// Reads the states of all bodies. Kinematic bodies are given at a time `since_tick` ago [s].
   void gather_state(const List<BodyState>& states, double since_tick = 0.0);
   /// Allocates stages for contacts, coordinates and joints; called after all of them were added.
   void prepare_stages();
@@ -110,7 +110,7 @@ class ContactEquations {
   }
   List<double>& numbers() { return y_; }
   const List<double>& numbers() const { return y_; }
-  /// Sets the states of movable bodies from the state vector y, and of prescribed bodies at time().
+  /// Sets the states of movable bodies from the state vector y, and of kinematic bodies at time().
   void place(const double* y);
   /// Sets the time since `origin` [s]. Bodies move only in place().
   void set_time(double t) { t_ = t; }
@@ -118,7 +118,7 @@ class ContactEquations {
   double clock() const { return origin + t_; }  ///< simulated [s]
   /// Whether any force or constraint depends on the time.
   bool is_moved_by_motors() const;
-  bool has_movers() const { return !movers_.empty(); }  ///< whether there are prescribed bodies
+  bool has_movers() const { return !movers_.empty(); }  ///< whether there are kinematic bodies
 
   // ---- System
   std::size_t size() const { return (kNumbers * movable + 1) / 2 * 2; }
@@ -193,7 +193,7 @@ class ContactEquations {
   void keep();
   void restore();
   double largest_force() const;
-  double driven_work = 0.0;  ///< work of prescribed bodies on the others [J]
+  double driven_work = 0.0;  ///< work of kinematic bodies on the others [J]
   double kinetic_energy() const;
   double potential_energy() const;  ///< gravity and constant forces [J]
 
@@ -263,7 +263,7 @@ class ContactEquations {
     List<double> normal;            // per contact, along the normal
     List<double> coordinate;        // per coordinate, holding force
     List<RowVector> joint;
-    double driven_power = 0.0;  // power of prescribed bodies on the others [W]
+    double driven_power = 0.0;  // power of kinematic bodies on the others [W]
 
     void clear();
   };
@@ -304,7 +304,7 @@ class ContactEquations {
     std::size_t body;
     BodyState start;  // state at the start of the tick
   };
-  List<Mover> movers_;                     // prescribed bodies
+  List<Mover> movers_;                     // kinematic bodies
   double since_tick_ = 0.0;                // time from the start of the tick to t_ = 0 [s]
   List<Eigen::Matrix3d> inverse_inertia_;  // per body, world axes
   List<Row> rows_;

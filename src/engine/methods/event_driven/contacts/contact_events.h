@@ -69,7 +69,7 @@ class ContactEvents {
 
   // ---- results since begin()
   std::uint32_t events() const { return done_.events; }
-  double driven_work() const { return equations_.driven_work; }  ///< work of prescribed bodies [J]
+  double driven_work() const { return equations_.driven_work; }  ///< work of kinematic bodies [J]
   double work() const { return done_.work; }  ///< cost, in substeps of a group of one point
   struct Told {
     EventKind kind;

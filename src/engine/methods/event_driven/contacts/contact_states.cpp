@@ -218,7 +218,7 @@ void ContactEvents::set_problem(double least_slip) {
 }
 
 // Finds the motors that are not at rest at their goals, and their braking decelerations.
-// EventDriven compares with the courses of motors instead.
+// EventDriven compares with prescribed motions instead.
 void ContactEvents::find_lost() {
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     ContactEquations::Coordinate& of = equations_.coordinates[c];

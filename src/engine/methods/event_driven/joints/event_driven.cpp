@@ -101,7 +101,7 @@ void EventDriven::compile_again(const List<MassProperties>& masses, RungeKutta* 
 
 // ---- kinematics
 
-// State of a body at t. Prescribed bodies are given at the start of the tick.
+// State of a body at t. Kinematic bodies are given at the start of the tick.
 BodyState EventDriven::body(const Span& span, int body, double t) const {
   BodyState state = (*span.states)[body];
   if (span.around.masses[body].is_movable()) return state;
@@ -172,7 +172,7 @@ Prescribed EventDriven::limit(std::size_t c, bool upper_one, double t) const {
   const OneSidedLaw& law = laws_[c];
   const PrescribedMotion& course = courses_[law.joint];
   const JointState& state = joint_states_[law.joint];
-  // The offset of a motor with a goal belongs to its course.
+  // The offset of a motor with a goal belongs to its prescribed motion.
   const bool has_offset = course.is_closing() && !law.goal;
   const double offset = has_offset ? state.closing_offset[law.function] : 0.0;
   const bool is_open = (upper_one ? offset > 0.0 : offset < 0.0);

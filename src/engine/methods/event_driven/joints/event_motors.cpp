@@ -1,5 +1,5 @@
-// Demands of motors and servos with a force limit in EventDriven, and detection of motors that are
-// off their courses.
+// Demands of motors and servos with a force limit in EventDriven, and detection of motors that do
+// not follow their prescribed motions.
 
 #include <cmath>
 
@@ -15,7 +15,7 @@ Prescribed EventDriven::rest(std::size_t c, double t) const {
   return engine::rest_of(law, law.is_distance ? courses_[law.joint].length(t) : Prescribed{});
 }
 
-// Course of a motor with a goal.
+// Prescribed motion of a motor with a goal.
 Prescribed EventDriven::course_of(std::size_t c, double t) const {
   const OneSidedLaw& law = laws_[c];
   const double offset = joint_states_[law.joint].closing_offset[law.function];
@@ -24,7 +24,7 @@ Prescribed EventDriven::course_of(std::size_t c, double t) const {
 }
 
 // Rate and acceleration that a motor with a force limit demands at q. For a motor with a goal,
-// `value` is the position on its course.
+// `value` is the position of its prescribed motion.
 Prescribed EventDriven::zeta(const Span& span, std::size_t c, double t, double q) const {
   const OneSidedLaw& law = laws_[c];
   if (law.is_distance) return courses_[law.joint].length(t);
@@ -69,8 +69,9 @@ void EventDriven::note_saturated(const Span& span) {
   }
 }
 
-// Finds the motors that are off their courses, before states are decided. A motor that has just
-// left its course brakes with the deceleration by half of its force, while other motors hold.
+// Finds the motors that do not follow their prescribed motions, before states are decided. A motor
+// that has just lost its motion brakes with the deceleration by half of its force, while other
+// motors hold.
 void EventDriven::find_lost(const Span& span, const Rows& rows) {
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     if (!laws_[c].goal || !rows.is_free[c]) continue;
@@ -84,7 +85,7 @@ void EventDriven::find_lost(const Span& span, const Rows& rows) {
   }
 }
 
-// Finds the motors that leave their courses in the decided states.
+// Finds the motors that lose their prescribed motions in the decided states.
 void EventDriven::note_lost(const Rows& rows, const List<OneSidedState>& next) {
   for (std::size_t c = 0; c < laws_.size(); ++c)
     if (laws_[c].goal && next[c].drive != 0 && braking_[c] == 0.0)

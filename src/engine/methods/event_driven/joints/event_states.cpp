@@ -285,8 +285,8 @@ bool EventDriven::decide(const Span& span, Rows* rows, const Release& release,
   return true;
 }
 
-// Decides how coordinates are held. A motor on its course moves its coordinate off a limit; where
-// the motor is too weak for the load, the limit holds.
+// Decides how coordinates are held. A motor that follows its prescribed motion moves its coordinate
+// off a limit; where the motor is too weak for the load, the limit holds.
 bool EventDriven::decide_holds(const Span& span, Rows* rows, const Release& release,
                                List<OneSidedState>* next) const {
   pressed_.assign(laws_.size(), 0);

@@ -16,8 +16,8 @@ namespace constraint_sim::engine {
 // Functions of time and of one-sided laws that the event-driven methods share: the rate at which a
 // law may hold a coordinate, forces after it yields, watched values, and events to report.
 // `limit(upper_one)` returns position and motion of a limit, `zeta()` the rate and acceleration
-// that the motor demands; `value` of zeta() is the position on the course of a motor with a goal. A
-// reading has position `q`, `rate` and `acceleration` of a coordinate.
+// that the motor demands; for a motor with a goal its `value` is the prescribed position. A reading
+// has position `q`, `rate` and `acceleration` of a coordinate.
 
 /// Share of the servo's limit within which a force is at the limit.
 inline constexpr double kServoEdge = 1e-9;
@@ -50,7 +50,8 @@ inline SubstepSpan gone_on(const SubstepSpan& start, double done) {
   return now;
 }
 
-/// Whether the course of a motor with a goal leads off a limit, or comes to rest at the limit.
+/// Whether the prescribed motion of a motor with a goal leads off a limit, or comes to rest at the
+/// limit.
 inline bool leads_off(const OneSidedLaw& law, bool upper_one, const Prescribed& course) {
   if (!law.goal) return false;
   const double direction = upper_one ? -1.0 : 1.0;
@@ -61,8 +62,9 @@ inline bool leads_off(const OneSidedLaw& law, bool upper_one, const Prescribed& 
 
 /// Returns the law that may hold a coordinate at its position and rate. Where there is none,
 /// returns nothing and sets the acting forces in `state`, which starts empty. `before`: state until
-/// now. `is_lost`: a motor with a goal is off its course. `is_carried`: a motor on its course is
-/// strong enough to move the coordinate off a touched limit, or to stop it there.
+/// now. `is_lost`: a motor with a goal does not follow its prescribed motion. `is_carried`: a motor
+/// that follows it is strong enough to move the coordinate off a touched limit, or to stop it
+/// there.
 template <class Reading, class Limit, class Zeta>
 std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& before,
                               const Reading& reading, Limit limit, Zeta zeta, bool is_lost,
@@ -212,7 +214,7 @@ Servo servo_from(const OneSidedLaw& law, Servo before, const Reading& reading,
 }
 
 /// Adds the rates of slipping coordinates, saturated motors and yielding limits. `braking`:
-/// deceleration of a motor that is off its course.
+/// deceleration of a motor that has lost its prescribed motion.
 template <class Reading, class Limit, class Zeta, class Add>
 void watch_rates(const OneSidedLaw& law, const OneSidedState& state, double braking,
                  const Reading& reading, Limit limit, Zeta zeta, Add add) {

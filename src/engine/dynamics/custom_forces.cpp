@@ -1,4 +1,4 @@
-// Of EquationsOfMotion the forces of other packages, which act beside all rows.
+// Forces of custom joint kinds in EquationsOfMotion, which act in addition to all rows.
 
 #include <algorithm>
 #include <tuple>
@@ -9,7 +9,7 @@
 
 namespace constraint_sim::engine {
 
-// as pull_softs()
+// Adds custom forces to acceleration_ and torque_, as pull_softs() adds forces along coordinates.
 void EquationsOfMotion::pull_custom() {
   if (first_spring_ == links_.size() && softs_.empty())
     std::copy(applied_acceleration_.begin(), applied_acceleration_.end(), acceleration_.begin());

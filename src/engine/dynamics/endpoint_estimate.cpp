@@ -14,15 +14,15 @@ using Eigen::Vector3d;
 
 namespace {
 
-// What the errors of both ends and the middle of a time 2 h, or of order 2 the second difference of
-// velocities, come to.
+// Error of Simpson's rule from the ends and the middle of an interval 2 h (order 4), or second
+// difference of the velocities (order 2).
 double endpoint_error(const Vector3d& moved, const Vector3d& v_a, const Vector3d& v_b,
                       const Vector3d& v_c, double h, bool is_order_4) {
   const Vector3d ends = v_a + v_c;
   return is_order_4 ? (moved - h / 3.0 * (ends + 4.0 * v_b)).norm() : (ends - 2.0 * v_b).norm();
 }
 
-// The angular velocity of a body from the velocities of three points at equal arms along its axes.
+// Angular velocity of a body from the velocities of three points at equal arms along its axes.
 Vector3d spin_of(const Vector3d* arms, const Vector3d* velocities) {
   Vector3d sum = Vector3d::Zero();
   for (int k = 0; k < 3; ++k) sum += arms[k].cross(velocities[k]);
@@ -49,15 +49,15 @@ double EndpointEstimate::largest(const Points& a, const Points& b, const Points&
   const std::size_t size = c.position.size();
   for (const Points* points : {&a, &b, &c})
     if (points->position.size() != size || points->velocity.size() != size)
-      return estimate_;  // of a snapshot that somebody has changed
+      return estimate_;  // a snapshot edited by hand
   double error = 0.0;
   for (std::size_t i = 0; i < std::min(bodies, size); ++i)
     error = std::max(error, endpoint_error(c.position[i] - a.position[i], a.velocity[i],
                                            b.velocity[i], c.velocity[i], h, is_order_4));
   error *= share;
-  // bodies that turn come first
+  // Rotating bodies come first.
   for (std::size_t body = 0, first = bodies; first + 2 < size; ++body, first += 3) {
-    std::array<Vector3d, 3> arms[3], velocities[3];  // at the three times
+    std::array<Vector3d, 3> arms[3], velocities[3];  // times a, b and c
     for (std::size_t k = 0; k < 3; ++k) {
       for (const auto& [points, time] :
            {std::pair{&a, std::size_t{0}}, {&b, std::size_t{1}}, {&c, std::size_t{2}}}) {

@@ -1,5 +1,4 @@
-// What EquationsOfMotion allocate for their island, and the entries that its rows have in the
-// matrix.
+// Storage of EquationsOfMotion for an island, and the entries of A that its rows have.
 
 #include <algorithm>
 #include <iterator>
@@ -73,7 +72,8 @@ EquationsOfMotion::EquationsOfMotion(List<int> joints, const List<Joint>& all_jo
   kept_positions_.reserve(softs_.size() + 2 * coupled_.size());
 }
 
-// Entries of A, and what they come from. Redundant rows have none; their unknowns are the last.
+// Lists the entries of A with their sources. Redundant rows have no entries; their unknowns come
+// last.
 void EquationsOfMotion::couple_rows() {
   struct End {
     std::size_t row;
@@ -86,7 +86,7 @@ void EquationsOfMotion::couple_rows() {
     if (row.a < bodies_.size()) ends_on[row.a].push_back({i, -1.0, row.block_a});
     if (row.b < bodies_.size()) ends_on[row.b].push_back({i, 1.0, row.block_b});
   }
-  List<int> number(rows_.size(), -1);  // of rows among those kept
+  List<int> number(rows_.size(), -1);  // number of a row among the kept rows
   kept_ = 0;
   for (std::size_t i = 0; i < rows_.size(); ++i)
     if (!is_redundant_[i]) number[i] = static_cast<int>(kept_++);

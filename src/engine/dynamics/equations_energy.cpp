@@ -1,4 +1,4 @@
-// The energy of an EquationsOfMotion, and how it is kept where momentary rows come back.
+// Energy of EquationsOfMotion, and its conservation where momentary rows get a force again.
 
 #include <algorithm>
 #include <cmath>
@@ -10,15 +10,16 @@ namespace {
 
 using Eigen::Vector3d;
 
-// Within a ten-thousandth of the scene's size a momentary row has a force again: what forces do
-// over that way is the most that its projection may change the energy by. More is an impact.
+// Distance, as a share of the scene's size, within which a momentary row gets a force again. The
+// work of all forces over that distance bounds the energy change by the projection; more is an
+// impact.
 constexpr double kMostWay = 1e-4;
-constexpr double kMostLonger = 2.0;        // what that does to velocities
-constexpr double kEnergyRounding = 1e-14;  // of the energies that are added up
+constexpr double kMostLonger = 2.0;        // bound on the scaling of velocities
+constexpr double kEnergyRounding = 1e-14;  // share of the sum of energies
 
 }  // namespace
 
-// Of loads and springs [J].
+// Potential energy of loads and springs [J].
 double EquationsOfMotion::potential_energy() const {
   double energy = 0.0;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
@@ -30,7 +31,7 @@ double EquationsOfMotion::potential_energy() const {
   return energy;
 }
 
-// Of these, without their signs [N].
+// Sum of the magnitudes of loads and spring forces [N].
 double EquationsOfMotion::size_of_forces() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
@@ -40,8 +41,9 @@ double EquationsOfMotion::size_of_forces() const {
   return sum;
 }
 
-// Whether nothing but joints, loads and springs acts. Drives, motors and dampers do work, torques
-// and laws on coordinates have no potential here, and a free island has momenta to keep.
+// Whether only joints, loads and springs act on an island held by the world. Drives, motors and
+// dampers do work; torques and laws of coordinates have no potential here; a free island has
+// momenta to conserve.
 bool EquationsOfMotion::is_conservative() const {
   if (is_time_dependent() || has_custom_forces_ || inverse_mass_.size() == bodies_.size() ||
       !softs_.empty())
@@ -52,9 +54,9 @@ bool EquationsOfMotion::is_conservative() const {
                      [](const Link& link) { return link.damping == 0.0; });
 }
 
-// Where a row is left out, and where it has a force again before velocities are projected onto it,
-// bodies move across it: then its force does work, and projections put bodies back against loads
-// and springs.
+// Stores the energy where a row is left out, and where a row gets a force again before velocities
+// are projected. Bodies then move across the row, whose force does work, and projections move
+// bodies against loads and springs.
 void EquationsOfMotion::note_energy(double t, const double* y) {
   knows_energy_ = is_conservative();
   if (!knows_energy_) return;
@@ -63,8 +65,8 @@ void EquationsOfMotion::note_energy(double t, const double* y) {
   energy_ = potential_energy() + kinetic_energy(y);
 }
 
-// After both projections: velocities make up for what the energy has changed by since it was noted,
-// unless that is more than such a way explains. True where the energy is as it was.
+// Scales velocities after both projections to restore the energy that note_energy() stored. Returns
+// false where the change exceeds the work of forces over kMostWay, and changes nothing.
 bool EquationsOfMotion::keep_energy(double* y) {
   const double kinetic = kinetic_energy(y);
   const double gained = potential_energy() + kinetic - energy_;

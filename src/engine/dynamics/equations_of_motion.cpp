@@ -19,7 +19,7 @@ using Eigen::Vector3d;
 using ConstVector = Eigen::Map<const Vector3d>;
 using Vector = Eigen::Map<Vector3d>;
 
-// without the call that std::copy is, for a few numbers
+// Copies a few numbers without the function call of std::copy.
 void copy(const double* from, std::size_t n, double* to) {
   const auto size = static_cast<Eigen::Index>(n);
   Eigen::VectorXd::Map(to, size) = Eigen::VectorXd::Map(from, size);
@@ -35,9 +35,9 @@ EquationsOfMotion& EquationsOfMotion::operator=(const EquationsOfMotion& other) 
 EquationsOfMotion& EquationsOfMotion::operator=(EquationsOfMotion&& other) noexcept = default;
 EquationsOfMotion::~EquationsOfMotion() = default;
 
-// lengths and offsets at t, of the links where they change
+// Updates lengths, offsets and their rates of links with a prescribed motion to time t.
 void EquationsOfMotion::update_prescribed(double t) {
-  if (t == asked_at_) return;  // as of the last stage and the projection after it
+  if (t == asked_at_) return;  // last stage and projection share t
   asked_at_ = t;
   for (const auto& [l, course] : courses_) {
     if (is_rod(l)) {
@@ -74,7 +74,7 @@ void EquationsOfMotion::set_frame(std::size_t l, const MovingFrame& frame) {
   fixed_points_move_ = fixed_points_move_ || frame.moves;
 }
 
-// what does not hang on the state
+// Updates everything that depends on time but not on the state.
 void EquationsOfMotion::move_with_time(double t) {
   update_prescribed(t);
   if (fixed_points_move_) update_fixed_points(t);
@@ -121,7 +121,8 @@ void EquationsOfMotion::update_fixed_points(double t) {
   }
 }
 
-// d, for now from centre to centre where an end turns
+// Sets d of rods and other links from centre to centre; update_arms() adds the arms of rotating
+// bodies.
 void EquationsOfMotion::update_separations() {
   for (std::size_t l = 0; l < first_ball_; ++l)
     direction_[l] = position_[links_[l].b] - position_[links_[l].a];
@@ -153,7 +154,7 @@ void EquationsOfMotion::update_arms() {
     M_inv_Jt_[p].noalias() = inverse_inertia_[angular_blocks_[p].body] * J_angular_[p];
 }
 
-// A = G M⁻¹ Gᵀ here
+// Computes the Delassus matrix A = G M⁻¹ Gᵀ at the current pose.
 void EquationsOfMotion::find_matrix() {
   List<double>& A = ldlt_.values();
   std::fill(A.begin(), A.end(), 0.0);
@@ -178,7 +179,7 @@ void EquationsOfMotion::set_velocities(const double* y) {
     const ConstVector momentum(L + 3 * i);
     angular_velocity_[i].noalias() = inverse_inertia_[i] * momentum;
     angular_acceleration_[i] =
-        momentum.cross(angular_velocity_[i]);  // without torque, and times I⁻¹ to come
+        momentum.cross(angular_velocity_[i]);  // without torque; I⁻¹ follows in accelerate()
   }
   if (!motions_.empty()) move_general();
 }
@@ -202,7 +203,7 @@ Vector3d EquationsOfMotion::gamma_d(std::size_t l) const {
   return gamma;
 }
 
-// the springs' forces, in addition to what acts without the rows
+// Adds the forces of springs to loads, in acceleration_ and torque_.
 void EquationsOfMotion::pull_springs(double* forces) {
   std::copy(applied_acceleration_.begin(), applied_acceleration_.end(), acceleration_.begin());
   for (std::size_t l = first_spring_; l < links_.size(); ++l) {
@@ -221,7 +222,7 @@ void EquationsOfMotion::pull_springs(double* forces) {
   }
 }
 
-// the same of what acts along coordinates
+// Adds the forces along soft coordinates to loads, in acceleration_ and torque_.
 void EquationsOfMotion::pull_softs(double* forces) {
   if (first_spring_ == links_.size())
     std::copy(applied_acceleration_.begin(), applied_acceleration_.end(), acceleration_.begin());
@@ -239,7 +240,7 @@ void EquationsOfMotion::pull_softs(double* forces) {
   }
 }
 
-// where coordinates read and how fast they go, that angles go on from
+// Notes positions and rates of coordinates, from which angles are unwrapped.
 void EquationsOfMotion::note_positions() {
   for (SoftCoordinate& soft : softs_) {
     soft.position = reading_of(soft);
@@ -254,7 +255,7 @@ void EquationsOfMotion::note_positions() {
   noted_at_ = placed_at_;
 }
 
-// C̈_target − γ − G a_free
+// Computes the right-hand side C̈_target − γ − G a_free.
 void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) const {
   for (std::size_t l = 0; l < first_armed_; ++l) {
     const Row& row = rows_[l];
@@ -290,7 +291,7 @@ void EquationsOfMotion::find_right_hand_side(const Vector3d* free, double* b) co
 void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* dydt) {
   double* const lambda = stage_forces_.data() + stage * impulses_.size();
   std::copy(applied_torque_.begin(), applied_torque_.end(), torque_.begin());
-  const Vector3d* free = applied_acceleration_.data();  // what bodies do without the rows
+  const Vector3d* free = applied_acceleration_.data();  // accelerations of bodies without the rows
   if (first_spring_ < links_.size()) {
     pull_springs(lambda);
     free = acceleration_.data();
@@ -321,7 +322,7 @@ void EquationsOfMotion::accelerate(std::size_t stage, const double* y, double* d
   }
 }
 
-// from λ of rods to their forces [N]
+// Converts λ of rods to forces [N].
 void EquationsOfMotion::multipliers_to_forces(double* lambda) const {
   for (std::size_t l = 0; l < first_ball_; ++l) lambda[rows_[l].unknown] *= length_[l].value;
 }
@@ -355,7 +356,7 @@ double EquationsOfMotion::squared_size_of(const double* dy, double h) const {
 
 // ---- the linear system
 
-// Gᵀλ: what the rows do to points and to those that turn
+// Computes Gᵀλ: forces on bodies and torques on rotating bodies.
 void EquationsOfMotion::apply_jacobian_transpose(const double* lambda) {
   std::size_t pull = 0;
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
@@ -370,14 +371,14 @@ void EquationsOfMotion::apply_jacobian_transpose(const double* lambda) {
         lambda[angular_blocks_[p].unknown] * J_angular_[p];
 }
 
-// λ in place of b; 0 of rows without a force
+// Replaces b by λ; rows without a force get 0.
 void EquationsOfMotion::solve(double* b) {
   if (left_out_ > dependent_rows_) dependent_rows_ = left_out_;
   if (kept_ < value_.size()) clear_redundant(b);
   ldlt_.solve(b);
 }
 
-// b − A λ of all rows, redundant ones as well
+// Computes b − A λ of all rows, redundant rows included.
 void EquationsOfMotion::find_residual(const double* b, const double* lambda, double* residual) {
   apply_jacobian_transpose(lambda);
   for (std::size_t i = 0; i < rows_.size(); ++i) {

@@ -26,21 +26,21 @@ namespace constraint_sim::engine {
 
 struct KernelView;
 
-/// A force and torque on a body, constant for a while; world axes.
+/// Force and torque on a body in world axes, constant over an interval.
 struct AppliedWrench {
   int body = 0;
   Eigen::Vector3d force = Eigen::Vector3d::Zero();   ///< [N]
-  Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< about the centre of mass [N m]
+  Eigen::Vector3d torque = Eigen::Vector3d::Zero();  ///< About the centre of mass [N m]
 };
 
-/// The bodies of one island and the joints that hold them, as a System of integrate.h, in index-1
-/// form: the forces λ of the rigid rows are those that keep C̈ where it has to be.
+/// Equations of motion of the bodies and joints of one island, as a System of integrate.h, in
+/// index-1 form: the forces λ of the rigid rows give C̈ its target.
 ///   v̇ = F/m + G_linᵀλ/m,  L̇ = τ + G_angᵀλ,  q̇ = ½ (0, ω) ⊗ q,  ω = I_W⁻¹ L
 ///   A λ = C̈_target − γ − G a_free,  A = G M⁻¹ Gᵀ,  γ = C̈ − G V̇
-/// A rod is C = ½(d·d − ℓ(t)²), a ball joint C = d, other joints have the rows of their kind, and
-/// springs are forces. A coupling of coordinates is a row of up to four bodies. A body whose joints
-/// all act on its centre alone does not turn here. The state: x and v of all bodies, then q (x, y,
-/// z, w) and L of those that turn.
+/// A rod has C = ½(d·d − ℓ(t)²), a ball joint C = d, other joints the rows of their kind, a
+/// coupling one row on up to four bodies. Springs are forces. A body whose joints all act on its
+/// centre does not rotate here. State: x and v of all bodies, then q (x, y, z, w) and L of rotating
+/// bodies.
 class EquationsOfMotion : public IslandModel {
  public:
   // Defined in the .cpp file: copies of so many fields are compiled once.
@@ -50,16 +50,16 @@ class EquationsOfMotion : public IslandModel {
   EquationsOfMotion& operator=(EquationsOfMotion&& other) noexcept;
   ~EquationsOfMotion();
 
-  /// Of these joints, given by index. `couplings`: the terms of joints that couple, by index; empty
-  /// where none does. `idle`: joints that do nothing here; their bodies move with the others.
-  /// `open`: ball joints that are being closed, which are general ones until they are compiled
-  /// anew, by index; empty where none is. Only this allocates.
+  /// Compiles the joints with the given indices. `couplings`: terms of coupling joints by index,
+  /// empty where no joint couples. `idle`: joints without effect, whose bodies move with the
+  /// island. `open`: ball joints being closed, compiled as general joints, by index; empty where
+  /// there are none. The only function that allocates.
   EquationsOfMotion(List<int> joints, const List<Joint>& all_joints,
                     const List<std::pair<std::size_t, std::size_t>>& ends,
                     const List<MassProperties>& masses, const List<CoupledTerms>& couplings = {},
                     const List<int>& idle = {}, const List<char>& open = {});
 
-  /// Bodies that turn on joints with rows, without a loop, and no frame of a joint moves now.
+  /// Whether the joints form a tree of rotating bodies and no joint frame moves in this interval.
   bool is_tree() const {
     return !tree_.nodes.empty() &&
            std::none_of(frames_.begin(), frames_.end(),
@@ -67,52 +67,54 @@ class EquationsOfMotion : public IslandModel {
   }
   static constexpr char kMomentary = 1, kRedundant = 2;
 
-  // ---- for methods that step these bodies and joints in their own way
+  // ---- access for methods with their own time stepping
 
-  /// Where a term reads; angles are taken for those nearest to it from then on.
+  /// Sets the position of a coupled coordinate [m or rad]. Later angles are unwrapped to the
+  /// nearest turn.
   void set_position(std::size_t coupled, std::size_t term, double position) {
     coupled_[coupled].terms[term].position = position;
     coupled_[coupled].terms[term].rate = 0.0;
   }
-  /// The frame on B of a general joint, where it was at the last move_with_time() or evaluation.
+  /// Frame on B of general joint l, as of the last move_with_time() or evaluation.
   const MovingFrame& frame_b(std::size_t l) const { return frames_[l - first_general_]; }
-  /// Where one reads; angles are taken for those nearest to it from then on.
+  /// Sets the position of a soft coordinate [m or rad]. Later angles are unwrapped to the nearest
+  /// turn.
   void set_position(std::size_t soft, double position) {
     softs_[soft].position = position;
     softs_[soft].rate = 0.0;
   }
-  /// What acts without the joints, since begin().
+  /// Acceleration by gravity and loads [m/s²] and torque by loads [N m], without the joints.
   const Eigen::Vector3d& applied_acceleration(std::size_t body) const {
     return applied_acceleration_[body];
   }
   const Eigen::Vector3d& applied_torque(std::size_t turning) const {
     return applied_torque_[turning];
   }
-  /// Moves fixed points, lengths and offsets to time t, for the next five.
+  /// Moves fixed points, lengths and offsets to time t [s]; call before the accessors below.
   void move_with_time(double t);
   const Eigen::Vector3d& position(std::size_t fixed_point) const { return position_[fixed_point]; }
   const Eigen::Vector3d& velocity(std::size_t fixed_point) const { return velocity_[fixed_point]; }
   const Prescribed& length(std::size_t l) const { return length_[l]; }
-  /// What the rows of a joint that is no rod and no spring are to be off by, or where a coordinate
-  /// is to be.
+  /// Target values of the rows of a general joint, with the positions of driven coordinates; zero
+  /// for other joints.
   RowVector offset(std::size_t l) const;
-  /// What motors alone ask of the rates of rigid rows at t, and how fast the body of a fixed point
-  /// moves there: without what closes errors.
+  /// Rates that motors alone demand of rigid rows at t, and the velocity of a fixed point's body at
+  /// t; both without the terms that close position errors.
   RowVector driven_rate(std::size_t l, double t) const;
   Eigen::Vector3d body_velocity(std::size_t fixed_point, double t) const;
-  /// Axes of a fixed point that a general joint holds on to, and how it turns [rad/s].
+  /// Axes of a fixed point that a general joint is attached to.
   const Eigen::Matrix3d& fixed_axes(std::size_t fixed_point) const {
     return fixed_axes_[fixed_point - bodies_.size()];
   }
-  /// Marks rows without a force, with the bodies there and those that turn so: redundant rows by
-  /// kRedundant, and rows whose pivot falls below this share of its entry by kMomentary. False
-  /// where the step before has left redundant rows so far off that it has to be shorter.
+  /// Marks rows without a force at the given pose: kRedundant for redundant rows, kMomentary for
+  /// rows whose pivot falls below the share `least` of its diagonal entry. Returns false where
+  /// redundant rows are so far off that the last step has to be repeated with a shorter one.
   bool find_dependent(double t, const List<Eigen::Vector3d>& positions,
                       const List<Eigen::Quaterniond>& orientations, double least, List<char>* rows);
-  /// Whether the redundant rows are met there; makes those that are not ordinary rows again.
+  /// Whether the redundant rows are met at the given pose. Unmet ones become ordinary rows again.
   bool redundant_rows_are_met(double t, const List<Eigen::Vector3d>& positions,
                               const List<Eigen::Quaterniond>& orientations);
-  /// Of its rigid rows.
+  /// Adds an impulse of the rigid rows of joint l [N s or N m s].
   void add_impulse(std::size_t l, const RowVector& impulse);
   void add_coupled_impulse(std::size_t coupled, double impulse) {
     impulses_[rows_[coupled_[coupled].row].unknown] += impulse;
@@ -120,57 +122,61 @@ class EquationsOfMotion : public IslandModel {
   void add_soft_impulse(std::size_t soft, double impulse) {
     impulses_[soft_force(soft)] += impulse;
   }
-  /// What add_impulse() adds and set_position() sets after the first can be taken back by the
-  /// second.
+  /// Saves impulses and coordinate positions; restore_impulses() undoes later calls of
+  /// add_impulse() and set_position().
   void keep_impulses();
   void restore_impulses();
-  /// The same, with the forces of the first stage, for a substep that is taken again.
+  /// Saves impulses, coordinate positions and the forces of the first stage, for a substep that is
+  /// repeated.
   void keep_first_stage();
   void restore_first_stage();
-  /// Largest ω with which the joints' forces swing their bodies, as of the last first stage
-  /// [rad/s]: ω² = 2Σ|λ|/m of rods, Σ‖f‖‖r‖/I_min of a body that turns.
+  /// Largest frequency ω of the bodies under the joint forces of the last first stage [rad/s]: ω² =
+  /// 2Σ|λ|/m for rods, Σ‖f‖‖r‖/I_min for a rotating body.
   double frequency();
-  /// [J]
+  /// Kinetic energy of state y [J].
   double kinetic_energy(const double* y) const;
 
-  // ---- a span of time in which nothing jumps
+  // ---- an interval without jumps
 
   void gather_state(const List<BodyState>& states, double* y) const;
   void scatter_state(const double* y, List<BodyState>* states);
-  /// Adds custom forces as they are in these states to what acts, as if they were constant; after
-  /// begin(), for methods that evaluate no others.
+  /// Adds custom forces to the loads, evaluated at `states` and held constant. Called after begin()
+  /// by methods that evaluate no custom forces.
   void add_custom_loads(double t, const List<BodyState>& states);
-  /// Sets what acts from time t on; `courses` are those of all joints of the world. `since_tick`:
-  /// from the tick's start, where bodies that move by themselves still are in `states` [s].
+  /// Sets loads and prescribed motions from time t [s] on; `courses` has one entry per joint of the
+  /// world. `since_tick`: time since the start of the tick [s], at which `states` holds the
+  /// kinematic bodies.
   void begin(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
              const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses,
              double since_tick = 0.0);
-  /// Lets equations that were just compiled, with what visit_memory() reads, go on from the span
-  /// before.
+  /// Continues the previous interval with equations that were just compiled and whose memory
+  /// visit_memory() has read.
   void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
                      const List<AppliedWrench>& loads, const List<PrescribedMotion>& courses) {
-    const double scale = fixed_scale_;  // of where coupled coordinates were when that began
+    const double scale = fixed_scale_;  // scale with coupled coordinates at the interval's start
     const bool knows_energy = knows_energy_;
     begin(t, states, gravity, loads, courses);
     fixed_scale_ = scale;
     knows_energy_ = knows_energy;
   }
-  /// Whether what begin() sets goes on changing.
+  /// Whether lengths, offsets or fixed points change during the interval.
   bool is_time_dependent() const { return is_time_dependent_; }
-  /// Whether the last begin() found a course that had ended, one that was new, or another rate.
+  /// Whether the last begin() found a prescribed motion that ended, started or changed its rate.
   bool has_jumped() const { return has_jumped_; }
-  /// Whether y already moves as the joints ask at t, or has to be started.
+  /// Whether redundant rows are chosen, and rods with prescribed lengths have their rates in y at
+  /// t; start() is needed otherwise.
   bool satisfies_velocity_constraints(double t, const double* y) {
     return has_chosen_ && (courses_.empty() || rates_are_met(t, y));
   }
-  /// Projects y onto the constraints and finds the first derivative; false where it cannot.
+  /// Projects y onto the constraints and evaluates the first derivative. Returns false where the
+  /// projection fails.
   bool start(double t, double* y, double* dydt);
-  /// Whether the last start or step found joints that cannot all be met.
+  /// Whether the last start or step found joints that contradict each other.
   bool is_inconsistent() const { return is_inconsistent_; }
-  /// Which rows are redundant is asked again, as of equations just made.
+  /// Discards the choice of redundant rows, as in equations that were just compiled.
   void forget_redundant_rows();
-  /// Visits all that outlives a span, beside what begin() sets, as engine/memory.h says; with the
-  /// forces of the first stage where that is not found again.
+  /// Visits all state that outlives an interval, except the inputs of begin(), as engine/memory.h
+  /// describes. Includes the forces of the first stage where they are not recomputed.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit, bool with_first_stage) {
     if constexpr (Visit::kReads) {
@@ -198,59 +204,64 @@ class EquationsOfMotion : public IslandModel {
     for (std::size_t i = 0; i < self.impulses_.size(); ++i) visit(self.stage_forces_[i]);
   }
 
-  // ---- what impulses do while the rigid rows hold (held_response.cpp), after start()
+  // ---- response to impulses while the rigid rows hold (held_response.cpp), after start()
 
-  /// What moves, one of these a body as bodies().
+  /// Linear and angular vectors per entry of bodies(): velocity changes, accelerations or impulses.
   struct Motions {
-    List<Eigen::Vector3d> linear, angular;  ///< of bodies that do not turn here 0
+    List<Eigen::Vector3d> linear, angular;  ///< angular: 0 for bodies that do not rotate
   };
-  /// An impulse on two bodies, by index; others than bodies() do not move.
+  /// Impulse on two bodies, given by index. Bodies outside bodies() do not move.
   struct BodyImpulse {
     std::array<int, 2> body;
     std::array<Eigen::Vector3d, 2> linear, angular;
   };
-  /// The change of velocities, and in `impulses` what rigid rows do to keep their rates.
+  /// Returns the velocity changes by an impulse. Writes to `impulses` the reactions of the rigid
+  /// rows, which keep the rates of the rows.
   Motions held_response(const BodyImpulse& impulse, List<double>* impulses);
-  /// The same without any rows: impulse times change of velocity [J].
+  /// Impulse times the velocity change it causes on bodies without joints [J].
   double free_response(const BodyImpulse& impulse) const;
-  /// Adds `share` of such a change to the velocities, and to the impulses of the joints.
+  /// Adds `share` of a velocity change to y, and `share` of `impulses` to the impulses of the
+  /// joints.
   void add_response(const Motions& change, const List<double>& impulses, double share, double* y);
-  /// Accelerations that a derivative at y says.
+  /// Extracts the accelerations from the derivative dydt at y.
   void find_accelerations(const double* y, const double* dydt, Motions* rates) const;
-  /// Largest force that the last first stage knows of, loads and gravity included [N or N m].
+  /// Largest force or torque of the last first stage, loads and gravity included [N or N m].
   double largest_force() const;
-  /// As impulse(), of the last first stage [N or N m].
+  /// Force of joint l in the last first stage, laid out as impulse() [N or N m].
   RowVector force(std::size_t l) const { return by_joint(l, stage_forces_.data()); }
-  /// Of what any stage of the last substep had.
+  /// Force of joint l in a stage of the last substep, laid out as impulse() [N or N m].
   RowVector stage_force(std::size_t l, std::size_t stage) const {
     return by_joint(l, stage_forces_.data() + stage * impulses_.size());
   }
 
-  // ---- what the joints did since begin_step()
+  // ---- joint impulses since begin_step()
 
-  /// Clears it, and takes coordinates from the states of all joints.
+  /// Clears the impulses and reads coordinate positions from `states`, one entry per joint of the
+  /// world.
   void begin_step(const List<JointState>& states);
-  /// As read_smooth_joint() wants it, of joints()[l].
+  /// Impulse of joints()[l], laid out as read_smooth_joint() expects.
   RowVector impulse(std::size_t l) const;
-  /// Of its rigid rows alone.
+  /// Impulse of the rigid rows of joints()[l].
   RowVector row_impulse(std::size_t l) const;
-  /// Of its coupling, 0 where it has none.
+  /// Impulse of the coupling of joints()[l]; 0 where joint l does not couple.
   double coupled_impulse(std::size_t l) const;
-  /// Where coordinates of a general joint read that laws or couplings have, as JointStep::counted;
-  /// false where there are none.
+  /// Writes the positions of those coordinates of a general joint that have laws or couplings, laid
+  /// out as JointStep::counted. Returns false where joint l has none.
   bool count_turns(std::size_t l, std::array<double, kMaxCoordinates>* positions) const;
-  /// The same in the order of its rows and coordinates.
+  /// Impulse of joint l in the order of rows and coordinates of its kind; `of_rows`: impulses of
+  /// its rigid rows.
   RowVector by_function(std::size_t l, const RowVector& of_rows) const {
     return by_function(l, of_rows, impulses_.data());
   }
-  /// Kinetic energy that velocities have lost to the rows since this was called last, beside what
-  /// start() took: rounding, or what passes a pose where a row has no direction [J].
+  /// Returns and clears the kinetic energy lost to velocity projections outside start() [J]:
+  /// rounding, or motion past a pose where a row has no direction.
   double take_projected_energy() { return std::exchange(projected_energy_, 0.0); }
-  /// What momentary rows were off by since begin_step(): rate times substep, summed up [m].
+  /// Error of momentary rows since begin_step(), Σ rate × substep [m].
   double momentary_error() const { return momentary_error_; }
-  /// Most rows at once that depended on others, redundant rows included.
+  /// Largest number of dependent rows at one time, redundant rows included.
   int dependent_rows() const { return dependent_rows_ + static_cast<int>(redundant_rows()); }
-  /// Rows that follow from the others wherever the joints let the bodies go; they have no force.
+  /// Number of redundant rows, which follow from other rows at all reachable poses and have no
+  /// force.
   std::size_t redundant_rows() const { return rows_.size() - kept_; }
 
   // ---- System
@@ -267,41 +278,43 @@ class EquationsOfMotion : public IslandModel {
       impulses_[i] += h * runge_kutta::sum<Weights>(stage_forces_.data() + i, n);
   }
   bool restart(double* y, double* dydt);
-  /// What no estimate can be below [m].
+  /// Lower bound of error estimates, by rounding [m].
   double rounding() const;
   double squared_size_of(const double* dy, double h) const;
 
-  // ---- for kernels, which are the same System for one common shape of islands
+  // ---- for kernels, which implement System for islands of one common shape
 
   KernelView kernel_view();
-  /// Whether lengths, coordinates or frames follow courses.
+  /// Whether lengths, coordinates or frames have prescribed motions.
   bool has_courses() const { return !courses_.empty(); }
-  /// How the body of a fixed point turns [rad/s].
+  /// Angular velocity of the body of a fixed point [rad/s].
   const Eigen::Vector3d& fixed_angular_velocity(std::size_t fixed_point) const {
     return fixed_points_[fixed_point - bodies_.size()].start.angular_velocity;
   }
-  /// Where a coordinate reads: angles near to where they go at the rate that was noted.
+  /// Position of a soft coordinate [m or rad]. Angles are unwrapped to the turn nearest to the last
+  /// noted position, extrapolated at the last noted rate.
   double reading_of(const SoftCoordinate& soft) const {
     const double there = value(soft.form, vectors_[soft.link - first_general_]);
     return reading(soft.form, there, soft.zero,
                    soft.position + (placed_at_ - noted_at_) * soft.rate);
   }
-  /// C of a row; of an angle the whole turns do not count.
+  /// C of a row minus its target; whole turns of an angle do not count.
   double value_of(const GeneralRow& row) const {
     const double off =
         value(row.form, vectors_[row.link - first_general_]) - value_target_[row.row];
     return row.form.is_angle ? unwound(off, 0.0) : off;
   }
-  /// Where the force of a soft coordinate stands, by unknown.
+  /// Index of the force of a soft coordinate among the unknowns.
   std::size_t soft_force(std::size_t soft) const {
     return rows_.size() + links_.size() - first_spring_ + soft;
   }
-  /// A kernel leaves its factors to the equations where a pivot falls below this share of its
-  /// entry.
+  /// A kernel leaves the factorization to the equations where a pivot falls below this share of its
+  /// diagonal entry.
   static constexpr double kLeastPivot = 1e-8;
 
-  /// project() of a kernel, with factors of its own: `find_values` returns how far the worst row is
-  /// off at y, `correct` makes one of Newton's steps. Where these do not do, the equations do.
+  /// Projects positions with the factors of a kernel: `find_values` returns the largest row error
+  /// at y [m], `correct` makes a Newton step. Falls back to project() where the steps do not
+  /// converge.
   template <class FindValues, class Correct>
   bool project_by(double t, double* y, FindValues find_values, Correct correct) {
     if (is_time_dependent()) move_with_time(t);
@@ -318,36 +331,36 @@ class EquationsOfMotion : public IslandModel {
   }
 
  private:
-  // Rows are left out whose pivot falls below these shares of their diagonal entry: of forces, and
-  // of both projections. Near a singular pose, passed at speed v with an error ε and an
-  // acceleration a across, these lose the least energy: y³ = ε v²/a, p ~ y².
+  // Rows are left out whose pivot falls below this share of its diagonal entry, for forces and for
+  // both projections. The values lose the least energy near a singular pose that is passed at speed
+  // v with error ε and transverse acceleration a: y³ = ε v²/a, p ~ y².
   static constexpr double kLeastPivotOfForces = 3e-11;
   static constexpr double kLeastPivotOfProjections = 1e-9;
 
-  /// A row or part that acts on a body; the sign is -1 where the body is its A.
+  /// Row or part that acts on a body; the sign is −1 where the body is end A.
   struct Pull {
     std::size_t row, unknown;
     double sign;
   };
-  /// Two rows on one body, or one with itself on both. The mass counts negative where it is A of
-  /// one and B of the other.
+  /// Two rows on one body, or one row twice. The inverse mass is negative where the body is A of
+  /// one row and B of the other.
   struct LinearCoupling {
     std::size_t i, j;
     double inverse_mass;
     SparseLdlt::Slot slot;
   };
   struct AngularCoupling {
-    std::size_t p, q;  // turns
+    std::size_t p, q;  // angular blocks
     SparseLdlt::Slot slot;
   };
   RowVector of_rows(std::size_t l, const double* of_unknowns) const;
   RowVector by_function(std::size_t l, const RowVector& of_rows, const double* of_unknowns) const;
   RowVector by_joint(std::size_t l, const double* of_unknowns) const;
 
-  // ---- the entries of the matrix, when the rows that have a force are known
+  // ---- entries of the matrix A, once the rows with a force are known
   void couple_rows();
 
-  // ---- what happens in one evaluation, in this order
+  // ---- stages of one evaluation, in order
   void update_prescribed(double t);
   void update_kinematics(double t, const double* y);
   void update_bodies(const double* y);
@@ -384,7 +397,7 @@ class EquationsOfMotion : public IslandModel {
   bool rates_are_met(double t, const double* y);
   bool prescribed_rates_are_met();
 
-  // ---- rows that follow from others (redundant_rows.cpp)
+  // ---- redundant rows (redundant_rows.cpp)
   void find_branches();
   bool meet(double t, double* y);
   bool fit_positions(double t, double* y);
@@ -434,83 +447,87 @@ class EquationsOfMotion : public IslandModel {
   void find_residual(const double* b, const double* lambda, double* residual);
   void apply_jacobian_transpose(const double* lambda);
 
-  // in a state, where x is at 0; even, so that no pair of numbers is of two kinds
+  // Offsets in a state vector; x is at 0. Even, so that no SIMD pair mixes two kinds of numbers.
   std::size_t v_at_ = 0, q_at_ = 0, L_at_ = 0, size_ = 0;
-  List<Pull> pulls_;  // on one body after the other
+  List<Pull> pulls_;  // grouped by body
   List<std::size_t> pulls_end_;
   List<LinearCoupling> linear_couplings_;
   List<AngularCoupling> angular_couplings_;
   SparseLdlt ldlt_;
-  TridiagonalLdlt tridiagonal_;  // of a chain, where no rows depend on each other
-  List<Eigen::Vector3d> falls_;  // of its rods
-  List<ChainPair> pairs_;        // of a chain of bodies, from its ends to the middle
-  BodyTree tree_;                // of a tree of bodies
+  TridiagonalLdlt tridiagonal_;  // factors of A for a chain of rods without dependent rows
+  List<Eigen::Vector3d> falls_;  // per rod of a chain: free acceleration of B minus A
+  List<ChainPair> pairs_;        // pairs of a chain of bodies, from its ends to the middle
+  BodyTree tree_;                // nodes of a tree of bodies
 
-  // ---- what acts in this span
+  // ---- inputs of the interval
   double tick_start_ = 0.0;
-  double asked_at_ = std::numeric_limits<double>::quiet_NaN();  // [s]
+  // Time of the last update_prescribed() [s].
+  double asked_at_ = std::numeric_limits<double>::quiet_NaN();
   bool fixed_points_move_ = false;
-  bool is_time_dependent_ = false;  // these, or courses
+  bool is_time_dependent_ = false;  // fixed points move, or there are prescribed motions
   bool has_jumped_ = false;
-  double placed_at_ = 0.0, noted_at_ = 0.0;     // times of place(), and of positions of coordinates
-  double fixed_scale_ = 0.0;                    // largest coordinate of fixed points, or length [m]
-  double scale_ = 0.0;                          // also of bodies: what rounding goes by
-  List<Eigen::Vector3d> applied_acceleration_;  // of points
-  List<Eigen::Vector3d> applied_torque_;        // of those that turn
-  List<std::pair<std::size_t, PrescribedMotion>> courses_;  // of links that change with time
-  List<bool> is_changing_;                                  // links that do
+  // Times of the last update_kinematics() and of the last note_positions() [s].
+  double placed_at_ = 0.0, noted_at_ = 0.0;
+  double fixed_scale_ = 0.0;  // largest coordinate of fixed points, or length [m]
+  // Largest coordinate or length, bodies included; rounding is relative to scale_ [m].
+  double scale_ = 0.0;
+  List<Eigen::Vector3d> applied_acceleration_;              // per point, by gravity and loads
+  List<Eigen::Vector3d> applied_torque_;                    // per rotating body, by loads
+  List<std::pair<std::size_t, PrescribedMotion>> courses_;  // by link, where time-dependent
+  List<bool> is_changing_;                                  // per link
 
-  // ---- where things are and what they do, as of the last evaluation
-  List<Eigen::Vector3d> position_, velocity_, acceleration_, constraint_force_;  // of points
-  List<Eigen::Matrix3d> orientation_, inverse_inertia_;  // of those that turn
+  // ---- positions, motions and rows as of the last evaluation
+  List<Eigen::Vector3d> position_, velocity_, acceleration_, constraint_force_;  // per point
+  List<Eigen::Matrix3d> orientation_, inverse_inertia_;  // per rotating body
   List<Eigen::Vector3d> angular_velocity_, angular_acceleration_, torque_,
-      constraint_torque_;                           // of those that turn
-  List<Eigen::Vector3d> d_;                         // of ball joints and springs, as links
-  List<Eigen::Vector3d> arm_a_, arm_b_;             // of links
-  List<Prescribed> length_;                         // of links
-  List<JointVectors> vectors_;                      // of general joints
-  List<MovingFrame> frames_;                        // the same, on B
-  List<JointMotion> motions_;                       // of these, since set_velocities()
-  List<Eigen::Matrix3d> fixed_axes_;                // of fixed points, where they have axes
-  List<Eigen::Vector3d> direction_;                 // of parts: d of rods, an axis of balls
-  List<double> value_, rate_;                       // of rows
-  List<double> value_target_;                       // of rows of general joints
-  List<double> rate_target_, acceleration_target_;  // of rows
-  List<Eigen::Vector3d> J_angular_, M_inv_Jt_;      // of turns: J_ang, I⁻¹ J_angᵀ
+      constraint_torque_;                           // per rotating body
+  List<Eigen::Vector3d> d_;                         // per link; of ball joints and springs
+  List<Eigen::Vector3d> arm_a_, arm_b_;             // per link
+  List<Prescribed> length_;                         // per link
+  List<JointVectors> vectors_;                      // per general joint
+  List<MovingFrame> frames_;                        // per general joint, on B
+  List<JointMotion> motions_;                       // per general joint, as of set_velocities()
+  List<Eigen::Matrix3d> fixed_axes_;                // per fixed point that has axes
+  List<Eigen::Vector3d> direction_;                 // per part: d of rods, an axis of ball joints
+  List<double> value_, rate_;                       // per row
+  List<double> value_target_;                       // per row; of general joints
+  List<double> rate_target_, acceleration_target_;  // per row
+  List<Eigen::Vector3d> J_angular_, M_inv_Jt_;      // per angular block: J_ang, I⁻¹ J_angᵀ
 
-  // ---- rows that follow from others
-  std::size_t kept_ = 0;           // rows that have a force
-  bool has_chosen_ = false;        // which rows are redundant
-  List<char> is_redundant_;        // rows
-  List<char> is_of_branch_;        // rows that no loop of joints goes through
-  List<char> is_needed_;           // rows that were redundant once, and should not have been
-  List<char> is_verified_;         // rows left out, whose forces balance those of others
-  List<double> imbalance_;         // of the forces of redundant rows, when they were chosen
-  List<double> redundant_off_;     // what redundant rows may be off by [m]
-  double worst_redundant_ = 0.0;   // share of that, as of find_values()
-  double pivot_at_choice_ = 1.0;   // the smallest of the rows kept
-  int too_far_ = 0;                // steps in a row that took the rows kept near dependence
-  int left_out_for_ = 0;           // restarts in a row
-  int choose_after_ = 0;           // such restarts
-  double time_ = 0.0;              // of the last project() [s]
-  double substep_ = 0.0;           // the last one [s]
-  double momentary_error_ = 0.0;   // since begin_step() [m]
-  bool came_back_ = false;         // rows that were left out, since the last restart()
-  bool knows_energy_ = false;      // where momentary rows were left out last
-  double energy_ = 0.0;            // that, of loads and springs as well [J]
+  // ---- redundant rows
+  std::size_t kept_ = 0;          // number of rows with a force
+  bool has_chosen_ = false;       // whether redundant rows were chosen
+  List<char> is_redundant_;       // per row
+  List<char> is_of_branch_;       // per row: no loop of joints passes through it
+  List<char> is_needed_;          // per row: was redundant once, by mistake
+  List<char> is_verified_;        // per row: left out, and its self-stress is balanced
+  List<double> imbalance_;        // per row: imbalance of its self-stress when chosen as redundant
+  List<double> redundant_off_;    // per row: tolerance of a redundant row [m]
+  double worst_redundant_ = 0.0;  // largest error over tolerance, as of find_values()
+  double pivot_at_choice_ = 1.0;  // smallest pivot of the kept rows when chosen
+  int too_far_ = 0;               // consecutive steps rejected for kept rows near dependence
+  int left_out_for_ = 0;          // consecutive restarts with momentary rows
+  int choose_after_ = 0;          // restarts with momentary rows before the next choice
+  double time_ = 0.0;             // time of the last project() [s]
+  double substep_ = 0.0;          // length of the last substep [s]
+  double momentary_error_ = 0.0;  // since begin_step() [m]
+  bool came_back_ = false;        // whether rows left out have a force again since restart()
+  bool knows_energy_ = false;     // whether energy_ is known
+  // Energy when momentary rows were last left out, with potentials of loads and springs [J].
+  double energy_ = 0.0;
   double projected_energy_ = 0.0;  // since take_projected_energy() [J]
   bool is_inconsistent_ = false;
 
   bool factors_are_there_ = false;
-  int left_out_ = 0;  // rows without a force in the factors that are there, redundant ones apart
+  int left_out_ = 0;  // rows without a force in the current factors, except redundant rows
   int dependent_rows_ = 0;
   List<double> solution_, residual_, stress_;  // by unknown
-  // by unknown, then of springs and soft coordinates; stage by stage
+  // By stage; within a stage by unknown, then springs, then soft coordinates.
   List<double> stage_forces_;
-  List<double> impulses_;  // the same, summed up
+  List<double> impulses_;  // stage_forces_ integrated over time
   List<double> kept_impulses_, kept_positions_, kept_forces_;
-  List<double> pose_;     // a state, for find_dependent()
-  List<double> squares_;  // ω² of bodies, for frequency()
+  List<double> pose_;     // state vector, for find_dependent()
+  List<double> squares_;  // ω² per body, for frequency()
 };
 
 }  // namespace constraint_sim::engine

@@ -1,4 +1,4 @@
-// How EquationsOfMotion bring positions and velocities back to the joints.
+// Projections of positions and velocities of EquationsOfMotion onto the joints.
 
 #include <algorithm>
 #include <cmath>
@@ -14,15 +14,15 @@ namespace {
 using Eigen::Vector3d;
 using Vector = Eigen::Map<Vector3d>;
 
-// Rows left out are passed at velocities that are off by no more than the square root of their
-// pivot.
-constexpr double kLeftOutRatesAgree = 1e-4;  // of the largest speed
+// Velocities near a pose with left-out rows are off by up to the square root of the rows' pivot.
+constexpr double kLeftOutRatesAgree = 1e-4;  // share of the largest speed
 constexpr int kMostProjectionSteps = 8;
-constexpr double kProjectionFailed = 1e-10;  // of the scene's size: more is no solution
+// Share of the scene's size; a larger error is no solution.
+constexpr double kProjectionFailed = 1e-10;
 
 }  // namespace
 
-// C of all rows; returns how far the worst is off that is not redundant [m]
+// Computes C of all rows. Returns the largest error of a row that is not redundant [m].
 double EquationsOfMotion::find_values() {
   double worst = 0.0;
   worst_redundant_ = 0.0;
@@ -51,7 +51,7 @@ double EquationsOfMotion::find_values() {
   return worst;
 }
 
-// Ċ of all rows
+// Computes Ċ of all rows.
 void EquationsOfMotion::find_rates() {
   for (std::size_t l = 0; l < first_ball_; ++l) rate_[l] = direction_[l].dot(d_dot(l));
   for (std::size_t l = first_ball_; l < first_general_; ++l)
@@ -66,7 +66,7 @@ void EquationsOfMotion::find_rates() {
   }
 }
 
-// largest speed of a point that a joint holds [m/s]
+// Largest speed of a point that a joint holds [m/s].
 double EquationsOfMotion::largest_speed() const {
   double speed = 0.0;
   for (const Vector3d& velocity : velocity_) speed = std::max(speed, velocity.norm());
@@ -79,7 +79,8 @@ double EquationsOfMotion::largest_speed() const {
   return speed;
 }
 
-// whether the velocities found are what time asks of the rows, which may contradict each other
+// Whether the velocities meet the rates that prescribed motions demand; rows may contradict each
+// other.
 bool EquationsOfMotion::prescribed_rates_are_met() {
   find_rates();
   if (!is_time_dependent()) return true;
@@ -91,14 +92,14 @@ bool EquationsOfMotion::prescribed_rates_are_met() {
 }
 
 bool EquationsOfMotion::project(double t, double* y) {
-  // where no row was left out at the last restart(), an energy noted is that of a rejected step
+  // An energy noted while no row was left out at the last restart() belongs to a rejected step.
   const bool is_known = knows_energy_ && left_out_for_ > 0;
   if (came_back_ && !is_known) note_energy(t, y);
   return fit_positions(t, y);
 }
 
-// Newton's steps with the factors of the last stage, which is near, or if these do not do with
-// factors made here. Leaves everything placed at y.
+// Makes Newton steps with the factors of the last stage, and with new factors where those do not
+// converge. Leaves kinematics evaluated at y.
 bool EquationsOfMotion::fit_positions(double t, double* y) {
   const std::size_t bodies = bodies_.size();
   double* const q = y + q_at_;
@@ -111,7 +112,7 @@ bool EquationsOfMotion::fit_positions(double t, double* y) {
     for (std::size_t k = 0; k < rotating_; ++k) Eigen::Map<Eigen::Vector4d>(q + 4 * k).normalize();
     update_kinematics(t, y);
     const double error = find_values();
-    if (i == 0) rounding = kEpsilon * std::max(scale_, error);  // a scale of 0 is that of a point
+    if (i == 0) rounding = kEpsilon * std::max(scale_, error);  // scale_ is 0 for a single point
     if (error <= rounding) return !restore_redundant_if_off();
     if (!(error <= 0.5 * before)) {
       if (error <= 16.0 * rounding) return !restore_redundant_if_off();
@@ -137,7 +138,8 @@ bool EquationsOfMotion::fit_positions(double t, double* y) {
   }
 }
 
-// after project(): velocities, and the derivative of the first stage with the same factors
+// Projects velocities after project(), and evaluates the derivative of the first stage with the
+// same factors.
 bool EquationsOfMotion::restart(double* y, double* dydt) {
   const std::size_t bodies = bodies_.size();
   ldlt_.keep_none();
@@ -161,7 +163,7 @@ bool EquationsOfMotion::restart(double* y, double* dydt) {
     for (std::size_t i = 0; i < rows_.size(); ++i) impulses_[i] += solution_[i];
     set_velocities(y);
     if (redundant_rows() > 0) {
-      // other rows held those that were redundant no better than to rounding over small pivots
+      // Near dependence the kept rows determine redundant rows only to rounding over small pivots.
       if (choose_again(time_, y)) return meet(time_, y) && restart(y, dydt);
       if (!redundant_rates_are_met()) return !is_inconsistent_ && restart(y, dydt);
     }

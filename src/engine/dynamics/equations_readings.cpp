@@ -1,4 +1,5 @@
-// What others read of EquationsOfMotion, and impulses that they add.
+// Results of EquationsOfMotion for reports and for other methods, and impulses that other methods
+// add.
 
 #include <algorithm>
 #include <cmath>
@@ -53,7 +54,7 @@ RowVector EquationsOfMotion::by_joint(std::size_t l, const double* of_unknowns) 
 
 RowVector EquationsOfMotion::impulse(std::size_t l) const { return by_joint(l, impulses_.data()); }
 
-// ---- for methods that step in their own way
+// ---- access for methods with their own time stepping
 
 RowVector EquationsOfMotion::offset(std::size_t of) const {
   if (is_general(of)) {
@@ -97,7 +98,7 @@ bool EquationsOfMotion::find_dependent(double t, const List<Vector3d>& positions
   factors_are_there_ = false;
   if (is_choice_due()) {
     find_values();
-    if (redundant_rows_are_off()) return false;  // never choose where rows are off
+    if (redundant_rows_are_off()) return false;  // the choice needs a pose where rows are met
     choose_again(t, pose_.data());
     factor(least);
     factors_are_there_ = false;

@@ -1,5 +1,4 @@
-// How EquationsOfMotion begin and end a span of time: states, what acts, and the start of the
-// motion.
+// Start and end of an interval of EquationsOfMotion: states, loads and the start of the motion.
 
 #include <algorithm>
 #include <cassert>
@@ -85,7 +84,7 @@ void EquationsOfMotion::begin(double t, const List<BodyState>& states, const Vec
       has_chosen_ = false;
     }
     is_changing_[l] = !course.is_constant();
-    assert(!is_ball(l) || course.is_constant());  // else it had to be compiled as open
+    assert(!is_ball(l) || course.is_constant());  // other ball joints are compiled as open
     if (is_changing_[l]) courses_.emplace_back(l, course);
     length_[l] = is_by_offset(l) ? Prescribed{} : course.length(t);
     fixed_scale_ = std::max(fixed_scale_, length_[l].value);
@@ -112,15 +111,15 @@ void EquationsOfMotion::begin(double t, const List<BodyState>& states, const Vec
     fixed_scale_ = std::max(fixed_scale_, position_[p].cwiseAbs().maxCoeff());
 }
 
-// Whether a motor asks for another rate from t on than until then, since its time is over or it was
-// set anew while another one, or a sinusoid, goes on.
+// Whether a motor demands another rate from t on: the time of its motion is over, or the motor was
+// set anew while another motor or a sinusoid continues.
 bool EquationsOfMotion::rates_jump(const List<PrescribedMotion>& courses) const {
   for (const auto& [l, before] : courses_)
     if (!courses[joints_[l]].is_driven_as(before)) return true;
   return false;
 }
 
-// of bodies in y, and coupled ones as last noted [m]
+// Largest coordinate of bodies in y, and of coupled coordinates as last noted [m].
 double EquationsOfMotion::largest_coordinate(const double* y) const {
   double largest =
       Eigen::VectorXd::Map(y, static_cast<Eigen::Index>(3 * bodies_.size())).cwiseAbs().maxCoeff();
@@ -148,11 +147,11 @@ bool EquationsOfMotion::start(double t, double* y, double* dydt) {
   scale_ = std::max(fixed_scale_, largest_coordinate(y));
   is_inconsistent_ = false;
   time_ = t;
-  substep_ = 0.0;  // nothing has moved since the substep before
+  substep_ = 0.0;  // nothing has moved since the previous substep
   came_back_ = is_passing();
   if (came_back_ && !knows_energy_) note_energy(t, y);
   if (has_chosen_) return meet(t, y) && restart(y, dydt);
-  // some mechanisms are redundant only where the joints are met
+  // Some mechanisms are redundant only where the joints are met.
   const int not_yet = choose_rows(t, y);
   if (!meet(t, y)) return false;
   if (not_yet > 0) {
@@ -162,8 +161,8 @@ bool EquationsOfMotion::start(double t, double* y, double* dydt) {
   return limit_redundant_rows() && restart(y, dydt);
 }
 
-// project() at the start of a span, where no factors need be near. Rows that are needed after all
-// come back one or several at a time.
+// Projects positions at the start of an interval, where no factors need be near. Redundant rows
+// found to be needed get a force again, one or several at a time.
 bool EquationsOfMotion::meet(double t, double* y) {
   for (;;) {
     if (!factors_are_there_) {

@@ -9,8 +9,8 @@
 namespace constraint_sim::engine {
 namespace {
 
-// What second order in the step leaves, as a share of the kinetic energy; more is an impact, as of
-// a pulley's length that passes zero, and is lost.
+// Share of the kinetic energy that a second order error explains. A larger change is an impact, as
+// when the length of a pulley passes zero, and its energy is lost.
 constexpr double kMostKept = 1e-3;
 
 bool is_free(const EquationsOfMotion& equations) {
@@ -46,7 +46,7 @@ void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion
   const double energy = equations->kinetic_energy(y);
   equations->keep_impulses();
   const bool is_met = equations->start(span.t, y, y + equations->size());
-  equations->restore_impulses();  // whoever goes on starts again
+  equations->restore_impulses();  // later steps start again
   if (!is_met) return;
   const double left = equations->kinetic_energy(y);
   const double moved = energy - left;
@@ -60,7 +60,7 @@ void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion
   const double longer = std::sqrt(1.0 + moved / inner);
   for (std::size_t i = 0; i < before.size(); ++i) {
     BodyState& state = (*states)[static_cast<std::size_t>(equations->bodies()[i])];
-    if (!(inner > 0.0)) {  // nothing is left that the energy could go into
+    if (!(inner > 0.0)) {  // no motion is left to take the energy
       state = before[i];
       continue;
     }

@@ -7,7 +7,7 @@
 
 namespace constraint_sim::engine {
 
-/// The bodies of the equations, in their order.
+/// Returns the states of the bodies of the equations, in the order of the equations.
 inline List<BodyState> states_of(const EquationsOfMotion& equations,
                                  const List<BodyState>& states) {
   List<BodyState> bodies;
@@ -16,17 +16,12 @@ inline List<BodyState> states_of(const EquationsOfMotion& equations,
   return bodies;
 }
 
-/// Makes velocities that EnergyMomentum has left meet the joints, for what goes on from there.
-///
-/// The midpoint rule meets Ċ at the ends of a step to second order only: of a rod,
-/// Ċ₁ + Ċ₀ = ¼ h (‖ḋ₁‖² − ‖ḋ₀‖²). The energy is that of v = P v + δ with both parts, so P v alone
-/// would lose ½‖δ‖². That goes into the motion that the joints allow: P v is lengthened by it, of
-/// an island that no joint holds to the world beside its motion as one body, so that both momenta
-/// stay. The velocities move no further for it than P moved them: √(‖Pv‖² + ‖δ‖²) ≤ ‖Pv‖ + ‖δ‖.
-///
-/// Nothing changes where joints move with time or something has jumped, since there velocities have
-/// other reasons not to fit, and where more than `most_moved` of the kinetic energy would move, or
-/// more than a second order leaves.
+/// Projects velocities that EnergyMomentum has left onto the joints, and keeps the kinetic energy.
+/// The midpoint rule meets Ċ at the ends of a step to second order only: for a rod, Ċ₁ + Ċ₀ = ¼ h
+/// (‖ḋ₁‖² − ‖ḋ₀‖²). The projection of v = P v + δ loses ½‖δ‖², so P v is lengthened by that energy;
+/// in a free island only relative to its rigid motion, so that both momenta stay.
+/// Changes nothing where joints move with time or something has jumped, where more than
+/// `most_moved` of the kinetic energy would move, or more than a second order error explains.
 void fit_velocities(const SmoothSpan& span, double most_moved, EquationsOfMotion* equations,
                     List<BodyState>* states);
 

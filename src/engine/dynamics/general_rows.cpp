@@ -1,4 +1,4 @@
-// Of EquationsOfMotion the rows of joints of general kinds, by the table, and couplings of these.
+// Rows of general joint kinds in EquationsOfMotion, by the table of kinds, and couplings.
 
 #include <algorithm>
 
@@ -12,7 +12,7 @@ using Eigen::Vector3d;
 
 }  // namespace
 
-// the rows of general joints: vectors, and with these their Jacobians
+// Computes the vectors of general joints, and the Jacobians of their rows.
 void EquationsOfMotion::update_general() {
   for (std::size_t l = first_general_; l < first_spring_; ++l) {
     const Link& link = links_[l];
@@ -33,7 +33,7 @@ void EquationsOfMotion::update_general() {
   if (!coupled_.empty()) update_coupled();
 }
 
-// by the vectors of their joints
+// Computes the Jacobians of general rows from the vectors of their joints.
 void EquationsOfMotion::update_general_rows() {
   for (const GeneralRow& general : general_rows_) {
     const Row& row = rows_[general.row];
@@ -105,7 +105,7 @@ double EquationsOfMotion::coupled_impulse(std::size_t l) const {
   return 0.0;
 }
 
-// no force of rows that are redundant
+// Sets the forces of redundant rows to zero; their unknowns come last.
 void EquationsOfMotion::clear_redundant(double* lambda) const {
   std::fill(lambda + kept_, lambda + rows_.size(), 0.0);
 }
@@ -115,7 +115,7 @@ void EquationsOfMotion::move_general() {
     motions_[l - first_general_] = motion_of(l);
 }
 
-// how the vectors of a general joint move
+// Rates of the vectors of a general joint.
 JointMotion EquationsOfMotion::motion_of(std::size_t l) const {
   const Link& link = links_[l];
   const auto spin = [&](std::size_t point) -> Vector3d {
@@ -130,7 +130,7 @@ JointMotion EquationsOfMotion::motion_of(std::size_t l) const {
   motion.w_B = spin(link.b);
   if (frame_b(l).moves) {
     MovingFrame frame = frame_b(l);
-    if (!rotates(link.b))  // in the velocity of the fixed point
+    if (!rotates(link.b))  // velocity_ of the fixed point contains the frame's rate
       frame.anchor_rate = frame.anchor_acceleration = Vector3d::Zero();
     motion.add(frame, rotates(link.b) ? orientation_[link.b] : fixed_axes(link.b));
   }

@@ -1,5 +1,5 @@
-// What impulses do to the bodies of an EquationsOfMotion while its rigid rows hold, for methods
-// that decide which rows those are.
+// Response of the bodies of EquationsOfMotion to impulses while the rigid rows hold, for methods
+// that decide which rows are rigid.
 
 #include <algorithm>
 
@@ -26,7 +26,7 @@ void EquationsOfMotion::restore_first_stage() {
   std::copy(kept_forces_.begin(), kept_forces_.end(), stage_forces_.begin());
 }
 
-// Δv = M⁻¹(f + Gᵀλ) with G Δv = 0
+// Solves Δv = M⁻¹(f + Gᵀλ) with G Δv = 0.
 EquationsOfMotion::Motions EquationsOfMotion::held_response(const BodyImpulse& impulse,
                                                             List<double>* impulses) {
   const std::size_t bodies = bodies_.size();

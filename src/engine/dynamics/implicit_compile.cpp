@@ -1,4 +1,4 @@
-// An ImplicitStep compiled: where its unknowns stand, and in which order they are eliminated.
+// Compilation of an ImplicitStep: numbering of unknowns and elimination order.
 
 #include <algorithm>
 
@@ -52,7 +52,7 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
     link.damping = from.damping;
     link.custom = from.custom;
     link.has_custom_force = from.has_custom_force();
-    // a custom force may take energy, and is not known before now
+    // Custom forces may dissipate energy, which is not known in advance.
     has_dampers_ = has_dampers_ || link.damping > 0.0 || link.has_custom_force;
     links_.push_back(link);
   }
@@ -77,13 +77,13 @@ ImplicitStep::ImplicitStep(const EquationsOfMotion& equations)
   squares_.assign(bodies_, 0.0);
 }
 
-// Bodies from roots on, which the world holds if it holds any: the order in which they are found,
-// each with its place in that and its parent.
+// Spanning forest of the bodies. Roots are held by the world where any body is; bodies are listed
+// in the order in which they were found, with place and parent.
 struct ImplicitStep::Forest {
   List<std::size_t> found;
   List<int> parent, place;
 
-  /// The other way round, as SaddleLu eliminates.
+  /// Number of the body's node in SaddleLu, which eliminates in reverse order.
   int node_of(std::size_t body) const { return static_cast<int>(place.size()) - 1 - place[body]; }
 };
 
@@ -120,7 +120,7 @@ ImplicitStep::Forest ImplicitStep::find_forest() const {
   return forest;
 }
 
-// The rows between two bodies belong to the one further from the root.
+// Assigns the rows between two bodies to the body further from the root.
 ImplicitStep::RowsOfBodies ImplicitStep::share_rows(const Forest& forest) {
   RowsOfBodies rows{List<List<std::size_t>>(bodies_), List<List<std::size_t>>(bodies_), false};
   for (std::size_t l = 0; l < links_.size(); ++l) {
@@ -141,7 +141,7 @@ ImplicitStep::RowsOfBodies ImplicitStep::share_rows(const Forest& forest) {
   return rows;
 }
 
-// Bodies as nodes, from the leaves to a root, each with the unknowns of its rows.
+// Creates a node per body, from the leaves to a root, each with the unknowns of its rows.
 void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
   const Forest forest = find_forest();
   const RowsOfBodies rows = share_rows(forest);
@@ -173,7 +173,7 @@ void ImplicitStep::make_nodes(const EquationsOfMotion& equations) {
   lu_.analyze(nodes, rows_between(forest, rows));
 }
 
-// the rows as SaddleLu has them, those of couplings last
+// Describes the rows for SaddleLu; rows of couplings come last.
 List<SaddleLu::Link> ImplicitStep::rows_between(const Forest& forest,
                                                 const RowsOfBodies& rows) const {
   List<SaddleLu::Link> links(links_.size());
@@ -187,7 +187,7 @@ List<SaddleLu::Link> ImplicitStep::rows_between(const Forest& forest,
   }
   for (std::size_t body = 0; body < bodies_; ++body) {
     for (const std::size_t c : rows.coupled[body]) {
-      List<int> others;  // than this one
+      List<int> others;  // nodes besides the own node
       for (const CoupledRow::Term& term : coupled_[c].terms) {
         for (const End& end : links_[term.link].ends) {
           if (end.dofs == 0 || end.point == body) continue;
@@ -203,7 +203,7 @@ List<SaddleLu::Link> ImplicitStep::rows_between(const Forest& forest,
   return links;
 }
 
-// where what a link adds goes, in the order in which it is added
+// Lists the matrix entries that links add to, in the order in which they are added.
 void ImplicitStep::find_slots() {
   for (Link& link : links_) {
     link.slot = slots_.size();

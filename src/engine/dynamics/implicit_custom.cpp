@@ -1,5 +1,5 @@
-// Constraints and forces of other packages as part of an ImplicitStep. Their second derivatives are
-// not known: Newton's method has central differences for them.
+// Custom constraints and forces in ImplicitStep. Their second derivatives are unknown; Newton's
+// method uses central differences.
 
 #include "engine/constraints/custom.h"
 #include "engine/dynamics/implicit_step.h"
@@ -11,9 +11,9 @@ namespace {
 using Eigen::Vector3d;
 using ConstVector = Eigen::Map<const Vector3d>;
 
-constexpr double kDifference = 1e-6;  // [rad], and of the length of d and 1 m
+constexpr double kDifference = 1e-6;  // [rad], and as a share of the length of d plus 1 m
 
-/// Both ends of a joint.
+/// Velocities of both ends of a joint.
 struct Ends {
   std::array<Vector3d, 2> velocity{Vector3d::Zero(), Vector3d::Zero()}, spin = velocity;
 
@@ -29,8 +29,8 @@ struct Ends {
 
 }  // namespace
 
-// As evaluate_form(): where forces are taken at the middle the discrete gradient, else the gradient
-// at the end.
+// Evaluates a custom row as evaluate_form() does. J is the discrete gradient where forces are taken
+// at the middle of the step, else the gradient at the end.
 void ImplicitStep::evaluate_custom_row(const Link& link, const JointVectors& start,
                                        const GeneralMotion& motion, double lambda,
                                        FormInStep* there) const {
@@ -60,7 +60,7 @@ void ImplicitStep::evaluate_custom_row(const Link& link, const JointVectors& sta
   }
 }
 
-// the vectors at the end of the step with one number of the displacement of end f changed
+// Vectors at the end of the step after a change of component i of the displacement of end f.
 JointVectors ImplicitStep::displaced(const GeneralMotion& motion, std::size_t f, int i,
                                      double step) {
   JointVectors vectors = motion.at_end;
@@ -85,7 +85,8 @@ void ImplicitStep::ask_custom_force(const Link& link, const EquationsOfMotion& e
   }
 }
 
-// With rates where forces are taken: Δx/h of the midpoint rule, (3 Δx − Δx₋)/2h of BDF2.
+// Adds a custom force, with rates where forces are taken: Δx/h (midpoint) or (3 Δx − Δx₋)/2h
+// (BDF2).
 void ImplicitStep::add_custom_force(const Link& link, const Shape& shape,
                                     const GeneralMotion& motion, const JointVectors& start,
                                     const Unknowns& unknowns, GeneralForces* forces) const {
@@ -96,7 +97,7 @@ void ImplicitStep::add_custom_force(const Link& link, const Shape& shape,
     const End& end = link.ends[e];
     ends.velocity[e] = shape.fixed_velocity[e];
     ends.spin[e] = shape.fixed_spin[e];
-    if (end.dofs == 0) continue;  // of the anchor, which has no arm here
+    if (end.dofs == 0) continue;  // velocity of the anchor, which has no arm here
     const double of_before = is_midpoint ? 0.0 : 0.5 / h_;
     ends.velocity[e] =
         of_step * ConstVector(unknowns.data() + end.unknown) - of_before * dx_before_[end.point];

@@ -1,5 +1,4 @@
-// The equations of an ImplicitStep and their derivative; those of general joints are in
-// implicit_joints.cpp.
+// Equations of an ImplicitStep and their derivative. General joints are in implicit_joints.cpp.
 
 #include <algorithm>
 #include <array>
@@ -32,7 +31,7 @@ void ImplicitStep::evaluate(const Unknowns& unknowns) {
       evaluate_link(links_[l], &shapes_[l], unknowns);
   }
   for (CoupledRow& coupled : coupled_) evaluate_coupled(&coupled, unknowns);
-  // of ½ŵ T, now that all of T is known
+  // Derivative of ½ŵ T, which needs the total torque.
   std::size_t slot = 0;
   for (std::size_t i = 0; i < rotating_; ++i) {
     slot += 3;
@@ -45,7 +44,7 @@ void ImplicitStep::evaluate(const Unknowns& unknowns) {
   for (std::size_t u = 0; u < residual_.size(); ++u) residual_[u] *= left_[u];
 }
 
-// what there is without the links
+// Evaluates inertia and constant loads of the bodies.
 void ImplicitStep::evaluate_bodies(const Unknowns& unknowns) {
   double* const values = lu_.values().data();
   std::size_t slot = 0;
@@ -72,24 +71,26 @@ void ImplicitStep::evaluate_bodies(const Unknowns& unknowns) {
   }
 }
 
-// What a link between bodies that turn does in a step.
+// Motion of a rod, ball joint or spring in the step.
 struct ImplicitStep::LinkMotion {
-  Vector3d d1;                           // d at the end of the step
-  std::array<Vector3d, 2> arm;           // where forces are taken
-  std::array<VectorSlopes::Slope, 2> E;  // of d at the end, without the sign of the body's end
+  Vector3d d1;                  // d at the end of the step
+  std::array<Vector3d, 2> arm;  // arms where forces are taken
+  // Derivative of d at the end of the step, without the sign of the body's end.
+  std::array<VectorSlopes::Slope, 2> E;
 };
 
-// The force on B, its derivatives by d and λ, the rows and their derivative by d1.
+// Force on B with its derivatives by d and λ; values of the rows with their derivative by d1.
 struct ImplicitStep::LinkPull {
   Matrix3d P = Matrix3d::Zero();
-  Matrix3d pull = Matrix3d::Identity(), gradient = pull;  // columns; one of rods and springs
+  // Columns per row; one column for rods and springs.
+  Matrix3d pull = Matrix3d::Identity(), gradient = pull;
   Vector3d value;
 };
 
 ImplicitStep::LinkMotion ImplicitStep::move_link(const Link& link, Shape* shape,
                                                  const Unknowns& unknowns) const {
   LinkMotion motion;
-  Vector3d change = Vector3d::Zero();  // of d
+  Vector3d change = Vector3d::Zero();  // change of d
   for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
     if (end.dofs == 0) {
@@ -135,7 +136,7 @@ ImplicitStep::LinkPull ImplicitStep::pull_link(const Link& link, const Vector3d&
       for (int k = 0; k < 3; ++k) note_row(*shape, to_index(k), std::abs(value[k]));
       break;
     case Kind::kGeneral:
-      break;  // evaluate_general()
+      break;  // done by evaluate_general()
     case Kind::kSpring: {
       const double s1 = d1.norm();
       const double s = (1.0 - share_) * shape->d0.norm() + share_ * s1;
@@ -162,7 +163,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
   const auto& [P, pull, gradient, value] = pull_link(link, motion.d1, shape, unknowns);
   const double compliance = shape->compliance;
 
-  // what the force does to each end: [1; C r ×]
+  // Effect of the force on each end: [1; C r ×].
   Eigen::Matrix<double, 6, 3> H[2];
   for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
@@ -186,7 +187,8 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
       const End& column = link.ends[f];
       if (row.dofs == 0 || column.dofs == 0) continue;
       Eigen::Matrix<double, 6, 6> K = Eigen::Matrix<double, 6, 6>::Zero();
-      if (link.kind != Kind::kBall) {  // whose force does not hang on where its ends are
+      // The force of a ball joint does not depend on the positions of its ends.
+      if (link.kind != Kind::kBall) {
         Eigen::Matrix<double, 3, 6> PE = Eigen::Matrix<double, 3, 6>::Zero();
         PE.leftCols<3>() = P;
         if (column.dofs == 6) PE.rightCols<3>() = P * motion.E[f].rightCols<3>();
@@ -206,7 +208,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
     }
     for (int i = 0; i < row.dofs; ++i) {
       for (int k = 0; k < link.rows; ++k) {
-        // s of the column and 1/s of its scale cancel
+        // s of the column cancels 1/s of its scale.
         const double column = -row.sign * H[e].row(i).dot(pull.col(k));
         const double entry = row.sign * gradient.col(k).dot(motion.E[e].col(i));
         const bool is_in = !shape->is_left_out[k];
@@ -223,7 +225,7 @@ void ImplicitStep::evaluate_link(const Link& link, Shape* shape, const Unknowns&
   }
 }
 
-// The same of a rod whose ends do not turn, where it is worth the lines.
+// Evaluates a rod whose ends do not rotate; a fast path of evaluate_link().
 void ImplicitStep::evaluate_rod(const Link& link, Shape* shape, const Unknowns& unknowns) {
   double* const values = lu_.values().data();
   Vector3d change = Vector3d::Zero();

@@ -1,4 +1,4 @@
-// Joints with the rows of their kind as part of an ImplicitStep.
+// Joints with the rows of their kind in ImplicitStep.
 
 #include <cmath>
 
@@ -47,7 +47,7 @@ void ImplicitStep::JacobianSlopes::add(VectorRef u, VectorRef other, const Joint
   }
 }
 
-// of both ends, where the bodies are at the start of the step and fixed points are now
+// Axes of both ends, with bodies at the start of the step and fixed points at the current time.
 void ImplicitStep::place_axes(const EquationsOfMotion& equations, const Link& link,
                               std::array<Matrix3d, 2>* axes) const {
   if (!info(link.joint).has_frames) return;
@@ -72,7 +72,7 @@ JointVectors ImplicitStep::start_of(const Shape& shape) {
   return vectors;
 }
 
-// what each row is scaled by: 1/√(J M⁻¹ Jᵀ), with the mean of the inertias
+// Computes the scale of each row, 1/√(J M⁻¹ Jᵀ), with the mean principal inertia.
 void ImplicitStep::begin_general(const Link& link, Shape* shape) const {
   const JointVectors vectors = start_of(*shape);
   for (int k = 0; k < link.rows; ++k) {
@@ -88,14 +88,14 @@ void ImplicitStep::begin_general(const Link& link, Shape* shape) const {
   }
 }
 
-// Where the vectors of a joint are at the end of the step and where its forces are taken, and how
-// those at the end move with the bodies.
+// Computes the vectors of a joint at the end of the step and where forces are taken, and the
+// derivatives of its vectors at the end by the motion of the bodies.
 void ImplicitStep::move_general(const Link& link, const Shape& shape, const Unknowns& unknowns,
                                 GeneralMotion* motion) const {
   const bool has_frames = info(link.joint).has_frames;
   JointVectors& end_vectors = motion->at_end;
   end_vectors.custom = link.custom;
-  Vector3d change = Vector3d::Zero();  // of d
+  Vector3d change = Vector3d::Zero();  // change of d
   for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
     VectorSlopes& slopes = motion->slopes[e];
@@ -127,7 +127,7 @@ void ImplicitStep::move_general(const Link& link, const Shape& shape, const Unkn
   motion->at_force = between(start_of(shape), end_vectors, share_);
 }
 
-// The laws of soft rows, divided by what they have of q₁ and what inertia has of it:
+// Computes the laws of soft rows, divided by their factor of q₁ and the scale by inertia:
 //   midpoint: λ = −K (½(q₀ + q₁) − R) − (C/h)(q₁ − q₀) + F
 //   BDF2:     λ = −K (q₁ − R) − (C/2h)(3 q₁ − 4 q₀ + q₋) + F
 void ImplicitStep::begin_softs(const Link& link, const Shape& shape,
@@ -153,7 +153,7 @@ void ImplicitStep::begin_softs(const Link& link, const Shape& shape,
   }
 }
 
-// A row or coordinate in the step, and the slopes of what it does with λ, before share_.
+// Evaluates a row or coordinate in the step, and the slopes of λJ without the factor share_.
 void ImplicitStep::evaluate_form(const ScalarForm& form, const Link& link,
                                  const JointVectors& start, const GeneralMotion& motion,
                                  double lambda, FormInStep* there) const {
@@ -171,7 +171,7 @@ void ImplicitStep::evaluate_form(const ScalarForm& form, const Link& link,
         .eval();
   };
   if (form.is_length) {
-    // Ḡ = ∇̄(½ d·d)/ℓ̄
+    // Discrete gradient Ḡ = ∇̄(½ d·d)/ℓ̄.
     const double end_length = motion.at_end.d.norm();
     const double length = (1.0 - share_) * start.d.norm() + share_ * end_length;
     const Vector3d n =
@@ -200,7 +200,7 @@ void ImplicitStep::evaluate_form(const ScalarForm& form, const Link& link,
     }
     return;
   }
-  // Ḡ = κ (c̄ ∇̄s − s̄ ∇̄c); where forces are taken at the end, all of it is there
+  // Discrete gradient Ḡ = κ (c̄ ∇̄s − s̄ ∇̄c); all factors are taken at the end where forces are.
   const CosineAndSine<double> end = values(form.angle, motion.at_end);
   const CosineAndSine<double> first = share_ == 0.5 ? values(form.angle, start) : end;
   const CosineAndSine<Jacobian> J = jacobians(form.angle, motion.at_force);
@@ -210,7 +210,7 @@ void ImplicitStep::evaluate_form(const ScalarForm& form, const Link& link,
   there->J = combined(step.kappa, direction, 0.0, direction);
   const AngleStep whole(values(form.angle, start), end);
   there->value = whole.change;
-  // of a step that begins where it ends: κ = 1/(c² + s²)
+  // Derivatives of κ = 1/(c² + s²) where forces are taken at the end.
   const double kappa_c = share_ == 0.5 ? step.kappa_c : -2.0 * end.c * step.kappa * step.kappa;
   const double kappa_s = share_ == 0.5 ? step.kappa_s : -2.0 * end.s * step.kappa * step.kappa;
   for (std::size_t f = 0; f < 2; ++f) {
@@ -234,8 +234,9 @@ void ImplicitStep::evaluate_form(const ScalarForm& form, const Link& link,
   }
 }
 
-// As evaluate_link(). Forces and torques are λ times the Jacobian at the vectors of the time at
-// which forces are taken: for the midpoint rule at their means, the discrete gradient.
+// Evaluates a general joint as evaluate_link() does. Forces and torques are λ times the Jacobian
+// where forces are taken: for the midpoint rule at the mean vectors, which gives the discrete
+// gradient.
 void ImplicitStep::evaluate_general(const Link& link, Shape* shape, const Unknowns& unknowns) {
   GeneralMotion motion;
   move_general(link, *shape, unknowns, &motion);
@@ -285,7 +286,7 @@ void ImplicitStep::evaluate_general(const Link& link, Shape* shape, const Unknow
   write_general(link, *shape, forces);
 }
 
-// What forces on one end of a link change by as its ends move.
+// Adds the derivatives of the force on one end of a link by the displacements of both ends.
 void ImplicitStep::write_slopes(const Link& link, std::size_t e, const Matrix3d& C,
                                 const std::array<JacobianSlopes, 2>& slopes, std::size_t* slot) {
   double* const values = lu_.values().data();
@@ -304,8 +305,8 @@ void ImplicitStep::write_slopes(const Link& link, std::size_t e, const Matrix3d&
   }
 }
 
-// The blocks of a joint in the derivative, in the order of its slots, and the residuals of its
-// rows.
+// Writes the blocks of a joint in the derivative, in the order of its slots, and the residuals of
+// its rows.
 void ImplicitStep::write_general(const Link& link, const Shape& shape,
                                  const GeneralForces& forces) {
   double* const values = lu_.values().data();
@@ -361,7 +362,8 @@ void ImplicitStep::add_coupled(const EquationsOfMotion& equations) {
   }
 }
 
-// as write_coupled() has them; those of the bodies' blocks are among those of the links
+// Lists the slots of couplings in the order of write_coupled(). Entries of the blocks of bodies
+// were listed for the links.
 void ImplicitStep::find_coupled_slots() {
   for (CoupledRow& coupled : coupled_) {
     coupled.first_slot = slots_.size();
@@ -381,7 +383,7 @@ void ImplicitStep::find_coupled_slots() {
   }
 }
 
-// after begin_general() of all links
+// Called after begin_general() of all links.
 void ImplicitStep::begin_coupled(const EquationsOfMotion& equations) {
   for (std::size_t c = 0; c < coupled_.size(); ++c) {
     CoupledRow& coupled = coupled_[c];
@@ -445,7 +447,7 @@ void ImplicitStep::evaluate_coupled(CoupledRow* coupled, const Unknowns& unknown
   residual_[coupled->unknown] = coupled->is_left_out ? 0.0 : off;
 }
 
-// The blocks of one term in the derivative, in the order of its slots.
+// Adds the blocks of one term to the derivative, in the order of its slots.
 void ImplicitStep::write_coupled(const CoupledRow::Term& term, const FormInStep& there,
                                  double scale, std::size_t* slot) {
   double* const values = lu_.values().data();

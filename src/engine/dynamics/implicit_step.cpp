@@ -18,12 +18,13 @@ using Block = Eigen::Matrix<double, 6, 3>;
 using ConstVector = Eigen::Map<const Vector3d>;
 using Vector = Eigen::Map<Vector3d>;
 
-// Rows whose pivot falls below this share of its entry follow from others in this step.
+// A row depends on others in this step where its pivot falls below this share of its diagonal
+// entry.
 constexpr double kDependentPivot = 1e-10;
 
 }  // namespace
 
-// ---- the state that is carried
+// ---- state at the start of the step
 
 ImplicitStep::ImplicitStep(const ImplicitStep& other) = default;
 ImplicitStep::ImplicitStep(ImplicitStep&& other) noexcept = default;
@@ -89,7 +90,7 @@ void ImplicitStep::set_rule(double h, ImplicitRule rule) {
   }
 }
 
-// what a step would do without forces, and what it has to add up to
+// Predicts the displacement p and rotation a of a step without forces, and the momentum b.
 void ImplicitStep::predict() {
   const double h = h_;
   for (std::size_t i = 0; i < bodies_; ++i) {
@@ -137,7 +138,7 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
   for (std::size_t p = bodies_; p < x_.size(); ++p) shift_[p] = equations->position(p) - x_[p];
   for (std::size_t l = 0; l < links_.size(); ++l) ask_link(l, *equations);
   scale_ = std::max(coordinate, extent_);
-  if (scale_ == 0.0) scale_ = 1.0;  // of points in one place
+  if (scale_ == 0.0) scale_ = 1.0;  // all points coincide
   extent_ = std::max(extent_, spread);
   if (extent_ == 0.0) extent_ = scale_;
   scale_equations(*equations);
@@ -145,7 +146,7 @@ bool ImplicitStep::begin(double t, double h, ImplicitRule rule, EquationsOfMotio
   return true;
 }
 
-// where the step begins
+// Sets the geometry of a link at the start of the step.
 void ImplicitStep::place_link(std::size_t l, const EquationsOfMotion& equations) {
   const Link& link = links_[l];
   Shape& shape = shapes_[l];
@@ -160,9 +161,9 @@ void ImplicitStep::place_link(std::size_t l, const EquationsOfMotion& equations)
     shape.d0 += end.sign * shape.r0[e];
     extent_ = std::max(extent_, end.anchor.norm());
   }
-  if (link.kind == Kind::kSpring)  // what its law has of the start; the rest once that is known
-    shape.target = equations.length(l).value;
-  // inverse of what 1 N moves, or of a rod λ = 1
+  // Part of the spring's law at the start; ask_spring() adds the rest.
+  if (link.kind == Kind::kSpring) shape.target = equations.length(l).value;
+  // Inverse of the displacement by 1 N, or of a rod by λ = 1.
   double compliance = 0.0;
   for (std::size_t e = 0; e < 2; ++e) {
     const End& end = link.ends[e];
@@ -180,7 +181,7 @@ void ImplicitStep::place_link(std::size_t l, const EquationsOfMotion& equations)
   shape.is_left_out = shape.is_redundant = {};
 }
 
-// what is asked of it at the end of the step
+// Sets the target of a link at the end of the step.
 void ImplicitStep::ask_link(std::size_t l, const EquationsOfMotion& equations) {
   const Link& link = links_[l];
   Shape& shape = shapes_[l];
@@ -206,9 +207,9 @@ void ImplicitStep::ask_link(std::size_t l, const EquationsOfMotion& equations) {
   ask_spring(link, length, &shape);
 }
 
-// midpoint: σ = −k (½(s₀ + s₁) − ½(ℓ₀ + ℓ₁)) − (c/h)(s₁ − s₀ − (ℓ₁ − ℓ₀))
-// BDF2:     σ = −k (s₁ − ℓ₁) − (c/2h)(3 s₁ − 4 s₀ + s₋) + c ℓ̇₁;
-// each divided by what it has of s₁
+// Sets target and compliance of a spring, whose law is divided by its factor of s₁:
+//   midpoint: σ = −k (½(s₀ + s₁) − ½(ℓ₀ + ℓ₁)) − (c/h)(s₁ − s₀ − (ℓ₁ − ℓ₀))
+//   BDF2:     σ = −k (s₁ − ℓ₁) − (c/2h)(3 s₁ − 4 s₀ + s₋) + c ℓ̇₁
 void ImplicitStep::ask_spring(const Link& link, const Prescribed& length, Shape* shape) const {
   const double k = link.stiffness;
   const double rate = link.damping / h_;
@@ -252,7 +253,7 @@ void ImplicitStep::scale_equations(const EquationsOfMotion& equations) {
   }
 }
 
-// Rows that follow from others have no λ in this step: with another one λ would wander.
+// Leaves dependent rows without λ in this step, since their λ is not unique and would drift.
 bool ImplicitStep::leave_out_dependent(double t, EquationsOfMotion* equations) {
   if (!equations->find_dependent(t, x_, q_, kDependentPivot, &is_dependent_)) return false;
   leave_out_momentary_rows(true, *equations);
@@ -304,10 +305,9 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
     const Link& link = links_[l];
     const Shape& shape = shapes_[l];
     const double length = std::sqrt(2.0 * std::max(shape.target, 0.0));
-    const bool has_row =
-        to_index(link.unknown) < unknowns.size();  // a force of another package has none
+    const bool has_row = to_index(link.unknown) < unknowns.size();  // a custom force has no row
     const double lambda = !has_row || shape.is_left_out[0] ? 0.0 : unknowns[link.unknown];
-    double stiffness = 0.0;  // across the link
+    double stiffness = 0.0;  // transverse stiffness of the link
     RowVector impulse = RowVector::Zero();
     switch (link.kind) {
       case Kind::kRod:
@@ -353,7 +353,8 @@ void ImplicitStep::finish(const Unknowns& unknowns, EquationsOfMotion* equations
   }
   frequency_ = std::sqrt(*std::max_element(squares_.begin(), squares_.end()));
 
-  // of Δx or w, its like of the step before, and the velocity there
+  // Velocity at the end from the change (Δx or w), the change of the previous step, and the
+  // velocity at the start.
   const auto rate = [&](const Vector3d& change, const Vector3d& before, const Vector3d& velocity) {
     if (rule_ == ImplicitRule::kMidpoint) return Vector3d(2.0 / h_ * change - velocity);
     return Vector3d((1.5 * change - 0.5 * before) / h_);

@@ -36,7 +36,7 @@ IslandModel::IslandModel(List<int> joints, const List<Joint>& all_joints, const 
   add_coupled_rows(all_joints, couplings);
 }
 
-// those that turn come first
+// Lists the bodies; bodies that rotate come first.
 void IslandModel::find_bodies(const List<Joint>& all_joints, const Ends& ends,
                               const List<MassProperties>& masses, const List<int>& idle,
                               const List<char>& open) {
@@ -66,17 +66,17 @@ void IslandModel::find_bodies(const List<Joint>& all_joints, const Ends& ends,
                       std::back_inserter(bodies_));
 }
 
-// Brings joints and bodies into the order of the chain that they are, if they are one: rods between
-// centres, or ball joints between bodies that all turn.
+// Sorts joints and bodies in chain order where they form a chain: rods between centres, or ball
+// joints between bodies that all rotate. Returns false for other islands.
 bool IslandModel::order_as_chain(const List<Joint>& all_joints, const Ends& ends,
                                  const List<MassProperties>& masses) {
   const bool is_of_bodies = rotating_ > 0;
   if (is_of_bodies && rotating_ < bodies_.size()) return false;
-  const auto place = [&](std::size_t body) {  // bodies_ is sorted, so far
+  const auto place = [&](std::size_t body) {  // bodies_ is still sorted here
     const auto found = std::lower_bound(bodies_.begin(), bodies_.end(), static_cast<int>(body));
     return static_cast<std::size_t>(found - bodies_.begin());
   };
-  List<std::array<int, 2>> rods_of(bodies_.size(), {-1, -1});  // or ball joints
+  List<std::array<int, 2>> rods_of(bodies_.size(), {-1, -1});  // rods or ball joints per body
   for (const int j : joints_) {
     const Joint& joint = all_joints[j];
     if (has_length(joint.kind) == is_of_bodies) return false;
@@ -96,7 +96,7 @@ bool IslandModel::order_as_chain(const List<Joint>& all_joints, const Ends& ends
   const auto first = std::find_if(joints_.begin(), joints_.end(), [&](int j) {
     return is_end(ends[j].first) || is_end(ends[j].second);
   });
-  if (first == joints_.end()) return false;  // a ring
+  if (first == joints_.end()) return false;  // closed ring
   int rod = *first;
   std::size_t body = is_end(ends[rod].first) ? ends[rod].first : ends[rod].second;
   List<int> rods, bodies;
@@ -110,13 +110,13 @@ bool IslandModel::order_as_chain(const List<Joint>& all_joints, const Ends& ends
     const auto& both = rods_of[place(body)];
     rod = both[0] == rod ? both[1] : both[0];
   }
-  if (bodies.size() < bodies_.size()) return false;  // some are on no rod
+  if (bodies.size() < bodies_.size()) return false;  // some bodies are on no rod
   joints_ = rods;
   bodies_ = bodies;
   return true;
 }
 
-// All links from one point of the chain to the next; which of its ends is A makes no difference.
+// Directs all links from one point of the chain to the next; swapping A and B has no effect here.
 void IslandModel::turn_along_chain() {
   for (std::size_t l = 0; l + 1 < links_.size(); ++l) {
     const Link& next = links_[l + 1];
@@ -128,7 +128,7 @@ void IslandModel::turn_along_chain() {
   if (last.a != links_[links_.size() - 2].b) std::swap(last.a, last.b);
 }
 
-// rods between centres, other rods, ball joints, general ones, springs
+// Sorts joints: rods between centres, other rods, ball joints, general joints, springs.
 void IslandModel::sort_joints(const List<Joint>& all_joints, const Ends& ends, const Places& places,
                               const List<char>& open) {
   const auto turns_body = [&](std::size_t body) {
@@ -191,7 +191,7 @@ void IslandModel::add_links(const List<Joint>& all_joints, const Ends& ends,
   }
 }
 
-// what acts along the coordinates of the joint that is compiled to the next link
+// Adds the motors and soft coordinates of a joint to the link that is being compiled.
 void IslandModel::add_coordinates(const Joint& joint, Link* link) {
   const JointKindInfo& kind = info(joint.kind);
   link->rows = kind.rows;
@@ -239,7 +239,7 @@ void IslandModel::add_rows(const Link& link, int count) {
   for (int k = 0; k < count; ++k) rows_.push_back(new_row(link, rows_.size()));
 }
 
-// Coupled rows with their first parts, then all second ones.
+// Adds coupled rows with their first parts, then all second parts.
 void IslandModel::add_coupled_rows(const List<Joint>& all_joints,
                                    const List<CoupledTerms>& couplings) {
   const auto link_of = [&](std::size_t joint) {

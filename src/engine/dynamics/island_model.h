@@ -22,100 +22,105 @@ namespace constraint_sim::engine {
 /// Sign of ends A and B in a row's rate J_B v_B − J_A v_A.
 inline constexpr std::array<double, 2> kEndSign{-1.0, 1.0};
 
-/// What the bodies and joints of one island are compiled to: which bodies turn, the joints in an
-/// order by what they need, and their rows with the bodies these act on. Only the constructor
-/// allocates. EquationsOfMotion are such a model with what moves.
+/// Compiled structure of one island: which bodies rotate, the joints sorted by their kind of row,
+/// and the rows with the bodies they act on. Only the constructor allocates. EquationsOfMotion adds
+/// state and motion.
 class IslandModel {
  public:
-  /// Rods first, those between centres before all others, then ball joints, general ones, springs.
+  /// Joint indices: rods first, those between centres before all others, then ball joints, general
+  /// joints, springs.
   const List<int>& joints() const { return joints_; }
-  /// Those whose rotation is part of the state first.
+  /// Body indices; bodies whose rotation is part of the state come first.
   const List<int>& bodies() const { return bodies_; }
   std::size_t rotating() const { return rotating_; }
   std::size_t rows() const { return rows_.size(); }
-  /// Rods between centres alone, one after the other; joints and bodies are then in this order.
+  /// Whether the island is a chain of rods between centres. Joints and bodies are then in chain
+  /// order.
   bool is_chain() const { return is_chain_; }
-  /// The same of bodies that turn, on ball joints alone.
+  /// Whether the island is a chain of rotating bodies on ball joints. Joints and bodies are then in
+  /// chain order.
   bool is_chain_of_bodies() const { return is_chain_of_bodies_; }
-  /// One rod between centres with one body.
+  /// Whether the island is one body on one rod between centres.
   bool is_point_on_rod() const { return is_chain_ && links_.size() == 1 && bodies_.size() == 1; }
 
-  /// A joint between two points: bodies in the order of the state, then fixed points.
+  /// Joint between two points. Points are numbered: bodies in the order of the state, then fixed
+  /// points.
   struct Link {
     std::size_t a, b;
     Eigen::Vector3d anchor_a, anchor_b;
-    bool has_arms;  ///< either end turns
+    bool has_arms;  ///< whether either end rotates
     double stiffness = 0.0, damping = 0.0;
     JointKind kind{};
-    std::size_t first_row = 0;  ///< of general ones
-    /// Its rigid rows, among the rows and coordinates of its kind.
+    std::size_t first_row = 0;  ///< general joints only
+    /// Number of rigid rows, and the index of each among the rows and coordinates of the kind.
     int rows = 1;
     std::array<std::uint8_t, kMaxJointRows> function{0, 1, 2, 3, 4, 5};
-    std::size_t first_soft = 0, softs = 0;  ///< of general ones, in soft_coordinates()
+    std::size_t first_soft = 0, softs = 0;  ///< range in soft_coordinates(); general joints only
     Eigen::Matrix3d frame_a = Eigen::Matrix3d::Identity(), frame_b = frame_a;
-    double radius = 0.0;                 ///< [m] that turns the angles of its rows into lengths
-    const CustomCode* custom = nullptr;  ///< of kinds that are custom
+    double radius = 0.0;                 ///< arm that converts row angles to lengths [m]
+    const CustomCode* custom = nullptr;  ///< code of a custom kind, else null
     bool has_custom_force() const { return is_custom_force(kind); }
   };
-  /// One scalar equation; `block_a`, `block_b` into angular_blocks_, -1 where the end does not
-  /// turn.
+  /// Scalar equation. `block_a`, `block_b`: indices into angular_blocks_, −1 where the end does not
+  /// rotate.
   struct Row {
     std::size_t a, b;
-    std::size_t unknown = 0;    // where its λ stands in a solution
-    double inverse_mass = 0.0;  // of both ends
+    std::size_t unknown = 0;    // index of λ in a solution
+    double inverse_mass = 0.0;  // sum over both ends [1/kg]
     int block_a = -1, block_b = -1;
   };
-  /// A row of a general joint.
+  /// Row of a general joint.
   struct GeneralRow {
     std::size_t row, link;
     ScalarForm form;
-    double metres;  ///< of a unit of the row
+    double metres;  ///< metres per unit of the row
   };
-  /// A coordinate that springs, dampers or forces act along, and no motor holds.
+  /// Coordinate with springs, dampers or forces along it, and without a motor that holds it.
   struct SoftCoordinate {
     std::size_t link;
-    int function;  ///< among the rows and coordinates of its kind
+    int function;  ///< index among the rows and coordinates of the kind
     ScalarForm form;
     SoftLaw law;
-    double zero = 0.0, position = 0.0;  ///< as CoordinateState has them; of angles near enough
-    double rate = 0.0;                  ///< then [rad/s], so that angles go on from there
+    /// Values as in CoordinateState; `position` of an angle only selects the turn.
+    double zero = 0.0, position = 0.0;
+    double rate = 0.0;  ///< rate at `position` [rad/s], to extrapolate angles
   };
-  /// The row Σ ratio q − constant of a joint that couples coordinates of general ones. It acts in
-  /// two parts, one a term, each between the two bodies of that joint.
+  /// Row Σ ratio q − constant of a joint that couples coordinates of general joints. Acts in two
+  /// parts, one per term, each between the two bodies of the term's joint.
   struct CoupledRow {
     struct Term {
       std::size_t link;
-      int coordinate;  ///< of its joint
+      int coordinate;  ///< index of the coordinate in its joint
       ScalarForm form;
       double ratio;
-      double zero = 0.0, position = 0.0, rate = 0.0;  ///< as SoftCoordinate has them
-      std::size_t part = 0;                           ///< as part() has it
+      double zero = 0.0, position = 0.0, rate = 0.0;  ///< same meaning as in SoftCoordinate
+      std::size_t part = 0;                           ///< number for part()
     };
-    std::size_t link;  ///< whose it is
+    std::size_t link;  ///< link of the coupling joint
     std::size_t row;
-    double metres;  ///< of a unit of the row
+    double metres;  ///< metres per unit of the row
     std::array<Term, 2> terms;
     double constant = 0.0;
-    Prescribed closing;  ///< what the row is to be off by
+    Prescribed closing;  ///< prescribed offset of the row
   };
 
-  /// As joints().
+  /// Links in the order of joints().
   const List<Link>& links() const { return links_; }
   bool is_rod(std::size_t l) const { return l < first_ball_; }
   bool is_ball(std::size_t l) const { return l >= first_ball_ && l < first_general_; }
-  /// Neither of these nor a spring.
+  /// Whether link l is neither rod, ball joint nor spring.
   bool is_general(std::size_t l) const { return l >= first_general_ && l < first_spring_; }
-  /// Of a rod, or the first of another joint.
+  /// Row of a rod, or first row of another joint.
   std::size_t row_of(std::size_t l) const { return is_rod(l) ? l : first_row(l); }
-  /// Rows of a rigid joint.
+  /// Number of rows of a rigid joint.
   std::size_t rows_of(std::size_t l) const { return static_cast<std::size_t>(links_[l].rows); }
-  /// Of one of these.
+  /// Form of row k of general joint l.
   const ScalarForm& form(std::size_t l, std::size_t k) const {
     return info(links_[l].kind).function[links_[l].function[k]];
   }
-  /// The first of the general ones.
+  /// Index of the first general joint in links().
   std::size_t first_general() const { return first_general_; }
-  /// Of general joints, as rows are.
+  /// Rows of general joints, in row order.
   const List<GeneralRow>& general_rows() const { return general_rows_; }
   const GeneralRow& general_row(std::size_t row) const {
     return general_rows_[row - first_general_row()];
@@ -123,31 +128,31 @@ class IslandModel {
   const List<SoftCoordinate>& soft_coordinates() const { return softs_; }
   const List<CoupledRow>& coupled_rows() const { return coupled_; }
   bool has_custom_forces() const { return has_custom_forces_; }
-  /// Bodies and fixed points.
+  /// Number of points: bodies and fixed points.
   std::size_t points() const { return inverse_mass_.size(); }
   double inverse_mass(std::size_t point) const { return inverse_mass_[point]; }
   const Eigen::Vector3d& inertia(std::size_t turning) const { return inertia_[turning]; }
   double radius_of_gyration(std::size_t turning) const { return radius_of_gyration_[turning]; }
 
  protected:
-  using Ends = List<std::pair<std::size_t, std::size_t>>;  // of all joints: bodies
+  using Ends = List<std::pair<std::size_t, std::size_t>>;  // bodies A and B, per joint of the world
 
-  /// As the constructor of EquationsOfMotion.
+  /// Takes the arguments of the constructor of EquationsOfMotion.
   IslandModel(List<int> joints, const List<Joint>& all_joints, const Ends& ends,
               const List<MassProperties>& masses, const List<CoupledTerms>& couplings,
               const List<int>& idle, const List<char>& open);
 
-  /// Where a row or part turns a body.
+  /// Row or part that turns a body.
   struct AngularBlock {
     std::size_t body, row, unknown;
   };
-  /// A place of an immovable body that a joint holds on to.
+  /// Attachment point of a joint on an immovable body.
   struct FixedPoint {
     int body;
     Eigen::Vector3d anchor;
     bool has_axes;
-    BodyState start;  // of the body at the start of the tick
-    // against the body, while the frame of a joint moves
+    BodyState start;  // state of the body at the start of the tick
+    // Velocity and acceleration relative to the body, while the frame of a joint moves.
     Eigen::Vector3d anchor_rate = Eigen::Vector3d::Zero();
     Eigen::Vector3d anchor_acceleration = Eigen::Vector3d::Zero();
   };
@@ -159,7 +164,7 @@ class IslandModel {
   }
   std::size_t first_coupled_row() const { return rows_.size() - coupled_.size(); }
   std::size_t first_general_row() const { return first_coupled_row() - general_rows_.size(); }
-  /// Rows, and then the second parts of coupled ones, are parts.
+  /// Number of parts: all rows, then the second parts of coupled rows.
   std::size_t parts() const { return rows_.size() + parts_.size(); }
   const Row& part(std::size_t i) const {
     return i < rows_.size() ? rows_[i] : parts_[i - rows_.size()];
@@ -172,22 +177,23 @@ class IslandModel {
   List<int> bodies_;
   std::size_t rotating_ = 0;
   List<Link> links_;
-  std::size_t first_armed_ = 0, first_ball_ = 0, first_general_ = 0, first_spring_ = 0;  // links_
-  List<Row> rows_;   // of rods one each, of ball joints three, then of general ones, coupled
-  List<Row> parts_;  // second ones of coupled rows
+  // Indices in links_.
+  std::size_t first_armed_ = 0, first_ball_ = 0, first_general_ = 0, first_spring_ = 0;
+  List<Row> rows_;   // one per rod, three per ball joint, then general rows, then coupled rows
+  List<Row> parts_;  // second parts of coupled rows
   List<GeneralRow> general_rows_;
   List<CoupledRow> coupled_;
   List<SoftCoordinate> softs_;
   List<AngularBlock> angular_blocks_;
   List<FixedPoint> fixed_points_;
-  List<double> inverse_mass_;        // of points
-  List<Eigen::Vector3d> inertia_;    // of those that turn
-  List<double> radius_of_gyration_;  // of those that turn
+  List<double> inverse_mass_;        // per point [1/kg]
+  List<Eigen::Vector3d> inertia_;    // principal, per rotating body [kg m²]
+  List<double> radius_of_gyration_;  // per rotating body [m]
   bool is_chain_ = false, is_chain_of_bodies_ = false;
   bool has_custom_forces_ = false;
 
  private:
-  using Places = std::unordered_map<std::size_t, std::size_t>;  // of movable bodies in bodies_
+  using Places = std::unordered_map<std::size_t, std::size_t>;  // place in bodies_, by movable body
 
   void find_bodies(const List<Joint>& all_joints, const Ends& ends,
                    const List<MassProperties>& masses, const List<int>& idle,

@@ -4,34 +4,35 @@
 
 namespace constraint_sim::engine {
 
-/// What the kernels share with EquationsOfMotion in a span of time: where the numbers stand. A
-/// kernel is the same System for one common shape of islands. Points into the equations.
+/// Pointers to the data of EquationsOfMotion that kernels share, valid for one interval. A kernel
+/// implements System for islands of one common shape.
 struct KernelView {
   const IslandModel::Row* rows;
-  std::size_t v_at, q_at, L_at;                     ///< in a state, where x is at 0
-  const Prescribed* lengths;                        ///< of links
-  const double* inverse_mass;                       ///< of points
-  const Eigen::Vector3d* applied_acceleration;      ///< of points
-  const Eigen::Vector3d* applied_torque;            ///< of those that turn
-  const double *rate_target, *acceleration_target;  ///< of rows
-  double scale;                                     ///< what rounding goes by [m]
+  std::size_t v_at, q_at, L_at;                     ///< offsets in a state vector; x is at 0
+  const Prescribed* lengths;                        ///< per link
+  const double* inverse_mass;                       ///< per point
+  const Eigen::Vector3d* applied_acceleration;      ///< per point
+  const Eigen::Vector3d* applied_torque;            ///< per rotating body
+  const double *rate_target, *acceleration_target;  ///< per row
+  double scale;                                     ///< length that rounding is relative to [m]
 
-  // as of the last evaluation
-  Eigen::Vector3d *position, *velocity;  ///< of points
-  Eigen::Matrix3d* orientation;          ///< of those that turn
-  Eigen::Vector3d* angular_velocity;     ///< of those that turn
-  Eigen::Vector3d* rod_direction;        ///< d of rods
-  Eigen::Vector3d* separation;           ///< d of ball joints, as links
-  JointVectors* vectors;                 ///< of general joints
-  double *placed_at, *noted_at;          ///< times of the last places, and of note_positions() [s]
+  // Results of the last evaluation.
+  Eigen::Vector3d *position, *velocity;  ///< per point
+  Eigen::Matrix3d* orientation;          ///< per rotating body
+  Eigen::Vector3d* angular_velocity;     ///< per rotating body
+  Eigen::Vector3d* rod_direction;        ///< d, per rod
+  Eigen::Vector3d* separation;           ///< d, per link; of ball joints
+  JointVectors* vectors;                 ///< per general joint
+  /// Times of the last evaluation and of the last note_positions() [s]
+  double *placed_at, *noted_at;
 
   double* solution;                 ///< by unknown
-  double *impulses, *stage_forces;  ///< by unknown; these stage by stage
+  double *impulses, *stage_forces;  ///< by unknown; stage_forces stage by stage
   std::size_t unknowns;
 
-  // what is compiled for one kernel
+  // Compiled data of single kernels.
   TridiagonalLdlt* tridiagonal;
-  Eigen::Vector3d* falls;  ///< of rods of a chain
+  Eigen::Vector3d* falls;  ///< per rod of a chain: free acceleration of B minus A
   ChainPair* pairs;
   BodyTree* tree;
   IslandModel::SoftCoordinate* softs;

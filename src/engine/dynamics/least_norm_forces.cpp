@@ -13,10 +13,10 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-// What is added to the diagonal, as a share of it: bodies may move. Each solution leaves this share
-// over a pivot of what was missing.
+// Share of each diagonal entry that is added to it, since bodies may move freely. Each solution
+// leaves this share over a pivot of the missing forces.
 constexpr double kAdded = 1e-10;
-constexpr double kForceRounding = 1e-14;  // of what was missing at first
+constexpr double kForceRounding = 1e-14;  // share of the forces missing at first
 constexpr double kSameSum = 1e-9;         // imbalance at a body, as a share of the largest force
 
 }  // namespace
@@ -30,7 +30,7 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
   const auto add = [](int first, std::size_t i) { return first + static_cast<int>(i); };
   for (std::size_t l = 0; l < equations.links().size(); ++l) {
     if (!equations.is_rod(l) && !equations.is_ball(l) && !equations.is_general(l))
-      break;  // springs
+      break;  // springs come last
     const EquationsOfMotion::Link& from = equations.links()[l];
     Link link{static_cast<int>(equations.rows_of(l)), {-1, -1}, {0, 0}, rows_.size(), 0};
     for (std::size_t e = 0; e < 2; ++e) {
@@ -69,7 +69,7 @@ LeastNormForces::LeastNormForces(const EquationsOfMotion& equations) {
   impulses_.assign(rows_.size() + equations.links().size() - links_.size(), 0.0);
 }
 
-// The bodies of coupled rows, each once.
+// Lists the bodies of coupled rows, each body once.
 void LeastNormForces::add_coupled(const EquationsOfMotion& equations,
                                   List<std::pair<int, int>>* pattern) {
   for (const EquationsOfMotion::CoupledRow& from : equations.coupled_rows()) {
@@ -102,7 +102,8 @@ void LeastNormForces::for_each_entry(const CoupledRow& coupled, Visit visit) {
           visit(coupled.ends[e], i, coupled.ends[f], k);
 }
 
-// The lower triangle of the unknowns of both ends: end and number of the row, then of the column.
+// Visits the lower triangle of the unknowns of both ends: end and index of the row, then of the
+// column.
 template <class Visit>
 void LeastNormForces::for_each_entry(const Link& link, Visit visit) const {
   for (std::size_t e = 0; e < 2; ++e)
@@ -132,7 +133,7 @@ RowVector LeastNormForces::impulse(const EquationsOfMotion& equations, std::size
   return equations.by_function(l, impulse);
 }
 
-// of a general joint
+// Vectors of a general joint at the given states.
 JointVectors LeastNormForces::vectors_of(const EquationsOfMotion& equations,
                                          const List<BodyState>& states, std::size_t l,
                                          const std::array<Vector3d, 2>& arm,
@@ -159,7 +160,7 @@ double LeastNormForces::coupled_impulse(const EquationsOfMotion& equations, std:
   return 0.0;
 }
 
-// directions, torques and weights of the rows where the step ends
+// Computes directions, torques and weights of the rows at the pose where the step ends.
 void LeastNormForces::place(const EquationsOfMotion& equations, const List<BodyState>& states) {
   for (std::size_t l = 0; l < links_.size(); ++l) {
     const Link& link = links_[l];
@@ -170,7 +171,7 @@ void LeastNormForces::place(const EquationsOfMotion& equations, const List<BodyS
     const JointVectors vectors = place_ends(equations, states, l, &arm, &d);
     double sum = 0.0;
     for (int k = 0; k < link.rows; ++k) {
-      std::array<Vector3d, 2> push, turn;  // for an impulse of 1
+      std::array<Vector3d, 2> push, turn;  // force and torque of a unit impulse
       if (equations.is_general(l)) {
         const Jacobian J = jacobian(equations.form(l, to_index(k)), vectors);
         push = {J.j1, J.j3};
@@ -203,7 +204,7 @@ void LeastNormForces::place(const EquationsOfMotion& equations, const List<BodyS
   }
 }
 
-// Arms and d of a joint; returns the vectors of a general one.
+// Computes arms and d of a joint. Returns the vectors of a general joint.
 JointVectors LeastNormForces::place_ends(const EquationsOfMotion& equations,
                                          const List<BodyState>& states, std::size_t l,
                                          std::array<Vector3d, 2>* arm, Vector3d* d) const {
@@ -283,9 +284,9 @@ void LeastNormForces::factor() {
   ldlt_.factor(0.01 * kAdded);
 }
 
-// ---- the shares
+// ---- shares of the impulses
 
-// impulses of rows, then of springs
+// Reads the impulses of rows, then of springs.
 void LeastNormForces::gather_state(const EquationsOfMotion& equations) {
   std::size_t i = 0;
   for (std::size_t l = 0; l < equations.links().size(); ++l) {
@@ -300,7 +301,7 @@ void LeastNormForces::gather_state(const EquationsOfMotion& equations) {
   }
 }
 
-// Solutions with kAdded, until what is missing is rounding.
+// Refines the shares with the regularized matrix until the missing forces are rounding.
 void LeastNormForces::find_shares() {
   const double all = find_missing();
   double before = kInfinity;
@@ -311,7 +312,8 @@ void LeastNormForces::find_shares() {
   }
 }
 
-// Gᵀ of what is not shared out yet; returns the largest of it, each unknown by its own stiffness.
+// Computes Gᵀ of the impulses not distributed yet. Returns the largest entry, relative to the
+// stiffness of its unknown.
 double LeastNormForces::find_missing() {
   std::fill(missing_.begin(), missing_.end(), 0.0);
   for (const Link& link : links_) {
@@ -333,7 +335,7 @@ double LeastNormForces::find_missing() {
   return largest;
 }
 
-// λ += D⁻¹ G z
+// Adds λ += D⁻¹ G z.
 void LeastNormForces::add_shares() {
   for (std::size_t u = 0; u < missing_.size(); ++u)
     permuted_[ldlt_.place(static_cast<int>(u))] = missing_[u];
@@ -358,10 +360,9 @@ void LeastNormForces::add_shares() {
   }
 }
 
-// Whether what is missing is rounding: the shares have the force and torque of the impulses on each
-// body.
+// Whether the shares give the same force and torque on each body as the impulses, to rounding.
 bool LeastNormForces::has_same_sum() const {
-  double force = 0.0, torque = 0.0;  // largest ones of a row
+  double force = 0.0, torque = 0.0;  // largest of any row
   for (std::size_t r = 0; r < rows_.size(); ++r) {
     const double most = std::max(std::abs(impulses_[r]), std::abs(shares_[r]));
     force = std::max(force, most);

@@ -11,34 +11,34 @@
 
 namespace constraint_sim::engine {
 
-/// The impulses of an island with redundant rows, as they are reported. The motion asks for their
-/// sum on each body alone, and many λ have that sum. The one told is that of least Σ a λ² over
-/// all rigid rows, a the diagonal entry of G M⁻¹ Gᵀ, of a ball joint the mean of its three:
+/// Reported impulses of an island with redundant rows. The motion determines only their sum on each
+/// body, and many λ have that sum. The reported λ has the least Σ a λ² over all rigid rows, with a
+/// the diagonal entry of G M⁻¹ Gᵀ, for a ball joint the mean of its three:
 ///   λ = D⁻¹ G z,  Gᵀ D⁻¹ G z = Gᵀ λ of the motion,  D = diag(a)
-/// Joints that are alike share alike. Nothing here reaches the motion.
+/// Equal joints get equal shares. The motion is not affected.
 class LeastNormForces {
  public:
   explicit LeastNormForces(const EquationsOfMotion& equations);
 
-  /// Shares out the impulses of `equations`, with the bodies where the step ends. Keeps those where
-  /// no others of the same sum are found, as at mass ratios above 1e10.
+  /// Distributes the impulses of `equations` over the rows at the pose where the step ends. Keeps
+  /// the impulses where no others of equal sum are found, as at mass ratios above 1e10.
   void share(const EquationsOfMotion& equations, const List<BodyState>& states);
-  /// As EquationsOfMotion::impulse(), of joints()[l].
+  /// Impulse of joints()[l], laid out as EquationsOfMotion::impulse().
   RowVector impulse(const EquationsOfMotion& equations, std::size_t l) const;
   double coupled_impulse(const EquationsOfMotion& equations, std::size_t l) const;
 
  private:
-  /// One rigid joint; slots_ has the lower triangle of its bodies' unknowns.
+  /// Rigid joint; its slots hold the lower triangle of the unknowns of its bodies.
   struct Link {
     int rows;
-    std::array<int, 2> unknown;  // first ones of its ends' bodies; -1 of a fixed point
+    std::array<int, 2> unknown;  // first unknown of each end's body; -1: a fixed point
     std::array<std::size_t, 2> unknowns;
     std::size_t first_row, first_slot;
   };
-  /// What a unit impulse of a row does to its ends A and B: force and torque.
+  /// Force and torque of a unit impulse of a row on its ends A and B.
   using Row = std::array<std::array<double, 6>, 2>;
 
-  /// A row of up to four bodies.
+  /// Coupling row on up to four bodies.
   struct CoupledRow {
     struct End {
       int unknown;
@@ -70,18 +70,18 @@ class LeastNormForces {
   template <class Visit>
   void for_each_entry(const Link& link, Visit visit) const;
 
-  List<Link> links_;  // rigid ones, as joints()
+  List<Link> links_;  // rigid joints, in the order of joints()
   List<Row> rows_;
-  List<CoupledRow> coupled_;      // as EquationsOfMotion::coupled_rows()
-  List<double> inverse_weights_;  // 1/a of rows
+  List<CoupledRow> coupled_;      // order of EquationsOfMotion::coupled_rows()
+  List<double> inverse_weights_;  // 1/a per row
   List<SparseLdlt::Slot> slots_, diagonal_;
-  SparseLdlt ldlt_;         // of Gᵀ D⁻¹ G
-  List<double> stiffness_;  // its diagonal
-  List<double> missing_;    // Gᵀ of what is not shared out yet, then z; by unknown
-  List<double> permuted_;   // the same, in the order of the elimination
-  List<char> is_torque_;    // the same
-  List<double> impulses_;   // of the motion: of rows, then of springs [N s]
-  List<double> shares_;     // those reported, the same
+  SparseLdlt ldlt_;         // factors of Gᵀ D⁻¹ G
+  List<double> stiffness_;  // diagonal of Gᵀ D⁻¹ G
+  List<double> missing_;    // Gᵀ of the impulses not distributed yet, then z; by unknown
+  List<double> permuted_;   // missing_ in the order of the elimination
+  List<char> is_torque_;    // whether an unknown is a rotation
+  List<double> impulses_;   // impulses of the motion: rows, then springs [N s]
+  List<double> shares_;     // reported, in the order of impulses_ [N s]
 };
 
 }  // namespace constraint_sim::engine

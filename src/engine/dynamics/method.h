@@ -9,48 +9,51 @@
 
 namespace constraint_sim::engine {
 
-// What every method that integrates an island is given:
+// Interface of every method that integrates an island:
 //   IntegrationResult advance(const SmoothSpan&, const IntegratorOptions&, EquationsOfMotion*,
 //   List<BodyState>*)
-// carries the bodies through the span, adds impulses up in the equations, and leaves the bodies as
-// they are where it cannot.
+// Advances the bodies over the interval and adds up impulses in the equations. Where the
+// integration fails, RungeKutta and InconsistentMotion leave the bodies unchanged; other methods
+// may have moved them.
 
-/// A span of time in which nothing jumps, and what acts in it.
+/// Time interval without jumps, and the loads and prescribed motions in it.
 struct SmoothSpan {
-  double t;  ///< its start, simulated [s]
-  double h;  ///< its length [s]
+  double t;  ///< start, simulated time [s]
+  double h;  ///< length [s]
   const Eigen::Vector3d& gravity;
   const List<AppliedWrench>& loads;
-  const List<PrescribedMotion>& courses;  ///< of all joints of the world
-  bool is_disturbed;                      ///< something may have jumped since the last span
-  bool is_edited;                         ///< also positions or velocities may have
+  const List<PrescribedMotion>& courses;  ///< one per joint of the world
+  bool is_disturbed;  ///< loads or motions may have jumped since the last interval
+  bool is_edited;     ///< positions or velocities may have jumped as well
   StopFlag stop = nullptr;
-  double since_tick = 0.0;  ///< from the tick's start, where bodies that move by themselves are [s]
+  /// Time since the start of the tick, at which kinematic bodies are given [s].
+  double since_tick = 0.0;
 
-  /// The same for an island that was edited since the last step.
+  /// Interval for an island that was edited since the last step.
   SmoothSpan after_edit() const {
     return {t, h, gravity, loads, courses, true, true, stop, since_tick};
   }
 };
 
-/// What is asked of implicit steps.
+/// Integration rule of implicit steps.
 enum class ImplicitMode {
-  kOrder2,     ///< the midpoint rule
-  kOrder4,     ///< composed; of order 2 where there are dampers, which take no steps back
+  kOrder2,  ///< midpoint rule
+  kOrder4,  ///< composition of midpoint steps; order 2 with dampers, which allow no negative steps
   kDissipate,  ///< BDF2
 };
 
-/// How an integration is asked for, and where it is to give up.
+/// Settings of an integration, and limits beyond which it gives up.
 struct IntegratorOptions {
-  int order;         ///< of explicit steps, 8 or 5
-  double tolerance;  ///< [m] of local error per second; 0: one substep a span
+  int order;         ///< 8 or 5, of explicit steps
+  double tolerance;  ///< local error per second [m]; 0: one substep per interval
   ImplicitMode mode = ImplicitMode::kOrder4;
-  /// What joints may swing bodies with before the island counts as stiff [rad/s].
+  /// Frequency of bodies under joint forces beyond which the island counts as stiff [rad/s].
   double most_frequency = kInfinity;
-  /// What the start may take of the kinetic energy, as a share.
+  /// Largest share of the kinetic energy that the start may remove.
   double most_projected = kInfinity;
-  int most_attempts = 50000;  ///< substeps, those in vain included, beyond which it is refused
-  int most_halvings = 9;      ///< of a span, where nothing else helps implicit steps
+  /// Substeps beyond which the method gives up, rejected substeps included.
+  int most_attempts = 50000;
+  int most_halvings = 9;  ///< halvings of an interval by implicit steps
 };
 
 }  // namespace constraint_sim::engine

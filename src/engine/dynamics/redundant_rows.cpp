@@ -1,13 +1,10 @@
-// Rows of an EquationsOfMotion that follow from others.
-//
-// A redundant row follows from the rows kept wherever the joints let the bodies go: it has no
-// force, and holds because the others do. A momentary row follows from others in a singular pose
-// that the motion passes: it is left out of the factors there, and no longer.
-//
-// Both have a self-stress n: forces of the rows, 1 of the row itself, that balance at every body,
-// Gᵀn = 0. That holds to rounding or not at all, and no mass is in it, so a pivot that is small
-// because of a mass ratio is never taken for dependence. Rows are chosen by pivots (the Jacobian in
-// the metric M⁻¹, free of units), verified by their self-stress, and watched as the bodies move.
+// Redundant rows of EquationsOfMotion. A redundant row follows from the kept rows at all reachable
+// poses: it has no force and holds because the kept rows do. A momentary row depends on others only
+// in a singular pose that the motion passes, and is left out of the factors there.
+// Both have a self-stress n: forces of the rows, 1 on the row itself, that balance at every body,
+// Gᵀn = 0. Rows are chosen by pivots (Jacobian in the metric M⁻¹), verified by their self-stress
+// and watched as the bodies move. Masses do not enter the self-stress, so a pivot that is small by
+// a mass ratio is not taken for dependence.
 
 #include <algorithm>
 #include <array>
@@ -26,37 +23,36 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRoundOffPivot = 1e-13;   // in the order of little fill, which is another one
+constexpr double kRoundOffPivot = 1e-13;   // pivot in SparseLdlt's fill-reducing order
 constexpr double kSelfStress = 1e-6;       // imbalance of forces, as a share of the largest force
-constexpr double kExactSelfStress = 1e-9;  // the same, of rows that follow to rounding
+constexpr double kExactSelfStress = 1e-9;  // imbalance of rows that depend to rounding
 constexpr double kMomentarySelfStress = 1e-3;
-constexpr double kMostSelfStress = 0.1;  // where joints are being closed
-constexpr double kOpenShare = 30.0;      // of the angle that these are open by
+constexpr double kMostSelfStress = 0.1;  // while joints are being closed
+constexpr double kOpenShare = 30.0;      // times the opening angle
 constexpr int kRefinements = 3;
 
-// What redundant rows may be off by. Where lengths have few digits, forces balance to as few.
-constexpr double kRowSolved = 1e-11;  // of the scene
-constexpr double kDrift = 1e3;        // of the scene, times the imbalance
+// Tolerances of redundant rows. Where lengths have few digits, forces balance to as few digits.
+constexpr double kRowSolved = 1e-11;  // share of the scene's size
+constexpr double kDrift = 1e3;        // share of the scene's size, per imbalance
 constexpr double kMostDrift = 1e-3;
-constexpr double kMostOff = 1e-5;  // [m]
-constexpr double kConsistent =
-    1e-6;  // [m] a row that is off by more is inconsistent with the others
-constexpr double kIndependentRounding = 1e-13;  // of the scene, where kept rows are independent
+constexpr double kMostOff = 1e-5;     // [m]
+constexpr double kConsistent = 1e-6;  // [m]; a row with a larger error contradicts the others
+// Share of the scene's size, where kept rows are independent.
+constexpr double kIndependentRounding = 1e-13;
 
-// Rows are chosen again when the smallest pivot of the rows kept falls by this factor. Early, since
+// Rows are chosen again when the smallest pivot of the kept rows falls by this factor. Early, since
 // a pivot that passes through zero takes the projection to another solution.
 constexpr double kChooseAgain = 0.1;
-// Below rounding no pivot is smaller than another: to choose again would find the same rows again,
-// without end.
+// Pivots below rounding count as equal; otherwise the choice would repeat without end.
 bool has_fallen(double pivot, double at_choice) {
   return std::max(pivot, kRoundOffPivot) < kChooseAgain * std::max(at_choice, kRoundOffPivot);
 }
-constexpr double kRatesKnown = 1e-6;    // smallest pivot at which rates decide
-constexpr double kRatesAgree = 1e-6;    // of the largest speed
-constexpr double kOpenRates = 3.0;      // of the largest speed, times the angle joints are open by
-constexpr double kRateDrift = 1e4;      // of the largest speed, times the imbalance
-constexpr int kMostTooFar = 10;         // steps rejected because of that, one after the other
-constexpr int kLeftOutUntilChoice = 8;  // restarts with momentary rows, at first
+constexpr double kRatesKnown = 1e-6;    // smallest pivot for which rates are conclusive
+constexpr double kRatesAgree = 1e-6;    // share of the largest speed
+constexpr double kOpenRates = 3.0;      // share of the largest speed, per opening angle
+constexpr double kRateDrift = 1e4;      // share of the largest speed, per imbalance
+constexpr int kMostTooFar = 10;         // consecutive steps rejected for dependent kept rows
+constexpr int kLeftOutUntilChoice = 8;  // restarts with momentary rows before the first new choice
 
 }  // namespace
 
@@ -72,13 +68,13 @@ void EquationsOfMotion::forget_redundant_rows() {
   too_far_ = left_out_for_ = choose_after_ = left_out_ = 0;
 }
 
-// ---- the choice
+// ---- choice of redundant rows
 
-// Finds the rows of branches, which no loop of joints goes through: nothing else holds what they
-// hold, so they are never redundant. What does not move is one body.
+// Finds the rows of branches, through which no loop of joints passes. Nothing else holds what they
+// hold, so they are never redundant. All immovable bodies count as one body.
 void EquationsOfMotion::find_branches() {
   const std::size_t ground = bodies_.size();
-  List<std::size_t> degree(ground + 1, 0), of_links(ground + 1, 0);  // their indices, by xor
+  List<std::size_t> degree(ground + 1, 0), of_links(ground + 1, 0);  // xor of the link indices
   const auto ends = [&](std::size_t l) {
     return std::array<std::size_t, 2>{std::min(links_[l].a, ground), std::min(links_[l].b, ground)};
   };
@@ -104,8 +100,8 @@ void EquationsOfMotion::find_branches() {
   }
 }
 
-// Finds the redundant rows at this pose. Returns how many rows depend on others and are not
-// redundant.
+// Finds the redundant rows at this pose. Returns the number of rows that depend on others and are
+// not redundant.
 int EquationsOfMotion::choose_rows(double t, const double* y) {
   has_chosen_ = true;
   left_out_for_ = 0;
@@ -114,8 +110,8 @@ int EquationsOfMotion::choose_rows(double t, const double* y) {
   factors_are_there_ = false;
   ldlt_.keep_none();
   if (rows_.empty()) return 0;
-  // Joints that are being closed depend on each other only to the angle they are open by, and
-  // lengths with few digits to as few, in some poses worse than in others.
+  // Joints being closed depend on each other only up to their opening angle; lengths with few
+  // digits only to as few digits, in some poses less well.
   double tolerance = std::clamp(kOpenShare * opening(false), kSelfStress, kMostSelfStress);
   if (redundant_rows() > 0) tolerance = std::max(tolerance, redundant_self_stress());
   const double least = std::max(kLeastPivot, tolerance * tolerance);
@@ -145,7 +141,7 @@ int EquationsOfMotion::choose_rows(double t, const double* y) {
   return momentary;
 }
 
-// Imbalance up to which rows chosen again may stay redundant.
+// Imbalance up to which rows stay redundant in a new choice.
 double EquationsOfMotion::redundant_self_stress() const {
   double worst = 0.0;
   for (std::size_t i = 0; i < rows_.size(); ++i)
@@ -153,7 +149,7 @@ double EquationsOfMotion::redundant_self_stress() const {
   return std::min(kDrift * worst, kMostDrift);
 }
 
-// A of all rows
+// Computes A of all rows, redundant rows included.
 Eigen::MatrixXd EquationsOfMotion::dense_matrix() {
   const std::size_t n = rows_.size();
   const List<double> zero(n, 0.0);
@@ -178,8 +174,8 @@ List<char> EquationsOfMotion::independent_rows(double least) {
   return choose_independent_rows(dense_matrix(), was_kept, is_needed, least).is_kept;
 }
 
-// What is left at the bodies of the self-stress of a row that has no force in the factors that are
-// there, as a share of its largest force. No mass is in it.
+// Imbalance at the bodies of the self-stress of a row without a force in the current factors, as a
+// share of its largest force. Independent of masses.
 double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
   const std::size_t own = rows_[row].unknown;
   const List<double> zero(rows_.size(), 0.0);
@@ -192,10 +188,10 @@ double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
       if (!ldlt_.is_left_out(u)) stress_[u] += residual_[u];
   }
   apply_jacobian_transpose(stress_.data());
-  double force = 0.0, torque = 0.0;  // largest ones of a row
+  double force = 0.0, torque = 0.0;  // largest of any row
   for (std::size_t i = 0; i < rows_.size(); ++i)
     force = std::max(force, std::abs(stress_[rows_[i].unknown]) * direction_[i].norm());
-  for (const GeneralRow& row : general_rows_)  // of a row between axes its torque over an arm
+  for (const GeneralRow& row : general_rows_)  // rows between axes: torque over an arm
     if (!row.form.has_separation())
       force = std::max(force, std::abs(stress_[rows_[row.row].unknown]) / row.metres);
   for (const CoupledRow& coupled : coupled_)
@@ -209,7 +205,7 @@ double EquationsOfMotion::self_stress_imbalance(std::size_t row) {
   double imbalance = 0.0;
   for (std::size_t i = 0; i < bodies_.size(); ++i)
     imbalance = std::max(imbalance, constraint_force_[i].norm() / force);
-  // where the self-stress leaves out those that turn, all that they have of it is rounding
+  // Torques that the self-stress does not load hold only rounding, so forces bound their scale.
   for (std::size_t i = 0; i < rotating_; ++i)
     imbalance = std::max(
         imbalance, constraint_torque_[i].norm() / std::max(torque, force * radius_of_gyration_[i]));
@@ -239,10 +235,9 @@ void EquationsOfMotion::set_redundant(const List<char>& redundant) {
     reorder(stage_forces_.data() + at);
 }
 
-// ---- the watch
+// ---- watch over redundant rows
 
-// What a joint was open by when it began to be closed [m]; with what its motors were off by, or
-// without.
+// Opening of a joint when it began to be closed [m], with or without the offsets of its motors.
 double EquationsOfMotion::offset_of(std::size_t l, const PrescribedMotion& course,
                                     bool with_motors) const {
   if (!is_general(l)) return course.offset().norm();
@@ -260,14 +255,14 @@ double EquationsOfMotion::offset_of(std::size_t l, const PrescribedMotion& cours
   return math::hypot(offset.norm(), by_frame, by_coupling);
 }
 
-// What turns such an opening into an angle [m].
+// Arm that converts the opening of a joint to an angle [m].
 double EquationsOfMotion::closing_arm(std::size_t l) const {
   if (is_rod(l)) return length_[l].value;
   return std::max({arm_a_[l].norm(), arm_b_[l].norm(), links_[l].radius});
 }
 
-// Largest opening of a joint that is being closed, as an angle [rad]. Motors on their way to a
-// position leave the other rows met, so that what depends on what is known to rounding.
+// Largest opening of a joint being closed, as an angle [rad]. Motors on their way to a position
+// leave the other rows met, so the dependence among those is known to rounding.
 double EquationsOfMotion::opening(bool with_motors) const {
   double angle = 0.0;
   for (const auto& [l, course] : courses_) {
@@ -280,8 +275,8 @@ double EquationsOfMotion::opening(bool with_motors) const {
   return angle;
 }
 
-// Of the joints that are being closed, open at first by e with arms of L, the largest e²/L: joints
-// that can all be met at the end may be inconsistent by some of that on the way [m].
+// Largest e²/L of the joints being closed, initially open by e with arm L [m]. Joints that can all
+// be met at the end may contradict each other by part of that on the way.
 double EquationsOfMotion::closing_curvature() const {
   double largest = 0.0;
   for (const auto& [l, course] : courses_) {
@@ -298,8 +293,8 @@ bool EquationsOfMotion::is_closing() const {
                      [](const auto& course) { return course.second.is_closing(); });
 }
 
-// After find_values(), with the rows kept met: sets what the redundant rows may be off by from here
-// on. False where one is inconsistent with the others.
+// Sets the tolerances of redundant rows, after find_values() with the kept rows met. Returns false
+// where a redundant row contradicts the others.
 bool EquationsOfMotion::limit_redundant_rows() {
   if (redundant_rows() == 0) return true;
   const double closing = closing_curvature();
@@ -315,8 +310,8 @@ bool EquationsOfMotion::limit_redundant_rows() {
   return !is_inconsistent_;
 }
 
-// What a redundant row may be off by [m]. Near a pose where the rows kept depend on each other,
-// they hold the others less well.
+// Tolerance of a redundant row [m]. Near dependence the kept rows determine the others less well,
+// and the tolerance grows.
 double EquationsOfMotion::redundant_limit(std::size_t row) const {
   const double share = std::sqrt(std::max(ldlt_.smallest_pivot(), 1e-20));
   const double weakness = std::max(std::sqrt(pivot_at_choice_) / share, 1.0);
@@ -331,7 +326,8 @@ bool EquationsOfMotion::redundant_rows_are_off() const {
   return false;
 }
 
-// Rows that are redundant no longer are needed from now on; the others keep their limits.
+// Makes rows ordinary that are no longer redundant, and marks them as needed. Remaining redundant
+// rows keep their tolerances.
 void EquationsOfMotion::make_rows_again(const List<char>& redundant) {
   for (std::size_t i = 0; i < rows_.size(); ++i)
     if (is_redundant_[i] && !redundant[i]) is_needed_[i] = 1;
@@ -340,9 +336,9 @@ void EquationsOfMotion::make_rows_again(const List<char>& redundant) {
   redundant_off_ = limits;
 }
 
-// After find_values(): a redundant row that is off was needed after all. True where there are any:
-// these have a force again, or contradict the others while joints are being closed. Where the rows
-// kept have come near to depending on each other in one step, a shorter step tells.
+// Gives redundant rows that exceed their tolerance a force again, after find_values(); while joints
+// are being closed the joints are inconsistent instead. Returns whether any row exceeds it. Where
+// the kept rows came near dependence within one step, the step is first repeated with shorter ones.
 bool EquationsOfMotion::restore_redundant_if_off() {
   if (!(worst_redundant_ > 1.0)) return false;
   if (is_closing()) {
@@ -360,15 +356,15 @@ bool EquationsOfMotion::restore_redundant_if_off() {
   return true;
 }
 
-// After a projection of the velocities: false where redundant rows move as they should not. These
-// are rows again, or contradict the others where time moves them.
+// Checks the rates of redundant rows after a projection of velocities. Where a rate is off, returns
+// false and makes the row ordinary; under prescribed motions the joints are inconsistent instead.
 bool EquationsOfMotion::redundant_rates_are_met() {
   if (left_out_ > 0 || ldlt_.smallest_pivot() < kRatesKnown) return true;
   const bool closes = is_closing();
   const double open = kOpenRates * opening(true);
   const double speed = largest_speed();
   const double rounding = 16.0 * kEpsilon * scale_;
-  List<char> redundant;  // once one is not met
+  List<char> redundant;  // empty until a rate is off
   find_rates();
   for (std::size_t i = 0; i < rows_.size(); ++i) {
     if (!is_redundant_[i] || (closes && imbalance_[i] > kExactSelfStress)) continue;
@@ -387,14 +383,13 @@ bool EquationsOfMotion::redundant_rates_are_met() {
   return false;
 }
 
-// Whether the rows kept have come near to depending on each other.
+// Whether the kept rows have come near dependence since the choice.
 bool EquationsOfMotion::is_choice_due() const {
   return redundant_rows() > 0 && !is_closing() &&
          has_fallen(ldlt_.smallest_pivot(), pivot_at_choice_);
 }
 
-// Chooses the rows again where those kept have come near to depending on each other; true where it
-// did.
+// Chooses the rows again where is_choice_due(). Returns whether it did.
 bool EquationsOfMotion::choose_again(double t, const double* y) {
   too_far_ = 0;
   if (!is_choice_due()) return false;
@@ -416,8 +411,8 @@ bool EquationsOfMotion::redundant_rows_are_met(double t, const List<Vector3d>& p
 
 // ---- momentary rows
 
-// Of rows that factor() has left out: keeps those whose forces do not balance. Their pivot is small
-// because of a mass ratio.
+// Keeps rows that factor() left out although their self-stress does not balance: their pivots are
+// small because of a mass ratio.
 void EquationsOfMotion::verify_left_out(double least) {
   for (bool any_kept = true; any_kept && left_out_ > 0;) {
     any_kept = false;
@@ -438,8 +433,8 @@ void EquationsOfMotion::verify_left_out(double least) {
   }
 }
 
-// What momentary rows are off by. Rows that are momentary for long may be redundant: the next start
-// chooses again.
+// Adds the error of momentary rows to momentary_error_. Rows that stay momentary may be redundant,
+// so the next start chooses again after some restarts.
 void EquationsOfMotion::note_left_out() {
   if (left_out_ == 0) {
     left_out_for_ = 0;

@@ -49,7 +49,7 @@ RegularizedRows::RegularizedRows(const EquationsOfMotion& equations)
     }
   }
   add_coupled(equations);
-  List<List<std::pair<std::size_t, std::size_t>>> ends_on(bodies_);  // part, end
+  List<List<std::pair<std::size_t, std::size_t>>> ends_on(bodies_);  // pairs of part and end
   for (std::size_t i = 0; i < rows_.size() + parts_.size(); ++i) {
     for (std::size_t e = 0; e < 2; ++e) {
       const std::size_t point = end_of(joints_[part(i).joint], e);
@@ -166,8 +166,8 @@ JointVectors RegularizedRows::JointGeometry::vectors() const {
   return vectors;
 }
 
-// A row of a general joint. Rows along axes of the world have no moment where they are off: arms
-// meet halfway.
+// Linearizes a row of a general joint. Arms of rows along world axes meet halfway, so that such
+// rows have no moment where they are off.
 void RegularizedRows::linearize(const JointVectors& a, const JointVectors& b,
                                 const List<Matrix3d>& inverse_inertia, Row* row) const {
   JointVectors start = a, end = b;

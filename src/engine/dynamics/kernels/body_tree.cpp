@@ -8,7 +8,8 @@
 namespace constraint_sim::engine {
 namespace {
 
-/// Of B against A along what the kind leaves free, with the coordinates first.
+/// Lists the free directions of a joint kind, B relative to A, coordinates first. Returns their
+/// number.
 std::size_t directions_of(const JointKindInfo& kind, std::array<TreeNode::Direction, 6>* to) {
   std::size_t count = 0;
   const auto add = [&](bool turns, int axis) {
@@ -24,22 +25,22 @@ std::size_t directions_of(const JointKindInfo& kind, std::array<TreeNode::Direct
       add(false, form.product.u.axis);
     has_turned = has_turned || form.is_angle;
   }
-  if (kind.separation_rows == 0)  // translation has no coordinates of its own
+  if (kind.separation_rows == 0)  // translation without coordinates
     for (int k = 0; k < 3; ++k) add(false, 4 + k);
   if (kind.alignment == Alignment::kFree)
     for (int k = 0; k < 3; ++k) add(true, 4 + k);
   return count;
 }
 
-/// Whether rows and free directions of a kind span the six directions of a motion, which is what
-/// the elimination takes for granted: a direction in neither list would be held without a row.
+/// Whether rows and free directions of a kind span all six directions of motion. The elimination
+/// requires it: a direction in neither list would be held without a row.
 bool spans_all_directions(const JointKindInfo& kind) {
   std::array<TreeNode::Direction, 6> directions;
   return kind.rows <= 6 &&
          to_index(kind.rows) + directions_of(kind, &directions) == directions.size();
 }
 
-/// The joint of a link, with the body that hangs on it.
+/// Creates the node of a link, with the body that hangs on the joint.
 TreeNode node_of(const IslandModel& island, std::size_t l, bool is_b) {
   const auto& link = island.links()[l];
   TreeNode node;
@@ -107,9 +108,9 @@ BodyTree tree_of(const IslandModel& island) {
       if (!is_fixed(point)) links_on[point].push_back(l);
     if (is_fixed(link.a) || is_fixed(link.b)) hang(l, is_fixed(link.a));
   }
-  if (holds_on == 0) place(free_root());  // in free space the first body is the root
+  if (holds_on == 0) place(free_root());  // free island: the first body is the root
   std::size_t next = 0;
-  while (next < nodes.size()) {  // of which there are more with each that hangs on one
+  while (next < nodes.size()) {  // hang() appends to nodes
     const std::size_t parent = nodes[next++].body;
     for (const std::size_t l : links_on[parent]) {
       const bool is_a = links[l].a == parent;
@@ -117,7 +118,7 @@ BodyTree tree_of(const IslandModel& island) {
       if (!is_fixed(other) && is_placed[other] == 0) hang(l, is_a);
     }
   }
-  // parts that are not joined, or more that is free than what rows hold
+  // Unconnected bodies, or more free directions than rows.
   if (nodes.size() != bodies || free_directions(nodes) >= island.rows()) return {};
   std::reverse(nodes.begin(), nodes.end());
   BodyTree tree;

@@ -11,8 +11,8 @@
 
 namespace constraint_sim::engine {
 
-/// A motion (v, ω) or acceleration (a, α) of the point of a body that is at some place, or a force
-/// and the torque about that place; world axes.
+/// Spatial vector at a point of a body, in world axes: motion (v, ω), acceleration (a, α), or a
+/// force and its torque about the point.
 struct SpatialVector {
   Eigen::Vector3d linear = Eigen::Vector3d::Zero(), angular = Eigen::Vector3d::Zero();
 
@@ -25,10 +25,10 @@ struct SpatialVector {
   SpatialVector operator*(double factor) const { return {factor * linear, factor * angular}; }
 };
 
-/// The symmetric inertia that takes an acceleration to a force; A of a body and all that hangs on
-/// it.
+/// Symmetric spatial inertia that maps an acceleration to a force: the articulated inertia of a
+/// body with its subtree.
 struct SpatialInertia {
-  /// Force by a, force by α, torque by α.
+  /// Blocks: force by a, force by α, torque by α.
   Eigen::Matrix3d mass = Eigen::Matrix3d::Zero(), mixed = Eigen::Matrix3d::Zero(),
                   angular = Eigen::Matrix3d::Zero();
 
@@ -36,54 +36,56 @@ struct SpatialInertia {
     return {mass * a.linear + mixed * a.angular,
             mixed.transpose() * a.linear + angular * a.angular};
   }
-  /// About a place that is further by `by`.
+  /// Moves the reference point by the vector `by` [m].
   void shift(const Eigen::Vector3d& by);
-  /// Takes out what a pivot `d` = s·u with u = I s takes of it.
+  /// Removes u uᵀ/d for an eliminated free direction s, where u = I s and d = s·u.
   void eliminate(const SpatialVector& u, double d);
 };
 
-/// A body of a tree of joints and the joint that it hangs on; a root that hangs on nothing has six
-/// free directions.
+/// Body of a tree of joints, and the joint to its parent. A root without a parent has six free
+/// directions.
 struct TreeNode {
   static constexpr std::size_t kNone = static_cast<std::size_t>(-1);
 
-  /// What a coordinate of the joint moves: B against A, along or about this axis.
+  /// Motion of B relative to A that a coordinate of the joint describes, along or about an axis.
   struct Direction {
     bool turns = false;
-    std::uint8_t axis = 0;     ///< 0 to 2: of A, 3: z of B, 4 to 6: of the world
-    std::size_t row = kNone;   ///< that holds it
-    std::size_t soft = kNone;  ///< of soft_coordinates()
-    // as of the last factor()
+    std::uint8_t axis = 0;     ///< 0 to 2: axes of A, 3: z of B, 4 to 6: world axes
+    std::size_t row = kNone;   ///< row that holds the coordinate
+    std::size_t soft = kNone;  ///< index in soft_coordinates()
+    // Results of the last factor().
     Eigen::Vector3d along = Eigen::Vector3d::Zero();
     SpatialVector u;     ///< I s
     double pivot = 1.0;  ///< s·I s
-    double force = 0.0;  ///< along it, less what those behind ask for
+    double force = 0.0;  ///< along the direction, minus the demand of the subtree
   };
 
-  std::size_t body = 0;        ///< as the state has it
-  std::size_t parent = kNone;  ///< a point
+  std::size_t body = 0;        ///< index in the state
+  std::size_t parent = kNone;  ///< index of a point
   std::size_t link = kNone;
   double sense = 1.0;  ///< 1 where the body is B, else -1
   std::array<Direction, 6> directions;
   std::size_t count = 0;
 
-  // as of the last evaluation
-  /// From the centres of its bodies, or where fixed points are, to the joint's place on B [m].
+  // Results of the last evaluation.
+  /// From the centres of child and parent, or the fixed point, to the place of the joint on B [m].
   Eigen::Vector3d to_child = Eigen::Vector3d::Zero(), to_parent = Eigen::Vector3d::Zero();
-  Eigen::Vector3d to_a = Eigen::Vector3d::Zero(), to_b = Eigen::Vector3d::Zero();  ///< the same
-  SpatialInertia whole;  ///< with all that hangs on it, at the joint's place
-  SpatialVector asked;   ///< of child against parent without its free directions
+  /// Vectors from ends A and B to the place of the joint on B [m].
+  Eigen::Vector3d to_a = Eigen::Vector3d::Zero(), to_b = Eigen::Vector3d::Zero();
+  SpatialInertia whole;  ///< articulated inertia of the subtree, at the place of the joint
+  /// Demanded motion of the child relative to the parent, without free directions.
+  SpatialVector asked;
 };
 
-/// From its leaves to the root.
+/// Nodes from the leaves to the root, and work space.
 struct BodyTree {
   List<TreeNode> nodes;
-  List<SpatialInertia> inertias;        ///< of bodies
-  List<SpatialVector> forces, motions;  ///< of bodies
+  List<SpatialInertia> inertias;        ///< per body
+  List<SpatialVector> forces, motions;  ///< per body
 };
 
-/// The bodies of an island that is a tree of joints, from its leaves to the root
-///; none where it is no tree, or has what a tree cannot have.
+/// Builds the tree of an island whose joints form a tree, from the leaves to the root. Returns an
+/// empty tree where there is a loop, or a joint or body that TreeOfBodies does not support.
 BodyTree tree_of(const IslandModel& island);
 
 }  // namespace constraint_sim::engine

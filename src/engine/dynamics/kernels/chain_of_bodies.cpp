@@ -10,25 +10,26 @@ namespace {
 
 using Eigen::Vector3d;
 
-// what a point of a body does per force at another: 1/m − [to] I⁻¹ [from]
+// Acceleration of one point of a body per force at another: 1/m − [to] I⁻¹ [from].
 Lanes33 response(Lanes inverse_mass, const Lanes33& turned, const Lanes3& to) {
   Lanes33 K = turned.colwise().cross(to);
   K.diagonal().array() += inverse_mass;
   return K;
 }
 
-// I⁻¹ [from]
+// Computes I⁻¹ [from].
 Lanes33 turned_by(const Lanes33& inverse_inertia, const Lanes3& from) {
   return inverse_inertia.rowwise().cross(from.transpose());
 }
 
-// three numbers for each lane
+// Loads three numbers per lane.
 Lanes3 gather(const std::array<const double*, 2>& from) {
   const auto [a, b] = from;
   return {Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
 }
 
-// Of a quaternion of any length: within stages it is off unit length by their order.
+// Rotation matrix of a quaternion of any length; within stages the length is off by the order of
+// the method.
 Lanes33 rotation_matrix(const Eigen::Quaternion<Lanes>& q) {
   const Lanes share = Lanes(1.0) / q.squaredNorm();
   Lanes33 R = (q.toRotationMatrix() - Lanes33::Identity()) * share;
@@ -36,19 +37,19 @@ Lanes33 rotation_matrix(const Eigen::Quaternion<Lanes>& q) {
   return R;
 }
 
-// I⁻¹ in world axes
+// Inverse inertia in world axes.
 Lanes33 inverse_inertia_of(const ChainPair& pair, const Lanes33& R) {
   return R * pair.inverse_inertia.asDiagonal() * R.transpose();
 }
 
-// ½ (0, ω) ⊗ q as (x, y, z, w)
+// Computes ½ (0, ω) ⊗ q as (x, y, z, w).
 Eigen::Matrix<Lanes, 4, 1> quaternion_rate(const Lanes3& w, const Eigen::Quaternion<Lanes>& q) {
   return 0.5 * (Eigen::Quaternion<Lanes>(0.0, w.x(), w.y(), w.z()) * q).coeffs();
 }
 
 }  // namespace
 
-// ---- what is compiled
+// ---- compilation
 
 List<ChainPair> pairs_of_chain(const IslandModel& island) {
   const auto& links = island.links();
@@ -57,10 +58,10 @@ List<ChainPair> pairs_of_chain(const IslandModel& island) {
   const std::size_t before = std::max(links.front().a, links.front().b) < bodies ? 0 : 1;
   const std::size_t middle = joints / 2;
   const auto anchor = [&](std::size_t body, std::size_t l) -> Vector3d {
-    if (l >= joints) return Vector3d::Zero();  // at a free end
+    if (l >= joints) return Vector3d::Zero();  // free end
     return links[l].a == body ? links[l].anchor_a : links[l].anchor_b;
   };
-  const auto leads_up = [&](std::size_t l) {  // from A to B, as the first lane goes
+  const auto leads_up = [&](std::size_t l) {  // whether A to B is the direction of the first lane
     return l < before ? links[l].b == 0 : links[l].a == l - before;
   };
   struct Side {
@@ -71,7 +72,7 @@ List<ChainPair> pairs_of_chain(const IslandModel& island) {
   const auto side = [&](std::size_t point, std::size_t to_end, std::size_t to_middle) {
     Side of_point;
     const std::size_t body = point - before;
-    if (body >= bodies) return of_point;  // also of the point before all bodies
+    if (body >= bodies) return of_point;  // also for the point in front of all bodies
     of_point.inverse_mass = island.inverse_mass(body);
     of_point.inverse_inertia = island.inertia(body).cwiseInverse();
     of_point.anchor_to_end = anchor(body, to_end);
@@ -90,7 +91,7 @@ List<ChainPair> pairs_of_chain(const IslandModel& island) {
     pair.inverse_inertia = in_lanes(a.inverse_inertia, b.inverse_inertia);
     pair.anchor_to_end = in_lanes(a.anchor_to_end, b.anchor_to_end);
     pair.anchor_to_middle = in_lanes(a.anchor_to_middle, b.anchor_to_middle);
-    // where the lanes have met, the joint in the middle for both
+    // Where the lanes have met, both get the joint in the middle.
     pair.joints = {e, std::max(joints - 1 - e, middle)};
     pair.sense =
         Lanes(leads_up(pair.joints[0]) ? 1.0 : -1.0, leads_up(pair.joints[1]) ? -1.0 : 1.0);
@@ -116,7 +117,7 @@ ChainOfBodies::ChainOfBodies(EquationsOfMotion& equations)
   behind_ = joints_ + 1 - before_ - bodies;
 }
 
-// ---- what is in both lanes
+// ---- access to both lanes
 
 template <class Number>
 ChainOfBodies::Addresses<Number> ChainOfBodies::locate(std::size_t e, Number* of_bodies,
@@ -143,7 +144,8 @@ inline ChainOfBodies::Quaternions ChainOfBodies::read_rotation(std::size_t e,
   return {Lanes(a[3], b[3]), Lanes(a[0], b[0]), Lanes(a[1], b[1]), Lanes(a[2], b[2])};
 }
 
-// The first lane last: where they meet at one body, it is the one that knows both its joints.
+// Writes the first lane last: where both lanes meet at one body, only the first lane knows both
+// joints of the body.
 template <class Vector>
 void ChainOfBodies::write(std::size_t e, const Vector& value, double* of_bodies) const {
   constexpr auto kSize = static_cast<std::size_t>(Vector::SizeAtCompileTime);
@@ -176,7 +178,7 @@ void ChainOfBodies::derivative(std::size_t stage, double t, const double* y, dou
   equations_.derivative(stage, t, y, dydt);
 }
 
-// flat, since calls would take a third of its time
+// Flattened, since function calls would take a third of the time.
 [[gnu::flatten]] bool ChainOfBodies::accelerate(std::size_t stage, const double* y, double* dydt) {
   const double* const v = y + view_.v_at;
   const double* const L = y + view_.L_at;
@@ -234,7 +236,7 @@ bool ChainOfBodies::restart(double* y, double* dydt) {
 
 // ---- positions
 
-// −C, and arms; returns how far the worst is off [m]
+// Sets solution to −C, and the arms. Returns the largest error of a joint [m].
 double ChainOfBodies::find_values(double* y) {
   for (std::size_t i = 0; i < equations_.bodies().size(); ++i)
     Eigen::Map<Eigen::Vector4d>(y + view_.q_at + 4 * i).normalize();
@@ -245,7 +247,7 @@ double ChainOfBodies::find_values(double* y) {
     for (Eigen::Index k = 0; k < 3; ++k) {
       for (const double value : {pair.solution[k].first(), pair.solution[k].second()}) {
         const double error = std::abs(value);
-        if (!(error <= worst)) worst = error;  // a NaN stays
+        if (!(error <= worst)) worst = error;  // keeps a NaN
       }
     }
   };
@@ -264,7 +266,7 @@ double ChainOfBodies::find_values(double* y) {
   return worst;
 }
 
-// M⁻¹ Gᵀ of what reduce() has left, added to positions and orientations
+// Adds M⁻¹ Gᵀ of the forces that reduce() has prepared to positions and orientations.
 void ChainOfBodies::push(double* y) {
   substitute([&](std::size_t e, const Lanes3& force, const Lanes3& torque) {
     const Quaternions q = read_rotation(e, y);
@@ -278,13 +280,14 @@ void ChainOfBodies::push(double* y) {
 
 // ---- the linear system
 
-// A and its factors, and the right-hand side: less what the joint's ends do
+// Computes A with its factors, and the right-hand side: target minus the motion of the joints'
+// ends.
 template <class FindMotion>
 bool ChainOfBodies::factor(const double* y, const FindMotion& find_motion) {
-  // A joint's share of the body on its outer side, with all that is eliminated there.
+  // Contribution of the body on the outer side of a joint, with everything eliminated on that side.
   struct Side {
     Lanes33 K = Lanes33::Constant(0.0);
-    Lanes3 entries = Lanes3::Constant(0.0);  // of A
+    Lanes3 entries = Lanes3::Constant(0.0);  // entries of A
     Lanes3 motion = Lanes3::Constant(0.0);
   };
   Side outer;
@@ -324,7 +327,7 @@ bool ChainOfBodies::factor(const double* y, const FindMotion& find_motion) {
   return is_regular[0] != 0 && is_regular[1] != 0;
 }
 
-// the same with the factors that are there, from what find_values() left
+// Reduces the right-hand side of find_values() with the existing factors.
 void ChainOfBodies::reduce() {
   Lanes3 taken = Lanes3::Constant(0.0);
   for (std::size_t e = 1; e <= middle_; ++e) {
@@ -334,8 +337,8 @@ void ChainOfBodies::reduce() {
   pairs_[middle_].pivot.reduce(pairs_[middle_].solution - taken + swapped(taken));
 }
 
-// From the middle, where both lanes have the same joint, seen from either side. `act` takes force
-// and torque on the bodies of each pair.
+// Substitutes from the middle, where both lanes hold the same joint, seen from either side. Calls
+// `act` with force and torque on the bodies of each pair.
 template <class Act>
 void ChainOfBodies::substitute(const Act& act) {
   Lanes3 inner = pairs_[middle_].solution = pairs_[middle_].pivot.substitute(Lanes3::Constant(0.0));

@@ -8,18 +8,18 @@
 
 namespace constraint_sim::engine {
 
-/// An EquationsOfMotion of which is_chain_of_bodies() holds, as a System: bodies that turn, joined
-/// one after the other by ball joints. Both ends are eliminated towards the middle side by side,
-/// each in a lane: a pass places the bodies, finds the rows of their joints and eliminates them
-/// while they are in registers; a pass back from the middle finds the forces. Where rows depend on
-/// each other the equations take over. For one span: points into the equations.
+/// Kernel for a chain of rotating bodies on ball joints (is_chain_of_bodies()). Both ends are
+/// eliminated towards the middle side by side, each in a SIMD lane: one pass places the bodies and
+/// eliminates the rows of their joints while they are in registers; a pass back from the middle
+/// finds the forces. Dependent rows are left to the equations. Valid for one interval: points into
+/// the equations.
 class ChainOfBodies {
  public:
   explicit ChainOfBodies(EquationsOfMotion& equations);
 
   std::size_t size() const { return equations_.size(); }
   void derivative(std::size_t stage, double t, const double* y, double* dydt);
-  /// Newton's steps with the factors of the last stage, as the equations make them.
+  /// Projects by Newton steps with the factors of the last stage, as EquationsOfMotion does.
   bool project(double t, double* y);
   template <class Pair>
   void accept(double h) {
@@ -37,7 +37,8 @@ class ChainOfBodies {
   template <class Number>
   using Addresses = std::array<Number*, 2>;
 
-  // of the pair e joints from either end, the first lane counting up
+  // Addresses of the numbers of pair e, which is e joints from either end; the first lane counts
+  // up.
   template <class Number>
   Addresses<Number> locate(std::size_t e, Number* of_bodies, std::size_t stride, Number* of_first,
                            Number* of_last) const;
@@ -57,18 +58,20 @@ class ChainOfBodies {
   void reduce();
   template <class Act>
   void substitute(const Act& act);
-  // With an even number of joints the lanes meet at a body: the first takes it, the second waits.
+  // Whether a lane waits: with an even number of joints the lanes meet at a body, which the first
+  // lane takes.
   bool is_idle(std::size_t e) const { return e == middle_ && joints_ % 2 == 0; }
 
   EquationsOfMotion& equations_;
   KernelView view_;
   ChainPair* pairs_;
   std::size_t joints_;
-  std::size_t middle_;                            // the last pair
-  std::size_t before_, behind_;                   // points at the ends that are no bodies: 0 or 1
-  const Vector3d *position_, *velocity_, *free_;  // of points; the last without the joints
-  std::size_t first_, last_;                      // points
-  bool depends_ = false;                          // some rows did, since the last restart
+  std::size_t middle_;           // pair in the middle
+  std::size_t before_, behind_;  // number of points at the ends that are no bodies: 0 or 1
+  const Vector3d *position_, *velocity_,
+      *free_;                 // per point; free_: acceleration without the joints
+  std::size_t first_, last_;  // points at the ends
+  bool depends_ = false;      // whether rows depended on others since the last restart
 };
 
 }  // namespace constraint_sim::engine

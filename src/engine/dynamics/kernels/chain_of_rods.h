@@ -9,11 +9,9 @@
 
 namespace constraint_sim::engine {
 
-/// An EquationsOfMotion of which is_chain() holds, as a System. Rods between centres, one after the
-/// other, are most of what swings in scenes, and worth the lines: bodies and rods lie in the order
-/// of the chain, so that nothing is looked up, A is tridiagonal, and one pass finds all that is
-/// known of a rod. Where rows depend on each other the equations take over. For one span: points
-/// into the equations.
+/// Kernel for a chain of rods between centres (is_chain()), the most common swinging shape. Bodies
+/// and rods lie in chain order: nothing is looked up, A is tridiagonal, and one pass fills it.
+/// Dependent rows are left to the equations. Valid for one interval: points into the equations.
 class ChainOfRods {
  public:
   explicit ChainOfRods(EquationsOfMotion& equations)
@@ -39,7 +37,7 @@ class ChainOfRods {
     }
   }
 
-  /// Newton's steps with the factors of the last stage, as the equations make them.
+  /// Projects by Newton steps with the factors of the last stage, as EquationsOfMotion does.
   bool project(double t, double* y) {
     if (depends_) return equations_.project(t, y);
     return equations_.project_by(
@@ -114,17 +112,17 @@ class ChainOfRods {
   using ConstVector = Eigen::Map<const Vector3d>;
   using Vector = Eigen::Map<Vector3d>;
 
-  /// What is at the points of the chain, taken from one to the next.
+  /// Cursor over vectors at the points of the chain, from one point to the next.
   class Along {
    public:
-    /// From numbers of the bodies, three each, and of all points for those that are none.
+    /// Reads bodies from `of_bodies`, three numbers each, and other points from `of_points`.
     Along(const ChainOfRods& chain, const double* of_bodies, const Vector3d* of_points)
         : here_(chain.starts_with_body_ ? of_bodies : of_points[chain.first_].data()),
           next_(chain.starts_with_body_ ? of_bodies + 3 : of_bodies),
           last_(chain.ends_with_body_ ? of_bodies + 3 * chain.last_
                                       : of_points[chain.last_].data()) {}
 
-    /// How the next differs from this one.
+    /// Moves to the next point. Returns the vector there minus the vector here.
     Vector3d step(bool is_last) {
       const double* const before = here_;
       here_ = is_last ? last_ : next_;
@@ -138,13 +136,13 @@ class ChainOfRods {
 
   Along positions(const double* y) const { return {*this, y, position_}; }
   Along velocities(const double* y) const { return {*this, y + v_at_, velocity_}; }
-  // what the ends of each rod do without the rods
+  // Computes the free acceleration of B minus A of each rod.
   void find_falls() {
     Along free{*this, free_->data(), free_};
     for (std::size_t l = 0; l < rods_; ++l) falls_[l] = free.step(l + 1 == rods_);
   }
 
-  // A, and the right-hand side from d and ḋ
+  // Computes A, and the right-hand side from d and ḋ.
   template <class RightHandSide>
   void set_up(const double* y, const RightHandSide& right_hand_side) {
     Along x = positions(y);
@@ -167,7 +165,7 @@ class ChainOfRods {
     return tridiagonal_.factor_and_solve(EquationsOfMotion::kLeastPivot, solution_);
   }
 
-  // −C, and d; returns how far the worst is off [m]
+  // Writes −C to solution_, and d. Returns the largest error of a rod [m].
   double find_values(const double* y) {
     Along x = positions(y);
     double worst = 0.0;
@@ -180,14 +178,14 @@ class ChainOfRods {
     return worst;
   }
 
-  // M⁻¹ Gᵀ of the solution, added to three numbers of each body
+  // Adds M⁻¹ Gᵀ of the solution to the three numbers of each body.
   void push(double* of_bodies) const {
     pull_bodies([&](std::size_t i, const Vector3d& pull) {
       Vector(of_bodies + 3 * i) += inverse_mass_[i] * pull;
     });
   }
 
-  // in line, as the elimination is: the calls take a tenth of a pendulum's step
+  // Inlined like the elimination: the calls take a tenth of a pendulum's step.
   [[gnu::always_inline]] void write_rates(std::size_t stage, const double* y, double* dydt) {
     const double* const v = y + v_at_;
     double* const v_dot = dydt + v_at_;
@@ -200,7 +198,7 @@ class ChainOfRods {
       forces[rows_[l].unknown] = solution_[l] * lengths_[l].value;
   }
 
-  // Gᵀ of the solution, body by body
+  // Passes Gᵀ of the solution to `take`, body by body.
   template <class Take>
   void pull_bodies(const Take& take) const {
     std::size_t i = 0;
@@ -215,21 +213,21 @@ class ChainOfRods {
 
   EquationsOfMotion& equations_;
   std::size_t rods_, bodies_;
-  std::size_t v_at_;          // in a state
-  std::size_t first_, last_;  // points
+  std::size_t v_at_;          // offset of v in a state
+  std::size_t first_, last_;  // points at the ends of the chain
   bool starts_with_body_, ends_with_body_;
   const IslandModel::Row* rows_;
   const Prescribed* lengths_;
-  const Vector3d *position_, *velocity_, *free_;  // of points; the last without the rods
-  const double* inverse_mass_;                    // of points
-  Vector3d* direction_;                           // d of rods
-  double* solution_;                              // of rods
+  const Vector3d *position_, *velocity_, *free_;  // per point; free_: acceleration without the rods
+  const double* inverse_mass_;                    // per point
+  Vector3d* direction_;                           // d per rod
+  double* solution_;                              // per rod
   const double *rate_target_, *acceleration_target_;
   double *impulses_, *stage_forces_;  // by unknown
   std::size_t unknowns_;
   TridiagonalLdlt& tridiagonal_;
-  Vector3d* falls_;       // of rods, end against end
-  bool depends_ = false;  // some rows did, since the last restart
+  Vector3d* falls_;       // per rod: free acceleration of B minus A
+  bool depends_ = false;  // whether rows depended on others since the last restart
 };
 
 }  // namespace constraint_sim::engine

@@ -9,17 +9,17 @@
 
 namespace constraint_sim::engine {
 
-/// An EquationsOfMotion of which is_point_on_rod() holds, as a System: one body on one rod to a
-/// point that is fixed or moves on its own. The most common of all scenes, and the size of its
-/// state is known as this is compiled. With u for λ/m and d from the point to the body:
+/// Kernel for one body on one rod to a fixed or prescribed point (is_point_on_rod()), the most
+/// common scene. The size of the state is a compile-time constant. With u = λ/m, and d from the
+/// point to the body:
 ///   v̇ = a + u d,  u = (C̈_target − ‖ḋ‖² − d·(a − a_point)) / d²
-/// For one span: points into the equations.
+/// Valid for one interval: points into the equations.
 class PointOnRod {
  public:
   explicit PointOnRod(EquationsOfMotion& equations)
       : PointOnRod(equations, equations.kernel_view()) {}
 
-  static constexpr std::size_t size() { return 8; }  // x and v, each with a number for the pair
+  static constexpr std::size_t size() { return 8; }  // x and v, each padded to an even length
 
   void derivative(std::size_t stage, double t, const double* y, double* dydt) {
     if (equations_.is_time_dependent()) move_with_time(t);
@@ -28,7 +28,7 @@ class PointOnRod {
     accelerate(stage, d, d.squaredNorm(), v, dydt);
   }
 
-  /// Newton's steps along the d of the last one.
+  /// Projects by Newton steps, each along d of the previous iterate.
   bool project(double t, double* y) {
     if (equations_.is_time_dependent()) move_with_time(t);
     const double length = length_;
@@ -72,7 +72,7 @@ class PointOnRod {
   double squared_size_of(const double* dy, double h) const {
     const double x2 = ConstVector(dy).squaredNorm();
     const double v2 = h * h * ConstVector(dy + kV).squaredNorm();
-    return v2 <= x2 ? x2 : v2;  // of NaNs there are two, or there is one in v
+    return v2 <= x2 ? x2 : v2;  // NaN: x has none unless v has
   }
 
  private:
@@ -95,7 +95,7 @@ class PointOnRod {
   using Vector3d = Eigen::Vector3d;
   using ConstVector = Eigen::Map<const Vector3d>;
   using Vector = Eigen::Map<Vector3d>;
-  static constexpr Eigen::Index kV = 4;  // where v stands in a state
+  static constexpr Eigen::Index kV = 4;  // offset of v in a state
 
   void move_with_time(double t) {
     equations_.move_with_time(t);
@@ -121,10 +121,11 @@ class PointOnRod {
   EquationsOfMotion& equations_;
   std::size_t point_;
   double mass_, scale_;
-  const double &length_, &rate_target_, &acceleration_target_;  // as time moves them
-  const Vector3d &position_, &velocity_;                        // of the point
-  const Vector3d &free_, &free_point_;                          // of both without the rod
-  Vector3d free_apart_;                                         // of one against the other
+  // References, since time changes the values.
+  const double &length_, &rate_target_, &acceleration_target_;
+  const Vector3d &position_, &velocity_;  // motion of the point
+  const Vector3d &free_, &free_point_;    // free accelerations of body and point
+  Vector3d free_apart_;                   // free acceleration of the body minus that of the point
   double& impulse_;
   double* stage_forces_;
 };

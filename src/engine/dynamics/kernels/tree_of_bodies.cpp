@@ -19,7 +19,7 @@ double dot(const SpatialVector& a, const SpatialVector& b) {
 
 }  // namespace
 
-// with [r] x = r × x: M [r], which is added to H, and Hᵀ [r] − [r] (H + M [r]), which is to J
+// Shifts the inertia by r with [r] x = r × x: H += M [r], and J += Hᵀ [r] − [r] (H + M [r]).
 void SpatialInertia::shift(const Vector3d& by) {
   angular += mixed.transpose().rowwise().cross(by.transpose());
   mixed += mass.rowwise().cross(by.transpose());
@@ -41,7 +41,7 @@ TreeOfBodies::TreeOfBodies(EquationsOfMotion& equations)
       bodies_(equations.bodies().size()),
       first_general_(equations.first_general()) {}
 
-// ---- where all is
+// ---- kinematics
 
 [[gnu::flatten]] void TreeOfBodies::place(double t, const double* y) {
   *view_.placed_at = t;
@@ -101,7 +101,7 @@ SpatialVector along(const TreeNode::Direction& direction) {
                          : SpatialVector{direction.along, Vector3d::Zero()};
 }
 
-/// What d is multiplied with in a row.
+/// Vector that d is multiplied with in a row.
 VectorRef across(const RowForm& form) {
   return form.u.kind == VectorKind::kSeparation ? form.v : form.u;
 }
@@ -117,7 +117,7 @@ double component(const TreeNode::Direction& direction, const SpatialVector& of) 
 
 }  // namespace
 
-// Of the poses that are placed. False where a pivot is lost in rounding.
+// Factors the inertias at the current pose. Returns false where a pivot is lost in rounding.
 [[gnu::flatten]] bool TreeOfBodies::factor() {
   List<SpatialInertia>& inertias = tree_.inertias;
   for (std::size_t i = 0; i < inertias.size(); ++i) {
@@ -151,8 +151,8 @@ double component(const TreeNode::Direction& direction, const SpatialVector& of) 
   return true;
 }
 
-// Forces at rest from the leaves to the root: in tree_forces_ what each body asks for by itself, in
-// `asked` how a child is to move against its parent, in `force` what acts along free directions.
+// Reduces forces from the leaves to the root. In: forces on each body, `asked` motion of each child
+// relative to its parent, and `force` along free directions.
 void TreeOfBodies::reduce() {
   List<SpatialVector>& forces = tree_.forces;
   for (TreeNode& node : nodes_) {
@@ -171,8 +171,8 @@ void TreeOfBodies::reduce() {
   }
 }
 
-// Motions from the root to the leaves: `act` takes each node and how its body moves, and leaves in
-// tree_forces_ what makes it do so.
+// Computes motions from the root to the leaves. Calls `act` with each node and the motion of its
+// body; leaves in tree_.forces the force that causes the motion.
 template <class Act>
 void TreeOfBodies::substitute(const Act& act) {
   List<SpatialVector>& motions = tree_.motions;
@@ -196,7 +196,7 @@ void TreeOfBodies::substitute(const Act& act) {
   }
 }
 
-// From what makes each body move, in tree_forces_, what each joint does to its child; by rows.
+// Computes row forces of all joints from tree_.forces, which hold the force that moves each body.
 void TreeOfBodies::find_forces(double* by_unknown) {
   List<SpatialVector>& forces = tree_.forces;
   for (const TreeNode& node : nodes_) {
@@ -234,7 +234,7 @@ Vector3d TreeOfBodies::spin(std::size_t point) const {
   return turns(point) ? view_.angular_velocity[point] : equations_.fixed_angular_velocity(point);
 }
 
-// of B against A at the joint's place on B
+// Velocity of B relative to A at the joint's place on B.
 SpatialVector TreeOfBodies::relative_velocity(const TreeNode& node) const {
   const auto& link = equations_.links()[node.link];
   const Vector3d w_A = spin(link.a), w_B = spin(link.b);
@@ -243,7 +243,7 @@ SpatialVector TreeOfBodies::relative_velocity(const TreeNode& node) const {
       w_B - w_A};
 }
 
-// what rows that hold a coordinate ask of B against A
+// Motion of B relative to A demanded by rows that hold a coordinate.
 SpatialVector TreeOfBodies::held(const TreeNode& node, const double* of_rows) const {
   SpatialVector sum;
   if (!equations_.has_courses()) return sum;
@@ -255,7 +255,7 @@ SpatialVector TreeOfBodies::held(const TreeNode& node, const double* of_rows) co
   return sum;
 }
 
-// how B accelerates against A while neither accelerates and no coordinate does
+// Acceleration of B relative to A at the joint with zero accelerations of A, B and the coordinates.
 SpatialVector TreeOfBodies::bias_of(const TreeNode& node, const SpatialVector& relative) const {
   const auto& link = equations_.links()[node.link];
   const Vector3d w_A = spin(link.a), w_B = spin(link.b);
@@ -278,7 +278,7 @@ SpatialVector TreeOfBodies::bias_of(const TreeNode& node, const SpatialVector& r
   return bias;
 }
 
-// of springs, dampers and forces along its coordinates
+// Evaluates springs, dampers and forces along the coordinates of a joint.
 void TreeOfBodies::pull(TreeNode* node, const SpatialVector& relative, double* forces) const {
   for (std::size_t k = 0; k < node->count; ++k) {
     Direction& direction = node->directions[k];
@@ -324,7 +324,7 @@ Vector3d TreeOfBodies::inertia_times(std::size_t body, const Vector3d& w) const 
   return R * equations_.inertia(body).cwiseProduct(Vector3d(R.transpose() * w));
 }
 
-// as the equations note them
+// Notes positions and rates of coordinates, as EquationsOfMotion::note_positions() does.
 void TreeOfBodies::note_positions() {
   for (const TreeNode& node : nodes_) {
     for (std::size_t k = 0; k < node.count; ++k) {
@@ -337,7 +337,7 @@ void TreeOfBodies::note_positions() {
   *view_.noted_at = *view_.placed_at;
 }
 
-// of its rows, from the joint's force and torque on the child
+// Writes the row forces of a joint, from its force and torque on the child.
 void TreeOfBodies::write_forces(const TreeNode& node, const SpatialVector& on_child,
                                 double* by_unknown) const {
   if (node.link == TreeNode::kNone) return;
@@ -365,7 +365,7 @@ void TreeOfBodies::write_forces(const TreeNode& node, const SpatialVector& on_ch
       write(node.directions[k].row, component(node.directions[k], on_b));
 }
 
-// velocities that fit the joints, by the least impulses that do so
+// Projects velocities onto the joints by the least impulses.
 bool TreeOfBodies::restart(double* y, double* dydt) {
   is_lost_ = !factor();
   if (is_lost_) return equations_.restart(y, dydt);
@@ -402,7 +402,7 @@ bool TreeOfBodies::project(double t, double* y) {
       t, y, [&] { return find_values(t, y); }, [&] { correct(y); });
 }
 
-// places all; returns how far the worst row is off [m]
+// Evaluates all positions. Returns the largest error of a row [m].
 double TreeOfBodies::find_values(double t, double* y) {
   for (std::size_t i = 0; i < bodies_; ++i)
     Eigen::Map<Eigen::Vector4d>(y + view_.q_at + 4 * i).normalize();
@@ -416,7 +416,7 @@ double TreeOfBodies::find_values(double t, double* y) {
   return worst;
 }
 
-// how B has to be moved against A that the rows are met, but for what is free
+// Displacement of B relative to A that meets the rows; free directions are zero.
 SpatialVector TreeOfBodies::opening(const TreeNode& node) const {
   if (equations_.is_ball(node.link)) return {-view_.separation[node.link], Vector3d::Zero()};
   const JointVectors& vectors = vectors_of(node);
@@ -452,7 +452,7 @@ SpatialVector TreeOfBodies::opening(const TreeNode& node) const {
   return by;
 }
 
-// one of Newton's steps, with the inertias of the last factor()
+// Makes a Newton step with the inertias of the last factor().
 void TreeOfBodies::correct(double* y) {
   std::fill(tree_.forces.begin(), tree_.forces.end(), SpatialVector{});
   for (TreeNode& node : nodes_) {

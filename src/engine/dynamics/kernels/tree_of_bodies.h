@@ -8,19 +8,19 @@
 
 namespace constraint_sim::engine {
 
-/// An EquationsOfMotion of which is_tree() holds, as a System: bodies that turn, on joints that
-/// form no loop. What a joint leaves free is eliminated from the inertia of all that hangs on it,
-/// from the leaves to the root (Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 7), so
-/// that a hinge costs one pivot and not a matrix of five rows; motions follow from the root to the
-/// leaves. Positions stay those of the bodies, and are projected as the equations do it. For one
-/// span: points into the equations.
+/// Kernel for rotating bodies on joints without a loop (is_tree()). Eliminates the free directions
+/// of each joint from the articulated inertia of its subtree, from the leaves to the root
+/// (Featherstone, Rigid Body Dynamics Algorithms (2008), chapter 7), so that a hinge costs one
+/// pivot instead of a five-row matrix. Motions follow from the root to the leaves. The state holds
+/// positions of bodies, which are projected as in EquationsOfMotion. Valid for one interval: points
+/// into the equations.
 class TreeOfBodies {
  public:
   explicit TreeOfBodies(EquationsOfMotion& equations);
 
   std::size_t size() const { return equations_.size(); }
   void derivative(std::size_t stage, double t, const double* y, double* dydt);
-  /// Newton's steps with the factors of the last stage, as the equations make them.
+  /// Projects by Newton steps with the factors of the last stage, as EquationsOfMotion does.
   bool project(double t, double* y);
   template <class Pair>
   void accept(double h) {
@@ -74,7 +74,7 @@ class TreeOfBodies {
   BodyTree& tree_;
   List<TreeNode>& nodes_;
   std::size_t bodies_, first_general_;
-  bool is_lost_ = false;  // a pivot, since the last restart
+  bool is_lost_ = false;  // whether a pivot was lost since the last restart
 };
 
 }  // namespace constraint_sim::engine

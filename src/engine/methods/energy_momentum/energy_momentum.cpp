@@ -11,30 +11,32 @@ namespace constraint_sim::engine {
 namespace {
 
 constexpr int kMostStepIterations = 25;
-// Newton's steps end when a change moves nothing by more than this share of the scene, or by less
-// than the second and no longer half of the change before: then it is rounding. Or when the next
-// change, of those that go down as squares, is to be below the third, and what rows are off by then
-// below the fourth, a hundredth of rounding: what such steps leave has the same sign from step to
-// step, and changes the energy by as much as rounding of ten thousand times as many steps. That is
-// believed of changes below the second as a share of the mechanism, wherever it lies.
+// Newton's method has converged where the change is below kStepSolved of the scene's size, or below
+// kStepRounding and more than half of the change before, which is rounding; or where the next
+// change, as the square of this one, will be below kSquared and row errors below kRowSquared, a
+// hundredth of rounding. Larger remainders have one sign from step to step and let the energy drift
+// like the rounding of 10⁴ times as many steps. Quadratic convergence is assumed for changes below
+// kStepRounding of the extent of the mechanism, wherever it lies.
 constexpr double kStepSolved = 1e-14;
 constexpr double kStepRounding = 1e-7;
 constexpr double kSquared = 1e-18;
 constexpr double kRowSquared = 3e-18;
-// They are given up where the changes are larger than this, and grow.
+// Newton's method is given up where a change exceeds this multiple of the scene's size, and grows.
 constexpr double kDiverged = 10.0;
-// What a row may be off then, as a share of the scene.
+// Largest row error of a converged step, as a share of the scene's size.
 constexpr double kStepRowSolved = 1e-11;
-// The same of a row that has no force in the step, where with one there is no step.
+// Largest error of a row without a force in the step, where a step with that force does not
+// converge, as a share of the scene's size.
 constexpr double kMomentaryOff = 1e-9;
-// Rows off by less keep the energy: a force of 1e7 N does 1e-6 J of work over what is closed next.
+// Row error below which energy is conserved: a force of 1e7 N does 1e-6 J of work over an error
+// that is closed next.
 constexpr double kMomentaryMet = 1e-13;
 
 constexpr double kMostStepParts = 32.0;
 constexpr int kSpansUntilLonger = 4;
 
-// Suzuki's coefficients
-constexpr double kOuter = 1.0 / (4.0 - 1.5874010519681994748);  // the cubic root of 4
+// Coefficients of Suzuki's composition.
+constexpr double kOuter = 1.0 / (4.0 - 1.5874010519681994748);  // 1.587… is the cubic root of 4
 constexpr double kInner = 1.0 - 4.0 * kOuter;
 
 }  // namespace
@@ -56,8 +58,8 @@ bool EnergyMomentum::start(const SmoothSpan& span, EquationsOfMotion* equations,
   return true;
 }
 
-// A midpoint step turns a body by 2 atan(θ/2) and not by θ = h|W|: off by θ³/12, composed by
-// θ⁵/1075.
+// Number of steps by the rotation tolerance. A midpoint step rotates a body by 2 atan(θ/2) instead
+// of θ = h|W|, an error of θ³/12; composed θ⁵/1075.
 int EnergyMomentum::parts_for_turning(double h, bool composes, double tolerance) const {
   const auto [spin, speed] = step_equations_.largest_spin(kResolved / h);
   if (speed == 0.0 || tolerance == 0.0) return 1;
@@ -86,7 +88,7 @@ IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const Integrat
     }
     const double left = equations->kinetic_energy(numbers_.data());
     if (progress.projected > accuracy.most_projected * (left + progress.projected)) {
-      // too much: the midpoint rule goes on from velocities that do not fit as well
+      // Too much energy; the midpoint rule can start from velocities that are off the joints.
       for (std::size_t i = 0; i < before.size(); ++i)
         (*states)[static_cast<std::size_t>(equations->bodies()[i])] = before[i];
       progress.projected = 0.0;
@@ -126,7 +128,8 @@ IntegrationResult EnergyMomentum::advance(const SmoothSpan& span, const Integrat
     if (done && !step_equations_.redundant_rows_are_met(span.t + span.h, equations)) {
       done = false;
       if (equations->is_inconsistent()) refinement_ = accuracy.most_halvings;
-      if (equations->redundant_rows() < redundant) --refinement_;  // again, with all rows needed
+      // Repeat with all rows that are needed.
+      if (equations->redundant_rows() < redundant) --refinement_;
     }
     if (done) {
       step_equations_.write_points(estimate_.end());
@@ -182,7 +185,8 @@ bool EnergyMomentum::step(double t, double h, std::size_t stage, EquationsOfMoti
   return true;
 }
 
-// Newton's method from the unknowns there; false where it does not converge.
+// Solves the step by Newton's method, starting from unknowns_. Returns false where it does not
+// converge.
 bool EnergyMomentum::find_end(IntegrationResult* progress) {
   double before = kInfinity;
   for (int i = 0; i < kMostStepIterations; ++i) {

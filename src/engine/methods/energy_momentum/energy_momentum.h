@@ -12,40 +12,40 @@
 
 namespace constraint_sim::engine {
 
-/// An island with joints, carried through time by steps of ImplicitStep: one a span, or five
-/// of Suzuki's composition of order 4 (Phys. Lett. A 146 (1990) 319). Where Newton's method does
-/// not converge, first without the composition, then with shorter steps.
+/// Advances an island with joints by steps of ImplicitStep: one step per interval, or five steps of
+/// Suzuki's composition of order 4 (Phys. Lett. A 146 (1990) 319). Where Newton's method does not
+/// converge, the composition is dropped first, then steps are halved.
 class EnergyMomentum {
  public:
-  /// Up to this h ω a body's motion is what the steps show.
+  /// Bound on h ω below which steps resolve the motion of a body.
   static constexpr double kResolved = 2.0;
 
   explicit EnergyMomentum(const EquationsOfMotion& equations) : step_equations_(equations) {}
 
-  /// As method.h says. The tolerance is for the turning of bodies, whose other motion the span is
-  /// short enough for.
+  /// Advances the island as method.h describes. The tolerance is for the rotation of bodies;
+  /// intervals have to be short enough for other motion.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                             EquationsOfMotion* equations, List<BodyState>* states);
-  /// Whether the last span was made of two halves, as a first one is.
+  /// Whether the last interval was a first one, made of two halves.
   bool was_first() const { return was_first_; }
-  /// Largest ω of the bodies by what held them in the last step [rad/s].
+  /// Largest frequency ω of the bodies under the forces of the last step [rad/s].
   double frequency() const { return step_equations_.frequency(); }
   double frequency_of(std::size_t body) const { return step_equations_.frequency_of(body); }
-  /// Whether the next span continues the last one.
+  /// Whether the next interval continues the last one.
   bool has_started() const { return has_started_; }
-  /// Somebody else has moved the bodies.
+  /// Notes that bodies were moved from outside.
   void forget() { has_started_ = false; }
-  /// Goes on as one just made.
+  /// Resets to the state after construction.
   void restart() {
     has_started_ = false;
     step_equations_.forget();
   }
-  /// Whether it has something to go on from.
+  /// Whether there is memory of earlier intervals.
   bool has_memory() const { return has_started_ || frequency() > 0.0; }
-  /// Visits the same, beside the bodies, as engine/memory.h says.
+  /// Visits the memory of earlier intervals, except the bodies, as engine/memory.h describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
-    visit.beside(self.has_started_);  // these two decide what of the step follows
+    visit.beside(self.has_started_);  // has_started_ and mode_ decide which data of the step follow
     visit.beside(self.mode_);
     ImplicitStep::visit_memory(self.step_equations_, visit,
                                self.has_started_ && self.mode_ == ImplicitMode::kDissipate);
@@ -77,16 +77,16 @@ class EnergyMomentum {
 
   ImplicitStep step_equations_;
   ImplicitStep::Unknowns unknowns_;
-  /// What was found last, by stage of the composition: where the next Newton steps begin.
+  /// Last solution per stage of the composition: first guess of Newton's method.
   std::array<ImplicitStep::Unknowns, kStages> found_;
   List<double> change_;
-  List<double> numbers_;  // a state and its derivative, as EquationsOfMotion has them
+  List<double> numbers_;  // state and derivative, laid out as in EquationsOfMotion
   EndpointEstimate estimate_;
   bool was_first_ = false;
   bool has_started_ = false;
   ImplicitMode mode_ = ImplicitMode::kOrder4;
-  double step_before_ = 0.0;  // [s], where BDF2 can go on from it; else 0
-  int refinement_ = 0;        // a span is made of this many halvings; -1: of a composition
+  double step_before_ = 0.0;  // length of the step that BDF2 can continue; else 0 [s]
+  int refinement_ = 0;        // number of halvings of an interval; -1: composition
   int spans_since_ = 0;
   StopFlag stop_ = nullptr;
 };

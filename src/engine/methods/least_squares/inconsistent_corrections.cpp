@@ -1,5 +1,5 @@
-// What ends a step of InconsistentMotion: positions where errors are least, velocities that fit the
-// rates, and no more energy than there may be.
+// End of a step of InconsistentMotion: positions of least error, velocities that fit the rates, and
+// bounded energy.
 
 #include <algorithm>
 #include <cmath>
@@ -15,18 +15,18 @@ namespace {
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// Shares of the weights on the diagonal where a right-hand side cannot be met: rates then cause
-// velocities of up to 1/(2 sqrt(share)) of them.
+// Shares of the weights on the diagonal where a right-hand side cannot be met. Rates then cause
+// velocities of up to 1/(2 sqrt(share)) times the rates.
 constexpr double kInconsistentShare = 1e-8;
 constexpr double kInconsistentRates = 1e-6;
 constexpr int kMostMarquardtSteps = 60;
 constexpr double kMostShare = 1e4;
-constexpr double kRejectedShare = 1e-6;  // at least, after a step that was rejected
+constexpr double kRejectedShare = 1e-6;  // minimum after a rejected step
 
 constexpr double kMet = 1e-6;            // [m]
-constexpr double kReachable = 1e-10;     // of the scene: what runge_kutta can project
-constexpr double kRateMet = 1e-6;        // of the largest speed
-constexpr double kRateRounding = 1e-12;  // of the scene, in a second
+constexpr double kReachable = 1e-10;     // share of the scene's size that runge_kutta can project
+constexpr double kRateMet = 1e-6;        // share of the largest speed
+constexpr double kRateRounding = 1e-12;  // [1/s] share of the scene's size
 
 void clear(BodyVectors* u) {
   for (auto* list : {&u->linear, &u->angular})
@@ -43,26 +43,26 @@ double InconsistentMotion::largest(const Numbers& list) {
 
 // ---- positions
 
-// Components of a vector that a ball joint asks for.
+// Components of a vector in the rows of a ball joint.
 Vector3d InconsistentMotion::components(const Numbers& list, std::size_t row) const {
   return Eigen::Map<const Vector3d>(list.data() + rows_.first_row(rows_.rows()[row].joint));
 }
 
-// Of d of a ball joint between two bodies, which is to go down with the length of its offset but
-// may turn with the bodies: what is beyond that.
+// Share of d of a ball joint between two bodies that is off its target. The length of d has to
+// follow the length of the offset, but d may rotate with the bodies.
 double InconsistentMotion::share_off(std::size_t row, const Vector3d& d) const {
   const double distance = d.norm(), offset = components(target_.length, row).norm();
   return distance > offset ? 1.0 - offset / distance : 0.0;
 }
 
-// of a coordinate that is coupled
+// Position of a coupled coordinate.
 double InconsistentMotion::reading_of(const EquationsOfMotion::CoupledRow::Term& term,
                                       const Rows& geometry) const {
   return reading(term.form, value(term.form, geometry[term.link].vectors()), term.zero,
                  term.position);
 }
 
-// of a row of a general joint [m]; of an angle the whole turns do not count
+// Error of a row of a general joint [m]; whole turns of an angle do not count.
 double InconsistentMotion::general_error(std::size_t i, const Rows& geometry) const {
   const RegularizedRows::Row& row = rows_.rows()[i];
   if (row.coupled >= 0) {
@@ -76,7 +76,7 @@ double InconsistentMotion::general_error(std::size_t i, const Rows& geometry) co
   return row.metres * unwound(there - target_.length[i] / row.metres, 0.0);
 }
 
-// C of rigid rows [m], 0 of springs; returns Σ C²/a
+// Computes C of rigid rows [m], and 0 for springs. Returns Σ C²/a.
 double InconsistentMotion::errors(const Rows& geometry, Numbers* values) const {
   double sum = 0.0;
   for (std::size_t i = 0; i < values->size(); ++i) {
@@ -92,7 +92,7 @@ double InconsistentMotion::errors(const Rows& geometry, Numbers* values) const {
   return sum;
 }
 
-// moves by change_; returns how far at most [m]
+// Displaces bodies by change_. Returns the largest displacement [m].
 double InconsistentMotion::displace(Configuration* configuration) const {
   double most = 0.0;
   for (std::size_t i = 0; i < bodies_; ++i) {
@@ -109,9 +109,9 @@ double InconsistentMotion::displace(Configuration* configuration) const {
   return most;
 }
 
-// change_: −M⁻¹Gᵀ (A + µD)⁻¹ C, D the weights. What of C no motion can remove is taken out of it
-// first, by D t = C − µD (A + µD)⁻¹ C with t = (A + µD)⁻¹ A D⁻¹C: what rounding makes of it then
-// goes down with the gradient Gᵀ D⁻¹ C and not with C. Springs resist as in a step.
+// Computes change_ = −M⁻¹Gᵀ (A + µD)⁻¹ C, with D the weights. The part of C that no motion can
+// remove is taken out first, by D t = C − µD (A + µD)⁻¹ C with t = (A + µD)⁻¹ A D⁻¹C; rounding then
+// falls with the gradient Gᵀ D⁻¹ C instead of C. Springs resist as in a step.
 void InconsistentMotion::find_correction(double share) {
   clear(&change_);
   rows_.factor(share, weights_, &compliance_);
@@ -126,7 +126,7 @@ void InconsistentMotion::find_correction(double share) {
   rows_.add_response(b_, &change_);
 }
 
-// Levenberg & Marquardt; the weights 1/a stay those of the beginning.
+// Minimizes Σ C²/a by Levenberg & Marquardt, with the weights 1/a of the start.
 void InconsistentMotion::meet(Configuration* configuration, Rows* geometry,
                               IntegrationResult* progress) {
   rows_.linearize(*geometry, *geometry, *configuration);
@@ -163,7 +163,7 @@ void InconsistentMotion::meet(Configuration* configuration, Rows* geometry,
 
 // ---- velocities
 
-// Projects velocity_ onto the rates asked for at end_.
+// Projects velocity_ onto the target rates at end_.
 void InconsistentMotion::fit_velocities() {
   rows_.linearize(at_end_, at_end_, end_);
   rows_.find_weights(&weights_);
@@ -183,7 +183,7 @@ void InconsistentMotion::fit_velocities() {
   }
 }
 
-// The velocity of least kinetic energy that meets the rates asked for, as far as that goes.
+// Computes the velocity of least kinetic energy that meets the target rates as far as possible.
 void InconsistentMotion::find_drive() {
   clear(&drive_);
   std::fill(drive_rates_.begin(), drive_rates_.end(), 0.0);
@@ -227,7 +227,7 @@ double InconsistentMotion::kinetic_energy(const BodyVectors& velocity) const {
   return 0.5 * momentum_product(velocity, velocity);
 }
 
-// How long a spring is, or where the coordinate of one reads [m].
+// Length of a spring, or position of the coordinate of a spring [m].
 double InconsistentMotion::extent(std::size_t i, const Rows& geometry) const {
   const RegularizedRows::Row& row = rows_.rows()[i];
   if (row.soft < 0) return geometry[row.joint].d.norm();
@@ -237,7 +237,7 @@ double InconsistentMotion::extent(std::size_t i, const Rows& geometry) const {
   return row.metres * reading(soft.form, there, soft.zero, soft.position);
 }
 
-// at end_; that of constant forces counts from where the coordinate is zero
+// Energy of springs at end_ [J]; energy of constant forces counts from the rest position.
 double InconsistentMotion::spring_energy() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < stiffness_.size(); ++i) {
@@ -248,7 +248,7 @@ double InconsistentMotion::spring_energy() const {
   return sum;
 }
 
-// of what lambda_, the impulses that moved the bodies, did along the rates asked for
+// Work along the target rates by lambda_, the impulses that moved the bodies [J].
 double InconsistentMotion::work_of_drives() const {
   if (!target_.is_driven) return 0.0;
   double sum = 0.0;
@@ -261,7 +261,7 @@ double InconsistentMotion::work_of_drives() const {
   return sum;
 }
 
-// what dampers took from start_ to end_
+// Energy that dampers dissipate from start_ to end_ [J].
 double InconsistentMotion::damped_energy(double h) const {
   double sum = 0.0;
   for (std::size_t i = 0; i < damping_.size(); ++i) {
@@ -272,7 +272,7 @@ double InconsistentMotion::damped_energy(double h) const {
   return sum;
 }
 
-// of gravity and wrenches from start_ to end_
+// Work of gravity and wrenches from start_ to end_ [J].
 double InconsistentMotion::work_of_loads() const {
   double sum = 0.0;
   for (std::size_t i = 0; i < bodies_; ++i)
@@ -291,8 +291,9 @@ void InconsistentMotion::scale(const BodyVectors& part, double factor) {
     velocity_.angular[i] -= (1.0 - factor) * part.angular[i];
 }
 
-// The parts of velocity_ are orthogonal in kinetic energy: what drives, the motion as one body, and
-// the rest.
+// Removes kinetic energy beyond `allowed` [J] from velocity_: first from the motion within the
+// island, then from the rotation of a free island without drives, never from the motion of its
+// centre. These parts and the driven velocity are orthogonal in kinetic energy.
 void InconsistentMotion::cap_energy(double allowed, IntegrationResult* progress) {
   double excess = kinetic_energy(velocity_) - allowed;
   if (excess > 0.0) {
@@ -324,9 +325,9 @@ void InconsistentMotion::cap_energy(double allowed, IntegrationResult* progress)
     progress->projected -= excess;
 }
 
-// ---- as one body
+// ---- rigid motion
 
-// of a free island, with the momenta of velocity_
+// Rigid motion of a free island with the momenta of velocity_.
 void InconsistentMotion::find_rigid_motion(BodyVectors* centre, BodyVectors* turning) const {
   const RigidMotion body = as_one_body(end_, velocity_);
   centre->linear.assign(points_, body.velocity);
@@ -338,7 +339,8 @@ void InconsistentMotion::find_rigid_motion(BodyVectors* centre, BodyVectors* tur
     turning->linear[i] = w.cross(end_.position[i] - body.centre);
 }
 
-// of a free island after an explicit step, whose corrections of positions change it
+// Restores the angular momentum of a free island after an explicit step, whose position corrections
+// change it.
 void InconsistentMotion::restore_angular_momentum(double h) {
   const RigidMotion before = as_one_body(start_, velocity_before_);
   const RigidMotion now = as_one_body(end_, velocity_);
@@ -354,7 +356,7 @@ void InconsistentMotion::restore_angular_momentum(double h) {
   for (Vector3d& spin : velocity_.angular) spin += w;
 }
 
-// ---- whether the rows are still inconsistent
+// ---- whether all rows can be met
 
 void InconsistentMotion::find_whether_met() {
   errors(at_end_, &values_);
@@ -372,7 +374,7 @@ void InconsistentMotion::find_whether_met() {
     speed = std::max(speed, radius_[i] * velocity_.angular[i].norm());
   if (off > kRateMet * speed + kRateRounding * scale_) can_be_met_ = false;
   if (!can_be_met_) return;
-  // what of C no displacement can remove
+  // Tests the part of C that no displacement can remove.
   rows_.factor(kLeastShare, weights_, nullptr);
   b_ = values_;
   rows_.solve(&b_);

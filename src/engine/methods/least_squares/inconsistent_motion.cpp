@@ -1,4 +1,5 @@
-// The motion of a step: by impulses that lead to where the rows are met, or without them.
+// Steps of InconsistentMotion, by impulses that lead to positions where the rows are met, or
+// without such impulses.
 
 #include "engine/methods/least_squares/inconsistent_motion.h"
 
@@ -19,19 +20,20 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-constexpr double kMostAngle = 0.1;  // that a joint turns by in one step [rad]
+constexpr double kMostAngle = 0.1;  // [rad] rotation of a joint in one step
 constexpr double kMostMotionParts = 32.0;
 constexpr int kMostMidpointSteps = 16;
 constexpr int kMostFitIterations = 60;
-constexpr int kMostHalvings = 50;         // of a displacement: then nothing of it is left
-constexpr double kMidpointFound = 1e-14;  // of the scene
-// Energy that the impulses of a midpoint step may add before they are left out, as a share.
+constexpr int kMostHalvings = 50;         // halvings of a displacement, until nothing is left
+constexpr double kMidpointFound = 1e-14;  // share of the scene's size
+// Share of energy that the impulses of a midpoint step may add before they are left out.
 constexpr double kMostAdded = 1e-3;
 constexpr double kMostAddedDriven = 0.5;
-// What a constant force is taken to give way by, as a share of the mass that it moves.
+// Assumed lower bound of the inverse compliance of a constant force, as a share of the mass that it
+// moves.
 constexpr double kLeastGiven = 1e-9;
 
-// The orientation in the middle of the shorter turn from a to b.
+// Orientation halfway along the shorter rotation from a to b.
 Quaterniond halfway(const Quaterniond& a, const Quaterniond& b) {
   const double side = a.dot(b) < 0.0 ? -1.0 : 1.0;
   return Quaterniond(a.coeffs() + side * b.coeffs()).normalized();
@@ -39,7 +41,7 @@ Quaterniond halfway(const Quaterniond& a, const Quaterniond& b) {
 
 }  // namespace
 
-// ---- what is compiled
+// ---- compilation
 
 InconsistentMotion::InconsistentMotion(const InconsistentMotion& other) = default;
 InconsistentMotion::InconsistentMotion(InconsistentMotion&& other) noexcept = default;
@@ -106,8 +108,8 @@ void InconsistentMotion::scatter_state(List<BodyState>* states) const {
   }
 }
 
-// Lengths, offsets, the rates of motors, and immovable points at time t. What closes errors asks
-// for no rate: corrections of positions follow it, and do no work but on weights and springs.
+// Reads lengths, offsets, rates of motors and immovable points at time t. Closing an error demands
+// no rate: position corrections follow the target, and do work only on weights and springs.
 void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configuration* configuration) {
   equations->move_with_time(t);
   target_.is_driven = equations->is_time_dependent();
@@ -160,7 +162,7 @@ void InconsistentMotion::ask(double t, EquationsOfMotion* equations, Configurati
   if (scale_ == 0.0) scale_ = 1.0;
 }
 
-// What d of a ball joint is off by while it is closed by its frame on B: in world axes, as B lies.
+// Offset of d of a ball joint that is closed by its frame on B, in world axes at the pose of B.
 Vector3d InconsistentMotion::ball_offset(std::size_t joint,
                                          const Configuration& configuration) const {
   if (!equations_->is_general(joint) || !equations_->frame_b(joint).moves) return Vector3d::Zero();
@@ -193,7 +195,7 @@ IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsO
   const double h = span.h / parts;
   for (int k = 0; k < parts; ++k) {
     const double energy = kinetic_energy(velocity_) + spring_energy_;
-    start_ = end_;  // and end_ stays: the scale goes by where the bodies are
+    start_ = end_;  // end_ stays valid: the scale depends on positions of bodies
     at_start_ = at_end_;
     ask(span.t + (k + 1) * h, equations, &end_);
     step(h, energy, &progress);
@@ -226,7 +228,8 @@ IntegrationResult InconsistentMotion::advance(const SmoothSpan& span, EquationsO
   return progress;
 }
 
-// so that no rod and no body turns by more than kMostAngle in one step
+// Number of steps in an interval, so that no rod and no body rotates by more than kMostAngle per
+// step.
 int InconsistentMotion::number_of_parts(double h) const {
   double rate = 0.0;
   for (const Vector3d& w : velocity_.angular) rate = std::max(rate, w.norm());
@@ -273,13 +276,13 @@ void InconsistentMotion::step(double h, double energy_before, IntegrationResult*
   for (std::size_t i = 0; i < impulses_.size(); ++i) impulses_[i] += step_impulses_[i];
 }
 
-// Halves the displacement until bodies at rest at its end would have no more energy than there was,
-// the lifting of weights aside; returns the kinetic energy allowed there [J]. Corrections of
-// positions else stretch springs without end where rows are near singular. The centre of a free
-// island goes on.
+// Halves the displacement until bodies at rest at its end would have no more energy than before,
+// apart from lifted weights. Otherwise position corrections would stretch springs without bound
+// near singular rows. The centre of a free island keeps moving. Returns the kinetic energy allowed
+// at the end [J].
 double InconsistentMotion::hold_back(double energy_before, double allowed) {
   Vector3d along = Vector3d::Zero();
-  double kept = 0.0;  // kinetic energy
+  double kept = 0.0;  // kinetic energy of the centre
   if (is_free_) {
     along = as_one_body(end_, velocity_).centre - as_one_body(start_, velocity_).centre;
     BodyVectors centre, turning;
@@ -301,9 +304,9 @@ double InconsistentMotion::hold_back(double energy_before, double allowed) {
   return allowed;
 }
 
-// Energy that the impulses of a midpoint step may add before they are left out [J]: a share of what
-// there is, or of what loads alone would make of bodies at rest. The work of driven joints that are
-// inconsistent is known no better than that.
+// Energy that the impulses of a midpoint step may add before they are left out [J]: a share of the
+// kinetic energy plus the energy that loads alone would give to bodies at rest. The work of
+// inconsistent driven joints is known no better.
 double InconsistentMotion::most_added(double h) const {
   double energy = kinetic_energy(velocity_);
   for (std::size_t i = 0; i < bodies_; ++i)
@@ -311,7 +314,7 @@ double InconsistentMotion::most_added(double h) const {
   return (target_.is_driven ? kMostAddedDriven : kMostAdded) * energy;
 }
 
-// ---- with impulses that lead to where the rows are met
+// ---- step with impulses that lead to met rows
 
 bool InconsistentMotion::midpoint(double h, IntegrationResult* progress) {
   std::fill(q_.begin(), q_.end(), 0.0);
@@ -319,7 +322,7 @@ bool InconsistentMotion::midpoint(double h, IntegrationResult* progress) {
     compliance_[i] =
         1.0 / std::max(0.25 * h * h * stiffness_[i] + 0.5 * h * damping_[i], least_given_[i]);
   drift(h);
-  int found = 0;  // how often in a row
+  int found = 0;  // consecutive converged iterations
   double before = kInfinity;
   for (int k = 0; k < kMostMidpointSteps; ++k) {
     met_ = end_;
@@ -355,7 +358,8 @@ bool InconsistentMotion::midpoint(double h, IntegrationResult* progress) {
   return true;
 }
 
-// b_: what the rows at end_ miss of met_, and springs of their law; returns the most [m]
+// Writes to b_ the differences of rows between end_ and met_, and of springs from their law.
+// Returns the largest difference [m].
 double InconsistentMotion::find_missing(double h) {
   double worst = 0.0;
   const auto consider = [&](double error) { worst = larger(worst, std::abs(error)); };
@@ -371,7 +375,7 @@ double InconsistentMotion::find_missing(double h) {
       consider(b_[i]);
       continue;
     }
-    // the law, −k (s₀ + ½Δs) − c Δs/h with s the stretch, over what it has of Δs
+    // Law −k (s₀ + ½Δs) − c Δs/h with stretch s, divided by its factor of Δs.
     const double start = extent(i, at_start_), end = extent(i, at_end_);
     const double length = target_.length[i] - 0.5 * h * target_.rate[i];
     const double stretch = 0.5 * (start + end) - length;
@@ -383,7 +387,7 @@ double InconsistentMotion::find_missing(double h) {
   return worst;
 }
 
-// end_ by the midpoint rule with the impulses q_ along the rows as they are linearized
+// Computes end_ by the midpoint rule, with the impulses q_ along the linearized rows.
 void InconsistentMotion::drift(double h) {
   rows_.apply_transpose(q_, &displacement_);
   for (std::size_t i = 0; i < bodies_; ++i) {
@@ -397,7 +401,7 @@ void InconsistentMotion::drift(double h) {
   rows_.measure(end_, &at_end_);
 }
 
-// r_w of implicit_step.h by Newton's method; `torque` is ½h² times the mean torque
+// Solves r_w = 0 of implicit_step.h by Newton's method; `torque` is ½h² times the mean torque.
 void InconsistentMotion::turn(std::size_t body, double h, const Vector3d& torque) {
   const Quaterniond& q = start_.orientation[body];
   const Matrix3d R = q.toRotationMatrix();
@@ -419,9 +423,10 @@ void InconsistentMotion::turn(std::size_t body, double h, const Vector3d& torque
   end_.orientation[body] = (Quaterniond(1.0, half.x(), half.y(), half.z()) * q).normalized();
 }
 
-// ---- without
+// ---- step without impulses that lead to met rows
 
-// v⁺ by Euler's method, implicit in springs, that meets the rates; x⁺ = x + h v⁺, and then meet()
+// Computes v⁺ by Euler's method, implicit in springs, so that v⁺ meets the rates; then x⁺ = x + h
+// v⁺ and meet().
 void InconsistentMotion::explicit_step(double h, IntegrationResult* progress) {
   rows_.linearize(at_start_, at_start_, start_);
   rows_.find_weights(&weights_);
@@ -471,7 +476,8 @@ void InconsistentMotion::explicit_step(double h, IntegrationResult* progress) {
         apply_inertia(inertia_[i].cwiseInverse(), end_.orientation[i], momentum[i]);
 }
 
-// Takes off the velocities what runs against the correction of positions, which undoes that motion.
+// Removes the velocity against the position correction, since that motion would undo the
+// correction.
 void InconsistentMotion::stop_against_correction() {
   double against = 0.0, square = 0.0;
   for (std::size_t i = 0; i < bodies_; ++i) {

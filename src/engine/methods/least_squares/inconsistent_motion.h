@@ -13,18 +13,15 @@
 
 namespace constraint_sim::engine {
 
-/// The motion of an island with inconsistent constraints: rigid rows that cannot all be met.
-/// Positions go where Σ C²/a is least, a the diagonal entry of G M⁻¹ Gᵀ; velocities meet the rates
-/// that motors ask for in the sense of least squares. What closes errors moves positions alone:
-/// rows near contradiction would turn its rates into velocities without bound. A step is
-///   1. the midpoint rule with the discrete gradients of implicit_step.h, with the impulses along
-///      Ḡ that lead to 2; it keeps energy and both momenta
-///   2. Levenberg & Marquardt on Σ C²/a from there, which moves positions alone
-///   3. velocities projected onto the rates, which only takes energy off
-/// Where the impulses of 1 are not found, or would add energy, they are left out: then 2 does all
-/// of the correction. What energy is above that of the start of the step, plus the work of wrenches
-/// and driven joints, is taken off the velocities: first off those within the island, then, where
-/// nothing holds the island to the world, off its rotation, and never off the motion of its centre.
+/// Motion of an island whose rigid rows cannot all be met: positions of least Σ C²/a, a the
+/// diagonal entry of G M⁻¹ Gᵀ, and velocities that meet the rates of motors by least squares. Each
+/// step:
+///   1. midpoint rule with the discrete gradients of implicit_step.h and impulses along Ḡ that lead
+///      to the result of 2; conserves energy and both momenta
+///   2. Levenberg & Marquardt on Σ C²/a from there, which moves positions only: rates of rows near
+///      contradiction have no bound
+///   3. projection of velocities onto the rates, which only removes energy
+/// Where the impulses of 1 are not found, or add energy, 2 makes the whole correction.
 class InconsistentMotion {
  public:
   // Defined in the .cpp file: copies of so many fields are compiled once.
@@ -36,28 +33,30 @@ class InconsistentMotion {
 
   explicit InconsistentMotion(const EquationsOfMotion& equations);
 
-  /// As method.h says, without a tolerance: rows that cannot be met leave an error that is larger.
+  /// Advances the island as method.h describes, without a tolerance: errors of unmet rows are
+  /// larger.
   IntegrationResult advance(const SmoothSpan& span, EquationsOfMotion* equations,
                             List<BodyState>* states);
-  /// Whether all rows could be met at the end of the last span, and so could their rates.
+  /// Whether all rows and their rates could be met at the end of the last interval.
   bool can_be_met() const { return can_be_met_; }
 
  private:
   using Vector3d = Eigen::Vector3d;
   using Rows = RegularizedRows::Geometry;
-  using Numbers = List<double>;  // by row
+  using Numbers = List<double>;  // one per row
 
   // Share of the weights on the diagonal where a right-hand side can be met.
   static constexpr double kLeastShare = 1e-11;
-  // Share of the scene below which a change that is more than half of the one before is rounding.
+  // Share of the scene's size; a smaller change is rounding where it exceeds half of the change
+  // before.
   static constexpr double kRounding = 1e-10;
 
-  /// What time asks of the rows.
+  /// Targets of the rows by prescribed motions.
   struct Target {
-    Numbers length;          // [m]: length of a distance, component of a ball joint's offset
-    Numbers rate;            // the same [m/s]
+    Numbers length;          // [m] length of a distance, component of a ball joint's offset
+    Numbers rate;            // rates of these lengths [m/s]
     BodyVectors fixed;       // velocities of immovable points, zero elsewhere
-    bool is_driven = false;  // any of it may change with time
+    bool is_driven = false;  // whether targets may change with time
   };
 
   void gather_state(const List<BodyState>& states);
@@ -108,32 +107,32 @@ class InconsistentMotion {
   double damped_energy(double h) const;
   double momentum_product(const BodyVectors& u, const BodyVectors& v) const;
 
-  const EquationsOfMotion* equations_ = nullptr;  // of the span
+  const EquationsOfMotion* equations_ = nullptr;  // equations of the interval
   List<int> body_indices_;
   std::size_t bodies_, rotating_, points_;
   bool is_free_;  // no point is fixed
   List<double> mass_;
   List<Vector3d> inertia_;
-  List<double> radius_;                       // of gyration
-  List<double> stiffness_, damping_, force_;  // of springs, by row
-  List<double> least_given_;  // of these, where they have neither of the first two [kg]
+  List<double> radius_;                       // radius of gyration, per rotating body [m]
+  List<double> stiffness_, damping_, force_;  // values of springs, by row
+  List<double> least_given_;  // lower bound of h²k/4 + hc/2 by row, for constant forces [kg]
   RegularizedRows rows_;
 
   Configuration start_, end_, met_;
   Rows at_start_, at_end_, at_met_;
   BodyVectors velocity_, velocity_before_;
-  BodyVectors displacement_;  // of drift() since the start
+  BodyVectors displacement_;  // displacement by drift() from the start of the step
   BodyVectors change_;        // scratch
   Target target_;
 
   Numbers weights_, values_, b_, lambda_, compliance_;
-  Numbers step_impulses_;               // of all rows in one step [N s]
-  Numbers impulses_;                    // the same, since the start of the span
+  Numbers step_impulses_;               // impulses of all rows in one step [N s]
+  Numbers impulses_;                    // sum of step_impulses_ since the start of the interval
   Numbers q_;                           // ½h times the impulses of a midpoint step
-  BodyVectors drive_;                   // velocity that rates ask for, of least kinetic energy
-  Numbers drive_rates_, drive_before_;  // G of it, now and at the start of the step
-  double work_ = 0.0;                   // of driven joints in one step [J]
-  double spring_energy_ = 0.0;          // at end_ [J]
+  BodyVectors drive_;                   // velocity of least kinetic energy that meets the rates
+  Numbers drive_rates_, drive_before_;  // G drive_, now and at the start of the step
+  double work_ = 0.0;                   // work of driven joints in one step [J]
+  double spring_energy_ = 0.0;          // energy of springs at end_ [J]
   double scale_ = 1.0;                  // largest coordinate or length [m]
   bool can_be_met_ = false;
 };

@@ -12,9 +12,10 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kNever = kInfinity;
-constexpr double kLowest = 1e-10;  // [m] of a bounce; what is lower lies
+constexpr double kLowest = 1e-10;  // [m] height of a bounce; a sphere with lower bounces rests
 
-/// When g + v t + a t²/2 falls to 0, of a gap that is open or closed; never where it is left.
+/// Time until the gap g + v t + a t²/2 falls to 0, where it is open or closed at first; kNever
+/// where it stays open.
 double time_to_close(double gap, double rate, double acceleration) {
   if (rate < 0.0) {
     if (gap <= 0.0) return 0.0;
@@ -35,7 +36,8 @@ Vector3d ElasticSpheres::place(const Flight& flight, double t) const {
   return flight.x + since * (flight.v + 0.5 * since * gravity_);
 }
 
-// all fall alike, so that they move along straight lines past each other
+// Time of the hit of two spheres. All spheres fall alike, and so move past each other on straight
+// lines.
 double ElasticSpheres::time_to_sphere(std::size_t a, std::size_t b, double now) const {
   const Vector3d d = place(flights_[a], now) - place(flights_[b], now);
   const Vector3d w = velocity(flights_[a], now) - velocity(flights_[b], now);
@@ -86,7 +88,7 @@ bool ElasticSpheres::begin(const List<BodyState>& states, double most) {
 
 // ---- hits
 
-// What of the approach is along the line of the hit is turned round.
+// Reverses the approach velocity along the line of the hit.
 void ElasticSpheres::have_hit(const Expected& hit, double start) {
   const std::size_t n = spheres_.size();
   const bool on_plane = hit.b >= n;

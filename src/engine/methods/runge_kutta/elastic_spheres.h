@@ -10,14 +10,13 @@
 
 namespace constraint_sim::engine {
 
-/// Spheres without friction that keep all of their energy when they hit each other or planes, any
-/// number of them: between two hits each goes along its parabola and turns as it does, in closed
-/// form, so that a queue of the times at which pairs will hit carries them from hit to hit. Nothing
-/// is kept from one span to the next but what was told.
+/// Spheres without friction and energy loss that hit each other or planes, in any number. Between
+/// hits each sphere moves on its parabola and rotates in closed form; a queue of predicted hits of
+/// pairs advances the spheres from hit to hit. Between intervals only the reported hits are kept.
 class ElasticSpheres {
  public:
   struct Sphere {
-    int body;  ///< of the world
+    int body;  ///< index in the world
     double mass, radius;
   };
   struct Plane {
@@ -26,19 +25,20 @@ class ElasticSpheres {
   };
   struct Hit {
     double time;              ///< simulated [s]
-    int a, b;                 ///< bodies of the world, a sphere first
-    Eigen::Vector3d impulse;  ///< on A [N s]
+    int a, b;                 ///< indices in the world; a is a sphere
+    Eigen::Vector3d impulse;  ///< impulse on A [N s]
   };
-  static constexpr std::uint32_t kMostHits = 200;  ///< of a sphere in a step, on the mean
+  static constexpr std::uint32_t kMostHits = 200;  ///< hits per sphere in a step, on average
 
-  /// One that is faster than `most_speed` [m/s] may meet what is no part of this.
+  /// Spheres faster than `most_speed` [m/s] may meet bodies outside this group.
   ElasticSpheres(List<Sphere> spheres, List<Plane> planes, double most_speed)
       : spheres_(std::move(spheres)), planes_(std::move(planes)), most_speed_(most_speed) {}
 
-  /// False where two overlap by more than `most` [m], or one is at rest on what it lies on: that is
-  /// for others.
+  /// Returns false where two bodies overlap by more than `most` [m], or a sphere rests on another
+  /// body; these cases need another method.
   bool begin(const List<BodyState>& states, double most);
-  /// As method.h says. Not done: too many hits, as of spheres that come to lie, or one too fast.
+  /// Advances the spheres as method.h describes. Gives up after too many hits, as of spheres that
+  /// come to rest, or where a sphere is too fast.
   IntegrationResult advance(const SmoothSpan& span, List<BodyState>* states);
 
   const List<Hit>& hits() const { return hits_; }
@@ -46,18 +46,18 @@ class ElasticSpheres {
   const List<Plane>& planes() const { return planes_; }
 
  private:
-  /// Where a sphere was at a time, and how fast.
+  /// Position and velocity of a sphere at one time.
   struct Flight {
     Eigen::Vector3d x, v;
-    double since = 0.0;         ///< [s] from the start of the span
-    std::uint32_t version = 0;  ///< what was expected of an earlier one does not come
+    double since = 0.0;         ///< time from the start of the interval [s]
+    std::uint32_t version = 0;  ///< hits predicted for an earlier version are void
   };
   struct Expected {
     double time;
-    std::size_t a, b;  ///< spheres, and planes after these
+    std::size_t a, b;  ///< indices of spheres; planes are numbered after spheres
     std::uint32_t version_a, version_b;
 
-    bool operator<(const Expected& other) const {  // the earliest is on top, then by number
+    bool operator<(const Expected& other) const {  // earliest on top, then by number
       if (time != other.time) return time > other.time;
       return a != other.a ? a > other.a : b > other.b;
     }
@@ -78,7 +78,7 @@ class ElasticSpheres {
   double most_speed_;
   List<Flight> flights_;
   Eigen::Vector3d gravity_;
-  double end_ = 0.0;  // of the span, from its start
+  double end_ = 0.0;  // end of the interval, from its start [s]
   std::priority_queue<Expected> expected_;
   List<Hit> hits_;
 };

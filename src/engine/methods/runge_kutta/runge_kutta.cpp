@@ -16,7 +16,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-// No pair is stable beyond this h ω: with few enough substeps there is no need to ask for ω.
+// Bound on h ω beyond which no pair is stable. Intervals with few substeps do not need ω.
 constexpr double kMostStable = 8.0;
 constexpr double kFarTooStiff = 15.0;
 
@@ -43,7 +43,7 @@ class Turning {
 
   void derivative(std::size_t, double t, const double* y, double* dydt) const {
     const Vector3d L = momentum_ + t * torque_;
-    // ω_B = I_B⁻¹ Rᵀ L, and q̇ = ½ q ⊗ (0, ω_B); within stages q is not quite of unit length
+    // ω_B = I_B⁻¹ Rᵀ L, and q̇ = ½ q ⊗ (0, ω_B). Within stages q is not exactly of unit length.
     const double w = y[3];
     const Vector3d v(y[0], y[1], y[2]);
     const Vector3d c = L.cross(v);
@@ -89,7 +89,7 @@ void RungeKutta::restart() {
 
 template <class Act>
 auto RungeKutta::with_system(Act act) {
-  if (equations_.redundant_rows() > 0)  // kernels have all rows
+  if (equations_.redundant_rows() > 0)  // kernels contain all rows
     return act(equations_);
   if (equations_.is_point_on_rod()) {
     PointOnRod point(equations_);
@@ -117,7 +117,8 @@ IntegrationResult RungeKutta::begin(const SmoothSpan& span, const IntegratorOpti
   const bool begins = !has_started_ || equations_.is_time_dependent();
   if (begins)
     equations_.begin(span.t, states, span.gravity, span.loads, span.courses, span.since_tick);
-  const bool has_jumped = begins && equations_.has_jumped();  // once, not in all spans that follow
+  // Jumps count once, not in later intervals.
+  const bool has_jumped = begins && equations_.has_jumped();
   if (!has_started_ || has_jumped || !equations_.satisfies_velocity_constraints(span.t, y))
     return start(span, accuracy, memory);
   return {};
@@ -191,7 +192,7 @@ bool RungeKutta::repeat_substep(const SmoothSpan& span, const IntegratorOptions&
   return is_done && progress.rejected == 0;
 }
 
-// so stiff that not even a few spans of substeps are to be tried
+// Whether the island is too stiff even to try a few intervals.
 bool RungeKutta::is_far_too_stiff(const IntegratorOptions& accuracy) {
   const double most =
       accuracy.tolerance > 0.0 ? kFarTooStiff * accuracy.most_frequency : accuracy.most_frequency;
@@ -204,7 +205,7 @@ IntegrationResult RungeKutta::start(const SmoothSpan& span, const IntegratorOpti
   const double before = equations_.kinetic_energy(memory.state());
   has_started_ = equations_.start(span.t, memory.state(), memory.derivatives());
   progress.projected = before - equations_.kinetic_energy(memory.state());
-  equations_.take_projected_energy();  // among that
+  equations_.take_projected_energy();  // part of `projected`
   progress.is_inconsistent = !has_started_;
   if (std::isfinite(accuracy.most_projected))
     has_started_ = has_started_ && progress.projected <= accuracy.most_projected * before;
@@ -233,7 +234,7 @@ IntegrationResult FreeRotation::advance(double h, const Vector3d& torque,
   }
   const bool goes_on = state->angular_velocity == after_.angular_velocity &&
                        state->orientation.coeffs() == after_.orientation.coeffs();
-  if (!goes_on)  // else L stays as it is, to the last bit
+  if (!goes_on)  // otherwise L keeps its bits
     momentum_ = apply_inertia(mass.inertia, state->orientation, state->angular_velocity);
   Turning turning(mass, momentum_, torque);
   std::array<double, StageMemory::kRows * Turning::size()> numbers;

@@ -11,9 +11,9 @@
 
 namespace constraint_sim::engine {
 
-/// An island with joints, carried through time by an embedded Runge-Kutta pair: Hairer, Nørsett &
-/// Wanner I, section II.5; projection: Hairer, Lubich & Wanner, Geometric Numerical Integration,
-/// section IV.4.
+/// Advances an island with joints by an embedded Runge-Kutta pair: Hairer, Nørsett & Wanner I,
+/// section II.5; projection: Hairer, Lubich & Wanner, Geometric Numerical Integration, section
+/// IV.4.
 class RungeKutta {
  public:
   explicit RungeKutta(EquationsOfMotion equations);
@@ -21,40 +21,42 @@ class RungeKutta {
   const EquationsOfMotion& equations() const { return equations_; }
   EquationsOfMotion& equations() { return equations_; }
   void begin_step(const List<JointState>& joints) { equations_.begin_step(joints); }
-  /// As method.h says, with its own equations.
+  /// Advances the island as method.h describes, with its own equations.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                             List<BodyState>* states);
-  /// advance() in parts, for a method that looks at every substep: first this.
+  /// First part of advance(), for methods that look at every substep.
   IntegrationResult begin(const SmoothSpan& span, const IntegratorOptions& accuracy,
                           const List<BodyState>& states);
-  /// Takes one substep of what is left of the span. Adds to `progress`; false where it gives up.
+  /// Makes one substep of the rest of the interval and adds to `progress`. Returns false where it
+  /// gives up.
   bool advance_substep(const SmoothSpan& span, const IntegratorOptions& accuracy, SubstepSpan* left,
                        IntegrationResult* progress);
-  /// Keeps where a substep starts.
+  /// Saves the start of a substep.
   void keep_start();
-  /// Goes back there.
+  /// Returns to the saved start.
   void return_to_start();
-  /// Takes a substep of h from there, which was at t. False where that has no result.
+  /// Repeats a substep with length h from the saved start at time t. Returns false where it fails.
   bool repeat_substep(const SmoothSpan& span, const IntegratorOptions& accuracy, double t,
                       double h);
-  /// The state and its derivative, as the equations have them.
+  /// State and derivative, laid out as in EquationsOfMotion.
   const double* state() const { return numbers_.data(); }
   const double* derivative() const {
     return numbers_.data() + StageMemory::kDerivatives * equations_.size();
   }
-  /// What the next substep is tried with [s].
+  /// First guess of the next substep [s].
   double step() const { return step_; }
   void set_step(double step) { step_ = step; }
-  /// Whether the next span continues the last one.
+  /// Whether the next interval continues the last one.
   bool has_started() const { return has_started_; }
-  /// Somebody else has moved the bodies.
+  /// Notes that bodies were moved from outside.
   void forget() { has_started_ = false; }
-  /// Goes on as one just made.
+  /// Resets to the state after construction.
   void restart();
-  /// Visits all that the next advance() goes on from, beside the bodies, as engine/memory.h says.
+  /// Visits all state that the next advance() continues from, except the bodies, as engine/memory.h
+  /// describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
-    visit.beside(self.has_started_);  // decides what of the equations follows
+    visit.beside(self.has_started_);  // has_started_ decides which data of the equations follow
     EquationsOfMotion::visit_memory(self.equations_, visit, self.has_started_);
     visit(self.step_);
     visit(self.has_started_);
@@ -75,25 +77,25 @@ class RungeKutta {
                                         const IntegratorOptions& accuracy);
 
   EquationsOfMotion equations_;
-  List<double> numbers_;      // of StageMemory
-  double step_ = 0.0;         // what the next substep is tried with [s]
-  bool has_started_ = false;  // the derivative of the first stage is there
-  List<double> kept_;         // state and derivative, of keep_start()
+  List<double> numbers_;      // storage of StageMemory
+  double step_ = 0.0;         // first guess of the next substep [s]
+  bool has_started_ = false;  // whether the derivative of the first stage is known
+  List<double> kept_;         // state and derivative, saved by keep_start()
 };
 
-/// A body's rotation that no joint acts on: L is constant, or grows with a constant torque, and
-/// only q̇ = ½ (0, I_W⁻¹ L) ⊗ q is integrated; of isotropic bodies not even that.
+/// Rotation of a body without joints. L is constant or grows with a constant torque; only q̇ = ½
+/// (0, I_W⁻¹ L) ⊗ q is integrated, and for isotropic bodies not even q̇.
 class FreeRotation {
  public:
-  /// Whether there is anything to advance.
+  /// Whether spin or torque rotates the body.
   static bool turns(const Eigen::Vector3d& torque, const BodyState& state) {
     return !(state.angular_velocity.isZero(0.0) && torque.isZero(0.0));
   }
   IntegrationResult advance(double h, const Eigen::Vector3d& torque, const MassProperties& mass,
                             const IntegratorOptions& accuracy, StopFlag stop, BodyState* state);
-  /// Whether it has something to go on from.
+  /// Whether there is memory of the last interval.
   bool has_memory() const { return step_ != 0.0; }
-  /// Visits the same, beside the body, as engine/memory.h says.
+  /// Visits the memory of the last interval, except the body, as engine/memory.h describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit(self.step_);
@@ -105,14 +107,15 @@ class FreeRotation {
   }
 
  private:
-  double step_ = 0.0;                                   // the next substep is tried with [s]
-  BodyState after_;                                     // the last span
-  Eigen::Vector3d momentum_ = Eigen::Vector3d::Zero();  // L then
-  Eigen::Vector3d torque_ = Eigen::Vector3d::Zero();    // in it
-  Eigen::Vector4d first_derivative_ = Eigen::Vector4d::Zero();  // of the next span, if that goes on
+  double step_ = 0.0;                                   // first guess of the next substep [s]
+  BodyState after_;                                     // state at the end of the last interval
+  Eigen::Vector3d momentum_ = Eigen::Vector3d::Zero();  // L at the end of the last interval
+  Eigen::Vector3d torque_ = Eigen::Vector3d::Zero();    // torque in the last interval
+  // Derivative at the start of the next interval, where that continues.
+  Eigen::Vector4d first_derivative_ = Eigen::Vector4d::Zero();
 };
 
-/// x and v of a body that nothing holds, by the parabola.
+/// Advances x and v of a body without joints along its parabola.
 void integrate_ballistic(double h, const Eigen::Vector3d& acceleration, BodyState* state);
 
 }  // namespace constraint_sim::engine

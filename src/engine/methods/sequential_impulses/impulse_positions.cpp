@@ -1,4 +1,4 @@
-// The last stage of RowSolver: positions, and the end of what closed errors.
+// Last stage of RowSolver: positions, and removal of correction velocities.
 
 #include <Eigen/LU>
 #include <algorithm>
@@ -15,10 +15,10 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// Turns a body without torque for h. With L' = L_B × ω of the body frame, a rotation about
-// I⁻¹ (L₀ + L₁) from L₀ to L₁ keeps L in the world and the energy, both exactly; the angle is that
-// of an even rotation. Newton's method finds L₁. Where the body turns too far in one step for that,
-// it turns about L.
+// Rotates a body for h without torque. With L' = L_B × ω in the body frame, a rotation about I⁻¹
+// (L₀ + L₁) from L₀ to L₁ conserves the energy and L in the world exactly; the angle is that of a
+// uniform rotation. Newton's method finds L₁. A body that rotates too far in one step for that
+// rotates about L.
 void turn(const MassProperties& mass, double h, BodyState* body) {
   const Quaterniond q_0 = body->orientation;
   const Vector3d w = q_0.conjugate() * body->angular_velocity;
@@ -27,8 +27,7 @@ void turn(const MassProperties& mass, double h, BodyState* body) {
   const double speed = w.norm();
   const double half_angle = 0.5 * h * speed;
   bool is_found = false;
-  Vector3d
-      half_turn;  // about the axis of the step, in the body frame; of length tan of half the angle
+  Vector3d half_turn;  // axis of the step in the body frame, with length tan of half the angle
   if (half_angle < 1.0) {
     const auto [sine, cosine] = math::sin_cos(half_angle);
     const double scale = half_angle > 1e-4 ? sine / (cosine * speed)
@@ -61,7 +60,7 @@ void turn(const MassProperties& mass, double h, BodyState* body) {
   body->angular_velocity = apply_inertia(mass.inverse_inertia, body->orientation, L_W);
 }
 
-// Turns a body by the vector `angle` at the same angular momentum, and returns the energy gained.
+// Rotates a body by the vector `angle` at constant angular momentum. Returns the energy gained [J].
 double turn_at_rest(const MassProperties& mass, const Vector3d& angle, BodyState* body) {
   const Quaterniond q_0 = body->orientation;
   body->orientation = (rotation(angle) * q_0).normalized();
@@ -72,9 +71,9 @@ double turn_at_rest(const MassProperties& mass, const Vector3d& angle, BodyState
   return 0.5 * L.dot(body->angular_velocity) - before;
 }
 
-// I⁻¹, with 1e-12 of the trace added to the diagonal: of points in line the moment of inertia about
-// that line is zero, and so is the angular momentum. Of a point alone both are zero, and so is the
-// answer. A power of two keeps the determinant within the range of numbers.
+// Inverse of an inertia with 1e-12 of its trace added to the diagonal. Points in a line have
+// neither a moment of inertia nor an angular momentum about the line, a single point about no axis.
+// A power of two keeps the determinant within the range of numbers.
 Matrix3d regularized_inverse(const Matrix3d& inertia) {
   const double trace = inertia.trace();
   if (!(trace > 0.0)) return Matrix3d::Zero();
@@ -83,7 +82,7 @@ Matrix3d regularized_inverse(const Matrix3d& inertia) {
   return scale * scaled.inverse();
 }
 
-// angular momentum of a body about its centre
+// Angular momentum of a body about its centre.
 Vector3d spin(const MassProperties& mass, const BodyState& body, const Vector3d& w) {
   if (!mass.can_turn()) return Vector3d::Zero();
   return apply_inertia(mass.inertia, body.orientation, w);
@@ -132,7 +131,7 @@ double RowSolver::update_positions(const List<int>& moved, const Masses& masses,
   return work;
 }
 
-// ---- corrections leave no velocity behind
+// ---- removal of correction velocities
 
 void RowSolver::finish_row(std::size_t i, const Row& row, const Jacobian& J, double C) {
   const double b = row.correction_impulse;
@@ -148,8 +147,9 @@ void RowSolver::finish_row(std::size_t i, const Row& row, const Jacobian& J, dou
   spring_work_ += 0.5 * row.stiffness * (by_all * by_all - by_v * by_v);
 }
 
-// Gives back what a step along straight lines loses, as far as the component lost it; and takes out
-// what the curved course of springs' ends has added.
+// Removes w by impulses along the Jacobians after the step, which gives back energy that a step
+// along straight lines loses, up to the loss of the component. Damps components in which curved
+// paths of spring ends have added energy.
 double RowSolver::take_out_corrections(const List<int>& moved, const Masses& masses,
                                        const Bodies& bodies, List<Twist>* corrections) {
   for (const int body : moved) {
@@ -187,7 +187,7 @@ double RowSolver::take_out_corrections(const List<int>& moved, const Masses& mas
   return work;
 }
 
-// each component as one rigid body, by its motion and what is about to change it
+// Gathers each component as one rigid body, with its motion and the changes to be made.
 void RowSolver::gather_rigid(const List<int>& moved, const Masses& masses, const Bodies& bodies) {
   rigid_.resize(components_.size());
   for (const int body : moved) rigid_[body] = Rigid{};
@@ -222,9 +222,9 @@ void RowSolver::gather_rigid(const List<int>& moved, const Masses& masses, const
   }
 }
 
-// Scales the changes of velocity, and damps where energy was gained. What that takes from the
-// momenta of bodies that rows connect with each other alone, they get back by moving together.
-// Returns the work of the angular momentum that the corrections left to them.
+// Scales the changes of velocities, and damps components that gained energy. A component without
+// attachment gets the lost momenta back as a common motion. Returns the work of the angular
+// momentum that corrections left [J].
 double RowSolver::limit_changes(const List<int>& moved, const Masses& masses,
                                 const Bodies& bodies) {
   gather_rigid(moved, masses, bodies);

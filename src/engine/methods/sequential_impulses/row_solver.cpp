@@ -12,17 +12,17 @@ using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
 
-// What losing self-stress may change of the velocities that impulses make, as a share; and of those
-// that it would make were it none.
+// Bounds on velocity changes by the removal of self-stress, as a share of the velocities by all
+// impulses, and of the velocities that the self-stress would cause unless balanced.
 constexpr double kDisturbance = 1e-2, kRoundOff = 1e-9;
 
-// the impulse, so far and in all, that makes J V = target − softness·p
+// Impulse, so far and in total, that makes J V = target − softness·p.
 double wanted_impulse(const Row& row, double impulse, double target, double J_V,
                       double effective_mass) {
   return impulse + (target - row.softness * impulse - J_V) * effective_mass;
 }
 
-// What J w is driven to. A row that acts one way only asks for no more than v leaves open.
+// Target of J w. A one-sided row demands no more than v leaves open.
 double correction_target(const Row& row, double J_V) {
   if (row.lower == 0.0) return std::min(row.target + row.correction - J_V, row.correction);
   if (row.upper == 0.0) return std::max(row.target + row.correction - J_V, row.correction);
@@ -81,7 +81,7 @@ void RowSolver::prepare_bodies(const List<int>& moved, const Bodies& bodies, con
     inertia.principal = masses[i].inertia;
     inertia.inverse_W = inertia.R * masses[i].inverse_inertia.asDiagonal() * inertia.R.transpose();
   };
-  for (const Row& row : rows)  // those that move by themselves, or not at all
+  for (const Row& row : rows)  // kinematic and static bodies
     for (const int body : {row.body_a, row.body_b})
       if (!masses[body].is_movable()) {
         prepare(body, false);
@@ -90,7 +90,7 @@ void RowSolver::prepare_bodies(const List<int>& moved, const Bodies& bodies, con
   for (const int i : moved) prepare(i, true);
 }
 
-// which bodies rows connect
+// Connects bodies to components by their rows.
 void RowSolver::connect(const List<Row>& rows) {
   const auto join = [this](int body_a, int body_b) {
     const int a = component_of(body_a);
@@ -115,7 +115,7 @@ int RowSolver::component_of(int body) {
   return body;
 }
 
-// M⁻¹ Jᵀ and the constraint mass of each row at the positions before the step
+// Computes M⁻¹ Jᵀ and the effective mass of each row, at the positions before the step.
 void RowSolver::respond(const List<Row>& rows) {
   responses_.resize(rows.size());
   any_corrections_ = is_to_finish_ = false;
@@ -146,7 +146,7 @@ void RowSolver::respond(const List<Row>& rows) {
   for (Response& r : responses_) r.corrects = any_corrections_ && components_[r.component].corrects;
 }
 
-// Of both parts of a coupled row: K = J M⁻¹ Jᵀ of their sum.
+// Joins both parts of a coupled row: K = J M⁻¹ Jᵀ of the sum of the parts.
 void RowSolver::join_parts(const Row& first, const Row& second, Response* of_second) {
   Response& of_first = *(of_second - 1);
   double across = 0.0;
@@ -171,9 +171,9 @@ void RowSolver::join_parts(const Row& first, const Row& second, Response* of_sec
   v[row.body_b] += impulse * r.response_b;
 }
 
-// The impulses of the step before, where starting from zero would not be nearer: the sweeps lower
-// ½ pᵀ A p + pᵀ (J v − target), which is zero for p = 0. Where the guess is above that, it is
-// scaled to its minimum.
+// Applies the impulses of the previous step as first guess, unless zero is nearer: the sweeps lower
+// ½ pᵀ A p + pᵀ (J v − target), which is zero for p = 0. A guess with a positive value is scaled to
+// its minimum.
 void RowSolver::warm_start(const List<int>& moved, List<Row>& rows) {
   bool any = false;
   for (std::size_t i = 0; i < rows.size(); ++i) {
@@ -206,8 +206,8 @@ void RowSolver::warm_start(const List<int>& moved, List<Row>& rows) {
     rows[i].impulse *= components_[responses_[i].component].scale;
 }
 
-// Damped Jacobi sweeps on A n = 0, with K times the number of rows on a body for the diagonal,
-// which bounds A. They leave the part of n that does nothing.
+// Makes damped Jacobi sweeps on A n = 0. The diagonal is K times the number of rows on a body,
+// which bounds A. The sweeps leave the part of n without effect on velocities.
 void RowSolver::lose_self_stress(List<Row>& rows, List<LoopRow>* loop_rows, double part,
                                  int sweeps) {
   loop_rows_of_.assign(before_.size(), 0);
@@ -299,7 +299,7 @@ RowSolver::Outcome RowSolver::solve(const List<int>& moved, List<Row>& rows, int
   return outcome;
 }
 
-// A row of two parts, which get the same impulse.
+// Solves a row of two parts, which get equal impulses.
 void RowSolver::solve_coupled(Row* row, const Response* r) {
   const auto rate = [&](const List<Twist>& velocities) {
     return velocity_along(row[0], r[0], velocities) + velocity_along(row[1], r[1], velocities);
@@ -319,8 +319,8 @@ void RowSolver::solve_coupled(Row* row, const Response* r) {
   row[0].correction_impulse = row[1].correction_impulse = b;
 }
 
-// Both tangents by one mass, or sliding would not be braked straight against its direction; then
-// back onto Coulomb's disk.
+// Solves both tangents with one mass, since otherwise sliding would not be braked straight against
+// its direction; then projects the impulse onto Coulomb's disk.
 void RowSolver::solve_friction(double normal_impulse, Row* row, const Response* response) {
   const double limit = row->friction * normal_impulse;
   const double mass = std::min(response[0].effective_mass, response[1].effective_mass);
@@ -345,7 +345,7 @@ double largest_scale(double quadratic, double linear, double most) {
   return std::clamp(s, 0.0, 1.0);
 }
 
-// ½ vᵀ M v
+// Kinetic energy ½ vᵀ M v.
 double RowSolver::kinetic_energy(int body, const Twist& v) const {
   const Inertia& inertia = inertias_[body];
   double twice = v.head<3>().squaredNorm() / inertia.inverse_mass;
@@ -356,7 +356,7 @@ double RowSolver::kinetic_energy(int body, const Twist& v) const {
   return 0.5 * twice;
 }
 
-// what another sweep would change, and the work of the impulses
+// Computes the largest change by another sweep, and the work of the impulses.
 RowSolver::Outcome RowSolver::account(const List<int>& moved, const List<Row>& rows) {
   Outcome outcome;
   for (const int body : moved) components_[body].work = components_[body].absorbed = 0.0;
@@ -380,7 +380,7 @@ RowSolver::Outcome RowSolver::account(const List<int>& moved, const List<Row>& r
       }
       outcome.residual = std::max(outcome.residual, change * (r.K + row.softness));
     }
-    const bool is_given = row.lower == row.upper;  // a force, as those from outside
+    const bool is_given = row.lower == row.upper;  // a given force, treated like loads
     const double drive = is_given ? J_V : row.drive;
     const double rate = J_V - drive;
     components_[r.component].work += row.impulse * rate;
@@ -402,9 +402,9 @@ RowSolver::Outcome RowSolver::account(const List<int>& moved, const List<Row>& r
   return outcome;
 }
 
-// Scales the impulses of components that would gain energy, and returns whether there were any.
-// With D = M⁻¹ Jᵀ p and a = Δv − D the gain at a scale s is −½|a|² + s pᵀ(J v₀ − ζ) + ½ s² |D|²,
-// which is not positive at s = 0.
+// Scales the impulses of components that would gain energy. Returns whether there were any. With D
+// = M⁻¹ Jᵀ p and a = Δv − D the gain at a scale s is −½|a|² + s pᵀ(J v₀ − ζ) + ½ s² |D|², which is
+// not positive at s = 0.
 bool RowSolver::limit_energy(const List<int>& moved, List<Row>& rows) {
   bool any = false;
   for (const int body : moved) {

@@ -24,7 +24,7 @@ void apply_wrenches(const List<ActingWrench>& wrenches, const List<MassPropertie
   }
 }
 
-// Of the rows of a contact point: slipping where the sweeps left friction at its limit.
+// State of a contact point, from its rows: slipping where the sweeps left friction at its limit.
 ContactState contact_state(const Row* rows, std::size_t count) {
   if (count < kMaxContactRows || rows[0].impulse == 0.0) return ContactState::kClosed;
   const double limit = rows[1].friction * rows[0].impulse;
@@ -36,8 +36,8 @@ double work_at(const ActingWrench& wrench, const Twist& v) {
   return wrench.duration * (wrench.force.dot(v.head<3>()) + wrench.torque.dot(v.tail<3>()));
 }
 
-// Adds the work of wrenches on bodies that have the velocities of the solver [J]. Corrections that
-// move a body against a wrench do the opposite work, as they do against its weight.
+// Adds the work of wrenches at the velocities of the solver [J]. Corrections that move a body
+// against a wrench do the opposite work, as corrections against its weight do.
 void add_work(const List<ActingWrench>& wrenches, const RowSolver& solver, double* driven,
               double* by_corrections) {
   for (const ActingWrench& wrench : wrenches) {
@@ -52,17 +52,17 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
                                           State* state) {
   ImpulseReport report;
   StageTimes* const times = &report.stage_times;
-  {  // 3. what joints and contacts ask of the velocities
+  {  // stage 3: rows of joints and contacts
     const StageTimer timer(step.clock, Stage::kRows, times);
     report.max_penetration = prepare_rows(model, step, state);
     report.rows = static_cast<std::uint32_t>(rows_.size());
     report.contacts = static_cast<std::uint32_t>(contact_rows_.size());
   }
-  {  // 4. by gravity, and by the impulses of the step before
+  {  // stage 4: gravity, and impulses of the previous step
     const StageTimer timer(step.clock, Stage::kVelocities, times);
     update_velocities(model, step, state);
   }
-  if (!rows_.empty()) {  // 5. to what the rows allow
+  if (!rows_.empty()) {  // stage 5: velocities that the rows allow
     const StageTimer timer(step.clock, Stage::kSolve, times);
     const int sweeps = model.options.iterations;
     const RowSolver::Outcome solved = solver_.solve(step.bodies, rows_, sweeps, step.stop);
@@ -70,7 +70,7 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
     report.solver_residual = solved.residual;
     report.driven_work = solved.driven_work;
   }
-  {  // 6. with the final velocities
+  {  // stage 6: positions by the final velocities
     const StageTimer timer(step.clock, Stage::kPositions, times);
     add_work(step.wrenches, solver_, &report.driven_work, &report.correction_work);
     report.correction_work += solver_.update_positions(
@@ -81,7 +81,7 @@ ImpulseReport SequentialImpulses::advance(const Model& model, const ImpulseStep&
 
 // ---- 3. rows
 
-// Returns the depth of the deepest contact [m].
+// Computes all rows. Returns the depth of the deepest contact [m].
 double SequentialImpulses::prepare_rows(const Model& model, const ImpulseStep& step, State* state) {
   rows_.clear();
   joint_rows_.clear();
@@ -176,8 +176,8 @@ void SequentialImpulses::update_velocities(const Model& model, const ImpulseStep
   if (!loop_rows_.empty()) lose_self_stress(model.options, state->self_stress);
 }
 
-// What redundant joints keep of an impact, or of an edit, falls to a share of 1/e in so long,
-// though by no more than a tenth in a step: what is not yet known well is given back by the sweeps.
+// Lowers the self-stress that redundant joints keep of an impact or an edit to 1/e in kTime, by at
+// most a tenth per step: sweeps give back what is not known well yet.
 void SequentialImpulses::lose_self_stress(const WorldOptions& options,
                                           const List<SelfStress>& known) {
   constexpr double kTime = 0.1;  // [s]

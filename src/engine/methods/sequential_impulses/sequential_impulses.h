@@ -16,7 +16,7 @@
 
 namespace constraint_sim::engine {
 
-/// A wrench that acts on a body for a part of a step; world axes.
+/// Wrench on a body for a part of a step; world axes.
 struct ActingWrench {
   std::size_t body;
   double duration;         ///< [s]
@@ -24,39 +24,39 @@ struct ActingWrench {
   Eigen::Vector3d torque;  ///< about the centre of mass [N m]
 };
 
-/// Which bodies and joints impulses carry in a step, and what acts on them; all by index.
+/// Bodies and joints of the method in a step, and their loads; all by index.
 struct ImpulseStep {
   JointStep span;
-  const List<int>& bodies;                                      ///< dynamic ones
-  const List<int>& joints;                                      ///< on them, all of which act
-  const List<std::pair<std::size_t, std::size_t>>& joint_ends;  ///< of all joints
-  const List<bool>& is_in_loop;  ///< joints of an island that has a loop of joints
+  const List<int>& bodies;                                      ///< dynamic bodies
+  const List<int>& joints;                                      ///< acting joints of the bodies
+  const List<std::pair<std::size_t, std::size_t>>& joint_ends;  ///< one pair per joint of the world
+  const List<bool>& is_in_loop;  ///< per joint: its island has a loop of joints
   const List<ActingWrench>& wrenches;
   StopFlag stop;
   Clock clock;
 };
 
-/// What the method did, and what it cost.
+/// Results and cost of a step.
 struct ImpulseReport {
   std::uint32_t rows = 0, contacts = 0, iterations = 0;
   double max_penetration = 0.0;  ///< [m]
   double solver_residual = 0.0;  ///< [m/s]
-  double driven_work = 0.0;      ///< of wrenches, motors and kinematic bodies [J]
-  double correction_work = 0.0;  ///< of what closes errors [J]
+  double driven_work = 0.0;      ///< work of wrenches, motors and kinematic bodies [J]
+  double correction_work = 0.0;  ///< work of position corrections [J]
   StageTimes stage_times{};      ///< [s]
 };
 
-/// Stages 3 to 6 of the tutorial's step, for the islands that no other method can carry. Owns the
-/// rows of a step; between steps these are only scratch memory.
+/// Stages 3 to 6 of the step in the tutorial, for islands that no other method can advance. Owns
+/// the rows of a step; between steps these are scratch memory.
 class SequentialImpulses {
  public:
-  /// Carries the bodies of `step` to its end.
+  /// Advances the bodies of `step` to the end of the step.
   ImpulseReport advance(const Model& model, const ImpulseStep& step, State* state);
-  /// Reads back from the rows what they did to the joints and contacts, at the positions after the
-  /// step, and what of the velocities closed errors and is to be taken out as the next step begins.
-  /// Returns the work of that [J].
+  /// Reads results of joints and contacts from the rows, at the positions after the step, and the
+  /// correction velocities to remove at the start of the next step. Returns the work of the
+  /// corrections [J].
   double finish(const Model& model, const ImpulseStep& step, State* state);
-  /// Writes what of the rows' impulses balances itself; only where the step is not taken back.
+  /// Writes the self-stress of the rows. Called only where the step is not taken back.
   void keep_self_stress(List<SelfStress>* self_stress) const;
 
  private:

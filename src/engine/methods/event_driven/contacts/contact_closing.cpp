@@ -1,7 +1,7 @@
-// What another method has left of overlaps, closed before a group goes on by events: the least
-// change Σ m ‖Δx‖² + Δφ·I Δφ of positions after which no shape is in another one and the joints
-// hold. Overlaps are those of the narrowphase, linearised anew in each round; what of them acts is
-// the cone problem of impulses without friction, with gaps in place of velocities.
+// Closing of overlaps that another method has left, before a group is advanced by events: the least
+// change Σ m ‖Δx‖² + Δφ·I Δφ of positions after which no shapes overlap and the joints hold. Each
+// round linearizes the overlaps found by the narrowphase and solves the cone problem of impulses
+// without friction, with gaps in place of velocities.
 
 #include <algorithm>
 
@@ -17,10 +17,11 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr int kMostClosingRounds = 10;  // each leaves about the square of what there was
-constexpr int kMostMeetings = 2;        // rounds after that
-constexpr double kClosed = 1e-9;        // [m] of overlap, that events close themselves
-constexpr double kNear = 2.0;  // of the largest overlap: points that far apart could be pushed in
+constexpr int kMostClosingRounds = 10;  // each round leaves about the square of the overlap
+constexpr int kMostMeetings = 2;        // rounds after that, which close gaps
+constexpr double kClosed = 1e-9;        // [m] events close such overlaps themselves
+// Multiple of the largest overlap; nearer points may be pushed into each other.
+constexpr double kNear = 2.0;
 
 }  // namespace
 
@@ -45,7 +46,7 @@ double ContactEvents::find_overlaps(double margin) {
   return deepest;
 }
 
-// by what coordinates are beyond what holds them one way
+// Largest violation of a one-sided limit by a coordinate.
 double ContactEvents::beyond_limits() const {
   double most = 0.0;
   for (const ContactEquations::Coordinate& of : equations_.coordinates) {
@@ -57,8 +58,7 @@ double ContactEvents::beyond_limits() const {
   return most;
 }
 
-// A round: the overlaps that find_overlaps() has found, or, where they are to be `met`, gaps as
-// well.
+// Makes a round with the contacts of find_overlaps(). Closes overlaps, and with `met` also gaps.
 bool ContactEvents::close_found(bool met) {
   responses_.clear();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c)
@@ -77,7 +77,8 @@ bool ContactEvents::close_found(bool met) {
   return equations_.project(0.0, y);
 }
 
-// False where it does not come to an end, or would push a joint beyond what holds it.
+// Closes all overlaps. Returns false where rounds do not converge, or would push a joint beyond its
+// limits.
 bool ContactEvents::close_overlaps(Span* span, List<BodyState>* states) {
   const double before = equations_.kinetic_energy() + equations_.potential_energy();
   const double beyond = std::max(beyond_limits(), kTouching);
@@ -89,7 +90,7 @@ bool ContactEvents::close_overlaps(Span* span, List<BodyState>* states) {
     if (!close_found(false)) return false;
     deepest = find_overlaps(0.0);
   }
-  // gaps of the second order are left, from which bodies would fall, and rattle
+  // Gaps of second order remain, from which bodies would fall and rattle.
   const List<double> closed = equations_.numbers();
   for (int round = 0; round < kMostMeetings && last > 0.0; ++round) {
     find_overlaps(kNear * last);

@@ -16,13 +16,14 @@ using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
 constexpr int kMostNewton = 12;
-constexpr double kStill = 1e-13;              // of gravity: less is rounding of forces that balance
-constexpr double kStillFor = 1.0;             // [s] and a speed that it has after so long
-constexpr double kContactsProjected = 1e-12;  // of the scale: rows that are off by more are not met
+constexpr double kStill = 1e-13;   // share of gravity; less is rounding of balanced forces
+constexpr double kStillFor = 1.0;  // [s] in which kStill gives the speed that counts as rest
+// Share of the scale; a row with a larger error is not met.
+constexpr double kContactsProjected = 1e-12;
 
 }  // namespace
 
-// ---- where things are
+// ---- kinematics
 
 void ContactEquations::gather_state(const List<BodyState>& states, double since_tick) {
   t_ = 0.0;
@@ -100,7 +101,7 @@ void ContactEquations::place_movers() {
   }
 }
 
-// Of what acts on a body: where it moves by itself what that does to the others.
+// Power of a kinematic body on the other bodies, by force and torque on the kinematic body.
 double ContactEquations::driven_power(std::size_t body, const Vector3d& force,
                                       const Vector3d& torque) const {
   if (body < movable) return 0.0;
@@ -111,7 +112,7 @@ double ContactEquations::driven_power(std::size_t a, std::size_t b, const Jacobi
   return driven_power(a, F.j1, F.j2) + driven_power(b, F.j3, F.j4);
 }
 
-// of a force of one unit
+// Power of kinematic bodies by a unit force of a row.
 double ContactEquations::driven_power(const Row& row) const {
   if (row.contact < 0) return driven_power(row.a, row.b, row.J);
   return driven_power(row.a, row.b,
@@ -127,7 +128,8 @@ void ContactEquations::set_states(const List<BodyState>& states) {
   for (std::size_t i = 0; i < bodies.size(); ++i) place_shape(i);
 }
 
-// Features are in the frames of shapes, arms and accelerations are those of centres of mass.
+// Relative motion at a contact. Features are in frames of shapes; arms and accelerations refer to
+// centres of mass.
 ContactMotion ContactEquations::motion(const Contact& contact,
                                        const ContactFeature& feature) const {
   ContactMotion motion = motion_of(feature, shape_state(contact.a), shape_state(contact.b));
@@ -148,7 +150,7 @@ void ContactEquations::scatter_state(List<BodyState>* states) const {
     (*states)[static_cast<std::size_t>(bodies[i].index)] = states_[i];
 }
 
-// ---- a System
+// ---- System
 
 void ContactEquations::derivative(std::size_t stage, double t, const double* y, double* dydt) {
   t_ = t;
@@ -208,8 +210,8 @@ void ContactEquations::derivative(std::size_t stage, double t, const double* y, 
   }
 }
 
-// The least change M⁻¹ Jᵀ λ of positions or velocities that takes out what the rows are off by, in
-// linear_ and angular_.
+// Computes the least change M⁻¹ Jᵀ λ of positions or velocities that removes the errors of the
+// rows, in linear_ and angular_.
 bool ContactEquations::find_change(double Row::*by) {
   factor_rows(true);
   lambda_.resize(rows_.size());
@@ -249,7 +251,7 @@ bool ContactEquations::project(double t, double* y) {
   }
 }
 
-// Velocities onto the rows that act, and the derivative there.
+// Projects velocities onto the acting rows, and evaluates the derivative.
 bool ContactEquations::restart(double* y, double* dydt, const double* known) {
   place(y);
   rows_.clear();
@@ -329,7 +331,7 @@ void ContactEquations::restore() {
   for (std::size_t j = 0; j < joints.size(); ++j) joints[j].impulse = kept_joints_[j];
 }
 
-// as EquationsOfMotion has it
+// Squared size of a change of the state, defined as in EquationsOfMotion.
 double ContactEquations::squared_size_of(const double* dy, double h) const {
   double largest = 0.0;
   const auto consider = [&](double square) { largest = larger(largest, square); };

@@ -16,18 +16,18 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr std::uint32_t kTaken = std::numeric_limits<std::uint32_t>::max();
-constexpr double kFastShare = 0.25;     // of a thickness, that a substep may move by
-constexpr double kMostTurn = 1.0;       // [rad] of a box in a substep
-constexpr std::uint32_t kMostJams = 4;  // in a step
-constexpr double kOverlap = 1e-9;       // [m] more has been missed
-constexpr int kMostMissed = 40;         // substeps in a step that are taken again for that
+constexpr double kFastShare = 0.25;     // share of a thickness that a substep may move by
+constexpr double kMostTurn = 1.0;       // [rad] rotation of a box in a substep
+constexpr std::uint32_t kMostJams = 4;  // per step
+constexpr double kOverlap = 1e-9;       // [m] a deeper overlap was missed
+constexpr int kMostMissed = 40;         // substeps repeated per step for missed overlaps
 
 }  // namespace
 
-// ---- where things are
+// ---- contact features
 
-// What of each pair can meet. Contacts that hold go on with their features, unless `all`. Those of
-// two boxes stay what they are within a substep.
+// Updates the features of all pairs. Acting contacts keep their features, unless `all`. Features of
+// two boxes stay unchanged inside a substep (`is_within`).
 void ContactEvents::find_features(bool all, bool is_within) {
   List<ContactFeature>& found = found_;
   for (const Pair& pair : pairs_) {
@@ -43,7 +43,7 @@ void ContactEvents::find_features(bool all, bool is_within) {
   }
 }
 
-// Edges that were there before are where they were.
+// Keeps known edge features in their places in the list of contacts.
 void ContactEvents::keep_places(const Pair& pair, bool all, List<ContactFeature>* found) const {
   std::array<ContactFeature, kBoxEdges> edges;
   std::array<char, kBoxEdges> is_free;
@@ -73,8 +73,8 @@ void ContactEvents::keep_places(const Pair& pair, bool all, List<ContactFeature>
   }
 }
 
-// Whether bodies overlap: two boxes may have met with something else than what was watched, and no
-// event may be late.
+// Whether bodies overlap unnoticed. Two boxes may have met with features that were not watched, and
+// no event may be late.
 bool ContactEvents::has_missed() {
   bool any = false;
   List<double>& depth = depth_now_;
@@ -88,7 +88,7 @@ bool ContactEvents::has_missed() {
       any = any || depth[p] > std::max(kOverlap, depth_[p]);
       continue;
     }
-    // with corners of one alone it is apart by a face
+    // Features of only one box: a face separates the boxes.
     const auto is_nothing = [&](std::size_t k) {
       return equations_.contacts[pair.first + k].feature.kind == ContactFeature::Kind::kNothing;
     };
@@ -111,7 +111,7 @@ std::size_t ContactEvents::most_points(const Shape& a, const Shape& b) {
   return is_round(a) || is_round(b) ? 1 : 8;
 }
 
-// The contacts of all pairs, open.
+// Adds the contacts of all pairs, open.
 void ContactEvents::add_contacts() {
   equations_.contacts.clear();
   pair_of_.clear();
@@ -171,9 +171,9 @@ bool ContactEvents::has_touched(std::size_t contact) const {
   return of.acts != Acts::kOpen || !of.impulse.isZero(0.0);
 }
 
-// ---- a span
+// ---- an interval
 
-// What motors ask for in a span, where coordinates are and what has given way by now.
+// Starts prescribed motions, and reads positions and yielded displacements of coordinates.
 void ContactEvents::begin_joints(const Span& span, const JointStep& step,
                                  const List<JointState>& states) {
   equations_.origin = span.all.t;
@@ -203,7 +203,7 @@ void ContactEvents::begin_joints(const Span& span, const JointStep& step,
   done_.spans = true;
 }
 
-// What acted before the step, as far as it shows.
+// Infers the states before the step, as far as the motion shows them.
 void ContactEvents::note_last_states() {
   last_states_.clear();
   was_saturated_.clear();
@@ -224,13 +224,13 @@ void ContactEvents::note_last_states() {
   }
 }
 
-// whole turns are counted from one substep to the next
+// Counts whole turns from one substep to the next.
 void ContactEvents::note_positions() {
   for (ContactEquations::Coordinate& of : equations_.coordinates)
     of.position = equations_.read(of, nullptr).q;
 }
 
-// A limit of a length that gives way goes with it.
+// Moves a yielding limit of a length along with the length.
 void ContactEvents::give_way(std::size_t c) {
   ContactEquations::Coordinate& of = equations_.coordinates[c];
   if (of.state.yield == 0) return;
@@ -312,8 +312,8 @@ double* ContactEvents::derivative() {
   return numbers_.data() + StageMemory::kDerivatives * equations_.size();
 }
 
-// So that no body gets through another one, nor a corner through a whole turn, between two places
-// where gaps are looked at.
+// Longest substep in which no body passes through another and no corner makes a whole turn between
+// two evaluations of gaps [s].
 double ContactEvents::longest_substep(double left) const {
   double longest = left;
   const double fall = left * equations_.gravity.norm();
@@ -344,7 +344,7 @@ void ContactEvents::set_directions() {
   }
 }
 
-// ---- from event to event
+// ---- between events
 
 bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double* step) {
   const auto acting = static_cast<double>(
@@ -359,7 +359,8 @@ bool ContactEvents::take(Span* span, SubstepSpan* left, double tolerance, double
                                                                   *step, span->progress);
 }
 
-// A substep of h from where the last one started, which was at t.
+// Repeats a substep of length h from the start of the last one, at time t. `is_start`: only returns
+// to the start.
 bool ContactEvents::repeat(Span* span, double t, double h, bool is_start) {
   if (done_.work > most_work_) return false;
   const std::size_t n = equations_.size();
@@ -385,7 +386,7 @@ bool ContactEvents::advance_to_event(Span* span) {
   set_directions();
   note_positions();
   if (!equations_.has_movers() && !equations_.is_moved_by_motors() &&
-      equations_.is_still(derivative())) {  // and stays so
+      equations_.is_still(derivative())) {  // nothing will move in the interval
     equations_.accept_stillness(span->left.left);
     span->left.left = 0.0;
     return true;
@@ -417,7 +418,8 @@ bool ContactEvents::advance_to_event(Span* span) {
   };
   error_ = 0.0;
   if (event && !watched_.locate(start.t, h, go_to, &event)) return false;
-  // where a slip is about to end or turn a substep may be taken by luck: a part of it tells
+  // Where a slip is about to end or turn, a substep may be accepted by luck; the error of its
+  // repeated part shows it.
   const double tolerance = span->accuracy.tolerance;
   const bool is_poor = tolerance > 0.0 && error_ > std::max(tolerance * h, equations_.rounding());
   if (is_poor || has_missed()) {
@@ -430,7 +432,8 @@ bool ContactEvents::advance_to_event(Span* span) {
   return true;
 }
 
-// Substeps that became ever shorter: forces grow without bound where friction is about to jam.
+// Handles substeps that become ever shorter: forces grow without bound where friction is about to
+// jam.
 bool ContactEvents::end_jam(Span* span) {
   const bool any_slips = std::any_of(
       equations_.contacts.begin(), equations_.contacts.end(),
@@ -445,7 +448,7 @@ bool ContactEvents::end_jam(Span* span) {
   return settle(span, {}, false, true);
 }
 
-// whether anything acts otherwise than before the last event
+// Whether any state differs from the states before the last event.
 bool ContactEvents::has_changed() const {
   for (std::size_t c = 0; c < acts_before_.size(); ++c)
     if (acts_before_[c] != equations_.contacts[c].acts ||

@@ -16,75 +16,75 @@
 
 namespace constraint_sim::engine {
 
-/// A few bodies that may touch each other in a span, with the joints on them, carried from event to
-/// event: flight with the gaps as what is watched, impacts, contacts at rest as rows that stick or
-/// slip; and the one-sided laws of the joints' coordinates, as EventDriven has them. All follows
-/// from where the bodies are and how they move, and from what the states of joints say of motors;
-/// nothing is kept from one span to the next but impulses, which add up, and storage.
+/// Advances a small group of bodies that may touch, with the joints on them, from event to event:
+/// flight with watched gaps, impacts, resting contacts as rows that stick or slip, and one-sided
+/// laws of coordinates as in EventDriven. Results depend only on the states of bodies and on what
+/// joint states report of motors; between intervals only impulses accumulate.
 class ContactEvents {
  public:
-  static constexpr std::size_t kMostLaws = 32;        ///< more coordinates are left to others
-  static constexpr std::uint32_t kMostEvents = 5000;  ///< in a step
-  /// [m] an overlap of less is one of rounding, or of what another method has left, and closed.
+  static constexpr std::size_t kMostLaws = 32;  ///< groups with more coordinates use another method
+  static constexpr std::uint32_t kMostEvents = 5000;  ///< per step
+  /// Overlap that is accepted and closed [m]: by rounding, or left by another method.
   static constexpr double kMostOverlap = 1e-7;
-  /// [m/s] a slip that ends there is off by no more than rounding
+  /// Speed below which a slip ends; the error is no more than rounding [m/s].
   static constexpr double kEndOfSlip = 1e-7;
-  static constexpr double kSlipping = 1e-9;  ///< [m/s] a slip below has no direction of its own
+  static constexpr double kSlipping = 1e-9;  ///< [m/s]; a slower slip has no direction of its own
 
-  /// Two bodies with shapes that may touch, A first as has_features() has it, by their place in
-  /// `equations`. Their contacts are the next ones.
+  /// Pair of bodies with shapes that may touch, by index in `equations`, with A first as
+  /// has_features() requires. Contacts of a pair are consecutive.
   struct Pair {
     std::size_t a, b;
     Shape shape_a, shape_b;
     double friction, restitution;
-    std::size_t first = 0, count = 0;  ///< of its contacts
-    double thickness = 0.0;            ///< [m] of the thinner shape
-    bool touched = false;              ///< in the step before,
-    bool held = false, stuck = false;  ///< and did so at its end, as that left them
-    bool is_still = false;             ///< somewhere, then
+    std::size_t first = 0, count = 0;  ///< range of its contacts
+    double thickness = 0.0;            ///< thickness of the thinner shape [m]
+    bool touched = false;              ///< during the previous step
+    bool held = false, stuck = false;  ///< state at the end of the previous step
+    bool is_still = false;  ///< some contact did not slip, at the end of the previous step
 
     bool is_of_boxes() const {
       return std::holds_alternative<Box>(shape_a) && std::holds_alternative<Box>(shape_b);
     }
-    /// Whether the same features meet wherever the bodies are.
+    /// Whether the features in contact do not depend on the pose.
     bool has_fixed_features() const { return !std::holds_alternative<Box>(shape_b); }
   };
 
-  /// What it is of, to be set before begin(): bodies and joints, without contacts, and pairs.
+  /// Bodies, joints and pairs of the group; set before begin(), without contacts.
   ContactEquations& equations() { return equations_; }
   List<Pair>& pairs() { return pairs_; }
 
-  /// In how many points two shapes may touch.
+  /// Largest number of points at which two shapes touch.
   static std::size_t most_points(const Shape& a, const Shape& b);
 
-  /// Finds the contacts, open, and forgets all that was done. False where two shapes overlap by
-  /// more than kMostOverlap, unless the first span `closes` such overlaps.
+  /// Finds the contacts, all open, and clears the results. Returns false where two shapes overlap
+  /// by more than kMostOverlap, unless the first interval `closes` overlaps.
   bool begin(const List<BodyState>& states, bool closes);
-  /// As method.h says. Not done: too many events, or no answer to one; the states are then those of
-  /// any time within the span. `joint_step`, `joint_states`: of the span, of all joints.
-  /// `most_work` may be done in the step.
+  /// Advances the group as method.h describes. Gives up after too many events, or at an event
+  /// without a solution; the states are then those of any time in the interval. `joint_step`,
+  /// `joint_states`: step that contains the interval, and states of all joints. `most_work`: limit
+  /// for the step, as work().
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                             const JointStep& joint_step, const List<JointState>& joint_states,
                             double most_work, List<BodyState>* states);
 
-  // ---- what was done since the beginning
+  // ---- results since begin()
   std::uint32_t events() const { return done_.events; }
-  double driven_work() const { return equations_.driven_work; }  ///< of what moves by itself [J]
-  double work() const { return done_.work; }  ///< in substeps of a group of one point
+  double driven_work() const { return equations_.driven_work; }  ///< work of kinematic bodies [J]
+  double work() const { return done_.work; }  ///< cost, in substeps of a group of one point
   struct Told {
     EventKind kind;
     double time;     ///< simulated [s]
-    int pair;        ///< −1 of a joint
-    int coordinate;  ///< of equations(), of a joint
-    double impulse;  ///< of an impact [N s or N m s]
-    int joint = -1;  ///< of equations(), one that broke
+    int pair;        ///< −1: event of a joint
+    int coordinate;  ///< index in equations(), for events of joints
+    double impulse;  ///< impulse of an impact [N s or N m s]
+    int joint = -1;  ///< index in equations() of a joint that broke
   };
   const List<Told>& told() const { return told_; }
   const List<Pair>& pairs() const { return pairs_; }
   const ContactEquations& equations() const { return equations_; }
-  /// Whether a contact holds now, or had an impulse.
+  /// Whether a contact acts now, or had an impulse in this step.
   bool has_touched(std::size_t contact) const;
-  /// Sets where motors with a force limit hold, and whether these have reached it.
+  /// Writes the positions where motors with a force limit hold, and whether these are saturated.
   void write(std::size_t coordinate, JointState* state) const;
 
  private:
@@ -92,26 +92,27 @@ class ContactEvents {
   struct Watched : WatchedValue {
     enum class Kind : char {
       kNothing,
-      kGap,     ///< of an open contact
-      kForce,   ///< along the normal of one that holds
-      kCone,    ///< of one that sticks
-      kSlip,    ///< along where it went, of one that slips
-      kMargin,  ///< of its feature
-      kLimit,   ///< of a coordinate that is not at it
-      kHeld,    ///< the force that holds one, to a bound
-      kRate,    ///< of one that slips, whose motor or limit gives way, or that brakes; a servo's
-                ///< force
-      kBreak,   ///< the force or torque of a joint, to what it bears
+      kGap,     ///< gap of an open contact
+      kForce,   ///< normal force of an acting contact
+      kCone,    ///< margin of a sticking contact to its friction cone
+      kSlip,    ///< slip speed of a contact along its initial direction
+      kMargin,  ///< margin of the feature of a contact
+      kLimit,   ///< gap of a coordinate to a limit
+      kHeld,    ///< margin of the holding force of a coordinate to a bound
+      /// Rate of a slipping coordinate, a saturated or braking motor or a yielding limit; servo
+      /// force
+      kRate,
+      kBreak,  ///< margin of the load of a joint to its breaking load
     };
     Kind kind = Kind::kNothing;
     std::size_t contact = 0;
-    std::size_t coordinate = 0;  ///< of the three before the last
-    std::size_t joint = 0;       ///< of the last
-    signed char side = 0;  ///< of a force that holds: -1 of its lower bound, +1 of its upper one
+    std::size_t coordinate = 0;  ///< index, for kLimit, kHeld and kRate
+    std::size_t joint = 0;       ///< index, for kBreak
+    signed char side = 0;        ///< bound of a holding force: -1 lower, +1 upper
 
     bool is_of_contact() const { return kind != Kind::kNothing && kind < Kind::kLimit; }
   };
-  /// A limit that takes part in an impact: +1 of a lower one, −1 of an upper one.
+  /// Limit in an impact. `direction`: +1 for a lower limit, −1 for an upper limit.
   struct LimitHit {
     std::size_t coordinate;
     double direction;
@@ -132,7 +133,8 @@ class ContactEvents {
       limits.clear();
     }
   };
-  /// Which bounce no more, or what impulses they had.
+  /// Values per contact and per coordinate, such as impulses or flags of those that no longer
+  /// bounce.
   template <class Number>
   struct Of {
     List<Number> contacts, coordinates;
@@ -142,7 +144,7 @@ class ContactEvents {
       coordinates.assign(coordinate_count, Number{});
     }
   };
-  /// What impacts start from.
+  /// State before the impacts, to repeat them.
   struct BeforeImpacts {
     List<double> numbers;
     double driven_work = 0.0;
@@ -150,48 +152,48 @@ class ContactEvents {
     List<ContactEquations::BodyJoint> joints;
     List<ContactEquations::Coordinate> coordinates;
   };
-  /// A coordinate that moves as something that holds it.
+  /// Coordinate that moves at the rate of a law that may hold it.
   struct Candidate {
     std::size_t coordinate;
     Hold hold;
     double rate, acceleration;
     ForceBounds bounds;
   };
-  /// A contact that bears something, in a problem.
+  /// Loaded contact in the problem of load sharing.
   struct Share {
     std::size_t contact;
-    std::size_t column;  ///< of its normal force
+    std::size_t column;  ///< column of the normal force
     double friction;
     bool is_rough, sticks;
-    Eigen::Vector2d direction;  ///< along tangents, of one that slips
+    Eigen::Vector2d direction;  ///< slip direction along the tangents
   };
-  /// Contacts whose force has reached a bound just now.
+  /// Contacts whose force has just reached a bound.
   struct AtBound {
     List<std::size_t> contacts;
-    double since = 0.0;  ///< [s]
+    double since = 0.0;  ///< time of the first of them [s]
 
     bool has(std::size_t contact) const {
       return std::find(contacts.begin(), contacts.end(), contact) != contacts.end();
     }
   };
-  /// What was done since the beginning.
+  /// Counts since begin().
   struct Done {
     std::uint32_t events = 0, impacts = 0, breaks = 0, jams = 0;
     int unchanged = 0;   ///< events that changed nothing
-    int missed = 0;      ///< substeps that ended with boxes in each other, or too inexact
-    double work = 0.0;   ///< substeps that were taken and problems solved, by what one costs
-    bool spans = false;  ///< any span
+    int missed = 0;      ///< substeps rejected for overlaps of boxes or for poor accuracy
+    double work = 0.0;   ///< cost of substeps taken and problems solved
+    bool spans = false;  ///< an interval was advanced
   };
-  /// A span in which nothing moved: what it began with, and what contacts did.
+  /// Interval without motion: the state at its start, and the results of its contacts.
   struct Still {
     bool is_known = false;
     Eigen::Vector3d gravity{0, 0, 0};
     double h = 0.0;
-    List<double> numbers;  ///< of movable bodies
+    List<double> numbers;  ///< state of the movable bodies
     List<ContactEquations::Body> bodies;
-    List<BodyState> states;  ///< at its end
+    List<BodyState> states;  ///< states at the end of the interval
     List<Pair> pairs;
-    List<ContactEquations::Contact> contacts;  ///< at its end
+    List<ContactEquations::Contact> contacts;  ///< contacts at the end of the interval
   };
   struct Span {
     const SmoothSpan& all;
@@ -204,7 +206,7 @@ class ContactEvents {
   double beyond_limits() const;
   bool close_found(bool met);
   bool close_overlaps(Span* span, List<BodyState>* states);
-  // ---- spans in which nothing moves (contact_stillness.cpp)
+  // ---- intervals without motion (contact_stillness.cpp)
   bool is_as_when_still(const SmoothSpan& span) const;
   void note_beginning(const SmoothSpan& span);
   void note_stillness();
@@ -288,36 +290,36 @@ class ContactEvents {
 
   ContactEquations equations_;
   List<Pair> pairs_;
-  List<std::size_t> pair_of_;  // of contacts
-  List<double> numbers_;       // of StageMemory
-  List<double> kept_;          // state and derivative where the substep starts
-  double step_ = 0.0;          // what the next substep is tried with [s]
-  bool has_stages_ = false;    // of the last substep
-  bool closes_ = false;        // overlaps, in the next span
-  bool begins_ = false;        // a span, at what is settled now
+  List<std::size_t> pair_of_;  // per contact
+  List<double> numbers_;       // storage of StageMemory
+  List<double> kept_;          // state and derivative at the start of the substep
+  double step_ = 0.0;          // first guess of the next substep [s]
+  bool has_stages_ = false;    // whether stages of the last substep are stored
+  bool closes_ = false;        // whether the next interval closes overlaps
+  bool begins_ = false;        // whether settle() is at the start of an interval
   ContactEquations::Accelerations rates_;
-  List<double> gap_acceleration_;         // of contacts, as decide() found it
-  List<double> coordinate_acceleration_;  // the same of coordinates
-  List<OneSidedState> states_before_;     // of coordinates, where the event is
-  List<OneSidedState> last_states_;       // the same, where the span before ended
-  List<char> was_saturated_;              // the same
-  Of<double> rests_in_;                   // [s] after which bounces that are not followed are over
+  List<double> gap_acceleration_;         // per contact, as of decide()
+  List<double> coordinate_acceleration_;  // per coordinate, as of decide()
+  List<OneSidedState> states_before_;     // per coordinate, before the event
+  List<OneSidedState> last_states_;       // per coordinate, at the end of the previous interval
+  List<char> was_saturated_;              // per coordinate, at the end of the previous interval
+  Of<double> rests_in_;                   // times until bounces that are not followed are over [s]
   WatchedSubstep<Watched> watched_;
   Done done_;
-  double error_ = 0.0;  // of the substep that was repeated last, estimated [m]
+  double error_ = 0.0;  // estimated error of the last repeated substep [m]
   double most_work_ = 0.0;
-  StopFlag stop_ = nullptr;    // of the span
-  List<double> depth_;         // [m] of pairs of boxes, where the substep starts,
-  List<double> depth_now_;     // and where it ends
-  AtBound at_cone_, at_zero_;  // of friction, and of the force along the normal
+  StopFlag stop_ = nullptr;    // stop flag of the current interval
+  List<double> depth_;         // overlap per pair of boxes at the start of the substep [m]
+  List<double> depth_now_;     // overlap per pair of boxes at the end of the substep [m]
+  AtBound at_cone_, at_zero_;  // contacts at the friction bound, and at zero normal force
   List<Told> told_;
-  Still still_;  // the last one, where nothing has moved since
+  Still still_;  // last interval without motion
 
-  // storage of what is done at one event
+  // ---- storage for one event
   ContactEquations::Responses responses_;
   ConeProblem problem_;
   ConeSolver solver_;
-  List<double> force_, rate_, solved_;  // of the problem; rates before and after
+  List<double> force_, rate_, solved_;  // forces, rates before and rates after, of problem_
   List<Share> shares_;
   List<double> shared_;
   LeastNormSolver sharing_;
@@ -327,10 +329,10 @@ class ContactEvents {
   Of<double> hit_;
   BeforeImpacts before_impacts_;
   List<Acts> acts_before_;
-  List<std::uint32_t> features_before_;  // their ids
+  List<std::uint32_t> features_before_;  // ids of features
   List<Watched> forces_;
-  List<double> free_;            // a derivative: without what acts, or with all that was decided
-  bool has_derivative_ = false;  // it is the latter
+  List<double> free_;            // derivative without acting rows, or with the chosen states
+  bool has_derivative_ = false;  // whether free_ is the derivative with the chosen states
   List<double> before_projection_;
   List<ContactFeature> found_;
 };

@@ -1,8 +1,7 @@
-// Impacts of ContactEvents: contacts and limits that are hit.
-//
-// With w the rates of contacts along their normals and tangents, and A what impulses do to these
-// while the joints hold: w⁺ = w + A p,  w_n⁺ + e w_n⁻ ≥ 0 and p_n ≥ 0, one of them 0, p in its
-// cone. Coordinates with one-sided laws are rows of the same problem, as event_states.cpp has them.
+// Impacts of ContactEvents, of contacts and limits that are hit. With w the rates of contacts along
+// normals and tangents, and A the response to impulses while the joints hold:
+//   w⁺ = w + A p,  0 ≤ p_n ⊥ w_n⁺ + e w_n⁻ ≥ 0,  p in its friction cone
+// Coordinates with one-sided laws are rows of the same problem, as in event_states.cpp.
 
 #include <algorithm>
 #include <cmath>
@@ -16,12 +15,12 @@
 namespace constraint_sim::engine {
 namespace {
 
-constexpr double kJam = 1e-9;  // [m/s] that what jams is taken to approach with
+constexpr double kJam = 1e-9;  // [m/s] assumed approach speed of jammed contacts
 
 }  // namespace
 
-// Impacts one after the other until nothing is hit any more. What would bounce too low to be seen
-// has no restitution: then all is done again.
+// Solves impacts one after the other until nothing is hit. Contacts and limits whose bounces are
+// too low to be followed lose their restitution; then all impacts are repeated.
 bool ContactEvents::have_impacts(double left, Of<double>* hit) {
   Of<char>& rests = rests_;
   rests.reset(equations_.contacts.size(), equations_.coordinates.size());
@@ -57,8 +56,8 @@ std::pair<std::size_t, std::size_t> ContactEvents::bodies_of(
   return std::minmax(joint.a, joint.b);
 }
 
-// Limits that are reached, and not left: those that are hit, and those without restitution.
-// `only_slow`: none that is hit.
+// Lists limits that are reached and not left: hit limits, and limits without restitution.
+// `only_slow`: no hit limits.
 void ContactEvents::add_touching_limits(const Of<char>& rests, bool only_slow,
                                         List<LimitHit>* hits) const {
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
@@ -80,13 +79,14 @@ void ContactEvents::add_touching_limits(const Of<char>& rests, bool only_slow,
   }
 }
 
-// What a span begins with has yet to get there: with early hits bounces end too early.
+// Whether a contact or limit is hit. At the start of an interval an open gap is no hit, since early
+// hits would end bounces too early.
 bool ContactEvents::is_hit(double gap, double rate) const {
   return rate < -kResting && (!begins_ || gap <= 0.0);
 }
 
-// What takes part in the next impact: of contacts and limits with a restitution the one that is hit
-// fastest with all others between the same two bodies, and all without. None where none is hit.
+// Lists the hits of the next impact: of contacts and limits with restitution the fastest hit, with
+// all others between the same two bodies; and all without restitution. Empty where nothing is hit.
 void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
   Hits& hits = *found;
   hits.clear();
@@ -132,9 +132,9 @@ void ContactEvents::find_hits(const Of<char>& rests, Hits* found) const {
                     hits.limits.end());
 }
 
-// With less restitution where kinetic energy would rise, and where joints or friction leave no
-// answer with it. `faster` [m/s] than they are, contacts at rest approach. False where there is
-// none.
+// Solves an impact, with less restitution where kinetic energy would rise, or where joints or
+// friction allow no solution. `faster`: approach speed added to contacts at rest [m/s]. Returns
+// false where there is no solution.
 bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double faster,
                                 Of<double>* hit) {
   ContactEquations::Responses& responses = responses_;
@@ -151,7 +151,8 @@ bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double 
   for (std::size_t k = 0; k < hits.limits.size(); ++k) {
     const LimitHit& of = hits.limits[k];
     rate_[first + k] = of.direction * of.rate;
-    if (!responses.is_free[k] && of.rate < -kResting) return false;  // joints drive it in
+    // Joints drive the coordinate into its limit.
+    if (!responses.is_free[k] && of.rate < -kResting) return false;
     problem.rows.push_back(
         {of.direction > 0.0 ? 0.0 : -kInfinity, of.direction > 0.0 ? kInfinity : 0.0});
     if (!responses.is_free[k]) problem.rows.back() = {};
@@ -183,7 +184,8 @@ bool ContactEvents::have_impact(const Hits& hits, const Of<char>& rests, double 
   return true;
 }
 
-// Solves problem_ for force_. Not where the work of the step is done, or it is to stop.
+// Solves problem_ for force_. Returns false where the work limit of the step is used up, or the
+// step has to stop.
 bool ContactEvents::solve_counted() {
   SolveEffort effort{most_work_ - done_.work, stop_};
   const bool is_found = solver_.solve(problem_, &force_, &effort);
@@ -191,7 +193,7 @@ bool ContactEvents::solve_counted() {
   return is_found;
 }
 
-// whether impulses add kinetic energy: by the means of rates before and after
+// Whether the impulses add kinetic energy, by the means of rates before and after.
 bool ContactEvents::does_work(const ContactEquations::Responses& responses) const {
   const std::size_t n = responses.columns;
   double work = 0.0, exchanged = 0.0;
@@ -204,8 +206,8 @@ bool ContactEvents::does_work(const ContactEquations::Responses& responses) cons
   return !(work <= kNoWork * exchanged);
 }
 
-// Where friction drives a contact that slips into the other body (Painlevé), no force is large
-// enough, but an impulse without restitution, that ends the slip.
+// Ends slips that friction drives into the other body (Painlevé), where no finite force suffices,
+// by an impulse without restitution.
 bool ContactEvents::have_jam(Of<double>* hit) {
   Hits& touching = hits_;
   touching.clear();
@@ -223,7 +225,7 @@ bool ContactEvents::have_jam(Of<double>* hit) {
   return have_impact(touching, rests, kJam, hit);
 }
 
-// Finds those that bounce too low to be seen.
+// Finds the contacts and limits whose bounces are too low to be followed.
 bool ContactEvents::let_rest(double left, const Of<double>& hit, Of<char>* rests,
                              bool* is_settled) {
   *is_settled = true;

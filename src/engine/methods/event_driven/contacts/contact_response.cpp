@@ -1,5 +1,5 @@
-// What events ask of ContactEquations: accelerations, energies, and what impulses of contacts do
-// while the rigid joints hold.
+// Accelerations, energies and responses to impulses while the rigid joints hold, by
+// ContactEquations.
 
 #include <algorithm>
 
@@ -40,8 +40,8 @@ double ContactEquations::potential_energy() const {
   return energy;
 }
 
-// Where nothing pulls, of what lets a body gain 0.1 m/s in a second: a share of 1e-9 of that is
-// rounding.
+// Largest force of the group [N], with kLeast as the least acceleration: the share kForceShare of
+// it counts as rounding.
 double ContactEquations::largest_force() const {
   constexpr double kLeast = 0.1;  // [m/s²]
   double largest = 0.0;
@@ -73,7 +73,7 @@ Vector3d ContactEquations::slip_acceleration(const ContactMotion& motion, const 
          rates.linear[contact.b] - rates.angular[contact.b].cross(motion.r_b) + motion.w_bias;
 }
 
-// Sorts columns, and adds a unit impulse for each to directions_.
+// Numbers the columns, and adds a unit impulse for each column to directions_.
 void ContactEquations::add_directions(Responses* responses) {
   directions_.clear();
   const auto add = [&](std::size_t a, std::size_t b, const Jacobian& J) {

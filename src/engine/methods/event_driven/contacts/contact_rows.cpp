@@ -1,5 +1,5 @@
-// Rows of ContactEquations: joints, coordinates that are held, contacts that act; and their
-// factors.
+// Rows of ContactEquations for joints, held coordinates and acting contacts, and the factors of the
+// rows.
 
 #include <algorithm>
 #include <cmath>
@@ -15,8 +15,8 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kDependentRow = 1e-10;  // pivots below, of rows scaled to a diagonal of one
-constexpr double kTiny = 0.5e-9;  // [m/s] a slip below has the direction of the substep's start
+constexpr double kDependentRow = 1e-10;  // pivot of dependent rows, scaled to a unit diagonal
+constexpr double kTiny = 0.5e-9;  // [m/s] slower slips have the direction at the substep's start
 
 }  // namespace
 
@@ -28,7 +28,7 @@ double ContactEquations::along(const Row& row, const List<Vector3d>& linear,
   return sum;
 }
 
-// M⁻¹ F of the two bodies of a row; of an immovable one nobody asks
+// Computes M⁻¹ F of the two bodies of a row; zero for immovable bodies.
 Jacobian ContactEquations::accelerations(const Row& row, const Jacobian& F) const {
   Jacobian by;
   if (row.a < movable) {
@@ -42,7 +42,7 @@ Jacobian ContactEquations::accelerations(const Row& row, const Jacobian& F) cons
   return by;
 }
 
-// a row with forces along its gradient
+// Adds a row with forces along its gradient.
 ContactEquations::Row& ContactEquations::add_row(std::size_t a, std::size_t b, const Jacobian& J) {
   Row& row = rows_.emplace_back();
   row.a = a;
@@ -52,7 +52,7 @@ ContactEquations::Row& ContactEquations::add_row(std::size_t a, std::size_t b, c
   return row;
 }
 
-// J M⁻¹ F: how one row changes by a unit force of another one
+// Computes J M⁻¹ F, the change of one row by a unit force of another row.
 double ContactEquations::response(const Row& of, const Row& to) const {
   double sum = 0.0;
   if (of.a < movable) {
@@ -78,7 +78,7 @@ void ContactEquations::push(const Row& row, double amount, List<Vector3d>* linea
   }
 }
 
-// what joints hold both ways with any force
+// Adds the rows of joints that hold both ways without force limit.
 void ContactEquations::add_joint_rows() {
   for (std::size_t j = 0; j < joints.size(); ++j) {
     const BodyJoint& joint = joints[j];
@@ -118,7 +118,7 @@ void ContactEquations::add_coordinate_row(std::size_t c, const Prescribed& targe
   row.reference = of.reference;
 }
 
-// what holds coordinates up to a force, or one way
+// Adds the rows that hold coordinates one way or up to a force.
 void ContactEquations::add_held_rows() {
   for (std::size_t c = 0; c < coordinates.size(); ++c)
     if (coordinates[c].state.hold != Hold::kNone) add_coordinate_row(c, target(coordinates[c]));
@@ -143,7 +143,7 @@ ContactEquations::Reading ContactEquations::read(const Coordinate& of,
   return now;
 }
 
-// a motor moves that of a length
+// Position and motion of a limit. A motor moves the limit of a length.
 Prescribed ContactEquations::limit(const Coordinate& of, bool upper_one) const {
   if (!of.law.is_distance) return {of.law.limit(upper_one), 0.0, 0.0};
   const BodyJoint& joint = joints[of.joint];
@@ -192,11 +192,11 @@ bool ContactEquations::is_moved_by_motors() const {
                      [](const Coordinate& of) { return of.motor.is_moving(); });
 }
 
-// of springs and dampers, and of what is at its bound
+// Force of springs and dampers, and of laws at their bounds.
 double ContactEquations::free_force(const Coordinate& of, const Reading& now) const {
   double force = of.law.soft.force(now.q, now.rate) + constant_force(of.law, of.state);
   switch (of.state.servo) {
-    case Servo::kNone:  // it is not decided yet
+    case Servo::kNone:  // undecided
       if (of.law.servo_most > 0.0) force += clamped_servo_force(of.law, now, rest(of));
       break;
     case Servo::kFollows:
@@ -227,8 +227,8 @@ void ContactEquations::pull_coordinates(Stage* told, List<Vector3d>* linear,
   }
 }
 
-// Of contacts that act: normals, and of those that stick tangents. With slip, forces have the
-// friction of what slips.
+// Adds the rows of acting contacts: normals, and tangents of sticking contacts. `with_slip`: forces
+// of slipping contacts include friction.
 void ContactEquations::add_contact_rows(bool with_slip, bool with_tangents) {
   for (std::size_t c = 0; c < contacts.size(); ++c) {
     const Contact& contact = contacts[c];
@@ -278,7 +278,7 @@ void ContactEquations::clear_motion(List<Vector3d>* linear, List<Vector3d>* angu
   angular->assign(movable, Vector3d::Zero());
 }
 
-// Whether rows are independent is asked where a substep starts, and holds for its stages.
+// Factors the rows. Independence is tested at the start of a substep and holds for all its stages.
 void ContactEquations::factor_rows(bool asks_rank) {
   const std::size_t m = rows_.size();
   double* const A = factors_.resize(m);
@@ -306,7 +306,7 @@ void ContactEquations::factor_rows(bool asks_rank) {
   are_independent_ = factors_.is_regular();
 }
 
-// From what the rows are to change by to their forces: those of least norm beside the reference.
+// Solves for row forces from the changes of rows: least norm relative to the reference forces.
 bool ContactEquations::solve_rows(List<double>* lambda) {
   const bool has_reference =
       !are_independent_ &&

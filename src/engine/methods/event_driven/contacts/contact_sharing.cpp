@@ -1,10 +1,10 @@
-// How redundant contacts of ContactEvents share what they bear. Where the forces of least norm are
-// not within their bounds, those of the cone problem are, but some of them are at a bound, and
-// would be beyond it a moment later, though others could bear it. From there forces go on towards
-// the analytic centre of all that do the same, where Σ −log(μ² f_n² − f_t²) of what sticks and
-// −log f_n of what slips is least, by Newton's method as long as the least margin grows. What they
-// change by from there on is shared in proportion to the normal forces, so that what gives way
-// together gets to its bounds together.
+// Load sharing of redundant contacts in ContactEvents. Where least-norm forces violate their
+// bounds, the cone problem gives forces within bounds; but some forces are at a bound, and would
+// exceed it a moment later although other contacts can bear more. Newton's method moves these
+// forces towards the analytic centre of all equivalent forces, the minimum of Σ −log(μ² f_n² −
+// f_t²) over sticking and −log f_n over slipping contacts, while the least margin grows. Later
+// changes are shared in proportion to normal forces, so that contacts that yield together reach
+// their bounds together.
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -22,15 +22,16 @@ using Eigen::Matrix3d;
 using Eigen::Vector2d;
 using Eigen::Vector3d;
 
-constexpr double kDependentShare = 1e-10;  // pivots below
-constexpr double kLeastShare = 1e-3;   // of the mean normal force: what has less could bear more
-constexpr int kMostSharingRounds = 4;  // of Newton's method
-constexpr double kLeastStep = 0.1;     // of a round
-constexpr double kWorthwhile = 1.05;   // times the margin before
-constexpr double kBeyond = 0.1;        // of the mean normal force, and of the round before
+constexpr double kDependentShare = 1e-10;  // pivot of dependent rows
+// Share of the mean normal force; contacts with less can bear more.
+constexpr double kLeastShare = 1e-3;
+constexpr int kMostSharingRounds = 4;  // rounds of Newton's method
+constexpr double kLeastStep = 0.1;     // least step of a round
+constexpr double kWorthwhile = 1.05;   // growth of the margin that a round has to reach
+constexpr double kBeyond = 0.1;        // share of the mean normal force, and of the round before
 
-// L with L Lᵀ the inverse of the second derivative of the barrier at x in a cone, or, without
-// friction, along its normal alone: x xᵀ − D J/2 with D = xᵀ J x, x scaled to a slope of 1.
+// Factor L of the inverse Hessian L Lᵀ of the barrier at x in a cone; without friction along the
+// normal only. The inverse is x xᵀ − D J/2 with D = xᵀ J x, and x scaled to a slope of 1.
 Matrix3d metric_in_cone(const Vector3d& x, double friction) {
   Matrix3d L = Matrix3d::Zero();
   if (friction == 0.0) {
@@ -49,8 +50,9 @@ Matrix3d metric_in_cone(const Vector3d& x, double friction) {
 
 }  // namespace
 
-// Of contacts that act: one column along the normal, with friction of what slips; three of what
-// sticks. Of coordinates that are held a row alone: their forces stay.
+// Lists the acting contacts: one column along the normal, with slip friction, for a slipping
+// contact, three columns for a sticking contact. Held coordinates have a row only, since their
+// forces stay.
 void ContactEvents::list_sharing() {
   List<Share>& shares = shares_;
   shares.clear();
@@ -66,7 +68,7 @@ void ContactEvents::list_sharing() {
   }
 }
 
-// The mean normal force between the two bodies of a contact.
+// Mean normal force of the contacts between the two bodies of a contact.
 double ContactEvents::mean_beside(const Share& of, const List<double>& force) const {
   double sum = 0.0, count = 0.0;
   for (const Share& other : shares_) {
@@ -77,7 +79,7 @@ double ContactEvents::mean_beside(const Share& of, const List<double>& force) co
   return sum / count;
 }
 
-// What is left to the nearest bound of any contact, as a share of that.
+// Least margin of a contact to its nearest bound, as a share of the mean normal force.
 double ContactEvents::least_margin(const List<double>& force) const {
   double least = kInfinity;
   for (const Share& of : shares_) {
@@ -91,10 +93,10 @@ double ContactEvents::least_margin(const List<double>& force) const {
   return least;
 }
 
-// The direction from the present forces on, in `shared_`: with G what forces do to the rows, x the
-// forces and L Lᵀ the inverse of the barrier's second derivative there, Newton's step is
-// x − L y, y the least one that does what x does, G L y = G x. `beyond`: bounds are taken to be so
-// much farther, as a share of the mean normal force. False where there is one way to share only.
+// Computes the search direction at the present forces, in `shared_`. With G the effect of forces on
+// rows, x the forces and L Lᵀ the inverse Hessian of the barrier, Newton's step is x − L y, where y
+// is the least solution of G L y = G x. `beyond`: relaxation of bounds, as a share of the mean
+// normal force. Returns false where only one distribution exists.
 bool ContactEvents::find_shares(double beyond) {
   const std::size_t n = force_.size();
   List<std::size_t> rows;
@@ -150,8 +152,8 @@ bool ContactEvents::find_shares(double beyond) {
   return true;
 }
 
-// Forces of the problem's solution that do the same, farther within their bounds; and how what
-// changes of them is shared from here on.
+// Moves the forces of the solution away from their bounds without changing their effect, and sets
+// the shares of later changes.
 void ContactEvents::share_forces() {
   list_sharing();
   const double first = least_margin(force_);

@@ -1,11 +1,9 @@
-// What ContactEvents does at an event: contacts and limits that are hit have impacts
-// (contact_impacts.cpp), and then the cone problem of the accelerations says what each contact and
-// each coordinate does from there on.
-//
-// With w the rates of contacts along their normals and tangents, and A what impulses do to these
-// while the joints hold: ẇ = b + A f of contacts that touch and do not part, f in its cone; along
-// the slip of those that slip.
-// Coordinates with one-sided laws are rows of the same problems, as event_states.cpp has them.
+// Changes of ContactEvents at an event: contacts and limits that are hit have impacts
+// (contact_impacts.cpp), then the cone problem of accelerations decides how each contact and
+// coordinate acts next. With w the rates of contacts along normals and tangents, and A the response
+// to impulses while the joints hold: ẇ = b + A f for touching contacts that do not part, with f in
+// its cone, or along the slip for slipping contacts. Coordinates with one-sided laws are rows of
+// the same problem, as in event_states.cpp.
 
 #include <algorithm>
 #include <cmath>
@@ -23,14 +21,14 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kAtRest = 1e-8;      // of the largest acceleration: less is none
-constexpr double kLeastScale = 0.01;  // [m/s²] of these: where nothing pulls all are rounding
-constexpr double kSameTime = 1e-6;    // of a span
+constexpr double kAtRest = 1e-8;      // share of the largest acceleration; less is zero
+constexpr double kLeastScale = 0.01;  // [m/s²] least largest acceleration, where nothing pulls
+constexpr double kSameTime = 1e-6;    // share of an interval
 
 }  // namespace
 
-// `event`: what the last substep ended with; of a span that begins nothing. `jams`: what slips has
-// no motion to go on with.
+// Decides all states at an event. `event`: value whose event ended the last substep; kNothing at
+// the start of an interval. `jams`: slipping contacts have no motion to continue.
 bool ContactEvents::settle(Span* span, const Watched& event, bool is_begin, bool jams) {
   double* const y = numbers_.data();
   has_stages_ = equations_.is_straight = false;
@@ -71,8 +69,8 @@ void ContactEvents::break_joint(const Span& span, std::size_t joint) {
       {EventKind::kBroken, span.all.t + span.left.t, -1, -1, 0.0, static_cast<int>(joint)});
 }
 
-// What bears more than it can from one moment to the next, as where something else lets go, breaks
-// then: the one that is farthest beyond first, for it may spare the others.
+// Breaks joints that are overloaded, as after another joint let go. The most overloaded joint
+// breaks first, since it may relieve the others.
 bool ContactEvents::break_overloaded(Span* span) {
   List<Watched> loads;
   for (std::size_t j = 0; j < equations_.joints.size(); ++j) watch_breaking(j, &loads);
@@ -86,8 +84,8 @@ bool ContactEvents::break_overloaded(Span* span) {
   return settle(span, {}, false);
 }
 
-// Contacts that share a force have their bounds at the same time, or soon after each other: one
-// after the other gives way, and none that has takes it up again, before it has slipped.
+// Notes contacts that reach a bound. Contacts that share a force reach their bounds together or
+// shortly after each other; each yields in turn, and none sticks again before it has slipped.
 void ContactEvents::note_bounds(const Span& span, const Watched& event) {
   const double t = span.all.t + span.left.t;
   const auto note = [&](Watched::Kind kind, bool is_over, AtBound* at) {
@@ -111,10 +109,10 @@ void ContactEvents::note_bounds(const Span& span, const Watched& event) {
 
 // ---- states
 
-// What contacts do with where the bodies are and how they move. One whose force has left its bounds
-// gives way, as `event` says, where the force is still there to rounding.
+// Decides how contacts act at the current pose and velocities. A contact whose force has left its
+// bounds yields, as `event` says, where the force is still at the bound to rounding.
 bool ContactEvents::decide(const Watched& event) {
-  // near the end of a slip its direction turns ever faster: what can stick there does
+  // Near the end of a slip its direction turns ever faster; contacts that can stick then stick.
   if (event.kind == Watched::Kind::kSlip && decide(event, kEndOfSlip)) {
     bool all_stick = true;
     for (const ContactEquations::Contact& contact : equations_.contacts) {
@@ -127,7 +125,7 @@ bool ContactEvents::decide(const Watched& event) {
   return decide(event, kResting);
 }
 
-// Of contacts that slip no faster than `least_slip` as if they did not.
+// Decides as if contacts with a slip up to `least_slip` [m/s] did not slip.
 bool ContactEvents::decide(const Watched& event, double least_slip) {
   has_derivative_ = false;
   ContactEquations::Responses& responses = responses_;
@@ -173,7 +171,7 @@ bool ContactEvents::decide(const Watched& event, double least_slip) {
   return true;
 }
 
-// A problem of rates or accelerations, without these and without coordinates.
+// Begins a problem of rates or accelerations, without their values and without coordinates.
 void ContactEvents::begin_problem() {
   problem_.A = responses_.A;
   problem_.b.assign(responses_.columns, 0.0);
@@ -193,7 +191,8 @@ void ContactEvents::set_rate(const ContactEquations::Touching& of, const Vector3
     (*all)[of.column + k] = rate[static_cast<Eigen::Index>(k)];
 }
 
-// That of the accelerations, where contacts slip no faster than `least_slip` as if they did not.
+// Sets up the problem of accelerations, as if contacts with a slip up to `least_slip` [m/s] did not
+// slip.
 void ContactEvents::set_problem(double least_slip) {
   begin_problem();
   for (const ContactEquations::Touching& touching : responses_.contacts) {
@@ -218,7 +217,8 @@ void ContactEvents::set_problem(double least_slip) {
   }
 }
 
-// Which motors are not on their courses, as EventDriven has it.
+// Finds the motors that are not at rest at their goals, and their braking decelerations.
+// EventDriven compares with prescribed motions instead.
 void ContactEvents::find_lost() {
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     ContactEquations::Coordinate& of = equations_.coordinates[c];
@@ -231,7 +231,7 @@ void ContactEvents::find_lost() {
   }
 }
 
-// What half of the force of a motor does to its coordinate while the other motors hold theirs.
+// Deceleration of a coordinate by half of the force of its motor, while other motors hold.
 double ContactEvents::braking_of(std::size_t c) {
   ContactEquations::Responses responses;
   responses.coordinates = {c};
@@ -259,8 +259,8 @@ void ContactEvents::choose_servos() {
   }
 }
 
-// Coordinates that move as something that may hold them; of the others sets what acts. False where
-// one goes beyond a limit of any force.
+// Lists the coordinates that move at the rate of a law that may hold them, and sets the acting
+// forces of the others. Returns false where a coordinate passes a limit without force limit.
 bool ContactEvents::find_candidates(List<Candidate>* candidates) {
   candidates->clear();
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
@@ -287,7 +287,8 @@ bool ContactEvents::find_candidates(List<Candidate>* candidates) {
   return true;
 }
 
-// By the solution of the problem of the accelerations; also finds these for all that touch.
+// Decides how contacts act by the solved accelerations, and stores accelerations of all touching
+// contacts.
 void ContactEvents::choose_acts() {
   find_solved_accelerations();
   double scale = kLeastScale, largest = 0.0;
@@ -318,7 +319,7 @@ void ContactEvents::choose_acts() {
   }
 }
 
-// b + A p of the problem
+// Computes b + A p of the problem.
 void ContactEvents::find_solved_accelerations() {
   const std::size_t n = force_.size();
   solved_ = problem_.b;
@@ -326,7 +327,7 @@ void ContactEvents::find_solved_accelerations() {
     for (std::size_t i = 0; i < n; ++i) solved_[i] += problem_.A[n * j + i] * force_[j];
 }
 
-// The same of coordinates.
+// Decides how coordinates are held by the solved accelerations.
 void ContactEvents::choose_holds(const Watched& event) {
   if (held_.empty()) return;
   const std::size_t n = force_.size();
@@ -356,8 +357,8 @@ void ContactEvents::choose_holds(const Watched& event) {
   }
 }
 
-// The forces of least norm are not within their bounds: those of the solution, and what is at its
-// bound gives way.
+// Takes over the forces of the solution, where least-norm forces violate their bounds. Contacts and
+// laws at a bound yield.
 void ContactEvents::take_forces() {
   for (std::size_t k = 0; k < held_.size(); ++k)
     equations_.coordinates[held_[k].coordinate].reference = force_[responses_.of_contacts + k];
@@ -375,7 +376,7 @@ void ContactEvents::take_forces() {
   }
 }
 
-// whether the forces of all that acts now are, to rounding
+// Whether the forces of all acting rows are within their bounds, to rounding.
 bool ContactEvents::is_within_bounds() {
   free_.resize(equations_.size());
   equations_.derivative(0, equations_.time(), numbers_.data(), free_.data());
@@ -389,7 +390,7 @@ bool ContactEvents::is_within_bounds() {
                      [](const Watched& watched) { return watched.value >= -watched.tolerance; });
 }
 
-// Where coordinates are held from now on.
+// Sets where coordinates are held from now on.
 void ContactEvents::hold_coordinates(bool is_begin) {
   for (std::size_t c = 0; c < equations_.coordinates.size(); ++c) {
     ContactEquations::Coordinate& of = equations_.coordinates[c];
@@ -404,9 +405,10 @@ void ContactEvents::hold_coordinates(bool is_begin) {
   }
 }
 
-// ---- what is told
+// ---- reported events
 
-// Of contacts and coordinates whose span begins: against where the last one ended.
+// Reports changes of contacts and coordinates; at the start of an interval against the end of the
+// last one.
 void ContactEvents::tell(const Span& span, const List<Acts>& before, const Of<double>& hit,
                          bool is_begin) {
   const double t = span.all.t + span.left.t;
@@ -441,12 +443,12 @@ void ContactEvents::tell_pair(double t, std::size_t p, const List<Acts>& before,
     impulse += hit.contacts[c];
     rests_in = std::max(rests_in, rests_in_.contacts[c]);
   }
-  // of one that nobody knows that it begins to touch is no event
+  // A contact that already exists at the first step is not reported as an event.
   if (is_begin && !was && impulse == 0.0) {
     was = is;
     stuck = sticks;
   }
-  // friction of what sticks may be at its bound, as that of what slips is
+  // Friction of a sticking contact may be at its bound, as friction of a slipping contact is.
   if (is_begin && pair.is_still && sticks) stuck = true;
   pair.held = pair.stuck = pair.is_still = false;
   const auto add = [&](EventKind kind, double of, double later) {
@@ -459,7 +461,7 @@ void ContactEvents::tell_pair(double t, std::size_t p, const List<Acts>& before,
     add(sticks ? EventKind::kSticks : EventKind::kSlips, 0.0, 0.0);
 }
 
-// What was to come to rest later, and has an event now, does not.
+// Adds a reported event. An event now replaces a rest reported for later.
 void ContactEvents::add_told(const Told& told, double rests_in) {
   for (Told& other : told_)
     if (other.pair == told.pair && other.coordinate == told.coordinate)

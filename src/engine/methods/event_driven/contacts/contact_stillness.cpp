@@ -1,5 +1,5 @@
-// Spans of ContactEvents in which nothing moves. One that begins with the bits of one before comes
-// to the same, to the bit, and is not computed again.
+// Intervals of ContactEvents without motion. An interval whose start has the bits of an earlier one
+// has the same result, to the bit, and is not computed again.
 
 #include <algorithm>
 
@@ -52,7 +52,8 @@ bool are_all_same(const Container& l, const Container& r) {
 
 }  // namespace
 
-// With joints more than bodies and pairs decides.
+// Whether the interval starts like the last one without motion. False with joints, whose forces
+// depend on more than bodies and pairs.
 bool ContactEvents::is_as_when_still(const SmoothSpan& span) const {
   if (!still_.is_known || done_.spans || !equations_.joints.empty() || equations_.has_movers() ||
       span.h != still_.h || !have_same_bits(span.gravity, still_.gravity) ||
@@ -74,7 +75,7 @@ void ContactEvents::note_beginning(const SmoothSpan& span) {
   still_.pairs = pairs_;
 }
 
-// of the span that begins with the step, where nothing has moved in it
+// Stores the first interval of a step, where nothing has moved in it.
 void ContactEvents::note_stillness() {
   still_.is_known = told_.empty() && done_.events == 0;
   still_.states = equations_.states();
@@ -83,7 +84,7 @@ void ContactEvents::note_stillness() {
 
 void ContactEvents::go_on_as_when_still(List<BodyState>* states) {
   for (Pair& pair : pairs_)
-    pair.held = pair.stuck = pair.is_still = false;  // as what is told has it
+    pair.held = pair.stuck = pair.is_still = false;  // reset as after reporting
   equations_.contacts = still_.contacts;
   equations_.set_states(still_.states);
   equations_.scatter_state(states);

@@ -1,10 +1,9 @@
-// Slow slips of ContactEvents. Friction turns a slip w as fast as it would stop it, at a rate of
-// μ N/m ‖w‖: where a body just begins to slip, or is about to stop, that is beyond what stages of
-// any worthwhile length can follow. There all slips keep their directions for a substep, held
-// across by rows as what sticks is. That is right as long as friction has the force f across, for
-// with its share θ = f/μN
-//   the slip would be aside by θ ‖w‖, and friction along it is less by μ N θ²/2,
-// and both have to stay within the tolerance. Where they do not the substep is taken as any other.
+// Slow slips of ContactEvents. Friction turns a slip w at a rate of μ N/(m ‖w‖), as fast as it
+// would stop the slip. Where a body begins to slip or is about to stop, stages of any worthwhile
+// length cannot follow. Then all slips keep their directions for a substep, held transversely by
+// rows. With the share θ = f/μN of the transverse force f
+//   the slip is off by θ ‖w‖ across, and friction along it is too large by μ N θ²/2,
+// and both have to stay within the tolerance. Otherwise the substep is repeated as an ordinary one.
 
 #include <algorithm>
 #include <cmath>
@@ -16,7 +15,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kNoForce = 1e-12;  // of the largest: rounding
+constexpr double kNoForce = 1e-12;  // share of the largest force; less is rounding
 
 bool has_direction(const ContactEquations::Contact& of) {
   return of.acts == ContactEquations::Acts::kSlips && of.friction > 0.0 &&
@@ -35,7 +34,7 @@ bool ContactEvents::turns_fast(double h) const {
                      });
 }
 
-// Whether a substep of h that kept all directions was right to do so: `tolerance` in m/s.
+// Whether keeping all directions over a substep h was accurate to `tolerance` [m/s].
 bool ContactEvents::was_straight(double h, double tolerance) const {
   const double least = kNoForce * equations_.largest_force(), g = equations_.gravity.norm();
   for (std::size_t c = 0; c < equations_.contacts.size(); ++c) {
@@ -52,14 +51,14 @@ bool ContactEvents::was_straight(double h, double tolerance) const {
   return true;
 }
 
-// From here on, or not. False where no velocities meet the rows.
+// Starts or ends straight slips. Returns false where no velocities meet the rows.
 bool ContactEvents::go_straight(bool is_straight) {
   if (is_straight == equations_.is_straight) return true;
   equations_.is_straight = is_straight;
   return equations_.restart(numbers_.data(), derivative(), nullptr);
 }
 
-// A substep from where state and derivative are kept.
+// Makes a substep from the saved state and derivative.
 bool ContactEvents::take_first(Span* span, double* step) {
   const double tolerance = span->accuracy.tolerance, first = *step;
   if (equations_.is_straight) {

@@ -1,5 +1,5 @@
-// What ContactEvents watches within a substep: gaps, forces against their bounds, slips, and
-// coordinates against their limits. An event is where one of these changes its sign.
+// Watched values of ContactEvents in a substep: gaps, margins of forces to their bounds, slips, and
+// gaps of coordinates to limits. An event is a change of sign.
 
 #include <algorithm>
 #include <cmath>
@@ -41,7 +41,7 @@ void ContactEvents::watch_forces(std::size_t c, List<Watched>* list) const {
   }
 }
 
-// the force that holds a coordinate, beside its bounds
+// Watches the force that holds a coordinate against its bounds.
 void ContactEvents::watch_held(std::size_t c, List<Watched>* list) const {
   const ContactEquations::Coordinate& of = equations_.coordinates[c];
   const auto limit = [&](bool upper_one) { return equations_.limit(of, upper_one); };
@@ -95,7 +95,7 @@ void ContactEvents::watch_breaking(std::size_t j, List<Watched>* list) const {
   const ContactEquations::BodyJoint& of = equations_.joints[j];
   const Joint& joint = of.joint;
   if (of.is_broken || (joint.break_force == 0.0 && joint.break_torque == 0.0)) return;
-  // force and torque; those of a stage as if bodies were where they are now
+  // Force and torque; stages are evaluated at the current pose.
   const auto loads = [&](std::size_t stage) {
     const RowVector& force = equations_.joint_force(j, stage);
     if (has_length(joint.kind)) return std::pair(std::abs(force[0]), 0.0);
@@ -121,7 +121,8 @@ void ContactEvents::watch_breaking(std::size_t j, List<Watched>* list) const {
   }
 }
 
-// In an order that depends on what contacts and coordinates do alone.
+// Lists all watched values, in an order that depends only on the states of contacts and
+// coordinates.
 void ContactEvents::watch(List<Watched>* list) {
   list->clear();
   equations_.find_accelerations(derivative(), &rates_);

@@ -14,12 +14,13 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr std::uint32_t kMostEvents = 5000;  // in a step
-constexpr double kShortest = 1e-12;          // [s] of a course; an event may be where a span ends
+constexpr std::uint32_t kMostEvents = 5000;  // per step
+// Shortest prescribed motion [s]; an event may be at the end of an interval.
+constexpr double kShortest = 1e-12;
 
 }  // namespace
 
-// ---- compiled
+// ---- compilation
 
 EventDriven::EventDriven(const EventDriven& other) = default;
 EventDriven::EventDriven(EventDriven&& other) noexcept = default;
@@ -35,7 +36,7 @@ EventDriven::EventDriven(const List<int>& members, const List<Joint>& all_joints
     const Joint& joint = all_joints[j];
     const std::size_t l = joints_.size();
     joints_.push_back(joint);
-    joints_.back().name.clear();  // so that copies allocate nothing
+    joints_.back().name.clear();  // copies then allocate nothing
     ends_.push_back(ends[j]);
     if (!open.empty()) open_.push_back(open[j]);
     first_law_.push_back(laws_.size());
@@ -78,7 +79,7 @@ std::pair<std::size_t, std::size_t> EventDriven::laws_of(std::size_t joint) cons
   return {first_law_[joint], first_law_[joint + 1] - first_law_[joint]};
 }
 
-// the joint with rows as the states say; false where it does not act
+// Copies a joint with its rows as the states say. Returns false where the joint does not act.
 bool EventDriven::switched(std::size_t joint, const List<OneSidedState>& states,
                            Joint* result) const {
   *result = joints_[joint];
@@ -96,7 +97,7 @@ EquationsOfMotion EventDriven::compile(const List<OneSidedState>& states,
   return {acting, joints, ends_, masses, couplings_, idle, open_};
 }
 
-// both the bare equations and those of the rows that act
+// Compiles the bare equations and the equations of the rows that act.
 void EventDriven::compile_again(const List<MassProperties>& masses, RungeKutta* motion) {
   bare_ = compile(List<OneSidedState>(laws_.size()), masses);
   std::swap(is_broken_, broken_then_);
@@ -104,9 +105,9 @@ void EventDriven::compile_again(const List<MassProperties>& masses, RungeKutta* 
   std::swap(is_broken_, broken_then_);
 }
 
-// ---- where things are
+// ---- kinematics
 
-// bodies that move by themselves are where the tick starts
+// State of a body at t. Kinematic bodies are given at the start of the tick.
 BodyState EventDriven::body(const Span& span, int body, double t) const {
   BodyState state = (*span.states)[body];
   if (span.around.masses[body].is_movable()) return state;
@@ -153,7 +154,7 @@ EventDriven::Reading EventDriven::read(const Span& span, const OneSidedLaw& law,
   return reading;
 }
 
-// whole turns are counted from one substep to the next
+// Counts whole turns from one substep to the next.
 void EventDriven::note_positions(const Span& span, double t) {
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     const JointKindInfo& kind = info(joints_[l].kind);
@@ -171,12 +172,14 @@ void EventDriven::note_positions(const Span& span, double t) {
   }
 }
 
-// where a limit is: a motor moves that of a length, and what is beyond it at first is closed
+// Position and motion of a limit. A motor moves the limit of a length; an initial violation is
+// closed in time.
 Prescribed EventDriven::limit(std::size_t c, bool upper_one, double t) const {
   const OneSidedLaw& law = laws_[c];
   const PrescribedMotion& course = courses_[law.joint];
   const JointState& state = joint_states_[law.joint];
-  const bool has_offset = course.is_closing() && !law.goal;  // whose is that of its course
+  // The offset of a motor with a goal belongs to its prescribed motion.
+  const bool has_offset = course.is_closing() && !law.goal;
   const double offset = has_offset ? state.closing_offset[law.function] : 0.0;
   const bool is_open = (upper_one ? offset > 0.0 : offset < 0.0);
   const Prescribed share = course.share_to_close(t);
@@ -204,7 +207,7 @@ double EventDriven::travel(std::size_t joint, double t) const {
   return course.length(t).value - closing - base_[joint];
 }
 
-// what a joint is with its rows as they are now, for its course
+// Sets the rows of a joint to the current states, for its prescribed motion.
 void EventDriven::set_rows(std::size_t l) {
   Joint& joint = switched_joints_[l];
   switched(l, states_, &joint);
@@ -212,7 +215,7 @@ void EventDriven::set_rows(std::size_t l) {
   if (count > 0 && laws_[first].is_distance) {
     const OneSidedLaw& law = laws_[first];
     const Hold hold = states_[first].hold;
-    joint = joints_[l];  // whose motor also moves a limit that is not reached
+    joint = joints_[l];  // the motor also moves a limit that is not reached
     joint.motor.max_force = 0.0;
     if (joint.distance.is_limited() && !joint.distance.is_soft())
       joint.distance.length = law.limit(hold != Hold::kLower && std::isfinite(law.upper));
@@ -222,7 +225,7 @@ void EventDriven::set_rows(std::size_t l) {
   base_[l] = joint.distance.length.value_or(0.0);
 }
 
-// the course of a joint from t on
+// Starts the prescribed motion of a joint at t.
 void EventDriven::begin_course(const Span& span, std::size_t l, double t) {
   JointState told = joint_states_[l];
   const auto [first, count] = laws_of(l);
@@ -253,7 +256,7 @@ void EventDriven::begin_course(const Span& span, std::size_t l, double t) {
                                                        *laws_[c].goal));
 }
 
-// True where all courses go on as they did.
+// Starts the prescribed motions of an interval. Returns whether all of them continue.
 bool EventDriven::begin_courses(const Span& span) {
   bool goes_on = true;
   for (std::size_t l = 0; l < joints_.size(); ++l) {
@@ -345,8 +348,8 @@ IntegrationResult EventDriven::advance(const SmoothSpan& all, const IntegratorOp
   return span.progress;
 }
 
-// Where the next span begins to hold a coordinate: a length that has given way holds what it has
-// reached.
+// Sets the held value of a law for the next interval. A length that has yielded is held where it
+// is.
 void EventDriven::hold_from(const Span& span, std::size_t c) {
   const OneSidedLaw& law = laws_[c];
   const double t = span.left.end;
@@ -364,13 +367,13 @@ void EventDriven::hold_from(const Span& span, std::size_t c) {
 }
 
 bool EventDriven::begin_span(Span* span) {
-  // a step that was given up broke nothing
+  // A rejected step has broken no joint.
   if (!has_started_ && std::find(is_broken_.begin(), is_broken_.end(), 1) != is_broken_.end()) {
     is_broken_.assign(joints_.size(), 0);
     bare_ = compile(List<OneSidedState>(laws_.size()), span->around.masses);
   }
   if (!has_started_) states_.assign(laws_.size(), {});
-  for (std::size_t l = 0; l < joints_.size(); ++l) {  // but for where coordinates are by now
+  for (std::size_t l = 0; l < joints_.size(); ++l) {  // except the positions of coordinates
     JointState& state = joint_states_[l];
     const auto coordinates_before = state.coordinates;
     state = span->around.joint_states[members_[l]];
@@ -402,7 +405,7 @@ bool EventDriven::begin_span(Span* span) {
 
 // ---- between events
 
-// The next substep, or as much of it as there is before an event.
+// Makes the next substep, or the part of it before an event.
 bool EventDriven::advance_to_event(Span* span) {
   RungeKutta& motion = *span->motion;
   const SubstepSpan start = span->left;
@@ -447,7 +450,7 @@ void EventDriven::break_joint(Span* span, std::size_t joint) {
     is_broken_[l] = 1;
   };
   break_one(joint);
-  for (std::size_t l = 0; l < joints_.size(); ++l)  // what couples it
+  for (std::size_t l = 0; l < joints_.size(); ++l)  // couplings of the joint
     if (couples_joints(joints_[l].kind))
       for (const CoupledTerm& term : couplings_[l])
         if (term.joint == joint) break_one(l);

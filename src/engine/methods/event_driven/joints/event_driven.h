@@ -21,12 +21,11 @@
 
 namespace constraint_sim::engine {
 
-/// An island with one-sided rows, carried from event to event: between two events every such row is
-/// either a rigid row, a constant force or nothing, so that the island is an ordinary one, which
-/// RungeKutta carries. Substeps watch what each row depends on (gaps, rates, forces); where one
-/// passes zero the substep is taken again from its start, at full order, so that it ends there. At
-/// an event limits that are hit have impacts, and a complementarity problem of the accelerations
-/// says what each row does from there on.
+/// Advances an island with one-sided rows from event to event. Between events every one-sided row
+/// is a rigid row, a constant force or absent, so RungeKutta advances an ordinary island. Substeps
+/// watch gaps, rates and forces; where a watched value passes zero, the substep is repeated at full
+/// order to end there. At an event, limits that are hit have impacts, and a complementarity problem
+/// of accelerations decides how each row acts next.
 class EventDriven {
  public:
   // Defined in the .cpp file: copies of so many fields are compiled once.
@@ -38,55 +37,58 @@ class EventDriven {
 
   using Ends = List<std::pair<std::size_t, std::size_t>>;
 
-  /// Beyond so many rows an island is left to others.
+  /// Largest number of one-sided rows; islands with more rows use another method.
   static constexpr std::size_t kMostRows = 32;
 
-  /// Of the joints of an island, `members` by index. `couplings`, `open` as EquationsOfMotion.
+  /// `members`: indices of the joints of the island. `couplings`, `open`: as in EquationsOfMotion.
   EventDriven(const List<int>& members, const List<Joint>& all_joints, const Ends& ends,
               const List<CoupledTerms>& couplings, const List<MassProperties>& masses,
               const List<char>& open);
 
-  /// The equations without any one-sided row, to begin with.
+  /// Equations without any one-sided row, from which an island starts.
   const EquationsOfMotion& bare() const { return bare_; }
 
-  /// What surrounds an island in a span.
+  /// Inputs of an interval from outside the island.
   struct Surroundings {
-    JointStep step;  ///< of the span
+    JointStep step;  ///< step that contains the interval
     const List<JointState>& joint_states;
-    const List<JointState>& told;  ///< these, as the last step left them
+    const List<JointState>& told;  ///< joint states as reported by the last step
     const List<MassProperties>& masses;
   };
 
-  /// Clears impulses and counts of the step before.
+  /// Clears impulses and counts of the previous step.
   void begin_step(const List<JointState>& joint_states, RungeKutta* motion);
-  /// As method.h says; `motion` has the equations of the rows that act now.
+  /// Advances the island as method.h describes; `motion` has the equations of the rows that act
+  /// now.
   IntegrationResult advance(const SmoothSpan& span, const IntegratorOptions& accuracy,
                             const Surroundings& around, RungeKutta* motion,
                             List<BodyState>* states);
-  /// What rows do is decided anew: somebody else has moved the bodies.
+  /// Forgets the states of rows, after bodies were moved from outside.
   void forget() { has_started_ = false; }
 
-  // ---- what was done since begin_step(), once the step is over
+  // ---- results since begin_step(), complete at the end of the step
   std::uint32_t events() const { return events_; }
-  /// One event of those.
+  /// Reported event.
   struct Told {
     EventKind kind;
     double time;        ///< simulated [s]
-    std::size_t joint;  ///< among joints()
-    int coordinate;     ///< -1 of a distance joint, and of a joint that broke
-    double impulse;     ///< of an impact ≥ 0
+    std::size_t joint;  ///< index in joints()
+    int coordinate;     ///< -1: a distance joint, or a joint that broke
+    double impulse;     ///< impulse of an impact, ≥ 0 [N s or N m s]
   };
   const List<Told>& told() const { return told_; }
-  /// Adds what the rows that act now have done.
+  /// Adds the impulses of the rows that act now.
   void collect(const List<BodyState>& states, RungeKutta* motion);
   const List<int>& joints() const { return members_; }
-  /// As EquationsOfMotion::impulse(), of joints()[l].
+  /// Impulse of joints()[l], laid out as EquationsOfMotion::impulse().
   const RowVector& impulse(std::size_t l) const { return impulses_[l]; }
   double coupled_impulse(std::size_t l) const { return coupled_impulses_[l]; }
-  /// Sets where motors with a force limit hold, whether these have reached it, and what broke.
+  /// Writes where motors with a force limit hold, whether they are saturated, and whether the joint
+  /// broke.
   void write(std::size_t l, JointState* state) const;
 
-  /// Visits which rows act, which `motion` then has, as engine/memory.h says.
+  /// Visits the states of rows, as engine/memory.h describes. Reading compiles bare() and `motion`
+  /// for these states.
   template <class Self, class Visit, class Motion>
   static void visit_rows(Self& self, Visit& visit, const List<MassProperties>& masses,
                          Motion& motion) {
@@ -95,7 +97,8 @@ class EventDriven {
     visit.beside(self.broken_then_);
     if constexpr (Visit::kReads) self.compile_again(masses, &motion);
   }
-  /// Visits all that the next advance() goes on from, beside the bodies and what RungeKutta has.
+  /// Visits all state that the next advance() continues from, except the bodies and the memory of
+  /// RungeKutta.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit(self.has_started_);
@@ -112,65 +115,65 @@ class EventDriven {
     if constexpr (Visit::kReads)
       for (std::size_t l = 0; l < self.joints_.size(); ++l) self.set_rows(l);
   }
-  /// Lets equations that were just compiled go on from `t`, where a span begins.
+  /// Continues an interval that starts at `t` with equations that were just compiled.
   void continue_from(double t, const List<BodyState>& states, const Eigen::Vector3d& gravity,
                      const List<AppliedWrench>& loads, RungeKutta* motion) const {
     motion->equations().continue_from(t, states, gravity, loads, courses_);
   }
 
  private:
-  /// A coordinate now; `J` of its gradient.
+  /// Coordinate at the current state; `J`: its gradient.
   struct Reading {
     double q = 0.0, rate = 0.0, acceleration = 0.0;
     Jacobian J;
   };
   struct Watched : WatchedValue {
-    int law = -1;          ///< whose it is
-    int breaks = -1;       ///< the joint that breaks then
-    signed char side = 0;  ///< of a force: -1 of its lower bound, +1 of its upper one
+    int law = -1;          ///< law of the value; -1: none
+    int breaks = -1;       ///< joint that breaks at the event; -1: none
+    signed char side = 0;  ///< bound of a force: -1 lower, +1 upper
   };
-  /// The rows that act, with their equations.
+  /// Compiled equations for one set of states.
   struct Variant {
     List<OneSidedState> states;
     List<char> is_broken;
     RungeKutta motion;
   };
-  /// A joint that breaks.
+  /// Joint with a breaking force or torque.
   struct Breaking {
     std::size_t joint;
     double force, torque;
   };
-  /// A held coordinate whose force is at a bound, and gives way.
+  /// Held coordinate that is released, since its force has reached a bound.
   struct Release {
     int law = -1;
-    signed char side = 0;  ///< of the bound
+    signed char side = 0;  ///< bound: -1 lower, +1 upper
   };
-  /// A limit that takes part in an impact: +1 of a lower one, −1 of an upper one.
+  /// Limit in an impact. `direction`: +1 for a lower limit, −1 for an upper limit.
   struct Hit {
     std::size_t law;
     double direction;
-    double rate;  ///< of the gap
+    double rate;  ///< rate of the gap
     double restitution;
   };
-  /// A coordinate that moves as something that holds it.
+  /// Coordinate that moves at the rate of a law that may hold it.
   struct Candidate {
     std::size_t law;
     Hold hold;
     double rate, acceleration;
-    double zeta;  ///< the rate that its motor asks for
+    double zeta;  ///< rate that the motor demands
     ForceBounds bounds;
   };
-  struct Span;  // what advance() goes through
-  struct Rows;  // a problem at an event
+  struct Span;  // state of advance()
+  struct Rows;  // problem at an event
 
-  // ---- compiled
+  // ---- compilation
   EquationsOfMotion compile(const List<OneSidedState>& states,
                             const List<MassProperties>& masses) const;
   void compile_again(const List<MassProperties>& masses, RungeKutta* motion);
   bool switched(std::size_t joint, const List<OneSidedState>& states, Joint* result) const;
   std::pair<std::size_t, std::size_t> laws_of(std::size_t joint) const;
 
-  // ---- where things are
+  // ---- kinematics
   BodyState body(const Span& span, int body, double t) const;
   Reading read(const Span& span, const OneSidedLaw& law, double t,
                const EquationsOfMotion& equations, const EquationsOfMotion::Motions& rates) const;
@@ -188,7 +191,7 @@ class EventDriven {
   void begin_course(const Span& span, std::size_t joint, double t);
   bool begin_courses(const Span& span);
 
-  // ---- between events (what waits for events: event_location.cpp)
+  // ---- between events (event_location.cpp)
   bool begin_span(Span* span);
   void hold_from(const Span& span, std::size_t law);
   bool advance_to_event(Span* span);
@@ -230,41 +233,40 @@ class EventDriven {
   bool switch_to_states(Span* span);
 
   List<int> members_;
-  List<Joint> joints_;  // the same
-  Ends ends_;           // of these
-  List<char> open_;     // which of these EquationsOfMotion takes for open; none where empty
+  List<Joint> joints_;  // order of members_
+  Ends ends_;           // ends of joints_
+  List<char> open_;     // per joint: compiled as open; empty where none is open
   List<CoupledTerms> couplings_;
-  List<OneSidedLaw> laws_;       // of one joint after the other
-  List<std::size_t> first_law_;  // of joints, and the end
+  List<OneSidedLaw> laws_;       // grouped by joint
+  List<std::size_t> first_law_;  // per joint, then the end
   List<Joint> bare_joints_;      // without one-sided rows
   List<Breaking> breaking_;
   EquationsOfMotion bare_;
-  List<OneSidedState> compiled_for_;  // what RungeKutta has
-  List<char> broken_then_;            // the same
-  List<Variant> others_;              // those compiled before, for the next time
+  List<OneSidedState> compiled_for_;  // states that RungeKutta is compiled for
+  List<char> broken_then_;            // joints that are broken in that compilation
+  List<Variant> others_;              // earlier compilations, for reuse
 
   bool has_started_ = false;
-  List<OneSidedState> states_;   // of laws
-  List<Joint> switched_joints_;  // as these say, for courses
-  List<double> held_;     // what friction and motors hold: q, the travel of a length, or until
-                          // when a motor brakes [s]
-  List<double> braking_;  // of motors, as CoordinateState has it
+  List<OneSidedState> states_;   // per law
+  List<Joint> switched_joints_;  // joints with rows as in states_, for prescribed motions
+  List<double> held_;  // Per law: held position q, travel of a held length, or end of braking [s].
+  List<double> braking_;  // decelerations of motors, see CoordinateState
 
-  // ---- of this step
-  List<char> is_broken_;           // joints
-  List<JointState> joint_states_;  // where coordinates are, and what is being closed
+  // ---- values of the current step
+  List<char> is_broken_;           // per joint
+  List<JointState> joint_states_;  // positions of coordinates, and offsets being closed
   List<PrescribedMotion> courses_, bare_courses_;
-  List<double> base_;     // of a distance joint's course, without travel
-  List<char> is_at_end_;  // of joints: a winch, of its travel
+  List<double> base_;     // per distance joint: prescribed length without travel [m]
+  List<char> is_at_end_;  // per joint: a winch at the end of its travel
   List<RowVector> impulses_;
   List<double> coupled_impulses_;
   std::uint32_t events_ = 0;
-  mutable List<char> pressed_;  // laws whose motor is too weak to take them off a limit
+  mutable List<char> pressed_;  // laws whose motor is too weak to leave a limit
   List<Told> told_;
   int unchanged_ = 0;  // events that changed nothing
   WatchedSubstep<Watched> watched_;
   EquationsOfMotion::Motions rates_;
-  std::optional<LeastNormForces> least_forces_;  // of the rows that act now
+  std::optional<LeastNormForces> least_forces_;  // reported forces of the rows that act now
 };
 
 }  // namespace constraint_sim::engine

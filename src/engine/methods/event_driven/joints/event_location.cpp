@@ -1,4 +1,4 @@
-// What the events of an EventDriven are, and where in a substep the first one is.
+// Watched values of EventDriven, and the location of the first event in a substep.
 
 #include <algorithm>
 #include <cmath>
@@ -14,9 +14,10 @@ constexpr std::size_t kStagesWatched = 12;
 
 }  // namespace
 
-// ---- what is watched
+// ---- watched values
 
-// what is watched of a coordinate, which has been read, and with what force its row holds it
+// Watches the force with which a row holds a coordinate against its bounds; `reading`: the
+// coordinate.
 void EventDriven::watch_force(const Span& span, std::size_t c, const Reading& reading, double t,
                               List<Watched>* list) const {
   const OneSidedLaw& law = laws_[c];
@@ -41,7 +42,7 @@ void EventDriven::watch_force(const Span& span, std::size_t c, const Reading& re
     watched.side = side;
     watched.value = margin(equations.force(link)[law.function]);
     watched.early = 0.0;
-    // a force that leaves its bounds within the substep and comes back shows in the stages
+    // Stages show a force that leaves its bounds within the substep and returns.
     const bool is_alone = law.soft.is_none() && law.servo_most == 0.0;
     for (std::size_t i = 1; is_alone && watched.early == 0.0 && i < kStagesWatched; ++i)
       if (span.accuracy.order == 8 &&
@@ -53,7 +54,7 @@ void EventDriven::watch_force(const Span& span, std::size_t c, const Reading& re
   watch_side(bounds.most, 1);
 }
 
-// What events wait for, in an order that depends on what rows do alone.
+// Lists all watched values, in an order that depends only on the states of rows.
 void EventDriven::watch(const Span& span, double t, List<Watched>* list) {
   list->clear();
   const EquationsOfMotion& equations = span.motion->equations();
@@ -109,8 +110,8 @@ void EventDriven::watch_breaking(const Span& span, double t, List<Watched>* list
   }
 }
 
-// Ends the substep from `start` on where the first event is, and leaves that in its end. Or there
-// is none after all, and the whole substep stays.
+// Ends the substep from `start` at the first event, and leaves the state there. Keeps the whole
+// substep where there is no event.
 bool EventDriven::locate(Span* span, const SubstepSpan& start, double h,
                          std::optional<Crossing>* event) {
   RungeKutta& motion = *span->motion;

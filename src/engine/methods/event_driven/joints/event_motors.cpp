@@ -1,5 +1,5 @@
-// What motors and servos with a force limit ask for in an EventDriven, and whether motors that go
-// to a position are on their courses.
+// Demands of motors and servos with a force limit in EventDriven, and detection of motors that do
+// not follow their prescribed motions.
 
 #include <cmath>
 
@@ -9,13 +9,13 @@
 #include "engine/methods/event_driven/joints/law_events.h"
 
 namespace constraint_sim::engine {
-// where a servo acts about
+// Rest position of a servo.
 Prescribed EventDriven::rest(std::size_t c, double t) const {
   const OneSidedLaw& law = laws_[c];
   return engine::rest_of(law, law.is_distance ? courses_[law.joint].length(t) : Prescribed{});
 }
 
-// of a motor that goes to a position
+// Prescribed motion of a motor with a goal.
 Prescribed EventDriven::course_of(std::size_t c, double t) const {
   const OneSidedLaw& law = laws_[c];
   const double offset = joint_states_[law.joint].closing_offset[law.function];
@@ -23,8 +23,8 @@ Prescribed EventDriven::course_of(std::size_t c, double t) const {
   return {*law.goal + offset * share.value, offset * share.rate, offset * share.acceleration};
 }
 
-// What a motor with a force limit asks for at q, as `rate` and `acceleration`; of one that goes to
-// a position `value` is where its course is.
+// Rate and acceleration that a motor with a force limit demands at q. For a motor with a goal,
+// `value` is the position of its prescribed motion.
 Prescribed EventDriven::zeta(const Span& span, std::size_t c, double t, double q) const {
   const OneSidedLaw& law = laws_[c];
   if (law.is_distance) return courses_[law.joint].length(t);
@@ -40,7 +40,7 @@ Prescribed EventDriven::zeta(const Span& span, std::size_t c, double t, double q
   return motor_course(motor, motor_phase(motor, t), 0.0);
 }
 
-// whether its motor or servo is at its force limit, or at the end of its travel
+// Whether the motor or servo of a law is saturated, or its winch is at the end of the travel.
 bool EventDriven::is_saturated(const Span& span, std::size_t c, const OneSidedState& state,
                                double t, double q) const {
   return is_at_end_[laws_[c].joint] ||
@@ -49,7 +49,7 @@ bool EventDriven::is_saturated(const Span& span, std::size_t c, const OneSidedSt
              [&] { return zeta(span, c, t, q); });
 }
 
-// the same, as the last step has told it
+// Whether the law was saturated at the end of the last step, as reported.
 bool EventDriven::was_saturated(const Span& span, std::size_t c, const Reading& now) const {
   const double t = span.left.t;
   return span.around.told[members_[laws_[c].joint]].saturated &&
@@ -58,7 +58,7 @@ bool EventDriven::was_saturated(const Span& span, std::size_t c, const Reading& 
              rest(c, t), [&] { return zeta(span, c, t, now.q); });
 }
 
-// which joints end the span so
+// Notes which joints are saturated at the end of the interval.
 void EventDriven::note_saturated(const Span& span) {
   for (const OneSidedLaw& law : laws_) joint_states_[law.joint].saturated = false;
   const double t = span.left.end;
@@ -69,8 +69,9 @@ void EventDriven::note_saturated(const Span& span) {
   }
 }
 
-// Which motors are not on their courses, before it is decided what they do. Those that have just
-// lost theirs brake with what half of their force does while the other motors hold.
+// Finds the motors that do not follow their prescribed motions, before states are decided. A motor
+// that has just lost its motion brakes with the deceleration by half of its force, while other
+// motors hold.
 void EventDriven::find_lost(const Span& span, const Rows& rows) {
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     if (!laws_[c].goal || !rows.is_free[c]) continue;
@@ -84,7 +85,7 @@ void EventDriven::find_lost(const Span& span, const Rows& rows) {
   }
 }
 
-// The same once it is decided: what leaves its course from here on.
+// Finds the motors that lose their prescribed motions in the decided states.
 void EventDriven::note_lost(const Rows& rows, const List<OneSidedState>& next) {
   for (std::size_t c = 0; c < laws_.size(); ++c)
     if (laws_[c].goal && next[c].drive != 0 && braking_[c] == 0.0)

@@ -7,29 +7,29 @@
 
 namespace constraint_sim::engine {
 
-/// What EventDriven::advance() goes through.
+/// State of EventDriven::advance().
 struct EventDriven::Span {
   const SmoothSpan& all;
   const IntegratorOptions& accuracy;
   const Surroundings& around;
   RungeKutta* motion;
-  List<BodyState>* states;  ///< of the world; those of the island at `left.t`
+  List<BodyState>* states;  ///< all bodies of the world; bodies of the island are at `left.t`
   SubstepSpan left;
   IntegrationResult progress;
-  bool begins = true;  ///< nothing has moved since it did
+  bool begins = true;  ///< true until bodies move in the interval
 };
 
-/// A complementarity problem of all laws at an event, with the rigid joints held.
+/// Complementarity problem of all laws at an event, while the rigid joints hold.
 struct EventDriven::Rows {
-  List<double> y, dydt;                       ///< of the bare equations
-  List<Reading> reading;                      ///< of laws, without one-sided forces
-  List<EquationsOfMotion::Motions> response;  ///< to a unit impulse along each law
-  List<List<double>> joint_impulses;          ///< the same
-  Eigen::MatrixXd A;                          ///< rates of laws by impulses along laws
-  Eigen::VectorXd acceleration;               ///< of laws with their forces, once these are decided
-  List<char> is_free;                         ///< laws whose coordinate the rigid joints leave free
-  List<double> hit;                           ///< impulses that laws had in impacts
-  List<double> rests_in;  ///< [s] after which bounces that are not followed are over
+  List<double> y, dydt;                       ///< state and derivative of the bare equations
+  List<Reading> reading;                      ///< per law, without one-sided forces
+  List<EquationsOfMotion::Motions> response;  ///< per law, to a unit impulse
+  List<List<double>> joint_impulses;          ///< per law, by a unit impulse
+  Eigen::MatrixXd A;                          ///< rates of laws per impulse along laws
+  Eigen::VectorXd acceleration;               ///< per law, with the chosen forces
+  List<char> is_free;                         ///< per law: left free by the rigid joints
+  List<double> hit;                           ///< per law: impulse in impacts
+  List<double> rests_in;  ///< times until bounces that are not followed are over [s]
 };
 
 }  // namespace constraint_sim::engine

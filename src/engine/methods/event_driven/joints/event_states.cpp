@@ -1,11 +1,9 @@
-// What an EventDriven does at an event: limits that are hit have impacts, and then a
-// complementarity problem of the accelerations says what each row does from there on.
-//
-// With u = J V the rates of the coordinates and A = J W Jᵀ, W what impulses do while the rigid
-// joints hold:
-//   impacts    u⁺ = u + A p, and of limits that touch  p ≥ 0, u⁺ + e u⁻ ≥ 0, one of them 0
-//   afterwards q̈ − c̈ = b + A λ, and of coordinates that move as c  least ≤ λ ≤ most, and
-//              q̈ = c̈, or q̈ > c̈ at the least λ, or q̈ < c̈ at the most
+// Changes of an EventDriven at an event: limits that are hit have impacts, then a complementarity
+// problem of accelerations decides how each row acts next. With u = J V the rates of coordinates
+// and A = J W Jᵀ, W the response to impulses while the rigid joints hold:
+//   impacts    u⁺ = u + A p, and for touching limits  0 ≤ p ⊥ u⁺ + e u⁻ ≥ 0
+//   afterwards q̈ − c̈ = b + A λ, and for coordinates that move at c  least ≤ λ ≤ most, with
+//              q̈ = c̈, or q̈ > c̈ at the least λ, or q̈ < c̈ at the most λ
 
 #include <algorithm>
 #include <cmath>
@@ -23,16 +21,16 @@ namespace {
 using Eigen::Index;
 using Eigen::VectorXd;
 
-constexpr double kNoAcceleration = 1e-10;  // of the largest acceleration: less is none
-constexpr double kLeast = 1e-12;           // [m/s² or rad/s²] the same, where nothing pulls
-constexpr double kKeepsTravel = 1e-6;      // [m] a length that is off by less is what a motor holds
+constexpr double kNoAcceleration = 1e-10;  // share of the largest acceleration; less is zero
+constexpr double kLeast = 1e-12;           // [m/s² or rad/s²] less is zero where nothing pulls
+constexpr double kKeepsTravel = 1e-6;      // [m] a motor holds a length that is off by less
 constexpr std::size_t kMostVariants = 16;
 
 Index index(std::size_t i) { return static_cast<Index>(i); }
 
 }  // namespace
 
-// ---- the problem
+// ---- complementarity problem
 
 bool EventDriven::load_rows(Span* span, Rows* rows) {
   rows->y.resize(bare_.size());
@@ -108,8 +106,8 @@ void EventDriven::apply_impulse(Rows* rows, std::size_t c, double impulse) {
 
 // ---- impacts
 
-// Impacts one after the other until no limit is hit any more. Limits that would bounce too low to
-// be seen have no restitution: then all is done again.
+// Solves impacts one after the other until no limit is hit. Limits whose bounces are too low to be
+// followed lose their restitution; then all impacts are repeated.
 bool EventDriven::have_impacts(Span* span, Rows* rows, bool* any) {
   const List<double> start = rows->y;
   const List<RowVector> impulses = impulses_;
@@ -140,7 +138,7 @@ bool EventDriven::have_impacts(Span* span, Rows* rows, bool* any) {
   return true;
 }
 
-// what the bodies do by now, with the impulses that joints had
+// Continues with the motion after the impacts, and adds the impulses of joints.
 bool EventDriven::go_on_after_impacts(Span* span, Rows* rows) {
   for (std::size_t k = 0; k < bare_.joints().size(); ++k) {
     const auto l = static_cast<std::size_t>(bare_.joints()[k]);
@@ -152,8 +150,9 @@ bool EventDriven::go_on_after_impacts(Span* span, Rows* rows) {
   return load_rows(span, rows);
 }
 
-// The limits that take part in the next impact: of those with a restitution the one that is hit
-// fastest with all others between the same two bodies, and all without. None where none is hit.
+// Limits that take part in the next impact: of the limits with restitution the one that is hit
+// fastest, with all others between the same two bodies; and all limits without restitution. Empty
+// where no limit is hit.
 List<EventDriven::Hit> EventDriven::find_hits(const Span& span, const Rows& rows,
                                               const List<char>& rests) const {
   List<Hit> touching;
@@ -187,7 +186,8 @@ List<EventDriven::Hit> EventDriven::find_hits(const Span& span, const Rows& rows
   return touching;
 }
 
-// With less restitution where kinetic energy would rise. False where there is no answer.
+// Solves an impact, with less restitution where kinetic energy would rise. Returns false where
+// there is no solution.
 bool EventDriven::have_impact(const List<Hit>& hits, Rows* rows) {
   const Index n = index(hits.size());
   BoxLcp problem{Eigen::MatrixXd(n, n), VectorXd(n), VectorXd::Zero(n),
@@ -195,7 +195,8 @@ bool EventDriven::have_impact(const List<Hit>& hits, Rows* rows) {
   VectorXd rate(n), impulse;
   for (Index i = 0; i < n; ++i) {
     const Hit& hit = hits[static_cast<std::size_t>(i)];
-    if (!rows->is_free[hit.law]) return false;  // a rigid joint drives it into its limit
+    // A rigid joint drives the coordinate into its limit.
+    if (!rows->is_free[hit.law]) return false;
     rate[i] = hit.rate;
     for (Index j = 0; j < n; ++j) {
       const Hit& other = hits[static_cast<std::size_t>(j)];
@@ -216,7 +217,7 @@ bool EventDriven::have_impact(const List<Hit>& hits, Rows* rows) {
   return true;
 }
 
-// Finds those that bounce too low to be seen.
+// Finds the limits whose bounces are too low to be followed.
 bool EventDriven::let_rest(const Span& span, Rows* rows, const List<char>& bounced,
                            List<char>* rests, bool* is_settled) const {
   List<OneSidedState> states;
@@ -246,7 +247,8 @@ bool EventDriven::let_rest(const Span& span, Rows* rows, const List<char>& bounc
 
 // ---- states
 
-// At which rate a coordinate moves, of those at which something holds it. Sets what else acts.
+// Returns the law that may hold a coordinate, with its rate. Sets the other acting forces in
+// `state`.
 std::optional<EventDriven::Candidate> EventDriven::candidate(const Span& span, std::size_t c,
                                                              const Reading& reading,
                                                              OneSidedState* state) const {
@@ -264,12 +266,13 @@ std::optional<EventDriven::Candidate> EventDriven::candidate(const Span& span, s
       c, *hold, at.rate, at.acceleration, zeta_rate, force_bounds(law, *hold, at.rate, zeta_rate)};
 }
 
-// what a candidate does that leaves its rate to this side
+// State of a candidate that leaves its rate to the given side.
 OneSidedState EventDriven::leaving(const Candidate& from, signed char side) const {
   return state_leaving(laws_[from.law], from.hold, from.rate, from.zeta, side);
 }
 
-// Also finds the accelerations of all coordinates with that.
+// Decides the next states of all laws and servos, and computes the accelerations of their
+// coordinates.
 bool EventDriven::decide(const Span& span, Rows* rows, const Release& release,
                          List<OneSidedState>* next) const {
   if (!decide_holds(span, rows, release, next)) return false;
@@ -282,8 +285,8 @@ bool EventDriven::decide(const Span& span, Rows* rows, const Release& release,
   return true;
 }
 
-// A motor on its course carries its coordinate off a limit, unless it is too weak for what presses
-// the coordinate against that limit: then the limit holds.
+// Decides how coordinates are held. A motor that follows its prescribed motion moves its coordinate
+// off a limit; where the motor is too weak for the load, the limit holds.
 bool EventDriven::decide_holds(const Span& span, Rows* rows, const Release& release,
                                List<OneSidedState>* next) const {
   pressed_.assign(laws_.size(), 0);
@@ -374,16 +377,17 @@ bool EventDriven::decide_once(const Span& span, Rows* problem_at, const Release&
     } else if (pivot_beside(problem.A, held, i) > kDependent) {
       held.push_back(i);
       (*next)[row.law].hold = row.hold;
-    } else {  // others hold it as well, for now
+    } else {  // dependent on the held rows, which hold the coordinate for now
       (*next)[row.law] = leaving(row, lambda[i] > row.bounds.least ? -1 : 1);
     }
   }
   return true;
 }
 
-// ---- from one set of rows to the next
+// ---- changes of rows
 
-// Where rows hold their coordinates from now on, and what is on its way there.
+// Sets where rows hold their coordinates from now on, and restarts the prescribed motions of
+// changed joints.
 void EventDriven::hold_rows(const Span& span, const Rows& rows, const List<OneSidedState>& next) {
   const double t = span.left.t;
   List<char> is_changed(joints_.size(), 0);
@@ -414,7 +418,7 @@ void EventDriven::hold_rows(const Span& span, const Rows& rows, const List<OneSi
       joint_states_[law.joint].closing = false;
     }
   }
-  // motors with any force go on from where they are
+  // Motors without force limit continue from their position.
   for (std::size_t l = 0; l < joints_.size(); ++l) {
     if (!is_changed[l]) continue;
     const JointKindInfo& kind = info(joints_[l].kind);
@@ -437,14 +441,14 @@ void EventDriven::hold_rows(const Span& span, const Rows& rows, const List<OneSi
   }
 }
 
-// What of the change from the present states to the next ones is told.
+// Reports the events of the change from the current states to the next ones.
 void EventDriven::tell(const Span& span, const Rows& rows, const List<OneSidedState>& next) {
   for (std::size_t c = 0; c < laws_.size(); ++c) {
     const OneSidedLaw& law = laws_[c];
     if (is_broken_[law.joint]) continue;
     const double t = span.left.t;
     const Reading& now = rows.reading[c];
-    const bool is_new = span.begins && span.all.since_tick == 0.0;  // of a step
+    const bool is_new = span.begins && span.all.since_tick == 0.0;  // start of a step
     const bool was =
         is_new ? was_saturated(span, c, now) : is_saturated(span, c, states_[c], t, now.q);
     OneSidedState before = states_[c];
@@ -455,7 +459,7 @@ void EventDriven::tell(const Span& span, const Rows& rows, const List<OneSidedSt
     }
     const int coordinate = law.is_distance ? -1 : law.coordinate;
     const auto add = [&](EventKind kind, double impulse) {
-      for (Told& told : told_)  // what was to come to rest later has not
+      for (Told& told : told_)  // a rest reported for later does not come
         if (told.joint == law.joint && told.coordinate == coordinate)
           told.time = std::min(told.time, t);
       const bool rests = kind == EventKind::kLimitReached || kind == EventKind::kRopeTaut;

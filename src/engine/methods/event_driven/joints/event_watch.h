@@ -10,22 +10,24 @@
 
 namespace constraint_sim::engine {
 
-// Where in a substep the first event is, of values that are watched: at an event one of them falls
-// below zero. For whatever steps from event to event.
+// Location of the first event in a substep, where a watched value falls below zero. Shared by all
+// methods that advance from event to event.
 
-inline constexpr double kTouching = 1e-10;  ///< [m or rad] a gap no larger is closed
-inline constexpr double kResting = 1e-9;    ///< [m/s or rad/s] a rate no larger is none
+inline constexpr double kTouching = 1e-10;  ///< [m or rad] a gap up to this counts as closed
+inline constexpr double kResting = 1e-9;    ///< [m/s or rad/s] a rate up to this counts as zero
 
-/// What an event waits for: where `value` falls below zero.
+/// Watched value. An event is where `value` falls below zero.
 struct WatchedValue {
   double value = 0.0, rate = 0.0, acceleration = 0.0;
-  int known = 0;         ///< derivatives of the value that are known
-  double tolerance = 0;  ///< [that of the value] below which it is rounding
-  double rough = 0.0;    ///< [that of the value] to which it is found where that has no slope
-  double early = 0.0;    ///< where a stage of the substep had it below, as a share; 0: none did
+  int known = 0;         ///< number of known derivatives
+  double tolerance = 0;  ///< rounding of the value, in its unit
+  /// Accuracy of events of a value without slope, in the unit of the value.
+  double rough = 0.0;
+  /// Share of the substep at which a stage was below zero; 0: none.
+  double early = 0.0;
 };
 
-/// Where something is about to fall below zero, as a share of a substep.
+/// Predicted crossing of zero, as a share of a substep.
 struct Crossing {
   double share;
   std::size_t which;
@@ -33,18 +35,19 @@ struct Crossing {
 
 namespace event_watch {
 
-inline constexpr double kLocatedForce = 1e-3;  // of the tolerance of forces
-inline constexpr double kLocated = 1e-15;      // [s], and of the time
-inline constexpr int kMostLocations = 120;     // substeps taken again for one event
-inline constexpr int kMostNewton = 40;         // of these by models, the others by halves
-inline constexpr int kMostSmooth = 5;          // of what has a slope
-inline constexpr int kMostUnpassed = 12;       // where models cross, and nothing has
+inline constexpr double kLocatedForce = 1e-3;  // share of the tolerance of forces
+inline constexpr double kLocated = 1e-15;      // [s], and share of the time
+inline constexpr int kMostLocations = 120;     // repeated substeps per event
+inline constexpr int kMostNewton = 40;         // repetitions by interpolation; further ones bisect
+inline constexpr int kMostSmooth = 5;  // repetitions with the tolerance of values with a slope
+// Repetitions before crossings of interpolants alone do not count.
+inline constexpr int kMostUnpassed = 12;
 
-/// What a value falls below at its event, by how it starts in a substep. A force has its event just
-/// beyond its bound, so that it is told from one that stays; one that starts there may be beyond by
-/// its tolerance. A gap or a rate that starts at zero, and at rest, may fall by what counts as
-/// closed or at rest, from where it starts: that may be below zero by rounding. So may, for now,
-/// what is muted: it has just had an event that changed nothing.
+/// Level whose crossing is the event, from the start of the substep. The event of a force is just
+/// beyond its bound, so that a force that stays at the bound has none; a force that starts there
+/// may exceed the bound by its tolerance. A gap or rate that starts at zero and at rest may fall by
+/// kTouching or kResting below its start, which rounding may have put below zero. So may a muted
+/// value, whose last event changed nothing.
 inline double level_of(const WatchedValue& start, bool is_muted) {
   const double below = std::min(start.value, 0.0);
   if (start.known == 0) {
@@ -56,15 +59,16 @@ inline double level_of(const WatchedValue& start, bool is_muted) {
   return below - resting;
 }
 
-/// How close to its level a value is there, where places are told apart down to `least` [s].
-/// `is_rough`: it seems to have no slope there, as where a slip ends that turns ever faster.
+/// Tolerated distance of a value from its level at an event, where times are resolved to `least`
+/// [s]. `is_rough`: the value seems to have no slope, as at the end of a slip that turns ever
+/// faster.
 inline double slack_of(const WatchedValue& there, double least, bool is_rough) {
   if (there.known == 0) return 0.5 * kLocatedForce * there.tolerance;
   return std::max({there.tolerance, -least * there.rate, is_rough ? there.rough : 0.0});
 }
 
-/// The first root in a substep of h from one end to the other, of what has its event at `level`.
-/// `is_all`: these are both ends of a substep.
+/// First crossing of `level` by the interpolant of a value over an interval h, as a share of the
+/// interval. `is_all`: the interval is the whole substep.
 inline std::optional<double> first_crossing(const WatchedValue& from, const WatchedValue& to,
                                             double h, double level, bool is_all) {
   const double p0 = from.value - level, p1 = to.value - level;
@@ -86,18 +90,18 @@ inline std::optional<double> first_crossing(const WatchedValue& from, const Watc
 
 }  // namespace event_watch
 
-/// The values watched in one substep, of a type that is a WatchedValue.
+/// Values watched in one substep. Watched is derived from WatchedValue.
 template <class Watched>
 struct WatchedSubstep {
-  List<Watched> before, after;  ///< at its ends
-  List<char> is_muted;          ///< in this substep; may be shorter
+  List<Watched> before, after;  ///< values at both ends of the substep
+  List<char> is_muted;          ///< per value; may be shorter
 
   double level(std::size_t k) const {
     return event_watch::level_of(before[k], k < is_muted.size() && is_muted[k]);
   }
 
-  /// The earliest crossing that models of what is watched have between two places, h apart.
-  /// `is_all`: these are both ends of a substep.
+  /// Earliest crossing of the interpolants between two places, h apart [s]. `is_all`: the places
+  /// are both ends of the substep.
   std::optional<Crossing> earliest(const List<Watched>& from, const List<Watched>& to, double h,
                                    bool is_all) const {
     std::optional<Crossing> first;
@@ -109,8 +113,8 @@ struct WatchedSubstep {
     return first;
   }
 
-  /// What is beyond its event at `after`. What starts below it, and leaves, is so where it falls
-  /// again.
+  /// First value that is beyond its event at `after`. A value that starts below its level and rises
+  /// counts only where it falls again.
   std::optional<std::size_t> find_passed(double least, bool is_rough) const {
     for (std::size_t k = 0; k < after.size(); ++k) {
       const Watched& there = after[k];
@@ -122,24 +126,24 @@ struct WatchedSubstep {
     return std::nullopt;
   }
 
-  /// Whether the event of one is at `after`.
+  /// Whether the event of value k is at `after`.
   bool is_there(std::size_t k, double least, bool is_rough) const {
     const Watched& there = after[k];
     return (there.known == 0 || there.rate < 0.0 || (is_rough && there.rough > 0.0)) &&
            std::abs(there.value - level(k)) <= event_watch::slack_of(there, least, is_rough);
   }
 
-  /// Ends the substep, which started at t and was h long, where the first event is, and leaves what
-  /// is watched there in `after`. Or there is none after all, and the whole substep stays.
-  /// `go_to(share, is_start)` takes the substep again that far, or not at all, and sets `after`;
-  /// false where it cannot, or where the event is found nowhere.
+  /// Shortens the substep, which started at t with length h, to end at the first event; `after`
+  /// then holds the values there. Keeps the whole substep where there is no event. `go_to(share,
+  /// is_start)` repeats the substep up to `share`, or only returns to its start, and sets `after`;
+  /// returns false where that fails. Returns false also where no event is found.
   template <class GoTo>
   bool locate(double t, double h, GoTo go_to_share, std::optional<Crossing>* event) {
     using namespace event_watch;  // NOLINT(google-build-using-namespace): its constants
     const double least = kLocated * std::max(1.0, std::abs(t));
     double low = 0.0, high = 1.0, here = 1.0;
     bool is_passed = find_passed(least, false).has_value();
-    int low_for = 0, high_for = 0;  // times in a row that the other end has moved
+    int low_for = 0, high_for = 0;  // consecutive moves of the other end
     low_ = before;
     high_ = after;
     const auto go_to = [&](double share) {
@@ -153,13 +157,13 @@ struct WatchedSubstep {
         const std::optional<std::size_t> passed = find_passed(least, is_rough);
         if (passed)
           *event = Crossing{high, *passed};
-        else  // by the rounding of the first try
+        else  // the first try crossed by rounding only
           event->reset();
         return true;
       }
       const std::optional<Crossing> next =
           i == 0 ? *event : earliest(low_, high_, (high - low) * h, false);
-      if (!is_passed && (!next || i >= kMostUnpassed)) {  // within rounding
+      if (!is_passed && (!next || i >= kMostUnpassed)) {  // the crossing is within rounding
         event->reset();
         return here == high || go_to(high);
       }
@@ -177,7 +181,7 @@ struct WatchedSubstep {
         low_for = 0;
         if (++high_for > 1)
           for (Watched& w : low_)
-            if (w.known == 0 && w.value > 0.0) w.value *= 0.5;  // Illinois
+            if (w.known == 0 && w.value > 0.0) w.value *= 0.5;  // Illinois method
       } else {
         low = share;
         low_ = after;

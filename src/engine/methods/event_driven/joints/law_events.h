@@ -13,24 +13,25 @@
 
 namespace constraint_sim::engine {
 
-// What the methods that go from event to event share: of time, and of one-sided laws. At which rate
-// something may hold a coordinate, what acts once that gives way, what is watched meanwhile, and
-// which events a change is. `limit(upper_one)` returns where that limit is and how it moves,
-// `zeta()` the rate and the acceleration that the motor asks for. A reading is where a coordinate
-// is, as `q`, and how it moves, as `rate` and `acceleration`. Of a motor that goes to a position
-// the value of `zeta()` is where its course is.
+// Functions of time and of one-sided laws that the event-driven methods share: the rate at which a
+// law may hold a coordinate, forces after it yields, watched values, and events to report.
+// `limit(upper_one)` returns position and motion of a limit, `zeta()` the rate and acceleration
+// that the motor demands; for a motor with a goal its `value` is the prescribed position. A reading
+// has position `q`, `rate` and `acceleration` of a coordinate.
 
-inline constexpr double kServoEdge = 1e-9;       ///< of its limit: a servo nearer to it is there,
-inline constexpr double kServoEdgeTime = 1e-12;  ///< or one that is so within this time [s]
+/// Share of the servo's limit within which a force is at the limit.
+inline constexpr double kServoEdge = 1e-9;
+/// Time [s] within which a force that reaches the limit is at the limit.
+inline constexpr double kServoEdgeTime = 1e-12;
 
-/// Acceleration that joints leave of a coordinate, as a share of its acceleration without joints: a
-/// coordinate with less is held by the joints.
+/// Share of its acceleration without joints; a coordinate with a smaller acceleration is held by
+/// the joints.
 inline constexpr double kHeld = 1e-12;
-/// Work of an impulse as a share of the energy that impulses exchange: less is rounding.
+/// Work of an impulse as a share of the exchanged energy; less is rounding.
 inline constexpr double kNoWork = 1e-12;
-/// Distance of a force from its bound as a share of the bound: a nearer force is at the bound.
+/// Distance of a force from its bound, as a share of the bound; a nearer force is at the bound.
 inline constexpr double kAtBound = 1e-6;
-/// Force as a share of the largest force of the island: less is rounding.
+/// Force as a share of the largest force of the island; less is rounding.
 inline constexpr double kForceShare = 1e-9;
 inline constexpr int kMostImpacts = 2000;   ///< impacts at one time
 inline constexpr int kMostUnchanged = 100;  ///< events in a step that change no state
@@ -39,8 +40,8 @@ inline signed char sign_of(double x) {
   return static_cast<signed char>(x > 0.0 ? 1 : (x < 0.0 ? -1 : 0));
 }
 
-/// Where a substep is that began at `start` and has gone on by `done` [s]. What is left is nothing
-/// where the time cannot tell it, as where an event is at the end of a tick.
+/// Rest of a substep that began at `start`, after `done` [s]. The rest is zero where the time
+/// cannot resolve it, as at an event at the end of a tick.
 inline SubstepSpan gone_on(const SubstepSpan& start, double done) {
   SubstepSpan now = start;
   now.left = start.left - done;
@@ -49,7 +50,8 @@ inline SubstepSpan gone_on(const SubstepSpan& start, double done) {
   return now;
 }
 
-/// Whether the course of a motor that goes to a position leads off a limit, or comes to rest there.
+/// Whether the prescribed motion of a motor with a goal leads off a limit, or comes to rest at the
+/// limit.
 inline bool leads_off(const OneSidedLaw& law, bool upper_one, const Prescribed& course) {
   if (!law.goal) return false;
   const double direction = upper_one ? -1.0 : 1.0;
@@ -58,10 +60,11 @@ inline bool leads_off(const OneSidedLaw& law, bool upper_one, const Prescribed& 
           direction * course.acceleration > 0.0);
 }
 
-/// What may hold a coordinate, by where it is and how it moves. None where nothing does: then sets
-/// what acts in `state`, which begins with nothing. `before`: what acted until now; `is_lost`: a
-/// motor that goes to a position is not on its course. `is_carried`: a motor on its course is
-/// strong enough to take the coordinate off a limit that it touches, or to bring it to rest there.
+/// Returns the law that may hold a coordinate at its position and rate. Where there is none,
+/// returns nothing and sets the acting forces in `state`, which starts empty. `before`: state until
+/// now. `is_lost`: a motor with a goal does not follow its prescribed motion. `is_carried`: a motor
+/// that follows it is strong enough to move the coordinate off a touched limit, or to stop it
+/// there.
 template <class Reading, class Limit, class Zeta>
 std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& before,
                               const Reading& reading, Limit limit, Zeta zeta, bool is_lost,
@@ -70,7 +73,8 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
     if (!std::isfinite(law.limit(upper_one))) continue;
     const Prescribed at_limit = limit(upper_one);
     const double direction = upper_one ? -1.0 : 1.0;
-    const bool gave_way = before.yield == -direction;  // and is where the length is
+    // The yielding limit is at the current length.
+    const bool gave_way = before.yield == -direction;
     const double gap = direction * (reading.q - at_limit.value);
     const double rate = direction * (reading.rate - at_limit.rate);
     if (is_carried && !is_lost && gap >= -kTouching && gap <= kTouching &&
@@ -93,7 +97,7 @@ std::optional<Hold> find_hold(const OneSidedLaw& law, const OneSidedState& befor
   return std::nullopt;
 }
 
-/// The rate and the acceleration that it is held at.
+/// Rate and acceleration at which a law holds the coordinate.
 template <class Limit, class Zeta>
 Prescribed rate_held_at(Hold hold, Limit limit, Zeta zeta) {
   switch (hold) {
@@ -110,7 +114,7 @@ Prescribed rate_held_at(Hold hold, Limit limit, Zeta zeta) {
   return {};
 }
 
-/// What acts on a coordinate that was held at `rate` and leaves it to a side.
+/// State of a coordinate that was held at `rate` and leaves this rate to a side.
 inline OneSidedState state_leaving(const OneSidedLaw& law, Hold hold, double rate, double zeta_rate,
                                    signed char side) {
   const auto beside = [&](double at) {
@@ -126,7 +130,7 @@ inline OneSidedState state_leaving(const OneSidedLaw& law, Hold hold, double rat
   return state;
 }
 
-/// Adds the gaps of limits that are not reached: `add(WatchedValue)`.
+/// Adds the gaps of limits that are not reached, by `add(WatchedValue)`.
 template <class Reading, class Limit, class Add>
 void watch_limits(const OneSidedLaw& law, const OneSidedState& state, const Reading& reading,
                   Limit limit, Add add) {
@@ -144,8 +148,8 @@ void watch_limits(const OneSidedLaw& law, const OneSidedState& state, const Read
   }
 }
 
-/// Where a motor at its limit that goes to a position has the rate to come to rest there: of
-/// u = q̇ and e = q − g, both taken as u|u| + 2 b e, which is smooth where e passes 0.
+/// Watched value of a saturated motor with a goal: zero where its rate allows to brake to rest at
+/// the goal. With u = q̇ and e = q − g the value is u|u| + 2 b e, which is smooth where e passes 0.
 template <class Reading>
 WatchedValue watched_rate_to_goal(const OneSidedLaw& law, double direction, double braking,
                                   const Reading& reading) {
@@ -159,7 +163,7 @@ WatchedValue watched_rate_to_goal(const OneSidedLaw& law, double direction, doub
   return watched;
 }
 
-/// Where a motor that brakes comes to rest, which takes this long from here [s].
+/// Watched value of a braking motor, zero where it comes to rest in `left` [s].
 inline WatchedValue watched_end(double left, double braking) {
   WatchedValue watched;
   watched.known = 1;
@@ -169,7 +173,8 @@ inline WatchedValue watched_end(double left, double braking) {
   return watched;
 }
 
-/// Adds how far a servo is from its limit, as a share of that, or what it would do is beyond it.
+/// Adds the margin of a servo to its force limit, or of a saturated servo's demand beyond it, as a
+/// share of the limit.
 template <class Reading, class Add>
 void watch_servo(const OneSidedLaw& law, const OneSidedState& state, const Reading& reading,
                  const Prescribed& rest, Add add) {
@@ -191,7 +196,7 @@ void watch_servo(const OneSidedLaw& law, const OneSidedState& state, const Readi
   }
 }
 
-/// What a servo does from here on; one that is at its edge as its force goes on.
+/// State of a servo from now on. At the edge the rate of its force decides.
 template <class Reading>
 Servo servo_from(const OneSidedLaw& law, Servo before, const Reading& reading,
                  const Prescribed& rest) {
@@ -208,8 +213,8 @@ Servo servo_from(const OneSidedLaw& law, Servo before, const Reading& reading,
   return before == Servo::kFollows ? Servo::kFollows : beyond;
 }
 
-/// Adds the rates of what slips, of motors at their limits and of limits that give way. `braking`:
-/// of a motor that has lost its course.
+/// Adds the rates of slipping coordinates, saturated motors and yielding limits. `braking`:
+/// deceleration of a motor that has lost its prescribed motion.
 template <class Reading, class Limit, class Zeta, class Add>
 void watch_rates(const OneSidedLaw& law, const OneSidedState& state, double braking,
                  const Reading& reading, Limit limit, Zeta zeta, Add add) {
@@ -229,8 +234,8 @@ void watch_rates(const OneSidedLaw& law, const OneSidedState& state, double brak
   if (state.yield != 0) watch_rate(state.yield, limit(state.yield > 0));
 }
 
-/// Whether a motor or a servo has all its force: also where a limit or friction holds what a motor
-/// pushes.
+/// Whether a motor or a servo is saturated, also where a limit or friction holds the coordinate
+/// against a motor.
 template <class Limit, class Zeta>
 bool is_at_force_limit(const OneSidedLaw& law, const OneSidedState& state, Limit limit, Zeta zeta) {
   if (state.is_saturated()) return true;
@@ -238,7 +243,7 @@ bool is_at_force_limit(const OneSidedLaw& law, const OneSidedState& state, Limit
       state.hold == Hold::kBrake)
     return false;
   const Prescribed held = rate_held_at(state.hold, limit, zeta), asked = zeta();
-  return std::abs(held.rate - asked.rate) > kResting ||  // or where the motor turns
+  return std::abs(held.rate - asked.rate) > kResting ||  // also where the motor reverses
          std::abs(held.acceleration - asked.acceleration) > kResting;
 }
 
@@ -246,8 +251,8 @@ inline bool has_force_limit(const OneSidedLaw& law) {
   return law.drive > 0.0 || law.servo_most > 0.0 || std::isfinite(law.limit_force);
 }
 
-/// The same where a step begins, of a joint that says it of any of its coordinates: of several, of
-/// those that do not move as asked for.
+/// Whether a law was saturated when the step begins, for a joint that is reported as saturated. Of
+/// several laws with a force limit, those count that do not move as demanded.
 template <class Laws, class LawOf, class Reading, class Zeta>
 bool was_at_force_limit(const OneSidedLaw& law, const Laws& all, LawOf law_of, const Reading& now,
                         const Prescribed& rest, Zeta zeta) {
@@ -263,7 +268,8 @@ bool was_at_force_limit(const OneSidedLaw& law, const Laws& all, LawOf law_of, c
   return std::abs(now.rate - zeta().rate) > kResting;
 }
 
-/// What acted before a step, as its end left the coordinate and what was said of its motor.
+/// State of a law before a step, from the motion at its end and the reported saturation of the
+/// motor.
 template <class Reading, class Limit>
 OneSidedState state_of_motion(const OneSidedLaw& law, const Reading& now, bool saturated,
                               Limit limit) {
@@ -286,13 +292,13 @@ OneSidedState state_of_motion(const OneSidedLaw& law, const Reading& now, bool s
   return state;
 }
 
-/// How long it takes until what bounces back by `speed`, and falls with `fall` [m/s²], has come to
-/// rest: the sum of all its bounces. None where it bounces higher than 1e-10 m, or on beyond what
-/// is `left` of the span; but where there are too many of these until then, it rests by the end.
+/// Time until a body that bounces back at `speed` and falls with `fall` [m/s²] comes to rest: the
+/// sum of all its bounces. Nothing where it bounces higher than kBounce, or beyond the rest `left`
+/// of the interval; but with very many bounces in that rest it comes to rest at the end.
 inline std::optional<double> time_to_rest(double speed, double fall, double restitution,
                                           double left) {
-  constexpr double kBounce = 1e-10;  // [m or rad] of height: lower ones are not followed
-  constexpr double kMost = 128.0;    // to be followed because they go on beyond the span
+  constexpr double kBounce = 1e-10;  // [m or rad] lower bounces are not followed
+  constexpr double kMost = 128.0;    // bounces to follow within the interval
   if (!(speed > 0.0 && fall > 0.0 && speed * speed <= 2.0 * fall * kBounce)) return std::nullopt;
   const double first = 2.0 * speed / fall;
   if (first <= (1.0 - restitution) * left) return first / (1.0 - restitution);
@@ -300,9 +306,9 @@ inline std::optional<double> time_to_rest(double speed, double fall, double rest
   return std::nullopt;
 }
 
-/// Adds the events that a change is: `add(kind, impulse)`. `hit`: the impulse that a limit had,
-/// > 0 of the lower one. `was_saturated`, `is_saturated`: the motor. `is_begin`: what acted before
-/// is not known.
+/// Adds the events of a change of state, by `add(kind, impulse)`. `hit`: impulse of a limit, > 0
+/// for the lower limit. `was_saturated`, `is_saturated`: of the motor. `is_begin`: the state before
+/// is unknown.
 template <class Add>
 void add_changes(const OneSidedLaw& law, const OneSidedState& before, const OneSidedState& next,
                  double hit, bool was_saturated, bool is_saturated, bool is_begin, Add add) {

@@ -32,7 +32,7 @@ class EndpointEstimate {
   double first(double h, bool is_order_4, int parts, std::size_t bodies);
   double next(double h, bool is_order_4, int parts, std::size_t bodies);
 
-  /// Visits the data that the next estimate uses, as engine/memory.h describes.
+  /// Visits the data that the next estimate uses, as engine/support/memory.h describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     for (auto* points : {&self.before_, &self.last_, &self.middle_, &self.end_}) {

@@ -33,7 +33,7 @@ class Fnv1a {
   std::uint64_t hash_ = 0xcbf29ce484222325ULL;
 };
 
-/// Adds what methods remember to a hash, as engine/memory.h says.
+/// Adds what methods remember to a hash, as engine/support/memory.h says.
 class MemoryHash {
  public:
   static constexpr bool kReads = false;

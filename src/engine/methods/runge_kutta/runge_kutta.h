@@ -52,7 +52,7 @@ class RungeKutta {
   void forget() { has_started_ = false; }
   /// Resets to the state after construction.
   void restart();
-  /// Visits all state that the next advance() continues from, except the bodies, as engine/memory.h
+  /// Visits all state that the next advance() continues from, except the bodies, as engine/support/memory.h
   /// describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
@@ -95,7 +95,7 @@ class FreeRotation {
                             const IntegratorOptions& accuracy, StopFlag stop, BodyState* state);
   /// Whether there is memory of the last interval.
   bool has_memory() const { return step_ != 0.0; }
-  /// Visits the memory of the last interval, except the body, as engine/memory.h describes.
+  /// Visits the memory of the last interval, except the body, as engine/support/memory.h describes.
   template <class Self, class Visit>
   static void visit_memory(Self& self, Visit& visit) {
     visit(self.step_);

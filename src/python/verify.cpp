@@ -48,7 +48,7 @@ py::dict bodies_dict(const engine::VerifyReport& report) {
   return bodies;
 }
 
-/// Without the GIL, on a world that nobody else has.
+/// Verifies a world that no other thread uses, without the GIL.
 engine::VerifyReport verify_released(const engine::World& world, double duration,
                                      engine::VerifyOptions options) {
   options.ticks = steps_in(duration, world.options().time_step);

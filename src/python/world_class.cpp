@@ -17,8 +17,8 @@
 namespace constraint_sim::python {
 namespace {
 
-// Python's memory management may let another thread run wherever an object of Python's is made:
-// what a reference into a world leads to is copied before.
+// Making a Python object may let another thread run, so data behind references into a world are
+// copied first.
 
 // ---- lists of dicts
 

@@ -1,4 +1,4 @@
-// What the class World says and takes of joints.
+// Joint functions of the class World.
 
 #include <pybind11/pybind11.h>
 #include <pybind11/stl.h>
@@ -44,7 +44,7 @@ py::dict joint_state_dict(const engine::Joint& joint, const engine::JointState& 
   return dict;
 }
 
-/// Of one coordinate where the joint has any, else of its length.
+/// Sets the motor of a coordinate where the joint has coordinates, else the motor of its length.
 void set_motor(engine::World* world, const std::string& name, const py::dict& keywords) {
   const engine::JointId id = world->find_joint(name);
   if (engine::coordinates(world->joint(id).kind) == 0) {

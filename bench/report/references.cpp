@@ -230,7 +230,7 @@ engine::reference::Scene axes_of(const Problem& problem, bool with_couplings) {
                    body.start.angular_velocity};
     scene.bodies.push_back(added);
   }
-  std::vector<engine::JointId> ids(problem.joints.size());  // numbers from 1, in their order
+  std::vector<engine::JointId> ids(problem.joints.size());  // ids from 1, in the order of joints
   for (std::size_t j = 0; j < problem.joints.size(); ++j) {
     const JointKind kind = problem.joints[j].kind;
     if (!has_axes(kind) && kind != JointKind::kFreeLength) continue;

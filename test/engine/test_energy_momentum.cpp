@@ -781,7 +781,7 @@ TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
   const JointId longer = world.add_joint(hang("longer", bob, rod(1.2)));
   run(world, 100);
   EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
-  const double middle = 1.1;  // in metres, and of the same mass
+  const double middle = 1.1;  // mean length in metres; both rods pull the mass equally
   double highest = -kInfinity, lowest = kInfinity;
   for (int i = 0; i < 1000; ++i) {
     ASSERT_FALSE(world.step().failed);
@@ -790,7 +790,7 @@ TEST(EnergyMomentum, RodsOfTwoLengthsMeetInTheMiddleUntilOneGoes) {
     highest = std::max(highest, world.energy());
     lowest = std::min(lowest, world.energy());
   }
-  EXPECT_LE(highest - lowest, 0.05);  // a swing of 10 J: no shaking
+  EXPECT_LE(highest - lowest, 0.05);  // a swing of 10 J, without vibration
   EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
 
   world.remove_joint(longer);
@@ -807,7 +807,7 @@ TEST(EnergyMomentum, WhatIsOutOfReachIsPulledStraight) {
       make_joint("right", kWorldBody, {3.0, 0.0, 0.0}, bob, Vector3d::Zero(), rod(1.0)));
   run(world, 300);
   EXPECT_EQ(only_reason(world), MethodReason::kInconsistent);
-  // straight, and below the line by its weight over what holds it there
+  // straight, and below the line by the weight over the stiffness that holds the bob
   EXPECT_LE((world.state(bob).position - Vector3d(1.5, 0.0, 0.0)).norm(), 1e-6);
   EXPECT_LE(world.state(bob).linear_velocity.norm(), 1e-6);
 }
@@ -830,7 +830,7 @@ TEST(EnergyMomentum, MotorsAgainstEachOtherShareTheDifference) {
 
 // ---- extremes
 
-/// A ring of light masses, hung from one rod, with a load at its lowest.
+/// A ring of light masses, hung from one rod, with a load at its lowest point.
 World ring(bool has_crossbar) {
   World world;
   const double offset = has_crossbar ? 0.0 : 0.1;
@@ -860,8 +860,8 @@ TEST(EnergyMomentum, CarriesLoopsOfHeavyAndLightBodies) {
   EXPECT_NEAR(world.energy(), energy, 1e-10 * 0.5e6);
 }
 
-// Without the crossbar the load falls until one side is taut, and jerks up again: 5e7 N for a
-// millisecond. Substeps follow that; the island is not stiff before and after.
+// Without the crossbar the load falls until one side is taut, and rebounds: 5e7 N for a
+// millisecond. Substeps follow the jerk; the island is not stiff before and after.
 TEST(EnergyMomentum, LeavesAJerkToSubsteps) {
   World world = with(ring(false), 1.0 / 60.0);
   world.step();
@@ -873,7 +873,8 @@ TEST(EnergyMomentum, LeavesAJerkToSubsteps) {
     force = std::max(force, std::abs(world.joint_state(world.joint_ids().front()).force));
   }
   EXPECT_GT(force, 1e7);
-  // jerks magnify rounding: with the speed at the start changed by 1e-13, 1e-9 to 4e-8 came out
+  // jerks amplify rounding: a change of the initial speed by 1e-13 changed the energy by 1e-9 to
+  // 4e-8
   EXPECT_NEAR(world.energy(), energy, 1e-7 * 0.5e6);
 }
 
@@ -892,7 +893,7 @@ TEST(EnergyMomentum, LongTicksAreBounded) {
 }
 
 TEST(EnergyMomentum, AScaledSceneMovesAlike) {
-  // lengths by s, masses by m, times by √s: the same angles
+  // lengths times s, masses times m, times times √s: the angles stay the same
   World unit = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
   run_exactly(unit, 1.0);
   for (const double s : {1e-6, 1e-3, 1e3, 1e6}) {
@@ -921,8 +922,8 @@ TEST(EnergyMomentum, AScaledSceneMovesAlike) {
 }
 
 TEST(EnergyMomentum, WhereASceneLiesDoesNotDecideWhenNewtonsStepsEnd) {
-  // two boxes on a rod between corners, thrown: the first change of a step is mostly along what
-  // the rod does not hold, so that rows do not go down as the squares of changes say
+  // Two boxes on a rod between corners, thrown: the first Newton step of a tick is mostly along
+  // directions that the rod leaves free, so rows do not decrease quadratically with the changes.
   for (const double off : {0.0, 1e3}) {
     WorldOptions options;
     options.method = Method::kEnergyMomentum;
@@ -986,8 +987,8 @@ TEST(EnergyMomentum, ABodySpinningAboutItsMiddleAxisKeepsItsEnergy) {
   }
 }
 
-/// A light box, hung up by a ball joint, that holds a load a million times heavier: it turns over
-/// within a tick, again and again.
+/// A light box on a ball joint that holds a load a million times heavier: it turns over within a
+/// tick, repeatedly.
 World light_between(int seed, JointKind kind) {
   Random random;
   for (int i = 0; i < 37 * seed; ++i) random();
@@ -1017,9 +1018,9 @@ World light_between(int seed, JointKind kind) {
   return world;
 }
 
-// Where Newton's method finds no step, substeps and shorter steps stand in, without a tolerance of
-// their own and from velocities that do not fit the joints. 1e-6 of the energies is the report's
-// limit for a rise without a cause; a hundredth of them and more were lost in a tick.
+// Where Newton's method fails, substeps and shorter steps take over, without a tolerance of their
+// own and from velocities that do not fit the joints. The bound 1e-6 of the energies is the
+// report's limit for an unexplained rise.
 TEST(EnergyMomentum, WhatStandsInForItKeepsTheEnergy) {
   for (const auto& [seed, kind] :
        {std::pair(2, JointKind::kDistance), {5, JointKind::kUniversal}}) {

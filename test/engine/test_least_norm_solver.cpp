@@ -38,7 +38,7 @@ TEST(LeastNormSolver, FindsWhatACompleteOrthogonalDecompositionFinds) {
   for (Index n = 1; n <= 14; ++n) {
     for (Index rank = 0; rank <= n; ++rank) {
       const MatrixXd A = random_matrix(n, rank, &random) * random_matrix(rank, n, &random);
-      const VectorXd b = random_matrix(n, 1, &random);  // mostly not met by any x
+      const VectorXd b = random_matrix(n, 1, &random);  // mostly inconsistent
       Eigen::CompleteOrthogonalDecomposition<MatrixXd> expected;
       expected.setThreshold(kLeastPivot);
       expected.compute(A);

@@ -1,4 +1,4 @@
-// What a world says that it uses and leaves out.
+// The plan of a world: methods in use, and those left out.
 
 #include <yaml-cpp/yaml.h>
 
@@ -44,7 +44,7 @@ TEST(Plan, SaysWhatThereIs) {
   EXPECT_EQ(plan["wrenches"].as<int>(), 2);
   EXPECT_TRUE(plan["collision"].as<bool>());
   EXPECT_TRUE(plan["rotation"].as<bool>());
-  // two bodies without friction, and no body alone or stiff
+  // two bodies without friction, and no single or stiff body
   EXPECT_EQ(
       plan["left_out"].as<std::vector<std::string>>(),
       (std::vector<std::string>{

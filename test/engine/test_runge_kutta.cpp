@@ -1,5 +1,5 @@
 // The integration of smooth islands against closed forms, minimal coordinates and conserved
-// quantities; its order, its estimate, and what it does where poses are singular.
+// quantities; its order, its estimate, and its behaviour in singular poses.
 
 #include <algorithm>
 #include <map>
@@ -30,7 +30,7 @@ World without_weight() {
   return World(options);
 }
 
-/// Runs, with every rod kept to round-off in every tick, and every tick by integration.
+/// Runs, and expects every rod exact to rounding in every tick, and every tick integrated.
 void run_exactly(World& world, double duration) {
   const auto steps = std::lround(duration / world.options().time_step);
   for (long i = 0; i < steps; ++i) {
@@ -48,7 +48,7 @@ Vector3d angular_momentum_about_centre(const World& world) {
          inertia_of(world.body(id)).cwiseProduct(q.conjugate() * world.state(id).angular_velocity);
 }
 
-// ---- the pairs
+// ---- Runge-Kutta pairs
 
 template <class Pair>
 void expect_order_conditions() {
@@ -71,8 +71,8 @@ TEST(EmbeddedPairs, MeetTheOrderConditionsOfQuadrature) {
   expect_order_conditions<DormandPrince5>();
 }
 
-/// Of the difference to an embedded formula of this order: t^k is integrated alike, and so is what
-/// Σ_j a_ij c_j stands for.
+/// Expects that the difference to an embedded formula of this order integrates t^k and Σ_j a_ij c_j
+/// exactly.
 template <class Pair, std::size_t kTerms>
 void expect_error_of_order(int order, const double (&weights)[kTerms]) {
   const auto c = [](std::size_t i) { return i < Pair::kStages ? Pair::kC[i] : 1.0; };
@@ -96,7 +96,7 @@ TEST(EmbeddedPairs, ErrorsHaveTheirOrders) {
   expect_error_of_order<DormandPrince5>(2, DormandPrince5::kE2);
 }
 
-/// problems::chain_reference(), which takes seconds for a hundred links, once for all tests.
+/// Returns problems::chain_reference(), computed once, since it takes seconds for a hundred links.
 const std::vector<Vector3d>& reference_of(int links, double duration) {
   static std::map<std::pair<int, double>, std::vector<Vector3d>> known;
   auto& positions = known[{links, duration}];

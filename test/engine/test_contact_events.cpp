@@ -369,7 +369,8 @@ TEST_P(ContactEventsAt, ARockingBlockLosesWhatHousnerSays) {
   const double share = (world.energy() - rest) / before;
   const double changes = std::round(std::log(share) / std::log(kept));
   EXPECT_GE(changes, 1.0);
-  EXPECT_NEAR(std::pow(share / std::pow(kept, changes), 0.5 / changes), 1.0, kPlace);  // of speeds
+  EXPECT_NEAR(std::pow(share / std::pow(kept, changes), 0.5 / changes), 1.0,
+              kPlace);  // per change, in speed
 }
 
 TEST(ContactEvents, EnergyNeverRisesOfBoxesAndBallsThatFall) {

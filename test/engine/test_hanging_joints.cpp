@@ -63,7 +63,7 @@ TEST_P(HangingJoints, MoveAsDenseRowsDo) {
       const Judge judge(hanging_scene(GetParam(), hinges, is_free, &random));
       EXPECT_TRUE(judge.has_motion()) << hinges;
       for (const Setting& setting : kSettings) {
-        if (setting.method == Method::kSequentialImpulses) continue;  // of first order only
+        if (setting.method == Method::kSequentialImpulses) continue;  // first order only
         const Finding finding = judge.judge(setting);
         EXPECT_EQ(finding.what, "") << finding.detail << " by " << setting.name << " behind "
                                     << hinges << " hinges" << (is_free ? " on a free base" : "");

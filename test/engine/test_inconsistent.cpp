@@ -169,7 +169,7 @@ class Island {
   Vector3d gravity_;
   List<MassProperties> masses_;
   List<std::pair<std::size_t, std::size_t>> ends_;
-  List<char> open_;  // of joints
+  List<char> open_;  // joints that are closing
   std::unique_ptr<EquationsOfMotion> equations_;
   std::unique_ptr<InconsistentMotion> motion_;
 };
@@ -615,7 +615,8 @@ TEST(Inconsistent, AnIslandIsSmoothAgainOnceARodHasGone) {
   for (int k = 0; k < 100; ++k) {
     ASSERT_FALSE(world.step().failed);
     if (k > 55) {
-      ASSERT_LE(world.report().projected_energy, 1e-3) << world.time();  // of 10 J
+      ASSERT_LE(world.report().projected_energy, 1e-3)
+          << world.time();  // 1e-4 of the energy of 10 J
     }
   }
   EXPECT_EQ(world.islands().front().why, MethodReason::kInconsistent);

@@ -354,7 +354,7 @@ TEST(Slider, FallsAlongItsAxisAsAParabola) {
     const double t = world.time();
     const Vector3d expected =
         cart.state.position + 0.5 * kGravity * std::sin(slope) * t * t * along;
-    // of 6 m, in 60 ticks of rounding
+    // rounding of 6 m in 60 ticks
     EXPECT_LE((world.state(id).position - expected).norm(), 1e-12) << name(method);
     EXPECT_LE(world.state(id).orientation.vec().norm(), 1e-14) << name(method);
   }

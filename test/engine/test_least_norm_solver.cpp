@@ -77,7 +77,7 @@ TEST(LeastNormSolver, AllocatesNothingOnceItHasHadItsLargest) {
   const auto solve_all = [&] {
     for (const std::size_t n : {12, 3, 12, 6}) {
       double* const A = solver.resize(n);
-      std::fill_n(A, n * n, 1.0);  // of rank one
+      std::fill_n(A, n * n, 1.0);  // rank one
       solver.factor(kLeastPivot);
       solver.solve(b.data());
     }

@@ -248,7 +248,7 @@ TEST(Interfaces, AreTheSameFromBothSides) {
       EXPECT_TRUE(is_found) << c.name;
     }
   }
-  EXPECT_GT(contacts, 80);  // of 100; some pairs of boxes and planes are too far apart
+  EXPECT_GT(contacts, 80);  // 100 trials; some pairs of boxes and planes are too far apart
 }
 
 TEST(SphereSphere, IsTheTutorialsContact) {
@@ -645,7 +645,7 @@ TEST(BoxBox, OnTheBorderOfAHugeBoxStaysWithinIt) {
   ASSERT_EQ(contact.count, 4);
   double farthest = 0.0;
   for (int i = 0; i < 4; ++i) farthest = std::max(farthest, contact.points[i].position.x());
-  EXPECT_NEAR(farthest, 0.5e6, 1e-6);  // of the small box's half edge, by which the face is widened
+  EXPECT_NEAR(farthest, 0.5e6, 1e-6);  // the face is widened by 1e-6 of the small box's half edge
 }
 
 TEST(BoxBox, AgreesWithAlternatingProjection) {

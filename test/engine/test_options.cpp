@@ -164,7 +164,7 @@ std::map<std::string, std::vector<std::string>> rows_of(const std::string& secti
 
 TEST(Options, StandInTheManualAsTheyAre) {
   auto rows = rows_of("world");
-  EXPECT_EQ(rows.erase("clock"), 1u);  // of a saved scene, not an option
+  EXPECT_EQ(rows.erase("clock"), 1u);  // belongs to a saved scene, is no option
   const WorldOptions defaults;
   visit_options(defaults, [&](const OptionInfo& info, const auto& value, auto range) {
     const std::vector<std::string> cells = rows[info.name];

@@ -405,7 +405,7 @@ TEST(FreeBody, AfterAnEditItsMomentumIsTheNewOne) {
   const BodyId id = world.find_body("box");
   BodyState state = world.state(id);
   state.orientation = Quaterniond(Eigen::AngleAxisd(1.0, Vector3d::UnitX())) * state.orientation;
-  world.set_state(id, state);  // the same angular velocity in another orientation
+  world.set_state(id, state);  // equal angular velocity in another orientation
   const Vector3d L = angular_momentum_about_centre(world);
   run(world, 10);
   EXPECT_LE((angular_momentum_about_centre(world) - L).norm(), 16.0 * kEpsilon * L.norm());
@@ -512,7 +512,7 @@ TEST(RungeKutta, OneRodMovesAsTheFirstOfTwo) {
   const auto at = [](const World& world) { return world.state(world.find_body("load")).position; };
   for (int i = 0; i < 100; ++i) {
     for (World* world : {&one, &reversed, &two}) ASSERT_FALSE(world->step().failed);
-    ASSERT_LE((at(one) - at(reversed)).norm(), 1e-13) << i;  // the same but for signs
+    ASSERT_LE((at(one) - at(reversed)).norm(), 1e-13) << i;  // equal except for signs
     ASSERT_LE((at(one) - at(two)).norm(), 1e-9) << i;        // tolerances, for 2 s
     const double force = one.joint_state(one.find_joint("line")).force;
     ASSERT_NEAR(force, two.joint_state(two.find_joint("line")).force, 1e-6) << i;

@@ -58,7 +58,7 @@ TEST(Measures, AngleBetweenOrientations) {
     // rounding of the unit quaternion, 1e-16, without loss at small angles
     EXPECT_NEAR(angle_between(none, turned), angle, 4e-16);
     Quaterniond negative = turned;
-    negative.coeffs() *= -1.0;  // the same orientation
+    negative.coeffs() *= -1.0;  // equal orientation
     EXPECT_NEAR(angle_between(none, negative), angle, 4e-16);
   }
 }

@@ -106,7 +106,7 @@ void expect_kept_is_anew(engine::World* world, int rounds) {
     run(world, kRound);
   }
   const MarkerArray ours = kept.hear(*world, true);
-  anew.forces = kept.forces;  // of the last seconds, which it has not received
+  anew.forces = kept.forces;  // forces of the last seconds, which it has not received
   const MarkerArray theirs = anew.hear(*world, true);
   std::size_t same = 0;
   for (const Marker& marker : ours.markers) {
@@ -733,7 +733,7 @@ TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
       EXPECT_EQ(find(array, "friction", sticks ? 0 : 1), nullptr) << method << mu;
       const Vector3d up(std::sin(0.4), 0.0, std::cos(0.4)),
           uphill(-std::cos(0.4), 0.0, std::sin(0.4));
-      // of a held block only the sum over its points is determined
+      // for a held block only the sum over its points is determined
       const auto together = [](const Marker& marker) {
         Vector3d sum = Vector3d::Zero();
         for (std::size_t i = 0; i + 9 < marker.points.size(); i += 10) {
@@ -838,7 +838,7 @@ TEST(Markers, WheelsOfGearsTouch) {
   const auto [pinion, rack] = sizes(joints, "rack_and_pinion");
   EXPECT_NEAR(pinion.wheel, 0.1, 1e-12);  // 10 rad a metre
   EXPECT_EQ(rack.wheel, 0.0);
-  EXPECT_NEAR(rack.rack.norm(), 0.1, 1e-12);  // of the 0.2 m to the axle
+  EXPECT_NEAR(rack.rack.norm(), 0.1, 1e-12);  // the axle is 0.2 m from the rack's centre
   const engine::World planetary = load_world("gear_train", "", Parameters(), Caller::kParameter);
   const auto [sun, planet] = sizes(planetary, "outer_mesh");
   EXPECT_NEAR(sun.wheel, 0.12, 1e-12);

@@ -239,7 +239,7 @@ struct Fault {
   const char* name;
   std::string urdf;
   std::string extra;
-  const char* part;  // of the message
+  const char* part;  // part of the message
 };
 
 TEST(Urdf, FaultsAreNamedAndNothingIsAdded) {

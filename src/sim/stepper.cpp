@@ -324,7 +324,7 @@ Boundary Stepper::inspect(const std::function<void(const World&)>& look) {
     } catch (const LongTick&) {
       const std::lock_guard<std::mutex> lock(before_mutex_);
       if (!has_before_ && time_at_work() > patience()) throw;
-      if (!has_before_) continue;  // that tick has just ended
+      if (!has_before_) continue;  // the tick has just ended
       look(before_);
       return {before_.time(), before_.step_count()};
     }

@@ -41,7 +41,8 @@ void define_scenes(py::module* module) {
         return std::make_unique<SharedWorld>(
             engine::load_scene_file(path, defaults_from(defaults)));
       },
-      py::arg("path"), "load_scene_file(path, **defaults)\n\nThe same from a file.");
+      py::arg("path"),
+      "load_scene_file(path, **defaults)\n\nWorld of a scene in a file, as load_scene.");
 }
 
 }  // namespace

@@ -184,7 +184,7 @@ inline bool place_elsewhere(const Scene& scene, Verdict* verdict) {
     there.step();
     if (is_by_impulses(here) || is_by_impulses(there)) return false;
   }
-  if (touches(scene.kind) && events > 4 * most) return false;  // in one step
+  if (touches(scene.kind) && events > 4 * most) return false;  // too many events in a single step
   for (const BodyId id : here.body_ids()) {
     const BodyState& other = there.state(there.find_body(here.body(id).name));
     const Eigen::Vector3d expected = placing.shift + placing.turn * here.state(id).position;

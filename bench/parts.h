@@ -10,7 +10,7 @@ namespace constraint_sim::engine {
 /// Bodies and joints before they are added to a world.
 struct Parts {
   std::vector<Body> bodies;
-  std::vector<Joint> joints;              ///< their bodies are given by `ends`
+  std::vector<Joint> joints;              ///< bodies of joints are given by `ends`
   std::vector<std::pair<int, int>> ends;  ///< indices into bodies; -1: the world
 };
 

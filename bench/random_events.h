@@ -165,7 +165,7 @@ inline Joint joint_without_laws(Draw& draw, const std::string& name, const BodyS
   if (joint.kind != JointKind::kDistance) return joint;
   const Eigen::Vector3d anchor_a = 0.1 * draw.vector(), anchor_b = 0.1 * draw.vector();
   return make_joint(name, kWorldBody, anchor_a, kWorldBody,
-                    anchor_b);  // as long as the anchors are apart
+                    anchor_b);  // length: distance of the anchors
 }
 
 inline CoordinateLaw law_of_touching(Draw& draw, bool is_angle, bool with_motors) {
@@ -264,7 +264,7 @@ inline Scene touching(unsigned seed, Kind kind) {
 /// Makes some joints break at random multiples of the total weight, and of its moment at half a
 /// metre.
 inline void let_joints_break(Scene* scene) {
-  Draw draw(scene->seed + 1000003);  // its own generator, so that other draws stay the same
+  Draw draw(scene->seed + 1000003);  // separate generator, so that other draws stay the same
   for (Joint& joint : scene->parts.joints) {
     if (draw.below(3) > 0) continue;
     const double bears = scene->largest * std::pow(10.0, draw());

@@ -85,7 +85,7 @@ void print_table(double end_mass) {
   const auto reference = problems::heavy_chain_references(end_mass, false, kDuration, kSamples);
   for (const Setting& setting : kSettings) {
     const double h_omega = std::sqrt(4.0 * end_mass * problems::kGravity / 0.1) / setting.rate;
-    if (setting.tolerance == 0.0 && h_omega > 5.9) continue;  // not stable
+    if (setting.tolerance == 0.0 && h_omega > 5.9) continue;  // unstable
     const Result result = run(scene, setting, reference);
     std::printf("%8.0e  %-21s 1/%-5d %9.1f %10.1e %10.1e %10.1e %6.1f\n", end_mass, setting.name,
                 setting.rate, result.run_time, result.of_load, result.of_links, result.drift,

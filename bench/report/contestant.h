@@ -40,7 +40,7 @@ struct Refused : std::runtime_error {
 /// Setting that makes a run more exact and more expensive.
 enum class Knob { kTick, kTolerance };
 
-/// One way to use an engine. Its name is that of a curve in the report.
+/// Way of using an engine. The name labels a curve of the report.
 struct Variant {
   std::string name;
   bool has_joint_coordinates =
@@ -51,8 +51,8 @@ struct Variant {
 
 struct Setting {
   double tick = 0.01;      ///< [s]
-  double tolerance = 0.0;  ///< in the engine's own definition; 0: its default
-  bool is_swept = true;    ///< in a diagram: settings other than the knob are chosen not to matter
+  double tolerance = 0.0;  ///< engine-specific; 0: default of the engine
+  bool is_swept = true;    ///< shown in diagrams, where only the knob is to matter
 };
 
 /// One scene in one engine. Building the scene is not timed.

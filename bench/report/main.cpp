@@ -115,7 +115,7 @@ struct Result {
   double memory = std::numeric_limits<double>::quiet_NaN();    // [bytes]
   long ticks = 0;
   Errors errors{};
-  double largest_distance = 0.0;  // from the start position of a body [m]
+  double largest_distance = 0.0;  // distance of a body from its start position [m]
   Motion motion;
 };
 

@@ -63,7 +63,7 @@ struct Joint {
   JointKind kind = JointKind::kRod;
   int a = kWorld;
   int b = 0;
-  Eigen::Vector3d anchor_a = Eigen::Vector3d::Zero();  ///< in the body's frame, or the world's [m]
+  Eigen::Vector3d anchor_a = Eigen::Vector3d::Zero();  ///< frame of the body or world [m]
   Eigen::Vector3d anchor_b = Eigen::Vector3d::Zero();
   /// Frames of joints with axes; z is the axis of motion, of planes the normal.
   Eigen::Quaterniond frame_a = Eigen::Quaterniond::Identity();
@@ -108,7 +108,7 @@ struct Problem {
   /// Class of the problem: smooth, stiff, contact, mechanism, event; or a row of the stability
   /// grid.
   std::string group;
-  bool is_graded = true;  ///< in work-precision diagrams; else in the stability grid only
+  bool is_graded = true;  ///< shown in work-precision diagrams, not only in the stability grid
   Eigen::Vector3d gravity{0.0, 0.0, -9.81};  ///< [m/s²]
   std::vector<Body> bodies;
   std::vector<Joint> joints;
@@ -120,7 +120,7 @@ struct Problem {
   bool is_planar = true;        ///< moves in the x-z plane only: joint coordinates may use hinges
   std::vector<int> measured{};  ///< bodies whose position and orientation count; empty: all
   bool is_invalid = false;      ///< every engine should reject it
-  bool has_conflict = false;    ///< its joints contradict each other: their error is meaningless
+  bool has_conflict = false;    ///< joints contradict each other: their error is meaningless
   bool is_conservative = true;  ///< energy should be constant
   int warm_up = 0;     ///< samples before run times count; memory is what is allocated until then
   std::string source;  ///< source of the reference; empty: none

@@ -68,7 +68,7 @@ Problem bouncing() {
   for (const Body& body : made.bodies) start.push_back(body.start);
   made.reference = closed_form(made, [=](long double t) {
     const long double g = static_cast<long double>(kGravity), fall = std::sqrt(2.0L * 4.9L / g);
-    const long double phase = std::remainder(t, 2.0L * fall);  // from the highest point
+    const long double phase = std::remainder(t, 2.0L * fall);  // time from the highest point
     States states = start;
     for (std::size_t i = 1; i < states.size(); ++i) {
       states[i].position.z() = static_cast<double>(5.0L - g * phase * phase / 2.0L);
@@ -178,7 +178,7 @@ Problem fast_impact(const std::string& name, double speed, bool is_thin_wall) {
     wall.size = {0.001, 2.0, 2.0};
     wall.start.orientation = Eigen::Quaterniond::Identity();
   }
-  // not a whole number of ticks from the wall
+  // distance from the wall is no whole number of ticks
   const double x = -speed * 0.987;
   made.bodies = {wall, ball(1.0, kRadius, {x, 0.0, 0.0}, 0.0, 1.0)};
   made.bodies[1].start.velocity.x() = speed;

@@ -253,7 +253,7 @@ Problem stick_slip() {
   made.joints[0].max_force = kFriction;
   return along_line(made, Vector3d::UnitX(), [](Real t) {
     const Real omega = std::sqrt(static_cast<Real>(kStiffness / kMass));
-    const Real y = static_cast<Real>(kFriction) / kStiffness;  // where the spring pulls with f
+    const Real y = static_cast<Real>(kFriction) / kStiffness;  // deflection at sliding
     const Real sticks = std::asin(kBelt / (y * omega)) / omega;
     const Real slips = sticks + y * std::cos(omega * sticks) / kBelt;
     if (t < sticks) return OnLine{y * (1 - std::cos(omega * t)), y * omega * std::sin(omega * t)};

@@ -50,7 +50,7 @@ class Panel : public rviz::Panel {
   void say(bool success, const QString& message);
 
   Client client_;
-  QString node_name_;  // as typed by the user
+  QString node_name_;  // name typed by the user
   bool is_connected_ = false;
   bool is_in_contact_ = false;
   std::string no_contact_;  // reason why the node is not reached

@@ -53,7 +53,7 @@ void SceneControls::refresh() {
                              Qt::ToolTipRole);
     }
     scenes_->setEditText(text);
-    const bool is_cursor_first = cursor == begin;  // as completion leaves the cursor
+    const bool is_cursor_first = cursor == begin;  // true after inline completion
     scenes_->lineEdit()->setCursorPosition(cursor);
     if (length > 0 && is_cursor_first) scenes_->lineEdit()->setSelection(begin + length, -length);
     if (length > 0 && !is_cursor_first) scenes_->lineEdit()->setSelection(begin, length);

@@ -90,7 +90,7 @@ bool set_property(const std::string& key, double value, engine::Body* body) {
   return true;
 }
 
-constexpr std::size_t kMostEdits = 100000;     // in one request
+constexpr std::size_t kMostEdits = 100000;     // edits per request
 constexpr std::size_t kMostWrenches = 100000;  // active and pending
 
 template <class Request>
@@ -334,7 +334,7 @@ void visit_drive(Stream& stream, std::vector<Change>& changes) {
   stream.next(count);
   for (std::uint32_t i = 0; i < count; ++i) {
     if (i == changes.size())
-      changes.emplace_back();  // one by one, since a damaged count may be huge
+      changes.emplace_back();  // grows by single entries, since a damaged count may be huge
     visit_drive(stream, changes[i]);
   }
 }

@@ -15,7 +15,7 @@ constexpr double kClockIsMissing = 2.0;  // wall time [s]
 // Wall time between log lines while ticks are dropped, or while the clock jumps [s].
 constexpr double kDroppedAgain = 10.0;
 constexpr double kJumpShows = 1.0;     // wall time until a jump shows in dropped ticks [s]
-constexpr std::size_t kMostNames = 5;  // in one line
+constexpr std::size_t kMostNames = 5;  // names per line
 // Simulated time that a body may move too fast for the tick without a log line [s]: a motor that is
 // switched on does so for a few ticks.
 constexpr double kUnresolvedFor = 0.1;

@@ -21,9 +21,8 @@ struct JointSize {
   bool wheel_is_on_a = false;
   bool touches = false;  ///< touches another wheel or a rack
   int teeth = 0;
-  double tooth = 0.0;  ///< distance between teeth
-  Eigen::Vector3d rack =
-      Eigen::Vector3d::Zero();  ///< from the axis to the teeth, in the joint's frame on A
+  double tooth = 0.0;                              ///< distance between teeth
+  Eigen::Vector3d rack = Eigen::Vector3d::Zero();  ///< axis to teeth, in the joint's frame on A
 };
 JointSize size_of(const engine::World& world, const engine::Joint& joint);
 /// Sizes the wheels of a gear: two wheels that touch, or a wheel on a rack, where their places and

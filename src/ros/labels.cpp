@@ -30,10 +30,10 @@ constexpr double kLineSpacing = 1.4;
 constexpr double kAhead = 0.3;       // time for which the motion is extrapolated [s]
 constexpr double kMostGrowth = 2.0;  // largest growth of letters with the motion
 // Lengths in heights of a letter.
-constexpr double kAbove = 0.9;  // from a part to the middle of the text above it
+constexpr double kAbove = 0.9;  // distance of a part from the middle of the text above
 // Lengths in widths of a space, which rviz draws as wide as an A.
 constexpr double kLetter = 0.8;
-constexpr double kBeside = 1.6;         // from a line to the text beside it
+constexpr double kBeside = 1.6;         // distance of a line from the text beside it
 constexpr double kWidthOfLetter = 0.7;  // width of a space over the height of a letter
 
 const std_msgs::ColorRGBA kOffColour = colour(1.0, 0.5, 0.45);  // light, since letters are thin
@@ -92,7 +92,7 @@ Vector3d place_of(const engine::World& world, engine::JointId id, bool is_broken
   const auto& anchors = world.anchors(id);
   double share = kShares[id.value % 3];  // parallel lines are often added one after the other
   if (is_broken)
-    share = 0.5;  // in the gap of the broken line
+    share = 0.5;  // a broken line has its gap in the middle
   else if (const auto foot =
                fixed_end(world, id))  // feet of standing lines are farther apart than their tops
     share = *foot == anchors.p_a ? kOfLegs[id.value % 2] : 1.0 - kOfLegs[id.value % 2];

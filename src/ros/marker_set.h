@@ -104,7 +104,7 @@ class MarkerSet {
   ros::Time last_full_;
   bool started_ = false;
   bool full_ = true;
-  bool deletes_all_ = false;  // this message begins with DELETEALL
+  bool deletes_all_ = false;  // the current message begins with DELETEALL
   std::uint64_t round_ = 0;
   std::size_t shown_ = 0;    // markers of all namespaces, with new ones
   std::size_t present_ = 0;  // markers that this message has or keeps

@@ -107,7 +107,7 @@ double Publishers::passed(const World& world, const Stepper& stepper) {
     std::rethrow_exception(std::exchange(thrown_, nullptr));
   }
   const double now = steady_now();
-  // also without subscribers
+  // needed without subscribers as well
   if (stepper.is_paused() || stepper.dropped_ticks() != dropped_ticks_) stamps_.let_go();
   dropped_ticks_ = stepper.dropped_ticks();
   if (parameters_.publish_clock) publish_clock(world, now);

@@ -14,8 +14,9 @@ namespace {
 
 constexpr unsigned kEditThreads = 4;
 constexpr unsigned kQueryThreads = 2;
-constexpr unsigned kVerifyThreads = 2;  // one to cancel, or to reject the next caller
-constexpr unsigned kStepThreads = Stepper::kMostWaiting + 1;  // one to reject the next caller
+// Each of these services keeps a thread free to cancel, or to reject the next caller.
+constexpr unsigned kVerifyThreads = 2;
+constexpr unsigned kStepThreads = Stepper::kMostWaiting + 1;
 
 StepperOptions stepper_options(const Parameters& parameters) {
   StepperOptions options;

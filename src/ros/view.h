@@ -10,7 +10,7 @@ namespace constraint_sim {
 /// An orbit view of rviz.
 struct View {
   Eigen::Vector3d focal_point{0.0, 0.0, 1.2};  ///< [m], world frame
-  double distance = 6.5;                       ///< from focal point to eye [m]
+  double distance = 6.5;                       ///< distance of eye and focal point [m]
   double pitch = 0.45, yaw = 1.1;              ///< [rad]
 };
 

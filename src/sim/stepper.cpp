@@ -268,7 +268,7 @@ void Stepper::end_work(bool was_abandoned) {
   if (!has_before_) return;
   const std::lock_guard<std::mutex> lock(before_mutex_);
   has_before_ = false;
-  if (was_abandoned) world_ = before_;  // as if the tick had never begun
+  if (was_abandoned) world_ = before_;  // undoes the abandoned tick
 }
 
 // Copies the world; cheaper than the work after an edit, or than a long tick.

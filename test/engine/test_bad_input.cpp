@@ -262,7 +262,7 @@ TEST(BadInput, JointsThatCannotBe) {
   two_springs.frequency = 1.25;
   refused("frequency", "1.25", with_type(two_springs));
   DistanceJoint too_stiff = rod(1.0);
-  too_stiff.frequency = 1e15;  // its ω² is 4e31
+  too_stiff.frequency = 1e15;  // ω² is 4e31
   refused("stiffness", "e+31", with_type(too_stiff));
 
   const Vector3d zero = Vector3d::Zero();

@@ -185,7 +185,7 @@ TEST(Bounds, OfTimesThatHaveNoNextTick) {
   EXPECT_FALSE(world.step().failed);
 }
 
-// From 2^46 s on doubles are 2^-6 s apart, more than the tick of 0.01 s.
+// Doubles beyond 2^46 s are 2^-6 s apart, more than the tick of 0.01 s.
 TEST(Bounds, StopTheTimeBeforeATickIsLost) {
   World world(options(0.01));
   world.add_body(make_body("ball", Sphere{0.1}, 1.0, Vector3d::Zero()));

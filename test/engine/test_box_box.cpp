@@ -252,7 +252,7 @@ struct Oracle {
     for (int j = 0; j < 3; ++j) best = std::max(best, std::abs(outward.dot(over.axes.col(j))));
     for (int j = 0; j < 3; ++j) {
       const Real cosine = outward.dot(over.axes.col(j));
-      if (std::abs(cosine) < best - 1e-9L) continue;  // in a tie either face is right
+      if (std::abs(cosine) < best - 1e-9L) continue;  // either face is right in a tie
       if (is_overlap(contact, found, face, over.face(j, cosine < 0), outward)) return;
     }
     ADD_FAILURE() << "no overlap of faces has these points";
@@ -274,7 +274,7 @@ struct Oracle {
       if (std::abs(level - outward.dot(found[i]) - contact.points[i].depth) > slack) return false;
     }
     for (const Corner& corner : corners_of_overlap(face, opposite, slack, true)) {
-      if (level - outward.dot(corner.p) <= 10 * corner.off) continue;  // not below the face
+      if (level - outward.dot(corner.p) <= 10 * corner.off) continue;  // corner above the face
       if (std::none_of(found.begin(), found.end(),
                        [&](const Vector3& p) { return is_at(corner, p); }))
         return false;

@@ -257,7 +257,7 @@ TEST_P(BoxContactsAt, AnEdgeHitsAnEdge) {
   for (const double e : {0.0, 0.5, 1.0}) {
     World world(by_events(GetParam(), 0.0));
     constexpr double kSide = 0.4, kLong = 1.0;
-    const double reach = kSide * std::sqrt(0.5);  // from the axis of a bar to an edge
+    const double reach = kSide * std::sqrt(0.5);  // distance of an edge from the axis of a bar
     Body lower = make_body("lower", Box{{kLong, kSide, kSide}}, 3.0, {0.2, 0.0, 0.0});
     lower.state.orientation = Quaterniond(AngleAxisd(kPi / 4.0, Vector3d::UnitX()));
     Body upper = make_body("upper", Box{{kSide, kLong, kSide}}, 1.3, {0.0, 0.1, 0.0});
@@ -363,7 +363,7 @@ TEST(BoxContacts, TwoBoxesThatFallOnATableGainNoEnergy) {
           ASSERT_GT(gap_of(world, ids[i], ids[k]), -1e-9) << seed << " at " << world.time();
     }
     if (!is_by_impulses(world)) continue;
-    ++given_up;  // and reported
+    ++given_up;  // event-driven motion given up must be reported
     bool is_told = false;
     for (const Island& island : world.islands())
       is_told = is_told || island.why == MethodReason::kContactsGivenUp;

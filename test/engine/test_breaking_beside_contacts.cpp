@@ -159,7 +159,7 @@ TEST_P(BreakingBesideContactsAt, OneThatBreaksLeavesTheOther) {
   EXPECT_GT(world.state(box).position.y(), 0.1);
 }
 
-// As in scenes: a saved joint with such a limit could not be loaded.
+// Scene files refuse a torque limit of a distance joint too, so a saved joint could not be loaded.
 TEST(Breaking, ALengthBearsNoTorque) {
   World world(by_events(1.0 / 60));
   Joint joint = hang("length", world.add_body(make_body("bob", Sphere{0.1}, 1.0, {1.0, 0.0, 0.0})));

@@ -150,7 +150,7 @@ TEST(Broadphase, PairsEverythingAtOnePlace) {
 
 TEST(Broadphase, AgreesWithAllPairs) {
   Random random;
-  Broadphase broadphase;  // one for all trials, so that leftovers of a call would show
+  Broadphase broadphase;  // shared by all trials, so that leftovers of a call would show
   std::size_t found = 0;
   for (int trial = 0; trial < 300; ++trial) {
     const int n = static_cast<int>(120.0 * random());

@@ -134,7 +134,7 @@ TEST(ConeProblem, EndsWhereItsEffortIsOver) {
   SolveEffort little;
   little.most = 2.0;
   EXPECT_FALSE(ConeSolver().solve(problem, &p, &little));
-  EXPECT_LT(little.spent, 4.0);  // one more Newton step
+  EXPECT_LT(little.spent, 4.0);  // the limit is exceeded by at most one Newton step
   const std::atomic<bool> flag{true};
   SolveEffort stopped;
   stopped.stop = &flag;

@@ -339,7 +339,7 @@ TEST_P(ContactEventsAt, ABounceAndARestWithoutFrictionAreClosed) {
     impulse += GetParam() * contact_force_on(world, id).z();
     for (const Contact& contact : world.contacts()) EXPECT_EQ(contact.state, ContactState::kClosed);
   }
-  // one bounce: 2 m v
+  // a bounce has impulse 2 m v
   EXPECT_NEAR(impulse, 2.0 * 2.0 * std::sqrt(2.0 * kGravity * 0.5), 1e-11);
 }
 
@@ -426,7 +426,7 @@ TEST(ContactEvents, AreChosenByAutoAndNotByOtherMethods) {
 // points.
 TEST(ContactEvents, ABoxRollsAwayUnderTwentyFiveBalls) {
   World world(by_events(0.05));
-  world.add_body(with_surface(make_floor(0.0), 0.2, 0.0));  // with 0.8 a geometric mean of 0.4
+  world.add_body(with_surface(make_floor(0.0), 0.2, 0.0));  // friction with 0.8: geometric mean 0.4
   const auto add = [&](const std::string& name, const Shape& shape, double mass, Vector3d at) {
     return world.add_body(with_surface(make_body(name, shape, mass, at), 0.8, 0.0));
   };

@@ -103,7 +103,7 @@ TEST(ContactHandover, WhatIsMuchTooDeepIsLeftAndToldSo) {
   world.add_body(box_at("box", {0.0, 0.0, 0.19}));
   world.step();
   EXPECT_EQ(world.islands().front().why, MethodReason::kOverlap);
-  EXPECT_EQ(world.report().handed_over, 0u);  // it was never event-driven
+  EXPECT_EQ(world.report().handed_over, 0u);  // the contact was never event-driven
   for (int i = 0; i < 500; ++i) world.step();
   EXPECT_TRUE(is_by_events(world));
 }

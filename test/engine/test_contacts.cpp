@@ -31,7 +31,7 @@ TEST(Resting, BallOnAPlane) {
   for (int step = 0; step < 1000; ++step) {
     world.step();
     ASSERT_EQ(world.contacts().size(), 1u);
-    // one row, solved exactly: rounding of h·force over h
+    // a single row is solved exactly: rounding of h·force over h
     ASSERT_NEAR(world.contacts()[0].normal_force, 3.0 * kGravity, 1e-10);
     ASSERT_GT(world.contacts()[0].depth, 0.0);
     ASSERT_LT(world.contacts()[0].depth, slop(world) * (1.0 + 1e-9));
@@ -106,8 +106,8 @@ TEST(Bouncing, WithoutRestitutionItStays) {
     if (touched)
       highest_after_impact = std::max(highest_after_impact, world.state(ball).position.z());
   }
-  // It rebounds from the overlap of one step at 2.8 m/s, with β of the overlap a step: 0.28 m/s,
-  // hence at most v²/2g above the floor.
+  // The overlap of a step at 2.8 m/s makes the ball rebound with β of the overlap per step: 0.28
+  // m/s, hence at most v²/2g above the floor.
   EXPECT_LT(highest_after_impact, 0.1 + 0.28 * 0.28 / (2.0 * kGravity));
   EXPECT_NEAR(world.state(ball).position.z(), 0.1, slop(world) * (1.0 + 1e-9));
 }
@@ -236,7 +236,7 @@ TEST(Rolling, SlidingSphereEndsAtFiveSeventhsOfItsSpeed) {
   const BodyState state = world.state(ball);
   EXPECT_NEAR(state.linear_velocity.x(), 5.0, 7.0 * 4.0 / 7.0 * slop(world) / 0.5);
   EXPECT_NEAR(state.angular_velocity.y() * 0.5, state.linear_velocity.x(), 7.0 * slop(world) / 0.5);
-  run(world, 100);  // then rolls
+  run(world, 100);  // the ball rolls from now on
   EXPECT_NEAR(world.state(ball).linear_velocity.x(), state.linear_velocity.x(), 1e-9);
 }
 

@@ -49,7 +49,7 @@ TEST_P(ContactsWithLawsAt, ABobOnARopeHitsAWall) {
     worst = std::max(worst, (world.state(bob).position - place).norm());
   }
   const std::vector<Event> hits = of_kind(events, EventKind::kContactBegan);
-  EXPECT_LT(worst, 1.7e-11);  // as on a rod
+  EXPECT_LT(worst, 1.7e-11);  // a taut rope acts as a rod
   ASSERT_GE(hits.size(), 3u);
   EXPECT_NEAR(hits[0].time, time_of_fall(angle, 0.0, kLength), 1e-11);  // at 3 m/s
   double speed = std::sqrt(2.0 * kGravity * kLength * (1.0 - std::cos(angle)));

@@ -382,7 +382,7 @@ TEST(SliderLaws, AreThoseOfATranslation) {
     Joint slider =
         make_joint("slider", kWorldBody, {0.1, 0.2, 0.3}, id, Vector3d::Zero(), JointKind::kSlider);
     slider.coordinates[0].stiffness = k;
-    slider.coordinates[0].position = 0.5;  // its value in the initial pose
+    slider.coordinates[0].position = 0.5;  // value in the initial pose
     slider.coordinates[0].rest = 0.5;
     const JointId joint = world.add_joint(slider);
     for (int i = 0; i < static_cast<int>(std::lround(t / h)); ++i) world.step();

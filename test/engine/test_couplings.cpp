@@ -296,7 +296,7 @@ TEST(Gear, RefusesALoopThatContradicts) {
   EXPECT_FALSE(wheels.world.joint(idle).enabled);
   wheels.world.remove_joint(idle);
   wheels.gear(0, 2, 1.0, 0.3);  // stops all of them, the first at 0.15
-  wheels.gear(3, 0, 1.0, 7.0);  // in no loop
+  wheels.gear(3, 0, 1.0, 7.0);  // closes no loop
   for (int i = 0; i < 100; ++i) ASSERT_FALSE(wheels.world.step().failed);
   EXPECT_NEAR(wheels.angle(0), 0.15, 1e-12);
   EXPECT_NEAR(wheels.angle(3), 6.85, 1e-12);

@@ -106,7 +106,7 @@ TEST_F(Custom, ForcesDependOnTimeAndTurnBodies) {
                 100.0 * allowed);
     EXPECT_NEAR(world.joint_state(world.find_joint("custom")).force,
                 kForce * std::abs(std::cos(kOmega)), 1e-9);
-    EXPECT_EQ(world.report().energy_rise, 0.0);  // it has a cause
+    EXPECT_EQ(world.report().energy_rise, 0.0);  // explained by the force
   }
 }
 

@@ -263,7 +263,7 @@ TEST(Hash, SeesWrenchesByBodyAndInTheirOrder) {
   EXPECT_NE(hash({{a, 1.0}}), hash({{b, 1.0}}));
   EXPECT_NE(hash({{a, 1.0}}), world.state_hash());
   EXPECT_NE(hash({{a, 1.0}}), hash({{a, 1.0}, {a, 1.0}}));
-  // they are summed in that order, which affects rounding
+  // wrenches of a body are summed in order of addition, which affects rounding
   EXPECT_NE(hash({{a, 1.0}, {a, 3.0}}), hash({{a, 3.0}, {a, 1.0}}));
 }
 

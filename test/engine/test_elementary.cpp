@@ -33,7 +33,7 @@ class Arguments {
   /// Returns a number with an exponent from `least` to `most`.
   double spread(int least, int most) {
     const auto range = static_cast<std::uint64_t>(most - least);
-    const double signed_one = sign();  // one draw a statement: compilers may reorder operands
+    const double signed_one = sign();  // separate statements: compilers may reorder operands
     const double significand = uniform(1.0, 2.0);
     return signed_one * std::ldexp(significand, least + static_cast<int>(bits_() % range));
   }

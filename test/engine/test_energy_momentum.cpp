@@ -458,7 +458,7 @@ TEST(EnergyMomentum, TurnsAHeavyWheelAsTheToleranceAsks) {
 TEST(EnergyMomentum, IsTakenWhereAnIslandIsStiffAndLeftWhereItIsNot) {
   World world = with(problems::heavy_chain(1e6, false), 1.0 / 30.0);
   world.step();
-  EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);  // from the first step on
+  EXPECT_EQ(world.islands().front().method, Method::kEnergyMomentum);  // found stiff at once
   EXPECT_EQ(world.islands().front().why, MethodReason::kStiff);
   EXPECT_EQ(world.report().changes, 1u);
   run_exactly(world, 1.0);
@@ -640,7 +640,7 @@ TEST(EnergyMomentum, ComesAndGoesAsAnIslandGrowsStiffAndCalmAgain) {
   EXPECT_GT(ticks[index(Method::kRungeKutta)], 100);
   EXPECT_EQ(ticks[index(Method::kSequentialImpulses)], 0);
   EXPECT_GE(changes, 2u);
-  EXPECT_LE(changes, 20u);  // with hysteresis, and not in every swing
+  EXPECT_LE(changes, 20u);  // hysteresis prevents a change in every swing
 }
 
 TEST(EnergyMomentum, CopiesGoOnBitIdentically) {
@@ -696,7 +696,7 @@ TEST(EnergyMomentum, AStiffSpringIsAsARodWhereItIsNotExcited) {
     body.state.linear_velocity = {0.1, 0.0, 0.0};
     scene->add_body(body);
   }
-  const double stretch = 9.82 / 1e12;  // by weight and rotation
+  const double stretch = 9.82 / 1e12;  // weight and centripetal force over stiffness
   sprung.add_joint(hang("spring", sprung.find_body("bob"), spring(1.0 - stretch, 1e12, 0.0)));
   rigid.add_joint(hang("rod", rigid.find_body("bob"), rod(1.0)));
   sprung = with(sprung, 0.01);

@@ -73,7 +73,7 @@ TEST_P(EventList, BouncesOnALimitAreTold) {
     v *= kRestitution;
     t += 2.0 * v / kGravity;
   }
-  EXPECT_EQ(events.back().kind, EventKind::kLimitReached);  // and rests there
+  EXPECT_EQ(events.back().kind, EventKind::kLimitReached);  // the mass stays at its limit
 }
 
 // A ball that bounces on a floor or on the stop of its slider comes to rest after √(2 h/g) (1 +
@@ -345,7 +345,7 @@ TEST_P(EventList, AJointThatBreaksIsToldOnce) {
   EXPECT_EQ(events[0].joint, rod_id);
   EXPECT_STREQ(name(events[0].kind), "broken");
   EXPECT_NEAR(events[0].time, time_of_fall(0.5 * kPi, kPi / 3.0, 1.0), kTime);
-  // then it flies with v² = 2 g sin φ; its position gives the time of flight
+  // the free bob flies with v² = 2 g sin φ; its position gives the time of flight
   const double speed = std::sqrt(kGravity);
   const Vector3d x(std::cos(kPi / 6), 0.0, -0.5), v = speed * Vector3d(-0.5, 0.0, -x.x());
   const double since = world.time() - events[0].time;

@@ -168,7 +168,7 @@ TEST_P(AtTicks, ABallThrownSidewaysSwingsOnItsRope) {
   pendulum.set_state(bob, state);
   const int steps = static_cast<int>(std::lround(0.8 / GetParam()));
   run(world, steps);
-  // to the same time; the last part of a tick is a tick of its own
+  // same end time; the last part of a tick is a separate tick
   const int whole = static_cast<int>((world.time() - taut) * 1000.0);
   run(pendulum, whole);
   WorldOptions options = pendulum.options();
@@ -259,8 +259,8 @@ TEST_P(AtTicks, AMotorAtItsLimitFollowsASinusoid) {
   law.motor->frequency = kFrequency;
   law.motor->max_force = kForce;
   world.add_joint(slider_along_z(id, law));
-  // from 0 with full force until the target speed is reached, along the target until it needs more
-  // than −1 N, then with −1 N
+  // starts at 0 with full force until the target speed is reached, along the target until it needs
+  // more than −1 N, then with −1 N
   double low = 0.1, high = 0.9;
   for (int i = 0; i < 60; ++i) {
     const double t = 0.5 * (low + high);

@@ -43,7 +43,7 @@ TEST(FastBodies, BallOf500MetresASecondMeetsAWallOfAMillimetreAtItsPlace) {
   for (const double e : {0.0, 0.5, 1.0}) {
     for (const double start : {-0.06, -1.0, -2.0, -3.3}) {
       WorldOptions integrated = weightless(kTick);
-      integrated.method = Method::kAuto;  // until the tick of the impact
+      integrated.method = Method::kAuto;  // integrated until the tick of the impact
       World world(start < -1.5 ? integrated : weightless(kTick));
       add_wall(&world, Vector3d::Zero());
       const BodyId ball = add_ball(&world, {start, 0.1, 0.2}, {500.0, 0.0, 0.0}, e);

@@ -192,7 +192,7 @@ TEST_P(ForceLimitsAt, ASpringThatAMotorWindsSlipsNoFurtherThanItsLimit) {
   joint.motor.max_force = 2.0;
   joint.motor.bias = 0.5;
   world.add_joint(joint);
-  // in the frame of the other end: it starts with −0.5 m/s
+  // seen from the other end the mass starts with −0.5 m/s
   LimitedOscillator exact{30.0, 0.0, 0.0, 2.0, 0.0};
   exact.v = -0.5;
   for (int i = 0; i < steps(2.0); ++i) {

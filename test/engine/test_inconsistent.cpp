@@ -349,7 +349,7 @@ TEST(Inconsistent, RodsOfTwoLengthsSwingAsOneBetween) {
       ASSERT_LE(island.energy(), before + 1e-12);
     }
     EXPECT_NEAR(island.joint_states[0].error, 0.1, 1e-12);
-    EXPECT_NEAR(island.energy(), -lost, 1e-9);  // it began with none
+    EXPECT_NEAR(island.energy(), -lost, 1e-9);  // energy is 0 at first
     const double angle = pendulum_angle(1.1, 3.0);
     const Vector3d exact(1.1 * std::cos(angle), 0.0, -1.1 * std::sin(angle));
     errors.push_back((island.states[bob].position - exact).norm());

@@ -119,7 +119,7 @@ TEST(Islands, SpringsOffCentreAreStifferOnSlimBodies) {
 }
 
 TEST(Islands, SpringsAreIntegratedWhileSubstepsArePaying) {
-  // one spring on one mass: the bound is ω = √(2k/m), the limit 40 rad a tick
+  // a single spring on a mass: the bound is ω = √(2k/m), the limit 40 rad a tick
   const double limit = 0.5 * std::pow(40.0 / 0.01, 2);
   EXPECT_EQ(only_island(hanging(hang("j", {}, spring(1.0, 0.99 * limit, 0.0)))).why,
             MethodReason::kSmooth);

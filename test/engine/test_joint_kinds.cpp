@@ -381,7 +381,7 @@ TEST(Hinge, SwingsAsAPhysicalPendulum) {
         std::tuple{Method::kEnergyMomentum, 1.0 / 1000.0, 1e-8}}) {
     World world(smooth(method, tick));
     Body bar = make_body("bar", Box{{length, 0.3, 0.1}}, m, Vector3d::Zero());
-    const double start = 1.2;  // from hanging, where x of the bar points down
+    const double start = 1.2;  // angle from the hanging pose, in which x of the bar points down
     const Quaterniond q(Eigen::AngleAxisd(0.5 * kPi - start, Vector3d::UnitY()));
     bar.state.orientation = q;
     bar.state.position = q * Vector3d(l, 0.0, 0.0);

@@ -213,7 +213,7 @@ TEST(Timeouts, OfEachCoordinateAreSavedMovedAndSetApart) {
   EXPECT_EQ(save_scene(loaded), save_scene(world));
   loaded.set_time(100.0, 7);
   CoordinateMotor motor = *world.joint(world.joint_ids().front()).coordinates[1].motor;
-  motor.timeout = 0.05;  // from now, of this coordinate only
+  motor.timeout = 0.05;  // counts from now and stops this coordinate only
   world.set_motor(world.joint_ids().front(), 1, motor);
   run(world, 20);
   run(loaded, 20);

@@ -8,7 +8,7 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kRoundOff = 1e-12;  // for lengths and speeds around 1, over hundreds of steps
+constexpr double kRoundOff = 1e-12;  // rounding of lengths and speeds around 1 in hundreds of steps
 
 /// A point mass that hangs straight below the world's origin on one joint. Motion stays on that
 /// line, where velocity steps have no error of their own.
@@ -563,7 +563,7 @@ TEST(Closing, SpeedNeverExceedsThatOfTheQuintic) {
     hanging.world.step();
     fastest = std::max(fastest, hanging.world.state(hanging.load).linear_velocity.norm());
   }
-  EXPECT_NEAR(fastest, 15.0 / 8.0 * 1.0 / 0.4, 1e-3);  // its largest slope, sampled every 1/400
+  EXPECT_NEAR(fastest, 15.0 / 8.0 * 1.0 / 0.4, 1e-3);  // slope sampled every 1/400
 }
 
 TEST(Closing, ABallJointClosesInAStraightLine) {

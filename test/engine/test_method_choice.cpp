@@ -102,7 +102,7 @@ TEST(MethodChoice, OfNatureContactAndWhatIsRemembered) {
   };
   for (const Case& c : cases) {
     IslandMemory memory;
-    memory.refused_until = c.is_refused ? kNow + 1 : kNow;  // until this step only
+    memory.refused_until = c.is_refused ? kNow + 1 : kNow;  // refused until this step only
     memory.inconsistent_until = c.is_inconsistent ? kNow + 1 : kNow;
     memory.is_stiff = c.is_stiff;
     const MethodChoice choice = choose(c.nature, c.in_contact, memory, kNow, with(kAuto));
@@ -208,7 +208,7 @@ TEST(MethodChoice, AStiffIslandThatCalmsDownIsLetGo) {
   memory.is_stiff = true;
   memory.stiff_until = kNow + 10;
   const double most = most_frequency(gradient_cost(true, memory), memory, options);
-  learn_from_gradients(15, most, true, kNow, options, &memory);  // as fast as before
+  learn_from_gradients(15, most, true, kNow, options, &memory);  // cost is unchanged
   EXPECT_TRUE(memory.is_stiff);
   EXPECT_GT(memory.stiff_until, kNow + 10);
   learn_from_gradients(15, 0.4 * most, true, kNow, options, &memory);  // waits
@@ -225,7 +225,7 @@ TEST(MethodChoice, WithoutAToleranceTheLimitIsThatOfStability) {
   WorldOptions options = with(kAuto);
   EXPECT_EQ(stiffness_limit(options), options.stiffness_limit);
   options.tolerance = 0.0;
-  EXPECT_EQ(stiffness_limit(options), 5.0);  // one substep of order 8 a tick
+  EXPECT_EQ(stiffness_limit(options), 5.0);  // limit for a single substep of order 8 per tick
   options.order = 5;
   EXPECT_EQ(stiffness_limit(options), 0.9);
   EXPECT_EQ(most_frequency(std::numeric_limits<double>::infinity(), {}, options), 90.0);

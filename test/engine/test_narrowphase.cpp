@@ -105,7 +105,7 @@ TEST(Interfaces, TouchOnlyWhereTheyPenetrate) {
       EXPECT_EQ(above.count, gap < 0.0 ? touch.points : 0) << touch.name << ", gap " << gap;
       EXPECT_EQ(below.count, above.count) << touch.name << ", gap " << gap;
       for (int i = 0; i < above.count; ++i) {
-        // one rounding where a square root or a product with a normal is involved
+        // a rounding where a square root or a product with a normal is involved
         EXPECT_NEAR(above.points[i].depth, step, 0.25 * step) << touch.name;
         EXPECT_EQ(above.normal, Vector3d::UnitZ()) << touch.name;
         EXPECT_EQ(below.normal, -Vector3d::UnitZ()) << touch.name;
@@ -262,7 +262,7 @@ TEST(SphereSphere, IsTheTutorialsContact) {
 }
 
 TEST(SphereSphere, CoincidentCentresPartAlongZ) {
-  for (const double distance : {0.0, 1e-200}) {  // its square is zero too
+  for (const double distance : {0.0, 1e-200}) {  // the square of 1e-200 is zero too
     const Manifold contact =
         collide_sphere_sphere({1.0, 1.0, 0.0}, 0.5, {1.0, 1.0, distance}, 0.25);
     ASSERT_EQ(contact.count, 1);
@@ -673,7 +673,7 @@ TEST(BoxBox, WithinAMarginHaveTheirDistance) {
   int exact = 0;
   for (int trial = 0; trial < 20000; ++trial) {
     Boxes boxes = random_boxes(random);
-    boxes.size_a = boxes.size_a.cwiseMax(10.0 * margin);  // as the margin requires
+    boxes.size_a = boxes.size_a.cwiseMax(10.0 * margin);  // the margin requires large boxes
     boxes.size_b = boxes.size_b.cwiseMax(10.0 * margin);
     Vector3d on_b = boxes.b.position;
     double longest = 0.0;

@@ -108,7 +108,7 @@ constraints:
   const YAML::Node constraints = YAML::Load(explain(world))["constraints"];
   EXPECT_EQ(constraints["hinge"].as<int>(), 1);
   EXPECT_EQ(constraints["planar"].as<int>(), 1);
-  EXPECT_EQ(constraints["motor"].as<int>(), 2);   // one holds, one is a servo
+  EXPECT_EQ(constraints["motor"].as<int>(), 2);   // a holding motor and a servo
   EXPECT_EQ(constraints["spring"].as<int>(), 3);  // a spring, a damper, a servo
   EXPECT_EQ(constraints["limited"].as<int>(), 1);
   EXPECT_EQ(constraints["friction"].as<int>(), 1);

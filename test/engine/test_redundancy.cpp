@@ -15,7 +15,7 @@
 namespace constraint_sim::engine {
 
 namespace redundant {
-void PrintTo(const Case& c, std::ostream* out);  // for gtest
+void PrintTo(const Case& c, std::ostream* out);  // printer used by gtest
 void PrintTo(const Case& c, std::ostream* out) { *out << c.name << " at 1/" << c.rate << " s"; }
 }  // namespace redundant
 

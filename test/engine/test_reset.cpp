@@ -21,7 +21,7 @@ World busy_world() {
   for (int i = 0; i < 6; ++i) {
     boxes.push_back(world.add_body(make_tumbling_box(i, &random)));
   }
-  // in contact from the first step on, and when the world is reset
+  // touches from the first step on, and when the world is reset
   Body resting = make_body("resting", Sphere{0.1}, 1.0, {-2.0, 0.0, 0.1 - 1e-4});
   resting.friction = 0.5;
   world.add_body(resting);

@@ -205,7 +205,7 @@ TEST(Rest, EndsTheSameHoweverLongItWas) {
     EXPECT_EQ(world.report().asleep, 2u);  // pile b continues to sleep
     return states(world);
   };
-  for (const Method method : {Method::kRungeKutta, Method::kAuto})  // by impulses, and event-driven
+  for (const Method method : {Method::kRungeKutta, Method::kAuto})  // impulses, event-driven
     EXPECT_TRUE(same_bits(push(100, method), push(1000, method))) << name(method);
 }
 

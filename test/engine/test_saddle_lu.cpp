@@ -167,7 +167,7 @@ TEST(SaddleLu, SolvesForestsLoopsAndNets) {
   }
 }
 
-// By A⁻¹ of the dense factorisation, since a small residual alone would not show the error.
+// Errors are found with A⁻¹ of the dense factorisation, since residuals may be small regardless.
 TEST(SaddleLu, AgreesWithADenseFactorisation) {
   Random random;
   for (const Graph& graph : graphs()) {
@@ -224,7 +224,7 @@ TEST(SaddleLu, FindsOutWhereTheMatrixIsSingular) {
   constexpr int kPoints = 5;
   Graph graph = chain(kPoints, 3, 1);
   graph.held.push_back({0, -1});
-  System system = straight_cable(kPoints, graph);  // one rod is redundant
+  System system = straight_cable(kPoints, graph);  // a rod is redundant
   ASSERT_FALSE(Eigen::FullPivLU<MatrixXd>(system.A).isInvertible());
   VectorXd b = VectorXd::LinSpaced(system.A.rows(), -1.0, 1.0);
   EXPECT_FALSE(system.solve(&b));

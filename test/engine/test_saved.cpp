@@ -163,7 +163,7 @@ TEST(Hashed, TellsWhatWasForgotten) {
     edited.step();
     EXPECT_NE(again.state_hash(), world.state_hash());
     EXPECT_NE(edited.state_hash(), world.state_hash());
-    if (method == Method::kEnergyMomentum) continue;  // its cost is saved, but not kept by edits
+    if (method == Method::kEnergyMomentum) continue;  // edits forget the saved cost
     EXPECT_EQ(edited.state_hash(), again.state_hash());
     EXPECT_EQ(save_scene(edited), save_scene(again));
   }
@@ -404,7 +404,7 @@ TEST(Saved, KeepsWhoSleeps) {
     ASSERT_EQ(again.contacts().size(), world.contacts().size());
     woke = woke || world.report().asleep < 3;
   }
-  EXPECT_TRUE(woke);  // by the ball that fell on them
+  EXPECT_TRUE(woke);  // the falling ball wakes the boxes
 }
 
 TEST(Saved, ReturnsAtAResetToWhatWasLoaded) {

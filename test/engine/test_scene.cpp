@@ -219,7 +219,7 @@ bodies:
   EXPECT_EQ(state_of(world, "floor").position, Vector3d(0, 0, -2));
   EXPECT_EQ(state_of(world, "floor").orientation.w(), 1.0);
   EXPECT_EQ(state_of(world, "wall").position, Vector3d(3, 0, 0));
-  // from +z to +x is a quarter turn about +y; a few roundings in making the quaternion
+  // the turn of +z to +x is a quarter turn about +y; a few roundings in making the quaternion
   EXPECT_NEAR(state_of(world, "wall").orientation.y(), std::sqrt(0.5), 1e-15);
   EXPECT_NEAR(state_of(world, "wall").orientation.w(), std::sqrt(0.5), 1e-15);
   const Vector3d down = state_of(world, "ceiling").orientation * Vector3d::UnitZ();
@@ -919,7 +919,7 @@ const Shipped kShipped[] = {
     {"double_pendulum", 5e-4},  // v² = 4.8 g when one ball has all the energy: 2.9e-4, and somewhat
                                 // more as the other ball moves too
     {"chain_heavy_end", 1e-4},   // sweeps; measured 5.5e-5
-    {"heavy_load", 1e-12},       // by discrete gradients: round-off, as impulses would drop it
+    {"heavy_load", 1e-12},       // discrete gradients: round-off; impulses would drop the load
     {"bridge", 1.2e-3},          // sweeps, and self-stress that they find again; measured 1.01e-3
     {"two_boxes", 7e-4},         // the first pull and the floor; measured 3.5e-4
     {"winch", 1e-5},             // the load swings at 0.3 m/s on 2 m: 1e-6, and one sudden pull
@@ -937,7 +937,7 @@ const Shipped kShipped[] = {
     {"screw", 1e-13},
     {"gripper", 1e-13},
     {"squeezer", 1e-13},
-    {"safety_rope", 1e-13},  // from event to event: rounding, too
+    {"safety_rope", 1e-13},  // motion between located events: rounding
     {"breaking_rod", 1e-13},
     {"rocking_block", 0.0},  // has no constraints
     {"newtons_cradle", 1e-13},

@@ -13,7 +13,7 @@ using Eigen::Vector3d;
 
 // ---- the pendulum: 1 m, g = 9.81, released from the horizontal (-1, 0) at rest
 
-constexpr double kPeriod = 2.36784194757623745;  // by elliptic integrals [s]
+constexpr double kPeriod = 2.36784194757623745;  // elliptic integral [s]
 const Vector3d kPendulumAt10s(-0.27508746257611686, 0.0, -0.961419205099125064);
 
 double error_at_10s(World world, BodyId bob, double length) {
@@ -145,7 +145,7 @@ TEST(FreeBox, KeepsAngularMomentumAndBoundsEnergy) {
       const Vector3d I = inertia_of(box);
       for (int step = 0; step < 3000; ++step) {
         ASSERT_FALSE(world.step().failed);
-        // one rounding in each of the nine products of a step
+        // each of the nine products of a step is rounded
         ASSERT_LT((angular_momentum(world) - L).norm(), 9.0 * (step + 1) * kEpsilon * L.norm());
         ASSERT_LT(world.energy(), 0.5 * L.squaredNorm() / I.minCoeff() * (1.0 + 1e-9));
         ASSERT_GT(world.energy(), 0.5 * L.squaredNorm() / I.maxCoeff() * (1.0 - 1e-9));

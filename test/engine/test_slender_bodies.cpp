@@ -79,7 +79,7 @@ struct SlenderArms {
       arm.no_collision = true;
       const BodyId id = world.add_body(arm);
       world.add_joint(joint(i, kind, inner, id));
-      if (kind == Elastic::kLine) {  // from above, at the outer end
+      if (kind == Elastic::kLine) {  // spring from above to the outer end
         Joint line;
         line.name = "line" + std::to_string(i);
         line.kind = JointKind::kDistance;

@@ -109,7 +109,7 @@ TEST(Islands, AskedForAfterAnEditAreThoseOfTheNextStep) {
       {
           {"chain_heavy_end", Method::kAuto}, {"winch", Method::kRungeKutta},
           {"bridge", Method::kAuto},          {"two_boxes", Method::kRungeKutta},
-          {"weak_winch", Method::kAuto},  // in contact all the time, event-driven
+          {"weak_winch", Method::kAuto},  // always in event-driven contact
       };
   for (const auto& [scene, method] : scenes) {
     SCOPED_TRACE(scene);

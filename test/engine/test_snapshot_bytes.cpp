@@ -190,7 +190,7 @@ TEST(SnapshotBytes, TakeTheSameEditsAfterwards) {
   for (const std::string& scene : shipped()) {
     World world = load_scene_file(CONSTRAINT_SIM_SCENE_DIR "/" + scene + ".yaml");
     run(world, 20);
-    world.remove_body(world.body_ids().back());  // not yet compiled
+    world.remove_body(world.body_ids().back());  // the edited world is not yet compiled
     World again = read_snapshot(write_snapshot(world));
     for (World* one : {&world, &again}) {
       run(*one, 5);

@@ -74,7 +74,7 @@ TEST(SparseLdlt, SolvesRandomPatternsWithLoops) {
   }
 }
 
-TEST(SparseLdlt, SolvesNets) {  // with blocks of all widths
+TEST(SparseLdlt, SolvesNets) {  // nets have blocks of all widths
   Random random;
   for (const int side : {3, 10, 20}) {
     Pattern pattern;
@@ -136,7 +136,7 @@ TEST(SparseLdlt, CountsAndTouchesDependentRows) {
     }
     SparseLdlt ldlt = with_values(A, pattern);
     EXPECT_EQ(ldlt.factor(1e-8), 2) << has_loop;
-    // these pivots are rounding
+    // pivots of dependent rows are rounding errors
     EXPECT_LT(ldlt.smallest_pivot(), 1e-14);
     const VectorXd x = solve(ldlt, A * VectorXd::Ones(6));
     EXPECT_LE((A * x - A * VectorXd::Ones(6)).norm(), 1e-13 * A.norm());  // rounding

@@ -100,7 +100,7 @@ TEST(Stop, WithoutTheFlagSetNothingChanges) {
 TEST(Stop, ATimeWithoutANextTickIsRefused) {
   World world = one_of_each(10);
   const std::uint64_t hash = world.state_hash();
-  EXPECT_THROW(world.set_time(1e15, 0), std::invalid_argument);  // its ulp is 0.125 s
+  EXPECT_THROW(world.set_time(1e15, 0), std::invalid_argument);  // the ulp of 1e15 s is 0.125 s
   EXPECT_EQ(world.state_hash(), hash);
   world.set_time(1e9, 0);  // 1.2e-7 s
   WorldOptions shorter = world.options();

@@ -37,8 +37,8 @@ World arm(int bars, double load, double h = 0.01) {
   return world;
 }
 
-// One pivot per hinge keeps the accuracy that matrices of rows lose: 1 / m of the load in sums with
-// those of links. Energy to rounding of some hundred steps; joints to that of 3 m.
+// A pivot per hinge keeps the accuracy that the Delassus matrix loses by adding 1 / m of the load
+// to 1 / m of links. Tolerances: rounding of some hundred steps for energy, and of 3 m for joints.
 TEST(TreeOfBodies, HoldsAnyLoadOnLightLinks) {
   for (const double load : {1.0, 1e3, 1e6, 1e9, 1e12}) {
     World world = arm(3, load);

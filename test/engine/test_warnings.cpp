@@ -72,7 +72,7 @@ TEST(Warnings, NamesRodsThatContradictEachOther) {
   Motor winding;
   winding.bias = 0.1;
   world.set_motor(world.find_joint("short"), winding);
-  EXPECT_TRUE(step_warnings(world).empty());  // until the next step
+  EXPECT_TRUE(step_warnings(world).empty());  // an edit clears warnings until the next step
 }
 
 TEST(Warnings, NothingWhileAnEditIsBeingClosed) {

@@ -73,7 +73,7 @@ TEST(Threads, ChangeNotOneBit) {
       ASSERT_EQ(world.report().islands, one.islands) << step;
       ASSERT_EQ(world.report().substeps, one.substeps) << step;
     }
-    if (step == 10) worlds.back() = worlds.front();  // with one thread, halfway
+    if (step == 10) worlds.back() = worlds.front();  // copies the world with a single thread
   }
   EXPECT_GT(changes, 20u);  // methods changed
   EXPECT_GT(worlds.front().report().islands[static_cast<std::size_t>(Method::kEnergyMomentum)], 0u);

@@ -100,7 +100,7 @@ TEST(Ids, OfContactsSurviveRemovals) {
     for (const Contact& contact : world.contacts()) {
       const BodyId id =
           world.body(contact.body_a).name == "floor" ? contact.body_b : contact.body_a;
-      // one sweep brings a ball to rest, but at once only from its own last impulse
+      // a single sweep suffices only if warm started from the ball's own impulse
       ASSERT_NEAR(contact.normal_force, world.body(id).mass * kGravity, 1e-9);
     }
   }
@@ -281,7 +281,7 @@ TEST(Report, DriftCountsFromTheLastEdit) {
   EXPECT_LT(world.report().energy_drift, 0.0);
   world.set_state(id, world.state(id));
   world.step();
-  // one step at 9.8 m/s loses ½ g² h² of ½ v²: g² h²/v² = 1e-4
+  // a step at 9.8 m/s loses ½ g² h² of ½ v²: g² h²/v² = 1e-4
   EXPECT_NEAR(world.report().energy_drift, -1e-4, 1e-5);
 }
 

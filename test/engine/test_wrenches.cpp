@@ -71,7 +71,7 @@ TEST_P(WrenchSpan, GivesTorqueTimesDuration) {
       const Vector3d tau = 0.05 * Vector3d::Unit(axis);
       floating.world.add_wrench(torque(floating.box, tau, start, start + duration));
       while (floating.world.time() < start + duration) floating.world.step();
-      // as above, but L is converted to ω and back at every step: about ten roundings of |L| < 0.1
+      // L is converted to ω and back at every step: about ten roundings of |L| < 0.1
       EXPECT_LT((floating.spin() - before - duration * tau).norm(), 1e4 * kEpsilon * 0.1) << axis;
       EXPECT_TRUE(floating.velocity().isZero(0.0));
     }
@@ -93,7 +93,7 @@ TEST(Wrenches, OfAForceForEverCarriesExactly) {
   WorldOptions heavy = hovering.world.options();
   heavy.gravity = {0.0, 0.0, -8.0};  // 2.5 · 8 is exact, and so is the difference
   hovering.world.set_options(heavy);
-  hovering.world.set_time(1e6, 0);  // where a tick is no longer the difference of two times
+  hovering.world.set_time(1e6, 0);  // at 1e6 s the tick differs from the difference of two times
   hovering.world.add_wrench(force(hovering.box, {0.0, 0.0, 8.0 * kMass}));
   for (int step = 1; step <= 1000; ++step) {
     hovering.world.step();

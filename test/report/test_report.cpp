@@ -141,7 +141,7 @@ TEST(Measures, PenetrationOfSpheres) {
   add({10.0, 0.0, 0.0}, 0.25);
   add({0.0, 0.0, 0.0}, 0.25);
   add({0.5, 0.0, 0.0}, 0.25);
-  EXPECT_EQ(penetration(problem, states), 0.0);  // they touch
+  EXPECT_EQ(penetration(problem, states), 0.0);  // spheres touch
   add({0.5, 0.25, 0.0}, 0.25);
   EXPECT_NEAR(penetration(problem, states), 0.25, 1e-15);
   add({13.0, 0.0, 0.0}, 3.25);

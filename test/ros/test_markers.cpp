@@ -310,7 +310,7 @@ TEST(Markers, OfWhatBreaksAreGreyForTwoSeconds) {
       EXPECT_GT(length(1, 2), 0.3 * length(0, 3));
       EXPECT_LT(first.dot(along), 0.97);
       EXPECT_LT(-second.dot(along), 0.97);
-      const Vector3d aside = first - first.dot(along) * along;  // to different sides
+      const Vector3d aside = first - first.dot(along) * along;  // bends are perpendicular
       EXPECT_NEAR(aside.dot(second), 0.0, 1e-9);
     } else if (!is_gone) {
       ASSERT_NE(marker, nullptr);
@@ -401,7 +401,7 @@ TEST(Markers, HeadsOfFrictionAreNeverSmall) {
     };
     const Vector3d along = place(1) - place(0);
     const double head = (place(2) - place(3)).dot(along.normalized());
-    EXPECT_LT(0.2 * along.norm(), 0.1 * longest);  // its size by the arrow's length alone
+    EXPECT_LT(0.2 * along.norm(), 0.1 * longest);  // head size by the arrow's length alone
     EXPECT_NEAR(head, 0.1 * longest, 1e-6);
   }
 }
@@ -419,7 +419,7 @@ TEST(Markers, EndsAtTheWorldAreMarkedAndArmsOfSpringsDrawn) {
   for (int round = 0; round < 3; ++round) {
     const MarkerArray array = listener.hear(world);
     const Marker* fixed = find(array, "fixed", 0);
-    ASSERT_EQ(fixed != nullptr, round == 0);  // it stays
+    ASSERT_EQ(fixed != nullptr, round == 0);  // the marker is sent once only
     if (fixed != nullptr) {
       ASSERT_EQ(fixed->points.size(), 1u);
       EXPECT_EQ(fixed->points[0], point_at({0.0, 1.0, 2.0}));
@@ -431,7 +431,7 @@ TEST(Markers, EndsAtTheWorldAreMarkedAndArmsOfSpringsDrawn) {
     const Vector3d ends[] = {world.state(world.find_body("a")).position, world.anchors(joint).p_b};
     for (std::size_t i = 0; i < 2; ++i) {
       const auto& p = arm->points[i];
-      EXPECT_LT((Vector3d(p.x, p.y, p.z) - ends[i]).norm(), 1e-12);  // to rounding
+      EXPECT_LT((Vector3d(p.x, p.y, p.z) - ends[i]).norm(), 1e-12);  // rounding
     }
     run(&world, kRound);
   }
@@ -569,7 +569,7 @@ TEST_F(LabelsTest, TellInTheLegendWhatIsThere) {
   EXPECT_EQ(legend("world: {gravity: [0, 0, 0]}\n"
                    "bodies: [{name: a, mass: 1, shape: {sphere: {radius: 0.5}}},"
                    " {name: b, mass: 1, shape: {sphere: {radius: 0.5}}, position: [1, 0, 0]}]"),
-            Texts());  // they touch
+            Texts());  // the spheres touch
 }
 
 // A ball circling at 3 m/s pulls with 9 N more than at rest. Only the present force is shown.
@@ -733,7 +733,7 @@ TEST(Markers, ContactArrowsPointOutOfWhatHoldsAndFrictionUpTheSlope) {
       EXPECT_EQ(find(array, "friction", sticks ? 0 : 1), nullptr) << method << mu;
       const Vector3d up(std::sin(0.4), 0.0, std::cos(0.4)),
           uphill(-std::cos(0.4), 0.0, std::sin(0.4));
-      // for a held block only the sum over its points is determined
+      // the sum over the points of a held block alone is determined
       const auto together = [](const Marker& marker) {
         Vector3d sum = Vector3d::Zero();
         for (std::size_t i = 0; i + 9 < marker.points.size(); i += 10) {

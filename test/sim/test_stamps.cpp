@@ -14,7 +14,7 @@ TEST(Stamps, FollowSimulatedTimeEvenlyThoughTheWallJitters) {
   Stamps stamps(Stamps::Source::kWall, 2.0);
   const std::int64_t first = stamps.next(100 * kSecond, 5.0, true);
   EXPECT_EQ(first, 100 * kSecond);
-  // one simulated second is half a wall second, whatever wall time passes meanwhile
+  // a simulated second is half a wall second, whatever wall time passes meanwhile
   EXPECT_EQ(stamps.next(101 * kSecond + 7, 6.0, true), first + kSecond / 2);
 }
 

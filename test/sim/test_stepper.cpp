@@ -426,7 +426,7 @@ TEST_F(StepperTest, PauseAndInterruptCancelWaitingStepsAndShowHowFarTheyCame) {
     });
     asker.join();
     EXPECT_GT(steps_seen, 0u);
-    EXPECT_EQ(hash_seen, hash);  // as the steps left it
+    EXPECT_EQ(hash_seen, hash);  // hash after the last step
     EXPECT_NE(text.find(by_pause ? "pause_physics" : "reset_world"), std::string::npos) << text;
     EXPECT_NE(text.find(std::to_string(steps_seen) + " of 4294967295"), std::string::npos) << text;
   }

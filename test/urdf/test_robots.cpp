@@ -73,7 +73,7 @@ TEST(Robots, ArmMovesAsItsMinimalCoordinatesSay) {
     for (int i = 0; i < steps; ++i) reference.step(0.5 / steps, &q, &v);
   }
   EXPECT_LT((q - coarse).cwiseAbs().maxCoeff(), 1e-9);
-  EXPECT_GT(std::abs(q[1] + 0.4), 0.1);  // it has moved
+  EXPECT_GT(std::abs(q[1] + 0.4), 0.1);  // the arm has moved
   for (Eigen::Index k = 0; k < q.size(); ++k)
     EXPECT_NEAR(position_of(world, reference.names()[static_cast<std::size_t>(k)]), q[k], 1e-7)
         << reference.names()[static_cast<std::size_t>(k)];
